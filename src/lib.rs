@@ -1,0 +1,35 @@
+//! Fillrate replays recorded command traces on a cycle-approximate model of a graphics card.
+//!
+//! Floors, each importing only floors below; within a floor a module imports those listed before it:
+//!
+//! | floor | modules |
+//! |---|---|
+//! | 0 | [`num`] |
+//! | 1 | [`gfx`], [`trace`], [`stats`], [`sim`] |
+//! | 2 | [`shader`], [`mem`], [`work`], [`import`] |
+//! | 3 | [`render`], [`unit`] |
+//! | 4 | [`machine`] |
+//! | 5 | [`run`], [`report`] |
+//! | 6 | [`cli`] |
+
+pub mod num;
+
+pub mod gfx;
+pub mod sim;
+pub mod stats;
+pub mod trace;
+
+pub mod import;
+pub mod mem;
+pub mod shader;
+pub mod work;
+
+pub mod render;
+pub mod unit;
+
+pub mod machine;
+
+pub mod report;
+pub mod run;
+
+pub mod cli;

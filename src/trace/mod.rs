@@ -1,0 +1,3 @@
+//! Floor 1: traces: commands, reader, writer, check. Versioned.
+
+pub mod command;
