@@ -1,0 +1,102 @@
+//! What running a shader costs: instructions by class, broken where memory or a texture is asked.
+
+use serde::{Deserialize, Serialize};
+
+/// Instruction classes, each issued at its own rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Class {
+    /// Single-precision add, multiply, compare, select, conversion, move.
+    Float,
+    /// Integer and bit operations.
+    Integer,
+    /// Transcendentals, division, square roots: the special function unit.
+    Special,
+    /// Branches, mask changes, barriers.
+    Control,
+}
+
+impl Class {
+    /// Number of classes.
+    pub const COUNT: usize = 4;
+
+    /// All classes, in index order.
+    pub const ALL: [Class; Class::COUNT] = [Class::Float, Class::Integer, Class::Special, Class::Control];
+}
+
+/// What a step ends with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RequestKind {
+    /// Nothing: the shader's end.
+    End,
+    /// A texture instruction: the result comes back through the texture unit.
+    Texture,
+    /// A load from a buffer or a storage texture: the result comes back.
+    Load,
+    /// A store: nothing comes back.
+    Store,
+    /// An atomic: done at the second-level cache, the result comes back.
+    Atomic,
+    /// A workgroup barrier: all invocations of the group must arrive.
+    Barrier,
+}
+
+impl RequestKind {
+    /// Whether the step has an entry among the requests (ends and barriers have none).
+    pub const fn has_request(self) -> bool {
+        !matches!(self, RequestKind::End | RequestKind::Barrier)
+    }
+}
+
+/// Instructions, then one request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Step {
+    /// Instructions by [`Class`], for one invocation.
+    pub instructions: [u32; Class::COUNT],
+    /// What follows.
+    pub then: RequestKind,
+}
+
+/// Index of a cost in its table.
+pub type CostId = u16;
+
+/// The cost of one path through a shader; the last step, and only it, ends with [`RequestKind::End`].
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Cost {
+    /// Steps in order.
+    pub steps: Vec<Step>,
+}
+
+impl Cost {
+    /// Instructions of all steps by class.
+    pub fn instructions(&self) -> [u32; Class::COUNT] {
+        let mut sum = [0; Class::COUNT];
+        for step in &self.steps {
+            for (sum, n) in sum.iter_mut().zip(step.instructions) {
+                *sum += n;
+            }
+        }
+        sum
+    }
+
+    /// Steps with a request.
+    pub fn requests(&self) -> usize {
+        self.steps.iter().filter(|s| s.then.has_request()).count()
+    }
+}
+
+/// The costs of a shader's paths. A table belongs to one thread's piece of work (a segment's vertices, its quads in one tile, a
+/// run of workgroups), so that paths are found in parallel without a merge; equal paths share an entry.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CostTable {
+    /// Entry `CostId`.
+    pub costs: Vec<Cost>,
+}
+
+impl std::ops::Index<CostId> for CostTable {
+    type Output = Cost;
+
+    fn index(&self, id: CostId) -> &Cost {
+        &self.costs[usize::from(id)]
+    }
+}
