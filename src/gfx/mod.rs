@@ -1,6 +1,7 @@
 //! Floor 1: WHAT a graphics card computes, as pure functions. No cycle, no thread, no file.
 
 pub mod format;
+pub mod image;
 pub mod state;
 
 pub mod math;
