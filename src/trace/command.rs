@@ -24,6 +24,7 @@ pub struct Data {
 
 /// Source of a shader module.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum ShaderSource {
     /// A WGSL text file of the trace, by name.
     Wgsl(String),
@@ -78,6 +79,7 @@ pub struct ViewDesc {
 
 /// What a binding holds, as far as execution depends on it. Everything else about a binding is in the shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum BindingKind {
     /// A uniform buffer.
     Uniform {
@@ -114,6 +116,7 @@ pub struct LayoutEntry {
 
 /// What is bound.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum BoundResource {
     /// A range of a buffer; size none: to its end.
     Buffer {
@@ -290,6 +293,7 @@ pub struct LinearLayout {
 
 /// What a query set counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum QueryKind {
     /// Samples that pass.
     Occlusion,
@@ -311,6 +315,7 @@ pub enum AnyPipeline {
 
 /// One command. Offsets and sizes are in bytes unless said otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[allow(missing_docs, reason = "the fields of a command are named as in WebGPU and typed")]
 pub enum Command {
     // Resources.
