@@ -1,1 +1,3 @@
-//! Placeholder.
+//! Floor 3: executes a trace functionally, in API order, in parallel over screen tiles; it knows no cycle.
+
+pub mod surface;

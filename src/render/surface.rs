@@ -1,0 +1,468 @@
+//! Working storage of an attachment: tiles of 64x64 pixels, each contiguous, so that tiles are handed to threads as disjoint slices.
+//!
+//! Inside a tile the order is the one in which draws touch it: 64 blocks of 8x8 pixels row by row, in a block 16 quads row by row,
+//! in a quad sample after sample, in a sample word after word, and last the four pixels. The codes of a quad are therefore one
+//! run of memory in the order of coverage bits (`4 sample + pixel`), and those of a block with one sample are a batch of 64 lanes.
+//! A texel of up to four bytes takes one word here, whatever its size in memory.
+
+use rayon::prelude::*;
+
+use crate::gfx::format::Format;
+use crate::num::Words;
+use crate::work::{BLOCK, TILE};
+
+/// Blocks in a tile.
+pub const TILE_BLOCKS: usize = ((TILE / BLOCK) * (TILE / BLOCK)) as usize;
+
+/// Quads in a tile.
+pub const TILE_QUADS: usize = ((TILE / 2) * (TILE / 2)) as usize;
+
+/// Number of the quad that holds a pixel of a tile (`x`, `y` below 64), counted in storage order.
+#[inline(always)]
+pub fn quad_of(x: u32, y: u32) -> u32 {
+    let block = (y / BLOCK) * (TILE / BLOCK) + x / BLOCK;
+    block * 16 + (y % BLOCK / 2) * 4 + x % BLOCK / 2
+}
+
+/// The pixel at the top left of a quad of a tile.
+#[inline(always)]
+pub fn quad_origin(quad: u32) -> (u32, u32) {
+    let (block, in_block) = (quad / 16, quad % 16);
+    (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2)
+}
+
+/// Bounds on the depths that a block holds, as ordered keys (see [`depth_key`]); they may be wider than the depths themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockDepth {
+    /// No stored depth is below.
+    pub min: u32,
+    /// No stored depth is above.
+    pub max: u32,
+    /// Writes since the bounds were exact.
+    pub stale: u32,
+}
+
+impl BlockDepth {
+    /// Bounds that hold for anything.
+    pub const UNKNOWN: BlockDepth = BlockDepth { min: 0, max: u32::MAX, stale: 1 };
+}
+
+/// A stored depth as a number that compares as the depths do.
+#[inline(always)]
+pub fn depth_key(format: Format, code: u32) -> u32 {
+    match format {
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => code & 0x00ff_ffff,
+        Format::Depth32Float | Format::Depth32FloatStencil8 => float_key(code),
+        _ => code,
+    }
+}
+
+/// The bits of a float as a number that compares as floats do (negative numbers too; NaN beyond infinity).
+#[inline(always)]
+pub fn float_key(bits: u32) -> u32 {
+    bits ^ ((bits as i32 >> 31) as u32 | 0x8000_0000)
+}
+
+/// Shape of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Format of the stored texels.
+    pub format: Format,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+}
+
+impl Shape {
+    /// Tiles across and down.
+    pub fn tiles(&self) -> [u32; 2] {
+        [self.width.div_ceil(TILE), self.height.div_ceil(TILE)]
+    }
+
+    /// Words of working storage a sample: 1, 2 or 4.
+    pub fn words(&self) -> usize {
+        (self.format.block_bytes() as usize).div_ceil(4)
+    }
+
+    /// Words of working storage a tile.
+    pub fn tile_words(&self) -> usize {
+        (TILE * TILE) as usize * self.samples as usize * self.words()
+    }
+
+    /// Bytes of the linear image.
+    pub fn bytes(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height) * u64::from(self.samples) * u64::from(self.format.block_bytes())
+    }
+}
+
+/// One tile, to draw into.
+pub struct TileMut<'a> {
+    /// Its codes.
+    pub codes: &'a mut [u32],
+    /// Whether it still holds nothing but the clear value, not yet written to `codes`.
+    pub clear: &'a mut bool,
+    /// Depth bounds of its blocks; empty where there is no depth.
+    pub depth: &'a mut [BlockDepth],
+    /// The clear value.
+    pub value: [u32; 4],
+}
+
+impl TileMut<'_> {
+    /// Writes the clear value if that is still to be done.
+    #[inline(always)]
+    pub fn materialise(&mut self, words: usize) {
+        if *self.clear {
+            fill(self.codes, words, self.value);
+            *self.clear = false;
+        }
+    }
+}
+
+fn fill(codes: &mut [u32], words: usize, value: [u32; 4]) {
+    match words {
+        1 => codes.fill(value[0]),
+        _ => {
+            for texels in codes.chunks_exact_mut(4 * words) {
+                for (w, run) in texels.chunks_exact_mut(4).enumerate() {
+                    run.fill(value[w]);
+                }
+            }
+        }
+    }
+}
+
+/// An attachment's working storage.
+#[derive(Clone, Debug)]
+pub struct TileSurface {
+    shape: Shape,
+    codes: Vec<u32>,
+    clear: Vec<bool>,
+    value: [u32; 4],
+    depth: Vec<BlockDepth>,
+}
+
+impl TileSurface {
+    /// Storage of all zeros (kept as a clear, so that this costs no pass over the memory).
+    pub fn new(shape: Shape) -> TileSurface {
+        let [tx, ty] = shape.tiles();
+        let tiles = (tx * ty) as usize;
+        let blocks = if shape.format.has_depth() { tiles * TILE_BLOCKS } else { 0 };
+        let mut surface = TileSurface {
+            shape,
+            codes: vec![0; tiles * shape.tile_words()],
+            clear: vec![true; tiles],
+            value: [0; 4],
+            depth: vec![BlockDepth::UNKNOWN; blocks],
+        };
+        surface.clear([0; 4]);
+        surface
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Sets every texel to a code (words as stored here: a texel's bytes, little-endian).
+    pub fn clear(&mut self, value: [u32; 4]) {
+        self.value = value;
+        self.clear.fill(true);
+        let key = depth_key(self.shape.format, value[0]);
+        self.depth.fill(BlockDepth { min: key, max: key, stale: 0 });
+    }
+
+    /// Sets the bits of every texel that `mask` selects (one aspect of a depth-stencil format) and keeps the others.
+    pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
+        let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
+        if self.clear.iter().all(|&c| c) {
+            self.clear(std::array::from_fn(|w| merge(self.value[w], w)));
+            return;
+        }
+        let words = self.shape.words();
+        let format = self.shape.format;
+        let whole = mask_covers_depth(format, mask);
+        self.par_tiles().for_each(|(_, mut tile)| {
+            tile.materialise(words);
+            for texels in tile.codes.chunks_exact_mut(4 * words) {
+                for (w, run) in texels.chunks_exact_mut(4).enumerate() {
+                    for code in run {
+                        *code = merge(*code, w);
+                    }
+                }
+            }
+            if whole {
+                let key = depth_key(format, value[0]);
+                tile.depth.fill(BlockDepth { min: key, max: key, stale: 0 });
+            }
+        });
+    }
+
+    /// All tiles in row-major order, to hand to threads.
+    pub fn tiles_mut(&mut self) -> impl Iterator<Item = TileMut<'_>> {
+        let value = self.value;
+        let blocks = if self.depth.is_empty() { 0 } else { TILE_BLOCKS };
+        let mut depth = self.depth.as_mut_slice();
+        self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| {
+            let (head, rest) = std::mem::take(&mut depth).split_at_mut(blocks);
+            depth = rest;
+            TileMut { codes, clear, depth: head, value }
+        })
+    }
+
+    fn par_tiles(&mut self) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
+        let tiles: Vec<_> = self.tiles_mut().enumerate().collect();
+        tiles.into_par_iter()
+    }
+
+    /// Takes the texels from a linear image that starts at byte `offset`.
+    ///
+    /// # Panics
+    /// If the image does not lie in `from`.
+    pub fn load(&mut self, from: &Words, offset: u64) {
+        let shape = self.shape;
+        let across = shape.tiles()[0] as usize;
+        self.par_tiles().for_each(|(index, tile)| {
+            *tile.clear = false;
+            tile.depth.fill(BlockDepth::UNKNOWN);
+            let geometry = TileGeometry::new(shape, index, across);
+            geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
+        });
+    }
+
+    /// Writes the texels as a linear image that starts at byte `offset`.
+    ///
+    /// # Panics
+    /// If the image does not lie in `to`.
+    pub fn store(&self, to: &Words, offset: u64) {
+        let shape = self.shape;
+        let across = shape.tiles()[0] as usize;
+        // A word of the image is written by one tile only: tiles are 64 texels wide, and with rows that are no multiple of four
+        // bytes, whole rows go to one thread.
+        let aligned = offset.is_multiple_of(4) && (shape.bytes() / u64::from(shape.height)).is_multiple_of(4);
+        let rows_of_tiles = shape.tiles()[1] as usize;
+        let one_row = |ty: usize| {
+            for tx in 0..across {
+                let index = ty * across + tx;
+                let geometry = TileGeometry::new(shape, index, across);
+                geometry.rows(|row| store_row(shape, &geometry, row, self.tile(index), self.value, to, offset));
+            }
+        };
+        if aligned {
+            (0..rows_of_tiles).into_par_iter().for_each(one_row);
+        } else {
+            (0..rows_of_tiles).for_each(one_row);
+        }
+    }
+
+    /// The texels as a linear image: rows top to bottom, pixels left to right, samples in order, tightly packed.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let words = Words::new(self.shape.bytes());
+        self.store(&words, 0);
+        words.to_vec()
+    }
+
+    /// The words of one texel: pixel, sample.
+    ///
+    /// # Panics
+    /// If the pixel is outside.
+    pub fn texel(&self, x: u32, y: u32, sample: u32) -> [u32; 4] {
+        assert!(x < self.shape.width && y < self.shape.height && sample < self.shape.samples);
+        let index = (y / TILE * self.shape.tiles()[0] + x / TILE) as usize;
+        let Some(codes) = self.tile(index) else { return self.value };
+        let words = self.shape.words();
+        let quad = quad_of(x % TILE, y % TILE) as usize;
+        let at = (quad * self.shape.samples as usize + sample as usize) * words * 4 + (y % 2 * 2 + x % 2) as usize;
+        std::array::from_fn(|w| if w < words { codes[at + 4 * w] } else { 0 })
+    }
+
+    /// A tile's codes, or none where it holds only the clear value.
+    pub fn tile(&self, index: usize) -> Option<&[u32]> {
+        let n = self.shape.tile_words();
+        (!self.clear[index]).then(|| &self.codes[index * n..(index + 1) * n])
+    }
+
+    /// The clear value's words.
+    pub fn clear_value(&self) -> [u32; 4] {
+        self.value
+    }
+}
+
+/// Whether a write mask covers all bits of the depth aspect.
+fn mask_covers_depth(format: Format, mask: [u32; 4]) -> bool {
+    let depth = match format {
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
+        Format::Depth16Unorm => 0xffff,
+        _ => u32::MAX,
+    };
+    format.has_depth() && mask[0] & depth == depth
+}
+
+/// The part of a tile that lies in the surface.
+struct TileGeometry {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl TileGeometry {
+    fn new(shape: Shape, index: usize, across: usize) -> TileGeometry {
+        let (x, y) = ((index % across) as u32 * TILE, (index / across) as u32 * TILE);
+        TileGeometry { x, y, width: TILE.min(shape.width - x), height: TILE.min(shape.height - y) }
+    }
+
+    fn rows(&self, row: impl FnMut(u32)) {
+        (0..self.height).for_each(row);
+    }
+}
+
+/// Byte address of a texel row of a tile in the linear image.
+fn row_offset(shape: Shape, geometry: &TileGeometry, row: u32, offset: u64) -> usize {
+    let texel = u64::from(shape.format.block_bytes()) * u64::from(shape.samples);
+    (offset + (u64::from(geometry.y + row) * u64::from(shape.width) + u64::from(geometry.x)) * texel) as usize
+}
+
+fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], from: &Words, offset: u64) {
+    let mut at = row_offset(shape, geometry, row, offset);
+    let (words, samples) = (shape.words(), shape.samples as usize);
+    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+        let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
+        for (x, word) in source.iter().enumerate() {
+            codes[texel_at(x as u32, row)] = word.load(std::sync::atomic::Ordering::Relaxed);
+        }
+        return;
+    }
+    for x in 0..geometry.width {
+        let quad = quad_of(x, row) as usize;
+        let pixel = (row % 2 * 2 + x % 2) as usize;
+        for sample in 0..samples {
+            let base = (quad * samples + sample) * words * 4 + pixel;
+            match shape.format.block_bytes() {
+                1 => codes[base] = u32::from(from.byte(at)),
+                2 => codes[base] = u32::from(from.u16_at(at)),
+                _ => {
+                    for w in 0..words {
+                        codes[base + 4 * w] = from.u32_at(at + 4 * w);
+                    }
+                }
+            }
+            at += shape.format.block_bytes() as usize;
+        }
+    }
+}
+
+/// Index of a pixel's code in a tile of one word and one sample.
+#[inline(always)]
+fn texel_at(x: u32, y: u32) -> usize {
+    (quad_of(x, y) * 4 + y % 2 * 2 + x % 2) as usize
+}
+
+fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u32]>, value: [u32; 4], to: &Words, offset: u64) {
+    let mut at = row_offset(shape, geometry, row, offset);
+    let (words, samples) = (shape.words(), shape.samples as usize);
+    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+        let target = &to.words()[at / 4..at / 4 + geometry.width as usize];
+        for (x, word) in target.iter().enumerate() {
+            let code = codes.map_or(value[0], |c| c[texel_at(x as u32, row)]);
+            word.store(code, std::sync::atomic::Ordering::Relaxed);
+        }
+        return;
+    }
+    for x in 0..geometry.width {
+        let quad = quad_of(x, row) as usize;
+        let pixel = (row % 2 * 2 + x % 2) as usize;
+        for sample in 0..samples {
+            let base = (quad * samples + sample) * words * 4 + pixel;
+            let word = |w: usize| codes.map_or(value[w], |c| c[base + 4 * w]);
+            let size = shape.format.block_bytes() as usize;
+            for w in 0..words {
+                let bytes = word(w).to_le_bytes();
+                to.write((at + 4 * w) as u64, &bytes[..size.min(4)]);
+            }
+            at += size;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(shape: Shape, offset: u64) -> (Words, Vec<u8>) {
+        let mut bytes = vec![0; (offset + shape.bytes()) as usize];
+        for (i, byte) in bytes.iter_mut().enumerate() {
+            *byte = (i * 7 + i / 251) as u8;
+        }
+        let words = Words::new(bytes.len() as u64);
+        words.write(0, &bytes);
+        (words, bytes)
+    }
+
+    #[test]
+    fn every_size_of_texel_goes_in_and_comes_out_unchanged() {
+        for format in [
+            Format::R8Unorm,
+            Format::Rg8Unorm,
+            Format::Rgba8Unorm,
+            Format::Rgba16Float,
+            Format::Rgba32Uint,
+            Format::Depth32FloatStencil8,
+        ] {
+            for samples in [1, 4] {
+                for (width, height) in [(1, 1), (67, 5), (64, 64), (130, 70)] {
+                    let shape = Shape { format, width, height, samples };
+                    let (words, bytes) = pattern(shape, 16);
+                    let mut surface = TileSurface::new(shape);
+                    surface.load(&words, 16);
+                    assert_eq!(surface.to_bytes(), bytes[16..], "{shape:?}");
+                    let back = Words::new(bytes.len() as u64);
+                    surface.store(&back, 16);
+                    assert_eq!(back.to_vec()[16..], bytes[16..], "{shape:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn texels_are_found_where_the_linear_image_has_them() {
+        let shape = Shape { format: Format::R32Uint, width: 100, height: 80, samples: 4 };
+        let words = Words::new(shape.bytes());
+        for i in 0..shape.bytes() / 4 {
+            words.store(i as usize, i as u32);
+        }
+        let mut surface = TileSurface::new(shape);
+        surface.load(&words, 0);
+        for (x, y, s) in [(0, 0, 0), (1, 0, 3), (63, 64, 1), (99, 79, 2)] {
+            assert_eq!(surface.texel(x, y, s)[0], (y * 100 + x) * 4 + s);
+        }
+    }
+
+    #[test]
+    fn clears_are_lazy_and_masks_keep_the_other_aspect() {
+        let shape = Shape { format: Format::Depth24PlusStencil8, width: 65, height: 3, samples: 1 };
+        let mut surface = TileSurface::new(shape);
+        surface.clear([0x07ff_ffff, 0, 0, 0]);
+        surface.clear_masked([0x0900_0000, 0, 0, 0], [0xff00_0000, 0, 0, 0]);
+        assert_eq!(surface.texel(64, 2, 0)[0], 0x09ff_ffff);
+        assert!(surface.tile(0).is_none(), "no memory has been touched");
+        surface.tiles_mut().next().unwrap().materialise(1);
+        surface.clear_masked([5, 0, 0, 0], [0x00ff_ffff, 0, 0, 0]);
+        assert_eq!(surface.texel(0, 0, 0)[0], 0x0900_0005);
+        assert_eq!(surface.texel(64, 2, 0)[0], 0x0900_0005);
+        assert_eq!(surface.depth[0], BlockDepth { min: 5, max: 5, stale: 0 });
+    }
+
+    #[test]
+    fn quads_are_numbered_block_by_block() {
+        for quad in 0..TILE_QUADS as u32 {
+            let (x, y) = quad_origin(quad);
+            assert_eq!(quad_of(x, y), quad);
+            assert_eq!(quad_of(x + 1, y + 1), quad);
+        }
+        assert_eq!(quad_of(8, 0), 16);
+        assert!(float_key((-1.0_f32).to_bits()) < float_key(0) && float_key(0) < float_key(1.0_f32.to_bits()));
+    }
+}
