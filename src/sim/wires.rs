@@ -1,0 +1,414 @@
+//! All channels of a machine, the cycle it is in, and who wakes when.
+
+use std::marker::PhantomData;
+
+use super::channel::{Channel, ChannelCounts, Link, Slot};
+use super::unit::Tick;
+use crate::num::{Cycle, NEVER};
+use crate::stats::{Account, Cycles, Group, Tree};
+
+/// What a channel carries: at most 16 bytes of plain integers, without padding, so that any channel's ring has the same form.
+/// More than that belongs in the machine's context, with an index to it in the token.
+pub trait Token: bytemuck::Pod + std::fmt::Debug {}
+
+impl<T: bytemuck::Pod + std::fmt::Debug> Token for T {}
+
+#[inline(always)]
+fn pack<T: Token>(item: T) -> [u64; 2] {
+    const { assert!(size_of::<T>() <= 16, "a token has at most 16 bytes") };
+    let mut data = [0u64; 2];
+    bytemuck::bytes_of_mut(&mut data)[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&item));
+    data
+}
+
+#[inline(always)]
+fn unpack<T: Token>(data: &[u64; 2]) -> T {
+    bytemuck::pod_read_unaligned(&bytemuck::bytes_of(data)[..size_of::<T>()])
+}
+
+/// The consuming end of a channel. There is one, and the unit that has it is the consumer.
+#[derive(Debug)]
+pub struct In<T>(u32, PhantomData<fn() -> T>);
+
+/// The producing end of a channel. There is one, and the unit that has it is the producer.
+#[derive(Debug)]
+pub struct Out<T>(u32, PhantomData<fn(T)>);
+
+/// The number of a unit in its machine, in the order of declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnitId(pub(super) u16);
+
+/// A name and a number of its kind: `setup[2]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Label {
+    pub name: &'static str,
+    pub index: usize,
+}
+
+impl std::fmt::Display for Label {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}[{}]", self.name, self.index)
+    }
+}
+
+/// Declares the units and channels of a machine before it runs.
+#[derive(Debug, Default)]
+pub struct Wiring {
+    units: Vec<Label>,
+    channels: Vec<Channel>,
+    labels: Vec<Label>,
+    show: Vec<fn(&[u64; 2]) -> String>,
+    places: u32,
+}
+
+impl Wiring {
+    /// Nothing declared yet.
+    pub fn new() -> Wiring {
+        Wiring::default()
+    }
+
+    /// Declares the next unit. Units are declared in the order of the machine's fields, those of a bank by their index.
+    pub fn unit(&mut self, name: &'static str, index: usize) -> UnitId {
+        let id = u16::try_from(self.units.len()).expect("fewer than 65,536 units");
+        self.units.push(Label { name, index });
+        UnitId(id)
+    }
+
+    /// Declares units 0 to `count - 1` of a bank.
+    pub fn bank(&mut self, name: &'static str, count: usize) -> Vec<UnitId> {
+        (0..count).map(|index| self.unit(name, index)).collect()
+    }
+
+    /// Joins two units by channel `index` of those called `name`; an item counts as the bytes of its token unless it is pushed
+    /// with a size.
+    ///
+    /// # Panics
+    /// If the link is not one: capacity, width and latency are at least 1, which a checked configuration guarantees.
+    pub fn channel<T: Token>(
+        &mut self,
+        name: &'static str,
+        index: usize,
+        link: Link,
+        from: UnitId,
+        to: UnitId,
+    ) -> (Out<T>, In<T>) {
+        assert!(link.capacity >= 1 && link.width >= 1 && link.latency >= 1, "{name}[{index}] is no channel: {link:?}");
+        let number = self.channels.len() as u32;
+        self.channels.push(Channel::new(link, self.places, size_of::<T>() as u32, from, to));
+        self.labels.push(Label { name, index });
+        self.show.push(|data| format!("{:?}", unpack::<T>(data)));
+        self.places += Channel::places(link.capacity);
+        (Out(number, PhantomData), In(number, PhantomData))
+    }
+
+    /// Declarations done: the wires at cycle 0, all channels empty and every unit awake.
+    pub(super) fn finish(self) -> Wires {
+        Wires {
+            now: 0,
+            next: NEVER,
+            soonest: 0,
+            last_move: 0,
+            wake: vec![0; self.units.len()],
+            accounts: vec![Account::new(0); self.units.len()],
+            channels: self.channels,
+            slots: vec![Slot::default(); self.places as usize],
+            units: self.units,
+            labels: self.labels,
+            show: self.show,
+        }
+    }
+
+    pub(super) fn labels(&self) -> &[Label] {
+        &self.units
+    }
+}
+
+/// The channels of a running machine, and its time.
+#[derive(Debug)]
+pub struct Wires {
+    now: Cycle,
+    /// The earliest cycle at which the ticking unit could move, as far as it has asked.
+    next: Cycle,
+    /// The earliest wake time set in this cycle.
+    soonest: Cycle,
+    /// The last cycle in which a unit moved something.
+    last_move: Cycle,
+    wake: Vec<Cycle>,
+    channels: Vec<Channel>,
+    slots: Vec<Slot>,
+    accounts: Vec<Account>,
+    units: Vec<Label>,
+    labels: Vec<Label>,
+    show: Vec<fn(&[u64; 2]) -> String>,
+}
+
+impl Wires {
+    /// The cycle that is being ticked; between ticks, the number of cycles gone by.
+    #[inline(always)]
+    pub fn now(&self) -> Cycle {
+        self.now
+    }
+
+    /// The ticking unit could move at `cycle` even if nothing comes to it. A cycle that is not in the future means the next one.
+    #[inline(always)]
+    pub fn sleep_until(&mut self, cycle: Cycle) {
+        self.next = self.next.min(cycle);
+    }
+
+    /// The item at the head, if one can be popped in this cycle.
+    #[inline(always)]
+    pub fn front<T: Token>(&mut self, port: &In<T>) -> Option<T> {
+        let channel = &mut self.channels[port.0 as usize];
+        if channel.head == channel.tail {
+            channel.starving = true;
+            return None;
+        }
+        let slot = &self.slots[channel.place(channel.head)];
+        if slot.ready > self.now {
+            self.next = self.next.min(slot.ready);
+            return None;
+        }
+        Some(unpack(&slot.data))
+    }
+
+    /// Whether an item can be popped in this cycle.
+    #[inline(always)]
+    pub fn can_pop<T: Token>(&mut self, port: &In<T>) -> bool {
+        self.front(port).is_some()
+    }
+
+    /// Takes the item at the head, if one can be popped in this cycle.
+    #[inline(always)]
+    pub fn pop<T: Token>(&mut self, port: &In<T>) -> Option<T> {
+        let item = self.front(port)?;
+        let channel = &mut self.channels[port.0 as usize];
+        channel.pop(self.now);
+        if channel.blocking {
+            channel.blocking = false;
+            let producer = channel.producer;
+            self.wake_at(producer, self.now + 1);
+        }
+        Some(item)
+    }
+
+    /// Whether an item can be pushed in this cycle: there is a slot, and the link is free.
+    #[inline(always)]
+    pub fn can_push<T: Token>(&mut self, port: &Out<T>) -> bool {
+        let channel = &mut self.channels[port.0 as usize];
+        if channel.room(self.now) == 0 {
+            channel.blocking = true;
+            if channel.frees(self.now) {
+                self.next = self.next.min(self.now + 1);
+            }
+            return false;
+        }
+        let free = channel.link_free(self.now);
+        if free > self.now {
+            self.next = self.next.min(free);
+        }
+        free <= self.now
+    }
+
+    /// Whether `items` can be pushed in this cycle, the width allowing: the slots are there.
+    #[inline(always)]
+    pub fn has_room<T: Token>(&mut self, port: &Out<T>, items: u32) -> bool {
+        let channel = &mut self.channels[port.0 as usize];
+        let enough = channel.room(self.now) >= items;
+        if !enough {
+            channel.blocking = true;
+            if channel.frees(self.now) {
+                self.next = self.next.min(self.now + 1);
+            }
+        }
+        enough
+    }
+
+    /// Pushes an item; the caller has made sure by [`Wires::can_push`] that it can be pushed in this cycle.
+    ///
+    /// # Panics
+    /// If it cannot: the unit is wrong.
+    #[inline(always)]
+    pub fn push<T: Token>(&mut self, port: &Out<T>, item: T) {
+        let bytes = self.channels[port.0 as usize].item_bytes;
+        self.push_sized(port, item, bytes);
+    }
+
+    /// [`Wires::push`] of an item that stands for `bytes` bytes on the link.
+    ///
+    /// # Panics
+    /// As [`Wires::push`].
+    #[inline(always)]
+    pub fn push_sized<T: Token>(&mut self, port: &Out<T>, item: T, bytes: u32) {
+        let channel = &mut self.channels[port.0 as usize];
+        if channel.room(self.now) == 0 || channel.link_free(self.now) > self.now {
+            self.overrun(port.0);
+        }
+        let (place, ready) = channel.push(self.now, bytes);
+        self.slots[place] = Slot { ready, data: pack(item) };
+        if channel.starving {
+            channel.starving = false;
+            let consumer = channel.consumer;
+            self.wake_at(consumer, ready);
+        }
+    }
+
+    /// Pushes an item if it can be pushed in this cycle, and tells whether it was.
+    #[inline(always)]
+    pub fn try_push<T: Token>(&mut self, port: &Out<T>, item: T) -> bool {
+        let can = self.can_push(port);
+        if can {
+            self.push(port, item);
+        }
+        can
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn overrun(&self, channel: u32) -> ! {
+        let label = &self.labels[channel as usize];
+        panic!("cycle {}: push into {label} without asking, and it has no room or its link is taken", self.now);
+    }
+
+    #[inline(always)]
+    fn wake_at(&mut self, unit: UnitId, cycle: Cycle) {
+        let wake = &mut self.wake[unit.0 as usize];
+        *wake = (*wake).min(cycle);
+        self.soonest = self.soonest.min(cycle);
+    }
+
+    /// Whether the unit wakes in this cycle or before.
+    #[inline(always)]
+    pub(super) fn due(&self, unit: usize) -> bool {
+        self.wake[unit] <= self.now
+    }
+
+    #[inline(always)]
+    pub(super) fn begin_tick(&mut self) {
+        self.next = NEVER;
+    }
+
+    #[inline(always)]
+    pub(super) fn end_tick(&mut self, unit: usize, tick: Tick) {
+        let now = self.now;
+        let wake = if tick == Tick::Moved {
+            self.last_move = now;
+            now + 1
+        } else {
+            self.next.max(now + 1)
+        };
+        self.wake[unit] = wake;
+        self.soonest = self.soonest.min(wake);
+        self.accounts[unit].note(now, tick.why());
+    }
+
+    #[inline(always)]
+    pub(super) fn begin_cycle(&mut self) {
+        self.soonest = NEVER;
+    }
+
+    /// The next cycle at which any unit could move, [`NEVER`] if none.
+    #[inline(always)]
+    pub(super) fn next_event(&self) -> Cycle {
+        if self.soonest <= self.now + 1 { self.now + 1 } else { self.wake.iter().copied().fold(NEVER, Cycle::min) }
+    }
+
+    #[inline(always)]
+    pub(super) fn advance(&mut self, to: Cycle) {
+        self.now = to;
+    }
+
+    #[inline(always)]
+    pub(super) fn last_move(&self) -> Cycle {
+        self.last_move
+    }
+
+    pub(super) fn unit_labels(&self) -> &[Label] {
+        &self.units
+    }
+
+    pub(super) fn account(&self, unit: usize) -> &Account {
+        &self.accounts[unit]
+    }
+
+    /// Wakes every unit in the next cycle that is ticked: the context has changed from outside, as when new work has come.
+    pub fn wake_all(&mut self) {
+        self.wake.fill(self.now);
+    }
+
+    /// Items in all channels.
+    pub fn resident(&self) -> u64 {
+        self.channels.iter().map(Channel::len).sum()
+    }
+
+    /// A line for each channel that holds something: fill, when its head can be popped, and the head.
+    pub(super) fn contents(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        for (number, channel) in self.channels.iter().enumerate().filter(|(_, channel)| channel.len() > 0) {
+            let slot = &self.slots[channel.place(channel.head)];
+            lines.push(format!(
+                "{} ({} to {}): {} of {}, head {} from cycle {}",
+                self.labels[number],
+                self.units[channel.producer.0 as usize],
+                self.units[channel.consumer.0 as usize],
+                channel.len(),
+                channel.capacity,
+                self.show[number](&slot.data),
+                slot.ready,
+            ));
+        }
+        lines
+    }
+
+    /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.
+    pub fn settle(&mut self) {
+        for account in &mut self.accounts {
+            account.settle(self.now);
+        }
+    }
+
+    /// The counts of every channel and the account of every unit, over the cycles gone by.
+    pub fn reading(&self) -> Reading {
+        Reading {
+            cycle: self.now,
+            channels: self.channels.iter().map(|channel| channel.counts(self.now)).collect(),
+            units: self.accounts.iter().map(|account| account.read(self.now)).collect(),
+        }
+    }
+
+    /// The leaves `NAME[i]` of `channels`.
+    pub fn channel_tree(&self) -> Tree {
+        let mut tree = Tree::new();
+        for (channel, label) in self.channels.iter().zip(&self.labels) {
+            let counts = channel.counts(self.now);
+            let leaves = tree.element(label.name, label.index);
+            leaves.count("items", counts.items);
+            leaves.count("bytes", counts.bytes);
+            leaves.count("full_cycles", counts.full_cycles);
+            leaves.ratio("mean_occupancy", counts.occupancy, self.now);
+            leaves.level("capacity", u64::from(channel.capacity));
+        }
+        tree
+    }
+
+    /// The leaves `NAME[i]` of `units`; `items` gives each unit's own count, in the order of declaration.
+    pub(super) fn unit_tree(&self, items: &[u64]) -> Tree {
+        let mut tree = Tree::new();
+        for ((account, label), items) in self.accounts.iter().zip(&self.units).zip(items) {
+            let leaves = tree.element(label.name, label.index);
+            leaves.count("items", *items);
+            leaves.extend(account.read(self.now).tree());
+        }
+        tree
+    }
+}
+
+/// All that the wires count, at one moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// Cycles gone by.
+    pub cycle: Cycle,
+    /// By channel, in the order of declaration.
+    pub channels: Vec<ChannelCounts>,
+    /// By unit, in the order of declaration.
+    pub units: Vec<Cycles>,
+}

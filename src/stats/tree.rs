@@ -1,0 +1,312 @@
+//! The ordered tree of statistics.
+
+use serde_json::{Map, Number, Value};
+
+/// One statistic.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Leaf {
+    /// A counter that only grows: between two readings it is their difference.
+    Count(u64),
+    /// A quotient of two counters, as a mean over cycles: between two readings, the quotient of the differences. 0/0 is 0.
+    Ratio {
+        /// What is divided.
+        numerator: u64,
+        /// By what.
+        denominator: u64,
+    },
+    /// A property that does not accumulate, as a capacity: between two readings, the later.
+    Level(u64),
+    /// A real property that does not accumulate.
+    Real(f64),
+    /// A name.
+    Text(String),
+}
+
+impl Leaf {
+    /// The leaf between two readings.
+    fn since(&self, earlier: &Leaf) -> Leaf {
+        match (self, earlier) {
+            (Leaf::Count(now), Leaf::Count(then)) => Leaf::Count(now - then),
+            (Leaf::Ratio { numerator, denominator }, Leaf::Ratio { numerator: n, denominator: d }) => {
+                Leaf::Ratio { numerator: numerator - n, denominator: denominator - d }
+            }
+            _ => self.clone(),
+        }
+    }
+
+    /// As a JSON number or string; a real that is not finite becomes null, which JSON has no number for.
+    fn json(&self) -> Value {
+        match self {
+            Leaf::Count(value) | Leaf::Level(value) => Value::from(*value),
+            Leaf::Ratio { numerator, denominator } => real(quotient(*numerator, *denominator)),
+            Leaf::Real(value) => real(*value),
+            Leaf::Text(text) => Value::from(text.as_str()),
+        }
+    }
+
+    /// As one field of a CSV row, quoted where it must be.
+    fn csv(&self) -> String {
+        match self {
+            Leaf::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
+            Leaf::Text(text) => text.clone(),
+            other => other.json().to_string(),
+        }
+    }
+}
+
+fn quotient(numerator: u64, denominator: u64) -> f64 {
+    if denominator == 0 { 0.0 } else { numerator as f64 / denominator as f64 }
+}
+
+fn real(value: f64) -> Value {
+    Number::from_f64(value).map_or(Value::Null, Value::Number)
+}
+
+/// A leaf, a subtree or a numbered list of subtrees.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Node {
+    /// A statistic.
+    Leaf(Leaf),
+    /// Named statistics.
+    Tree(Tree),
+    /// One subtree for each of several units of a kind: `NAME[i]`.
+    List(Vec<Tree>),
+}
+
+/// Named statistics in the order in which they were added. Two readings of the same machine have the same shape.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tree {
+    entries: Vec<(String, Node)>,
+}
+
+impl Tree {
+    /// An empty tree.
+    pub fn new() -> Tree {
+        Tree::default()
+    }
+
+    /// Sets an entry; one of the same name is replaced in its place.
+    pub fn set(&mut self, name: &str, node: Node) {
+        match self.entries.iter_mut().find(|(known, _)| known == name) {
+            Some((_, place)) => *place = node,
+            None => self.entries.push((name.to_owned(), node)),
+        }
+    }
+
+    /// Adds a counter.
+    pub fn count(&mut self, name: &str, value: u64) {
+        self.set(name, Node::Leaf(Leaf::Count(value)));
+    }
+
+    /// Adds a quotient of two counters.
+    pub fn ratio(&mut self, name: &str, numerator: u64, denominator: u64) {
+        self.set(name, Node::Leaf(Leaf::Ratio { numerator, denominator }));
+    }
+
+    /// Adds a whole-numbered property.
+    pub fn level(&mut self, name: &str, value: u64) {
+        self.set(name, Node::Leaf(Leaf::Level(value)));
+    }
+
+    /// Adds a real property.
+    pub fn real(&mut self, name: &str, value: f64) {
+        self.set(name, Node::Leaf(Leaf::Real(value)));
+    }
+
+    /// Adds a name.
+    pub fn text(&mut self, name: &str, value: &str) {
+        self.set(name, Node::Leaf(Leaf::Text(value.to_owned())));
+    }
+
+    /// The subtree of that name, made when there is none.
+    pub fn child(&mut self, name: &str) -> &mut Tree {
+        let at = match self.entries.iter().position(|(known, node)| known == name && matches!(node, Node::Tree(_))) {
+            Some(at) => at,
+            None => {
+                self.set(name, Node::Tree(Tree::new()));
+                self.entries.iter().position(|(known, _)| known == name).expect("just set")
+            }
+        };
+        match &mut self.entries[at].1 {
+            Node::Tree(tree) => tree,
+            _ => unreachable!("{name} is a subtree"),
+        }
+    }
+
+    /// Element `index` of the list of that name; list and elements are made when they are missing.
+    pub fn element(&mut self, name: &str, index: usize) -> &mut Tree {
+        let at = match self.entries.iter().position(|(known, node)| known == name && matches!(node, Node::List(_))) {
+            Some(at) => at,
+            None => {
+                self.set(name, Node::List(Vec::new()));
+                self.entries.iter().position(|(known, _)| known == name).expect("just set")
+            }
+        };
+        match &mut self.entries[at].1 {
+            Node::List(list) => {
+                if list.len() <= index {
+                    list.resize_with(index + 1, Tree::new);
+                }
+                &mut list[index]
+            }
+            _ => unreachable!("{name} is a list"),
+        }
+    }
+
+    /// Adds all entries of another tree.
+    pub fn extend(&mut self, other: Tree) {
+        for (name, node) in other.entries {
+            self.set(&name, node);
+        }
+    }
+
+    /// The entries in order.
+    pub fn entries(&self) -> impl Iterator<Item = (&str, &Node)> {
+        self.entries.iter().map(|(name, node)| (name.as_str(), node))
+    }
+
+    /// The entry at a path such as `units.setup[2].busy`.
+    pub fn get(&self, path: &str) -> Option<&Node> {
+        let (step, rest) = path.split_once('.').map_or((path, None), |(step, rest)| (step, Some(rest)));
+        let (name, index) = match step.split_once('[') {
+            Some((name, index)) => (name, Some(index.strip_suffix(']')?.parse::<usize>().ok()?)),
+            None => (step, None),
+        };
+        let node = &self.entries.iter().find(|(known, _)| known == name)?.1;
+        match (node, index, rest) {
+            (Node::List(list), Some(index), Some(rest)) => list.get(index)?.get(rest),
+            (Node::Tree(tree), None, Some(rest)) => tree.get(rest),
+            (node, None, None) => Some(node),
+            _ => None,
+        }
+    }
+
+    /// The leaf at a path, as a number. `None` when there is none or it is a text.
+    pub fn number(&self, path: &str) -> Option<f64> {
+        match self.get(path)? {
+            Node::Leaf(Leaf::Count(value) | Leaf::Level(value)) => Some(*value as f64),
+            Node::Leaf(Leaf::Ratio { numerator, denominator }) => Some(quotient(*numerator, *denominator)),
+            Node::Leaf(Leaf::Real(value)) => Some(*value),
+            _ => None,
+        }
+    }
+
+    /// What happened between two readings: counters are subtracted, properties are those of `self`. An entry that `earlier`
+    /// does not have is taken whole.
+    pub fn since(&self, earlier: &Tree) -> Tree {
+        let mut difference = Tree { entries: Vec::with_capacity(self.entries.len()) };
+        for (at, (name, node)) in self.entries.iter().enumerate() {
+            let then = match earlier.entries.get(at) {
+                Some((known, node)) if known == name => Some(node),
+                _ => earlier.entries.iter().find(|(known, _)| known == name).map(|(_, node)| node),
+            };
+            let node = match (node, then) {
+                (Node::Leaf(now), Some(Node::Leaf(then))) => Node::Leaf(now.since(then)),
+                (Node::Tree(now), Some(Node::Tree(then))) => Node::Tree(now.since(then)),
+                (Node::List(now), Some(Node::List(then))) => {
+                    let empty = Tree::new();
+                    Node::List(now.iter().enumerate().map(|(i, tree)| tree.since(then.get(i).unwrap_or(&empty))).collect())
+                }
+                (node, _) => node.clone(),
+            };
+            difference.entries.push((name.clone(), node));
+        }
+        difference
+    }
+
+    /// The tree as a JSON object, in order.
+    pub fn json(&self) -> Value {
+        let mut map = Map::new();
+        for (name, node) in &self.entries {
+            let value = match node {
+                Node::Leaf(leaf) => leaf.json(),
+                Node::Tree(tree) => tree.json(),
+                Node::List(list) => Value::Array(list.iter().map(Tree::json).collect()),
+            };
+            map.insert(name.clone(), value);
+        }
+        Value::Object(map)
+    }
+
+    /// Calls `visit` with the path and the value of every leaf, in order.
+    pub fn leaves(&self, visit: &mut impl FnMut(&str, &Leaf)) {
+        self.walk(&mut String::new(), visit);
+    }
+
+    fn walk(&self, path: &mut String, visit: &mut impl FnMut(&str, &Leaf)) {
+        let length = path.len();
+        for (name, node) in &self.entries {
+            if length > 0 {
+                path.push('.');
+            }
+            path.push_str(name);
+            match node {
+                Node::Leaf(leaf) => visit(path, leaf),
+                Node::Tree(tree) => tree.walk(path, visit),
+                Node::List(list) => {
+                    let stem = path.len();
+                    for (index, tree) in list.iter().enumerate() {
+                        path.push_str(&format!("[{index}]"));
+                        tree.walk(path, visit);
+                        path.truncate(stem);
+                    }
+                }
+            }
+            path.truncate(length);
+        }
+    }
+
+    /// The header of a CSV table of such trees: the paths of all leaves.
+    pub fn csv_header(&self) -> String {
+        let mut fields = Vec::new();
+        self.leaves(&mut |path, _| fields.push(path.to_owned()));
+        fields.join(",")
+    }
+
+    /// The row of a CSV table that belongs to [`Tree::csv_header`] of a tree of the same shape.
+    pub fn csv_row(&self) -> String {
+        let mut fields = Vec::new();
+        self.leaves(&mut |_, leaf| fields.push(leaf.csv()));
+        fields.join(",")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reading(items: u64, area: u64, cycles: u64) -> Tree {
+        let mut tree = Tree::new();
+        tree.text("class", "sort-middle, \"immediate\"");
+        let setup = tree.child("units").element("setup", 1);
+        setup.count("items", items);
+        setup.ratio("mean_occupancy", area, cycles);
+        setup.level("capacity", 8);
+        tree
+    }
+
+    #[test]
+    fn json_has_the_names_in_order_and_numbered_units_as_arrays() {
+        let json = reading(7, 30, 10).json().to_string();
+        let expected =
+            r#"{"class":"sort-middle, \"immediate\"","units":{"setup":[{},{"items":7,"mean_occupancy":3.0,"capacity":8}]}}"#;
+        assert_eq!(json, expected);
+    }
+
+    #[test]
+    fn a_frame_is_the_difference_of_two_readings() {
+        let frame = reading(12, 130, 20).since(&reading(7, 30, 10));
+        assert_eq!(frame.number("units.setup[1].items"), Some(5.0));
+        assert_eq!(frame.number("units.setup[1].mean_occupancy"), Some(10.0));
+        assert_eq!(frame.number("units.setup[1].capacity"), Some(8.0));
+        assert_eq!(frame.number("units.setup[2].capacity"), None);
+        assert_eq!(frame.number("class"), None);
+    }
+
+    #[test]
+    fn csv_rows_fit_their_header() {
+        let tree = reading(7, 0, 0);
+        assert_eq!(tree.csv_header(), "class,units.setup[1].items,units.setup[1].mean_occupancy,units.setup[1].capacity");
+        assert_eq!(tree.csv_row(), "\"sort-middle, \"\"immediate\"\"\",7,0.0,8");
+    }
+}
