@@ -14,6 +14,7 @@ mod srgb;
 mod tests;
 
 pub use block::decode_block;
+#[allow(unused_imports, reason = "for prepared textures")]
 pub(crate) use block::decode_block_rgba8;
 pub use depth::{depth_code, depth_value, stencil_value, unorm24};
 pub use pack::{Rgba8, pack_rgba8};
