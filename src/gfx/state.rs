@@ -169,12 +169,16 @@ state_enum! {
 #[serde(default, deny_unknown_fields)]
 pub struct StencilFace {
     /// Comparison of the masked reference with the masked stored value.
+    #[serde(skip_serializing_if = "is_default")]
     pub compare: Compare,
     /// When the stencil test fails.
+    #[serde(skip_serializing_if = "is_default")]
     pub fail_op: StencilOp,
     /// When the stencil test passes and the depth test fails.
+    #[serde(skip_serializing_if = "is_default")]
     pub depth_fail_op: StencilOp,
     /// When both pass.
+    #[serde(skip_serializing_if = "is_default")]
     pub pass_op: StencilOp,
 }
 
@@ -185,36 +189,46 @@ pub struct DepthStencil {
     /// Format of the attachment.
     pub format: Format,
     /// Whether a passing fragment writes its depth.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_write: bool,
     /// Depth comparison.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_compare: Compare,
     /// Stencil state of front faces (lines and points are front).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub stencil_front: StencilFace,
     /// Stencil state of back faces.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub stencil_back: StencilFace,
     /// Mask on both sides of the stencil comparison.
-    #[serde(default = "all_ones")]
+    #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
     pub stencil_read_mask: u32,
     /// Bits of the stencil value that are written.
-    #[serde(default = "all_ones")]
+    #[serde(default = "all_ones", skip_serializing_if = "is_all_ones")]
     pub stencil_write_mask: u32,
     /// Constant depth bias in units of the smallest resolvable difference (Vulkan's `r`).
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub bias: i32,
     /// Depth bias per unit of the maximum depth slope.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub bias_slope: f32,
     /// Bound on the depth bias: positive an upper, negative a lower bound, 0 none.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub bias_clamp: f32,
+}
+
+// A field that has its default value is left out of the text of a trace, which keeps it readable.
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn all_ones() -> u32 {
     !0
+}
+
+fn is_all_ones(value: &u32) -> bool {
+    *value == !0
 }
 
 state_enum! {
@@ -309,10 +323,10 @@ pub struct ColorTarget {
     /// Format of the attachment.
     pub format: Format,
     /// Blending; none replaces.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub blend: Option<Blend>,
     /// Channels written: bit 0 red, 1 green, 2 blue, 3 alpha.
-    #[serde(default = "all_channels")]
+    #[serde(default = "all_channels", skip_serializing_if = "is_all_channels")]
     pub write_mask: u8,
 }
 
@@ -320,23 +334,34 @@ fn all_channels() -> u8 {
     15
 }
 
+fn is_all_channels(value: &u8) -> bool {
+    *value == 15
+}
+
 /// Primitive state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Primitive {
     /// Topology.
+    #[serde(skip_serializing_if = "is_default")]
     pub topology: Topology,
     /// Index format that enables strip restart (non-indexed and list draws ignore it).
+    #[serde(skip_serializing_if = "is_default")]
     pub strip_index_format: Option<IndexFormat>,
     /// Front winding.
+    #[serde(skip_serializing_if = "is_default")]
     pub front_face: FrontFace,
     /// Culling.
+    #[serde(skip_serializing_if = "is_default")]
     pub cull_mode: CullMode,
     /// Fill mode (beyond WebGPU's core).
+    #[serde(skip_serializing_if = "is_default")]
     pub polygon_mode: PolygonMode,
     /// Depth clip off: depth is clamped to the viewport's range instead of clipped to the near and far planes.
+    #[serde(skip_serializing_if = "is_default")]
     pub unclipped_depth: bool,
     /// Beyond WebGPU: flat varyings take the last vertex of a primitive instead of the first.
+    #[serde(skip_serializing_if = "is_default")]
     pub provoking_last: bool,
 }
 
@@ -432,7 +457,7 @@ pub struct VertexBufferLayout {
     /// Bytes from one vertex to the next.
     pub stride: u64,
     /// What advances it.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub step: StepMode,
     /// Attributes.
     pub attributes: Vec<VertexAttribute>,

@@ -16,7 +16,7 @@ pub struct Data {
     /// Name of the blob in the trace.
     pub blob: String,
     /// First byte.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub offset: u64,
     /// Number of bytes.
     pub size: u64,
@@ -39,22 +39,32 @@ pub enum ShaderSource {
 #[serde(deny_unknown_fields)]
 pub struct TextureDesc {
     /// Dimension.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub dimension: TextureDimension,
     /// Width, height, and depth or layers, in texels.
     pub size: [u32; 3],
     /// Mip levels.
-    #[serde(default = "one")]
+    #[serde(default = "one", skip_serializing_if = "is_one")]
     pub levels: u32,
     /// Samples a texel: 1 or 4.
-    #[serde(default = "one")]
+    #[serde(default = "one", skip_serializing_if = "is_one")]
     pub samples: u32,
     /// Format.
     pub format: Format,
 }
 
+// A field that has its default value is left out of the text, which keeps a trace readable.
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
 fn one() -> u32 {
     1
+}
+
+fn is_one(value: &u32) -> bool {
+    *value == 1
 }
 
 /// A view of a texture. `None` is the rest of the texture, or its own format.
@@ -62,18 +72,25 @@ fn one() -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct ViewDesc {
     /// Format, if it differs in sRGB-ness from the texture's (or names one aspect).
+    #[serde(skip_serializing_if = "is_default")]
     pub format: Option<Format>,
     /// Dimension; none: 1D, 3D as the texture, 2D for one layer, else 2D array.
+    #[serde(skip_serializing_if = "is_default")]
     pub dimension: Option<ViewDimension>,
     /// Aspect.
+    #[serde(skip_serializing_if = "is_default")]
     pub aspect: Aspect,
     /// First level.
+    #[serde(skip_serializing_if = "is_default")]
     pub base_level: u32,
     /// Number of levels.
+    #[serde(skip_serializing_if = "is_default")]
     pub levels: Option<u32>,
     /// First layer.
+    #[serde(skip_serializing_if = "is_default")]
     pub base_layer: u32,
     /// Number of layers.
+    #[serde(skip_serializing_if = "is_default")]
     pub layers: Option<u32>,
 }
 
@@ -110,7 +127,7 @@ pub struct LayoutEntry {
     /// What it holds.
     pub kind: BindingKind,
     /// Elements of a binding array; none: not an array.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub count: Option<u32>,
 }
 
@@ -156,13 +173,13 @@ pub struct Stage {
     /// The module.
     pub shader: ShaderId,
     /// Entry point; none: the module's only one of this stage.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub entry: Option<String>,
     /// Pipeline-overridable constants, by name or `@id`.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub constants: Vec<(String, f64)>,
     /// Whether workgroup memory starts as zeros (WebGPU: always).
-    #[serde(default = "yes")]
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub zero_workgroup_memory: bool,
 }
 
@@ -170,32 +187,36 @@ fn yes() -> bool {
     true
 }
 
+fn is_yes(value: &bool) -> bool {
+    *value
+}
+
 /// A render pipeline.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RenderPipelineDesc {
     /// Layout; none: derived from the shaders.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub layout: Option<PipelineLayoutId>,
     /// Vertex stage.
     pub vertex: Stage,
     /// Vertex buffer slots; none: an unused slot.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub buffers: Vec<Option<VertexBufferLayout>>,
     /// Primitive state.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub primitive: Primitive,
     /// Depth and stencil state.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_stencil: Option<DepthStencil>,
     /// Multisample state.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub multisample: Multisample,
     /// Fragment stage; none: depth and stencil only.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub fragment: Option<Stage>,
     /// Colour targets by `@location`; none: an unused slot.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub targets: Vec<Option<ColorTarget>>,
 }
 
@@ -206,16 +227,16 @@ pub struct ColorAttachment {
     /// Where it renders to.
     pub view: ViewId,
     /// Slice of a 3D view.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_slice: Option<u32>,
     /// Where samples are resolved to at the end.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub resolve: Option<ViewId>,
     /// Clear value (red, green, blue, alpha; integers for integer formats); none: the contents are loaded.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub clear: Option<[f64; 4]>,
     /// Whether the result is kept.
-    #[serde(default = "yes")]
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub store: bool,
 }
 
@@ -226,22 +247,22 @@ pub struct DepthAttachment {
     /// Where it renders to.
     pub view: ViewId,
     /// Depth clear value; none: loaded.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_clear: Option<f32>,
     /// Whether depth is kept.
-    #[serde(default = "yes")]
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub depth_store: bool,
     /// Depth is not written in this pass.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub depth_read_only: bool,
     /// Stencil clear value; none: loaded.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub stencil_clear: Option<u32>,
     /// Whether stencil is kept.
-    #[serde(default = "yes")]
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub stencil_store: bool,
     /// Stencil is not written in this pass.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub stencil_read_only: bool,
 }
 
@@ -252,10 +273,10 @@ pub struct PassTimestamps {
     /// The query set.
     pub set: QuerySetId,
     /// Index written at the beginning.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub begin: Option<u32>,
     /// Index written at the end.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub end: Option<u32>,
 }
 
@@ -266,13 +287,13 @@ pub struct TextureEnd {
     /// The texture.
     pub texture: TextureId,
     /// Mip level.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub level: u32,
     /// First texel: x, y, and z or layer.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub origin: [u32; 3],
     /// Aspect.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub aspect: Aspect,
 }
 
@@ -281,13 +302,13 @@ pub struct TextureEnd {
 #[serde(deny_unknown_fields)]
 pub struct LinearLayout {
     /// First byte.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub offset: u64,
     /// Bytes from one row of blocks to the next; none: tightly packed.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub bytes_per_row: Option<u32>,
     /// Rows of blocks from one image to the next; none: tightly packed.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub rows_per_image: Option<u32>,
 }
 
@@ -322,19 +343,19 @@ pub enum Command {
     CreateBuffer {
         id: BufferId,
         size: u64,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     WriteBuffer {
         id: BufferId,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         offset: u64,
         data: Data,
     },
     CreateTexture {
         id: TextureId,
         desc: TextureDesc,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     /// `layout.offset` counts from the start of `data`.
@@ -347,7 +368,7 @@ pub enum Command {
     CreateView {
         id: ViewId,
         texture: TextureId,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         desc: ViewDesc,
     },
     CreateSampler {
@@ -357,7 +378,7 @@ pub enum Command {
     CreateShader {
         id: ShaderId,
         source: ShaderSource,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     CreateBindGroupLayout {
@@ -367,7 +388,7 @@ pub enum Command {
     CreatePipelineLayout {
         id: PipelineLayoutId,
         groups: Vec<Option<BindGroupLayoutId>>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         immediate_size: u32,
     },
     CreateBindGroup {
@@ -378,15 +399,15 @@ pub enum Command {
     CreateRenderPipeline {
         id: RenderPipelineId,
         desc: Box<RenderPipelineDesc>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     CreateComputePipeline {
         id: ComputePipelineId,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         layout: Option<PipelineLayoutId>,
         stage: Stage,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     /// Names a derived layout of a pipeline created with `layout: None`.
@@ -431,7 +452,7 @@ pub enum Command {
     ClearBuffer {
         buffer: BufferId,
         offset: u64,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         size: Option<u64>,
     },
     /// Sets the named subresources to zero; none: the rest.
@@ -462,20 +483,20 @@ pub enum Command {
     // Passes. Entries of `color` are none where a location is unused.
     BeginRenderPass {
         color: Vec<Option<ColorAttachment>>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         depth: Option<DepthAttachment>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         occlusion: Option<QuerySetId>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         timestamps: Option<PassTimestamps>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     EndRenderPass,
     BeginComputePass {
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         timestamps: Option<PassTimestamps>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         label: Option<String>,
     },
     EndComputePass,
@@ -491,7 +512,7 @@ pub enum Command {
     SetBindGroup {
         index: u32,
         group: Option<BindGroupId>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         offsets: Vec<u32>,
     },
     /// Bytes, little-endian 32-bit words, at a byte offset of the immediate range.
@@ -502,17 +523,17 @@ pub enum Command {
     SetIndexBuffer {
         buffer: BufferId,
         format: IndexFormat,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         offset: u64,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         size: Option<u64>,
     },
     SetVertexBuffer {
         slot: u32,
         buffer: Option<BufferId>,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         offset: u64,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         size: Option<u64>,
     },
     SetViewport(Viewport),
@@ -521,33 +542,33 @@ pub enum Command {
     SetStencilReference(u32),
     Draw {
         vertices: u32,
-        #[serde(default = "one")]
+        #[serde(default = "one", skip_serializing_if = "is_one")]
         instances: u32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         first_vertex: u32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         first_instance: u32,
     },
     DrawIndexed {
         indices: u32,
-        #[serde(default = "one")]
+        #[serde(default = "one", skip_serializing_if = "is_one")]
         instances: u32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         first_index: u32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         base_vertex: i32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         first_instance: u32,
     },
     /// `count` records, 16 (20 when indexed) bytes apart, at `offset`; with `count_buffer` the smaller of `count` and the u32 at that place.
     DrawIndirect {
         buffer: BufferId,
         offset: u64,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         indexed: bool,
-        #[serde(default = "one")]
+        #[serde(default = "one", skip_serializing_if = "is_one")]
         count: u32,
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         count_buffer: Option<(BufferId, u64)>,
     },
     Dispatch {

@@ -28,8 +28,10 @@ mod build;
 mod error;
 mod store;
 mod text;
+mod write;
 
 pub mod command;
+pub mod record;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -37,6 +39,7 @@ use std::path::{Path, PathBuf};
 pub use build::Builder;
 pub use error::{Place, TraceError};
 pub use store::{Bytes, NAME_MAX};
+pub use write::{Packing, write, write_zip};
 
 use command::{Command, Data};
 use store::Store;
