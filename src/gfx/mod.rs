@@ -2,6 +2,7 @@
 
 pub mod format;
 pub mod image;
+pub(crate) mod simd;
 pub mod state;
 
 pub mod math;

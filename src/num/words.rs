@@ -155,7 +155,10 @@ mod tests {
                 let mut back = vec![0; data.len()];
                 words.read(offset, &mut back);
                 assert_eq!(back, data);
-                assert_eq!(words.to_vec().iter().map(|&b| u32::from(b)).sum::<u32>(), data.iter().map(|&b| u32::from(b)).sum::<u32>());
+                assert_eq!(
+                    words.to_vec().iter().map(|&b| u32::from(b)).sum::<u32>(),
+                    data.iter().map(|&b| u32::from(b)).sum::<u32>()
+                );
             }
         }
         let words = Words::new(8);

@@ -19,6 +19,7 @@ pub(crate) use block::decode_block_rgba8;
 pub use depth::{depth_code, depth_value, stencil_value, unorm24};
 pub use pack::{Rgba8, pack_rgba8};
 pub use small_float::{f16_to_f32, f32_to_f16};
+pub(crate) use srgb::Encoder as SrgbEncoder;
 pub use srgb::{decode_srgb8, encode_srgb8, srgb_table};
 
 use super::format::Format;
@@ -220,4 +221,24 @@ pub fn encode(format: Format, texel: [u32; 4]) -> [u8; 16] {
         }
     };
     bytemuck::cast([low.to_le(), high.to_le(), 0, 0])
+}
+
+/// [`decode`] of a texel held in little-endian words, as tile buffers hold codes: one word for up to four bytes, else two or four.
+///
+/// # Panics
+/// If the format is compressed or there are too few words.
+pub fn decode_code(format: Format, code: &[u32]) -> [u32; 4] {
+    let mut words = [0; 4];
+    for (word, bits) in words.iter_mut().zip(code) {
+        *word = bits.to_le();
+    }
+    decode(format, bytemuck::bytes_of(&words))
+}
+
+/// [`encode`] to little-endian words.
+///
+/// # Panics
+/// If the format is compressed.
+pub fn encode_code(format: Format, texel: [u32; 4]) -> [u32; 4] {
+    bytemuck::cast::<[u8; 16], [u32; 4]>(encode(format, texel)).map(u32::from_le)
 }

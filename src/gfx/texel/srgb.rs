@@ -63,16 +63,16 @@ pub fn encode_srgb8(x: f32) -> u8 {
 
 /// [`encode_srgb8`] with the tables fetched: make one outside a loop.
 #[derive(Clone, Copy)]
-pub(super) struct Encoder(&'static Tables);
+pub(crate) struct Encoder(&'static Tables);
 
 impl Encoder {
     #[inline(always)]
-    pub(super) fn new() -> Encoder {
+    pub(crate) fn new() -> Encoder {
         Encoder(&TABLES)
     }
 
     #[inline(always)]
-    pub(super) fn encode(self, x: f32) -> u8 {
+    pub(crate) fn encode(self, x: f32) -> u8 {
         const LEAST: f32 = f32::from_bits(LOWEST);
         let x = if x > LEAST { x } else { LEAST };
         let x = if x < 1.0 { x } else { 1.0 };
