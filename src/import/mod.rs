@@ -1,1 +1,34 @@
-//! Placeholder.
+//! Floor 2: foreign traces → trace.
+//!
+//! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
+//! translated in memory and its blobs where they are.
+
+pub mod wgpu;
+
+mod detect;
+
+use std::path::Path;
+
+use crate::trace::{Trace, TraceError};
+
+pub use detect::{Found, Kind, detect};
+
+/// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
+pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
+    let path = path.as_ref();
+    if let Err(error) = std::fs::metadata(path) {
+        return Err(TraceError::new(path, error));
+    }
+    match detect(path) {
+        Some(Found { kind: Kind::Native, path }) => Trace::open(path),
+        Some(Found { kind: Kind::Wgpu, path }) => wgpu::open(&path),
+        Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
+            Err(TraceError::new(path, format_args!("{kind} traces are not supported yet")))
+        }
+        None => Err(TraceError::new(
+            path,
+            "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \
+             trace.ron), nor an apitrace or GLInterceptor file",
+        )),
+    }
+}
