@@ -1,92 +1,17 @@
-//! Where texels lie: in the linear store that holds their bytes, and in the simulated card's memory.
+//! Where texels lie in the simulated card's memory.
 //!
-//! The two differ on purpose. The store is linear because traces, copies and shaders address it that way; the card's layout is
-//! blocked, as on real cards, so that a 64-byte line holds a square of texels and walking a texture along or across costs the
-//! same. Only addresses of the second kind ever reach a cache model; no byte is stored there.
+//! This differs on purpose from the linear store that holds their bytes ([`super::image`]): the card's layout is blocked, as on
+//! real cards, so that a 64-byte line holds a square of texels and walking a texture along or across costs the same. Only
+//! addresses of this kind reach a cache model; no byte is stored there.
 
 use super::format::Format;
-use super::state::TextureDimension;
+use super::image::ImageDesc;
 
 /// Bytes of a memory line, the unit of all addresses that leave this module as line numbers.
 pub const LINE: u64 = 64;
 
 /// Edge of a render target block in pixels.
 pub const BLOCK: u32 = 8;
-
-/// What a texture is made of, as far as addresses depend on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
-    /// Dimension.
-    pub dimension: TextureDimension,
-    /// Width, height, and depth or layers, in texels.
-    pub size: [u32; 3],
-    /// Mip levels.
-    pub levels: u32,
-    /// Samples a texel: 1 or 4.
-    pub samples: u32,
-    /// Format.
-    pub format: Format,
-}
-
-impl Shape {
-    /// Width, height, and depth or layers of a level, in texels.
-    pub fn level_size(&self, level: u32) -> [u32; 3] {
-        let half = |n: u32| (n >> level.min(31)).max(1);
-        let [w, h, d] = self.size;
-        [half(w), half(h), if self.dimension == TextureDimension::D3 { half(d) } else { d }]
-    }
-
-    /// Width and height of a level in blocks, and its slices or layers.
-    pub fn level_blocks(&self, level: u32) -> [u32; 3] {
-        let dim = self.format.block_dim();
-        let [w, h, d] = self.level_size(level);
-        [w.div_ceil(dim), h.div_ceil(dim), d]
-    }
-
-    /// Bytes of one block with all its samples.
-    pub fn block_bytes(&self) -> u64 {
-        u64::from(self.format.block_bytes()) * u64::from(self.samples)
-    }
-
-    /// Bytes of one row of blocks of a level in the linear store.
-    pub fn row_bytes(&self, level: u32) -> u64 {
-        u64::from(self.level_blocks(level)[0]) * self.block_bytes()
-    }
-
-    /// Bytes of one slice or layer of a level in the linear store.
-    pub fn slice_bytes(&self, level: u32) -> u64 {
-        self.row_bytes(level) * u64::from(self.level_blocks(level)[1])
-    }
-
-    /// Bytes of a level in the linear store.
-    pub fn level_bytes(&self, level: u32) -> u64 {
-        self.slice_bytes(level) * u64::from(self.level_blocks(level)[2])
-    }
-
-    /// First byte of a level in the linear store.
-    pub fn level_offset(&self, level: u32) -> u64 {
-        (0..level).map(|l| self.level_bytes(l)).sum()
-    }
-
-    /// First byte of a slice or layer of a level in the linear store.
-    pub fn slice_offset(&self, level: u32, slice: u32) -> u64 {
-        self.level_offset(level) + u64::from(slice) * self.slice_bytes(level)
-    }
-
-    /// First byte of a sample of the block that holds texel (x, y) in the linear store.
-    pub fn texel_offset(&self, level: u32, slice: u32, x: u32, y: u32, sample: u32) -> u64 {
-        let dim = self.format.block_dim();
-        self.slice_offset(level, slice)
-            + u64::from(y / dim) * self.row_bytes(level)
-            + u64::from(x / dim) * self.block_bytes()
-            + u64::from(sample) * u64::from(self.format.block_bytes())
-    }
-
-    /// Bytes of the whole texture in the linear store.
-    pub fn bytes(&self) -> u64 {
-        self.level_offset(self.levels)
-    }
-}
 
 /// Width and height, as powers of two, of the square or 2:1 group of blocks that fills one line.
 const fn line_shape(block_bytes: u64) -> (u32, u32) {
@@ -142,14 +67,14 @@ impl Tiled {
     ///
     /// # Panics
     /// If the texture has more than 2^32 lines (256 GiB).
-    pub fn new(shape: &Shape) -> Tiled {
-        let (sx, sy) = line_shape(shape.block_bytes());
-        let block = shape.format.block_dim().trailing_zeros();
-        let tile = shape.block_bytes().div_ceil(LINE).max(1);
+    pub fn new(image: &ImageDesc) -> Tiled {
+        let (sx, sy) = line_shape(image.texel_bytes());
+        let block = image.format.block_dim().trailing_zeros();
+        let tile = image.texel_bytes().div_ceil(LINE).max(1);
         let mut lines = 0_u64;
-        let levels = (0..shape.levels)
+        let levels = (0..image.levels)
             .map(|level| {
-                let [w, h, slices] = shape.level_blocks(level);
+                let ([w, h], slices) = (image.level_blocks(level), image.level_size(level)[2]);
                 let row = u64::from(w.div_ceil(1 << sx)) * tile;
                 let slice = row * u64::from(h.div_ceil(1 << sy));
                 let first = lines;
@@ -236,41 +161,8 @@ pub fn quad_order(x: u32, y: u32, sample: u32, samples: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gfx::state::TextureDimension;
     use std::collections::BTreeSet;
-
-    fn shape(dimension: TextureDimension, size: [u32; 3], levels: u32, samples: u32, format: Format) -> Shape {
-        Shape { dimension, size, levels, samples, format }
-    }
-
-    #[test]
-    fn linear_texels_tile_the_store_without_gap_or_overlap() {
-        for shape in [
-            shape(TextureDimension::D2, [7, 5, 3], 3, 1, Format::Rgba8Unorm),
-            shape(TextureDimension::D3, [8, 4, 6], 4, 1, Format::R16Float),
-            shape(TextureDimension::D1, [9, 1, 1], 1, 1, Format::R8Unorm),
-            shape(TextureDimension::D2, [5, 5, 1], 1, 4, Format::Depth24Plus),
-        ] {
-            let mut next = 0;
-            for level in 0..shape.levels {
-                let [w, h, d] = shape.level_size(level);
-                for slice in 0..d {
-                    for y in 0..h {
-                        for x in 0..w {
-                            for sample in 0..shape.samples {
-                                assert_eq!(shape.texel_offset(level, slice, x, y, sample), next);
-                                next += u64::from(shape.format.block_bytes());
-                            }
-                        }
-                    }
-                }
-            }
-            assert_eq!(next, shape.bytes());
-        }
-        let bc = shape(TextureDimension::D2, [10, 6, 2], 2, 1, Format::Bc1RgbaUnorm);
-        assert_eq!(bc.level_blocks(0), [3, 2, 2]);
-        assert_eq!(bc.level_bytes(0), 3 * 2 * 2 * 8);
-        assert_eq!(bc.texel_offset(1, 1, 4, 2, 0), 96 + 16 + 8);
-    }
 
     #[test]
     fn lines_hold_squares_and_are_all_used() {
@@ -283,7 +175,7 @@ mod tests {
             (Format::Bc1RgbaUnorm, 128),
             (Format::Bc7RgbaUnorm, 64),
         ] {
-            let shape = shape(TextureDimension::D2, [64, 32, 2], 6, 1, format);
+            let shape = ImageDesc { dimension: TextureDimension::D2, size: [64, 32, 2], levels: 6, samples: 1, format };
             let tiled = Tiled::new(&shape);
             let mut seen = BTreeSet::new();
             let mut first = 0;

@@ -1,6 +1,6 @@
 //! Colour: blending, write masks, conversion to the target's format.
 
-use super::{Pitch, code_words, load_quad, select_mask, store_quad};
+use super::{code_words, four, select_mask};
 use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::simd::wide;
 use crate::gfx::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
@@ -89,55 +89,91 @@ impl ColorState {
         !self.is_idle() && (!self.whole || matches!(self.path, Path::Blend | Path::Blend8(_)))
     }
 
-    /// Blends one sample of a quad into what is stored.
+    /// Blends a quad into its stored codes (one run, see [`super`]).
     ///
-    /// `mask` has a bit for each of the four pixels; `src` and `src1` are the outputs of the fragment shader, channel by channel
-    /// (bits of `f32`, or integers for integer formats); `stored` holds [`code_words`] words a pixel.
+    /// `src` and `src1` are the outputs of the fragment shader, channel by channel (bits of `f32`, or integers for integer
+    /// formats); all covered samples of a pixel receive the same colour.
     ///
     /// # Panics
-    /// If `stored` is too short.
-    pub fn blend_quad(&self, mask: u8, src: &[[u32; 4]; 4], src1: &[[u32; 4]; 4], stored: &mut [u32]) {
-        let selected = select_mask(mask);
-        match self.path {
-            Path::Nothing => {}
-            Path::Replace8(_) | Path::Blend8(_) => {
-                let old = [stored[0], stored[1], stored[2], stored[3]];
-                let new = self.codes8::<4>(&floats(src), &floats(src1), &old);
-                for p in 0..4 {
-                    let write = selected[p] & self.bits[0];
-                    stored[p] = old[p] & !write | new[p] & write;
-                }
+    /// If `run` is shorter than `samples` ask.
+    pub fn blend_quad(&self, samples: usize, coverage: u16, src: &[[u32; 4]; 4], src1: &[[u32; 4]; 4], run: &mut [u32]) {
+        let size = 4 * self.words;
+        for s in 0..samples {
+            let mask = (coverage >> (4 * s)) as u8 & 15;
+            if mask == 0 {
+                continue;
             }
-            Path::Replace | Path::Blend => {
-                for p in 0..4 {
-                    if mask >> p & 1 != 0 {
-                        let at = p * self.words;
-                        self.pixel(src.map(|c| c[p]), src1.map(|c| c[p]), &mut stored[at..at + self.words]);
+            let stored = &mut run[s * size..(s + 1) * size];
+            match self.path {
+                Path::Nothing => {}
+                Path::Replace8(_) | Path::Blend8(_) => {
+                    let new = self.codes8::<4>(&floats(src), &floats(src1), &four(stored, 0));
+                    self.put(mask, &new, stored);
+                }
+                Path::Replace | Path::Blend => {
+                    for p in (0..4).filter(|p| mask >> p & 1 != 0) {
+                        self.pixel(p, src.map(|c| c[p]), src1.map(|c| c[p]), stored);
                     }
                 }
             }
         }
     }
 
-    /// Blends the quads of a batch in order into a tile buffer of [`code_words`] words a pixel.
+    /// The codes that a colour has in the target's format, word by word: for targets that do not blend, what remains to be
+    /// stored with [`ColorState::put_quad`]. Words beyond [`code_words`] are zero.
+    pub fn pack_batch(&self, src: &[Lanes; 4], out: &mut [Lanes; 4]) {
+        pack_batch(self, src, out);
+    }
+
+    #[inline(always)]
+    fn pack_batch_body(&self, src: &[Lanes; 4], out: &mut [Lanes; 4]) {
+        *out = [Lanes::ZERO; 4];
+        if let Some(layout) = Rgba8::of(self.format) {
+            pack(layout, &lanes(src), &mut out[0].0);
+        } else {
+            for i in 0..LANES {
+                let code = encode_code(self.format, std::array::from_fn(|c| src[c].0[i]));
+                for w in 0..4 {
+                    out[w].0[i] = code[w];
+                }
+            }
+        }
+    }
+
+    /// Stores codes made by [`ColorState::pack_batch`] (words of four pixels, word after word) in a quad's covered samples, as
+    /// far as the write mask lets.
     ///
-    /// The arguments are those of [`super::DepthStencilState::test_batch`]; `src1` is the second source of dual-source blending
+    /// # Panics
+    /// If `run` or `packed` is too short.
+    #[inline(always)]
+    pub fn put_quad(&self, samples: usize, coverage: u16, packed: &[u32], run: &mut [u32]) {
+        let size = 4 * self.words;
+        for s in 0..samples {
+            let mask = (coverage >> (4 * s)) as u8 & 15;
+            if mask != 0 {
+                self.put(mask, packed, &mut run[s * size..(s + 1) * size]);
+            }
+        }
+    }
+
+    /// Blends the quads of a batch in order into a tile, the codes of many quads one run after the other.
+    ///
+    /// `quads` of the 16 are present; quad `q` is the `at[q]`-th of the tile. `src1` is the second source of dual-source blending
     /// (any colours where the state does not use one). A quad that occurs twice in the batch is blended twice, in order.
     ///
     /// # Panics
-    /// If a quad with coverage lies outside the buffer.
+    /// If a quad with coverage lies outside the tile.
     pub fn blend_batch(
         &self,
         samples: usize,
         quads: usize,
         at: &[u32; QUADS],
-        pitch: Pitch,
         coverage: &[u16; QUADS],
         src: &[Lanes; 4],
         src1: &[Lanes; 4],
-        target: &mut [u32],
+        tile: &mut [u32],
     ) {
-        blend_batch(self, samples, quads, at, pitch, coverage, src, src1, target);
+        blend_batch(self, samples, quads, at, coverage, src, src1, tile);
     }
 
     #[inline(always)]
@@ -146,45 +182,41 @@ impl ColorState {
         samples: usize,
         quads: usize,
         at: &[u32; QUADS],
-        pitch: Pitch,
         coverage: &[u16; QUADS],
         src: &[Lanes; 4],
         src1: &[Lanes; 4],
-        target: &mut [u32],
+        tile: &mut [u32],
     ) {
         let quads = quads.min(QUADS);
+        let size = 4 * self.words;
         match self.path {
             Path::Nothing => {}
             Path::Replace8(_) => {
                 let new = self.codes8::<LANES>(&lanes(src), &lanes(src1), &[0; LANES]);
-                for q in 0..quads {
-                    for s in 0..samples {
-                        let mask = (coverage[q] >> (4 * s)) as u8 & 15;
-                        if mask != 0 {
-                            self.put(target, at[q] as usize + s * pitch.sample, pitch.row, mask, quad_of(&new, q));
-                        }
-                    }
+                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                    let run = &mut tile[at[q] as usize * samples * 4..][..samples * 4];
+                    self.put_quad(samples, coverage[q], &four(&new, 4 * q), run);
                 }
             }
             Path::Blend8(_) => {
-                for s in 0..samples {
-                    let mut first = 0;
-                    while first < quads {
-                        let end = distinct_run(at, first, quads);
-                        self.blend_run(s, first..end, at, pitch, coverage, src, src1, target);
-                        first = end;
+                let mut first = 0;
+                while first < quads {
+                    let end = distinct_run(at, first, quads);
+                    for s in 0..samples {
+                        self.blend_run(s, samples, first..end, at, coverage, src, src1, tile);
                     }
+                    first = end;
                 }
             }
             Path::Replace | Path::Blend => {
-                for q in 0..quads {
+                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                    let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
                     for s in 0..samples {
                         let mask = coverage[q] >> (4 * s) & 15;
                         for p in (0..4).filter(|p| mask >> p & 1 != 0) {
-                            let pixel = at[q] as usize + (p & 1) + (p >> 1) * pitch.row + s * pitch.sample;
-                            let code = &mut target[pixel * self.words..(pixel + 1) * self.words];
                             let lane = 4 * q + p;
-                            self.pixel(std::array::from_fn(|c| src[c].0[lane]), std::array::from_fn(|c| src1[c].0[lane]), code);
+                            let color = |src: &[Lanes; 4]| std::array::from_fn(|c| src[c].0[lane]);
+                            self.pixel(p, color(src), color(src1), &mut run[s * size..(s + 1) * size]);
                         }
                     }
                 }
@@ -197,43 +229,44 @@ impl ColorState {
     fn blend_run(
         &self,
         sample: usize,
+        samples: usize,
         run: std::ops::Range<usize>,
         at: &[u32; QUADS],
-        pitch: Pitch,
         coverage: &[u16; QUADS],
         src: &[Lanes; 4],
         src1: &[Lanes; 4],
-        target: &mut [u32],
+        tile: &mut [u32],
     ) {
         let mask = |q: usize| (coverage[q] >> (4 * sample)) as u8 & 15;
+        let place = |q: usize| (at[q] as usize * samples + sample) * 4;
         let mut old = [0_u32; LANES];
         for q in run.clone() {
             if mask(q) != 0 {
-                let quad = load_quad(target, at[q] as usize + sample * pitch.sample, pitch.row);
-                old[4 * q..4 * q + 4].copy_from_slice(&quad);
+                old[4 * q..4 * q + 4].copy_from_slice(&four(tile, place(q)));
             }
         }
         let new = self.codes8::<LANES>(&lanes(src), &lanes(src1), &old);
         for q in run {
             if mask(q) != 0 {
-                self.put(target, at[q] as usize + sample * pitch.sample, pitch.row, mask(q), quad_of(&new, q));
+                self.put(mask(q), &four(&new, 4 * q), &mut tile[place(q)..place(q) + 4]);
             }
         }
     }
 
-    /// Stores the masked pixels and bits of a quad of one-word codes.
+    /// Stores the masked pixels and bits of one sample of a quad.
     #[inline(always)]
-    fn put(&self, target: &mut [u32], at: usize, row: usize, mask: u8, new: [u32; 4]) {
+    fn put(&self, mask: u8, new: &[u32], stored: &mut [u32]) {
         if mask == 15 && self.whole {
-            store_quad(target, at, row, new);
-        } else {
-            let old = load_quad(target, at, row);
-            let selected = select_mask(mask);
-            let mixed = std::array::from_fn(|p| {
-                let write = selected[p] & self.bits[0];
-                old[p] & !write | new[p] & write
-            });
-            store_quad(target, at, row, mixed);
+            stored.copy_from_slice(&new[..stored.len()]);
+            return;
+        }
+        let selected = select_mask(mask);
+        for w in 0..self.words {
+            for p in 0..4 {
+                let write = selected[p] & self.bits[w];
+                let word = &mut stored[4 * w + p];
+                *word = *word & !write | new[4 * w + p] & write;
+            }
         }
     }
 
@@ -330,11 +363,15 @@ impl ColorState {
         }
     }
 
-    /// One pixel of any format.
-    fn pixel(&self, src: [u32; 4], src1: [u32; 4], stored: &mut [u32]) {
+    /// Pixel `p` of one sample of a quad, of any format.
+    fn pixel(&self, p: usize, src: [u32; 4], src1: [u32; 4], stored: &mut [u32]) {
         let new = if self.path == Path::Blend {
             let one = |t: [u32; 4]| t.map(|b| [limit(f32::from_bits(b), self.clamp)]);
-            let dst = decode_code(self.format, stored).map(|b| [f32::from_bits(b)]);
+            let mut code = [0; 4];
+            for w in 0..self.words {
+                code[w] = stored[4 * w + p];
+            }
+            let dst = decode_code(self.format, &code).map(|b| [f32::from_bits(b)]);
             let (src, src1) = (one(src), one(src1));
             let channel = |c: usize| {
                 let blend = if c == 3 { self.alpha } else { self.color };
@@ -344,8 +381,9 @@ impl ColorState {
         } else {
             encode_code(self.format, src)
         };
-        for (word, (code, bits)) in stored.iter_mut().zip(new.iter().zip(self.bits)) {
-            *word = *word & !bits | code & bits;
+        for w in 0..self.words {
+            let word = &mut stored[4 * w + p];
+            *word = *word & !self.bits[w] | new[w] & self.bits[w];
         }
     }
 }
@@ -356,12 +394,12 @@ wide! {
         samples: usize,
         quads: usize,
         at: &[u32; QUADS],
-        pitch: Pitch,
         coverage: &[u16; QUADS],
         src: &[Lanes; 4],
         src1: &[Lanes; 4],
-        target: &mut [u32],
+        tile: &mut [u32],
     ) = ColorState::blend_batch_body;
+    fn pack_batch(state: &ColorState, src: &[Lanes; 4], out: &mut [Lanes; 4]) = ColorState::pack_batch_body;
 }
 
 /// The range of a fixed-point format's numbers; all numbers for a floating-point one.
@@ -464,11 +502,6 @@ fn pack<const N: usize>(layout: Rgba8, color: &Colors<N>, out: &mut [u32; N]) {
             out[i] = unorm(a[i], 255.0) | unorm(b[i], 255.0) << 8 | unorm(c[i], 255.0) << 16 | unorm(d[i], 255.0) << 24;
         }
     }
-}
-
-#[inline(always)]
-fn quad_of(codes: &[u32; LANES], q: usize) -> [u32; 4] {
-    [codes[4 * q], codes[4 * q + 1], codes[4 * q + 2], codes[4 * q + 3]]
 }
 
 #[inline(always)]

@@ -1,6 +1,6 @@
 //! Depth and stencil: test and update.
 
-use super::{Pitch, load_quad, select_mask, store_quad};
+use super::{four, select_mask};
 use crate::gfx::format::Format;
 use crate::gfx::simd::wide;
 use crate::gfx::state::{Compare, DepthStencil, StencilFace, StencilOp};
@@ -59,6 +59,9 @@ impl Accept {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthStencilState {
     storage: Storage,
+    /// Where the stencil value is: word of a sample's code, and shift.
+    stencil_place: (usize, u32),
+    words: usize,
     accept: Accept,
     compare: Compare,
     depth_write: bool,
@@ -87,6 +90,12 @@ impl DepthStencilState {
         let compare = if always { Compare::Always } else { state.depth_compare };
         DepthStencilState {
             storage,
+            stencil_place: match state.format {
+                Format::Depth24PlusStencil8 => (0, 24),
+                Format::Depth32FloatStencil8 => (1, 0),
+                _ => (0, 0),
+            },
+            words: super::code_words(state.format),
             accept: Accept::new(compare),
             compare,
             depth_write: state.depth_write && !always,
@@ -164,57 +173,82 @@ impl DepthStencilState {
         }
     }
 
-    /// Tests one sample of a quad and updates what is stored.
+    /// Tests a quad and updates its stored codes (one run, see [`super`]).
     ///
-    /// `coverage` has a bit for each of the four pixels; `codes` are the fragments' depths, `depth` and `stencil` the stored
-    /// values. Returns the pixels that passed both tests.
+    /// `codes[s]` are the fragments' depths at sample `s`, from [`DepthStencilState::code`]; `back` says that they belong to a
+    /// back face. Returns the part of `coverage` that passed both tests.
+    ///
+    /// # Panics
+    /// If `codes` or `run` is shorter than `samples` ask.
     #[inline(always)]
-    pub fn test_quad(&self, back: bool, coverage: u8, codes: [u32; 4], depth: &mut [u32; 4], stencil: &mut [u8; 4]) -> u8 {
-        let pass = match &self.stencil {
-            None => return self.depth_quad(coverage, codes, depth),
-            Some(faces) => &faces[usize::from(back)],
-        };
-        let masked = self.reference & self.read_mask;
-        let test = Accept::new(pass.compare);
-        let mut alive = 0_u8;
-        for p in 0..4 {
-            let stored = stencil[p] & self.read_mask;
-            alive |= (test.test(masked < stored, masked == stored, masked > stored) as u8 & 1) << p;
-        }
-        alive &= coverage;
-        let passed = self.depth_quad(alive, codes, depth);
-        for p in 0..4 {
-            if coverage >> p & 1 != 0 {
-                let op = if alive >> p & 1 == 0 {
-                    pass.fail_op
-                } else if passed >> p & 1 == 0 {
-                    pass.depth_fail_op
-                } else {
-                    pass.pass_op
-                };
-                let new = apply(op, stencil[p], self.reference);
-                stencil[p] = stencil[p] & !self.write_mask | new & self.write_mask;
+    pub fn test_quad(&self, samples: usize, back: bool, coverage: u16, codes: &[[u32; 4]], run: &mut [u32]) -> u16 {
+        let mut passed = 0;
+        for s in 0..samples {
+            let mask = (coverage >> (4 * s)) as u8 & 15;
+            if mask != 0 {
+                let stored = &mut run[4 * self.words * s..4 * self.words * (s + 1)];
+                passed |= u16::from(self.test_sample(back, mask, codes[s], stored)) << (4 * s);
             }
         }
         passed
     }
 
-    /// The depth half of [`DepthStencilState::test_quad`].
+    /// [`DepthStencilState::test_quad`] of one sample.
     #[inline(always)]
-    fn depth_quad(&self, coverage: u8, codes: [u32; 4], depth: &mut [u32; 4]) -> u8 {
+    fn test_sample(&self, back: bool, mask: u8, codes: [u32; 4], stored: &mut [u32]) -> u8 {
+        let Some(faces) = &self.stencil else {
+            return self.depth_sample(mask, codes, stored);
+        };
+        let face = &faces[usize::from(back)];
+        let (word, shift) = self.stencil_place;
+        let values: [u8; 4] = four(stored, 4 * word).map(|code| (code >> shift) as u8);
+        let masked = self.reference & self.read_mask;
+        let test = Accept::new(face.compare);
+        let mut alive = 0_u8;
+        for p in 0..4 {
+            let value = values[p] & self.read_mask;
+            alive |= (test.test(masked < value, masked == value, masked > value) as u8 & 1) << p;
+        }
+        alive &= mask;
+        let passed = self.depth_sample(alive, codes, stored);
+        for p in 0..4 {
+            if mask >> p & 1 != 0 {
+                let op = if alive >> p & 1 == 0 {
+                    face.fail_op
+                } else if passed >> p & 1 == 0 {
+                    face.depth_fail_op
+                } else {
+                    face.pass_op
+                };
+                let new = apply(op, values[p], self.reference);
+                let kept = values[p] & !self.write_mask | new & self.write_mask;
+                let code = &mut stored[4 * word + p];
+                *code = *code & !(0xff << shift) | u32::from(kept) << shift;
+            }
+        }
+        passed
+    }
+
+    /// The depth half of a sample's test.
+    #[inline(always)]
+    fn depth_sample(&self, mask: u8, codes: [u32; 4], stored: &mut [u32]) -> u8 {
         let accept = self.accept;
+        let old = four(stored, 0);
         let mut pass = [0_u32; 4];
+        // What is stored beside the depth in the same word.
+        let beside = if self.storage == Storage::Unorm24 { 0xff00_0000 } else { 0 };
         if self.storage == Storage::Float {
             for p in 0..4 {
-                let (new, old) = (f32::from_bits(codes[p]), f32::from_bits(depth[p]));
+                let (new, old) = (f32::from_bits(codes[p]), f32::from_bits(old[p]));
                 pass[p] = accept.test(new < old, new == old, new > old);
             }
         } else {
             for p in 0..4 {
-                pass[p] = accept.test(codes[p] < depth[p], codes[p] == depth[p], codes[p] > depth[p]);
+                let old = old[p] & !beside;
+                pass[p] = accept.test(codes[p] < old, codes[p] == old, codes[p] > old);
             }
         }
-        let covered = select_mask(coverage);
+        let covered = select_mask(mask);
         let mut passed = 0;
         for p in 0..4 {
             pass[p] &= covered[p];
@@ -222,35 +256,32 @@ impl DepthStencilState {
         }
         if self.depth_write {
             for p in 0..4 {
-                depth[p] = depth[p] & !pass[p] | codes[p] & pass[p];
+                let write = pass[p] & !beside;
+                stored[p] = old[p] & !write | codes[p] & write;
             }
         }
         passed
     }
 
-    /// Tests the quads of a batch in order against tile buffers.
+    /// Tests the quads of a batch in order against a tile, the codes of many quads one run after the other.
     ///
-    /// `quads` of the 16 are present; quad `q` is at `at[q]` in the buffers ([`Pitch`]). `coverage[q]` holds a bit a pixel and
-    /// sample (bit `4 sample + pixel`), of `samples` samples, and keeps those that passed. `codes[s]` are the fragments' codes at
-    /// sample `s`, a lane a pixel. Bit `q` of `back` says that the quad belongs to a back face. `stencil` may be empty where the
-    /// state does not use it.
+    /// `quads` of the 16 are present; quad `q` is the `at[q]`-th of the tile. `coverage[q]` keeps what passed. `codes[s]` are the
+    /// fragments' codes at sample `s`, a lane a pixel. Bit `q` of `back` says that the quad belongs to a back face.
     ///
     /// # Panics
-    /// If a quad with coverage lies outside a buffer.
+    /// If a quad with coverage lies outside the tile, or there are fewer `codes` than `samples`.
     pub fn test_batch(
         &self,
         samples: usize,
         quads: usize,
         back: u16,
         at: &[u32; QUADS],
-        pitch: Pitch,
         codes: &[Lanes],
-        depth: &mut [u32],
-        stencil: &mut [u8],
+        tile: &mut [u32],
         coverage: &mut [u16; QUADS],
     ) {
         if !self.is_idle() {
-            test_batch(self, samples, quads, back, at, pitch, codes, depth, stencil, coverage);
+            test_batch(self, samples, quads, back, at, codes, tile, coverage);
         }
     }
 
@@ -261,41 +292,22 @@ impl DepthStencilState {
         quads: usize,
         back: u16,
         at: &[u32; QUADS],
-        pitch: Pitch,
         codes: &[Lanes],
-        depth: &mut [u32],
-        stencil: &mut [u8],
+        tile: &mut [u32],
         coverage: &mut [u16; QUADS],
     ) {
+        let words = 4 * self.words * samples;
         for q in 0..quads.min(QUADS) {
             let covered = coverage[q];
+            if covered == 0 {
+                continue;
+            }
+            let run = &mut tile[at[q] as usize * words..][..words];
             let mut passed = 0;
             for s in 0..samples {
                 let mask = (covered >> (4 * s)) as u8 & 15;
-                if mask == 0 {
-                    continue;
-                }
-                let place = at[q] as usize + s * pitch.sample;
-                let code: [u32; 4] = std::array::from_fn(|p| codes[s].0[4 * q + p]);
-                let pass = if self.stencil.is_none() {
-                    let mut stored = load_quad(depth, place, pitch.row);
-                    let pass = self.depth_quad(mask, code, &mut stored);
-                    if self.depth_write {
-                        store_quad(depth, place, pitch.row, stored);
-                    }
-                    pass
-                } else {
-                    let has_depth = self.storage != Storage::None;
-                    let mut stored = if has_depth { load_quad(depth, place, pitch.row) } else { [0; 4] };
-                    let mut values = load_quad(stencil, place, pitch.row);
-                    let pass = self.test_quad(back >> q & 1 != 0, mask, code, &mut stored, &mut values);
-                    if has_depth {
-                        store_quad(depth, place, pitch.row, stored);
-                    }
-                    store_quad(stencil, place, pitch.row, values);
-                    pass
-                };
-                passed |= u16::from(pass) << (4 * s);
+                let stored = &mut run[4 * self.words * s..4 * self.words * (s + 1)];
+                passed |= u16::from(self.test_sample(back >> q & 1 != 0, mask, four(&codes[s].0, 4 * q), stored)) << (4 * s);
             }
             coverage[q] = passed;
         }
@@ -309,10 +321,8 @@ wide! {
         quads: usize,
         back: u16,
         at: &[u32; QUADS],
-        pitch: Pitch,
         codes: &[Lanes],
-        depth: &mut [u32],
-        stencil: &mut [u8],
+        tile: &mut [u32],
         coverage: &mut [u16; QUADS],
     ) = DepthStencilState::test_batch_body;
     fn codes(state: &DepthStencilState, depth: &Lanes, out: &mut Lanes) = DepthStencilState::codes_body;
