@@ -1,1 +1,281 @@
-//! Placeholder.
+//! Interpolation: depth, position and attributes for batches of up to 16 quads, each of its own primitive.
+//!
+//! The weights of a primitive's vertices come from its integer edge functions, evaluated exactly in f64 (|E| < 2^49), and are
+//! rounded to f32 once: with `k_i = E_i / w_i`, the weight of vertex i is `k_i / (k_0 + k_1 + k_2)`. An attribute is
+//! `a0 + (g1 d1 + g2 d2)`, `d_i = a_i - a0`, plus the same combination of what the differences lost to rounding. So a constant
+//! stays exactly itself, and where a weight is 1 the attribute is exactly that vertex's.
+//!
+//! Pixels of a quad that the primitive does not cover are extrapolated, for derivatives. There 1/w is kept from falling below
+//! a sixteenth of the least of the vertices', because behind the eye it has a pole.
+
+use crate::num::{LANES, Lanes, QUADS, SUBPIXEL};
+
+use super::setup::{SAMPLES_4, Triangle};
+
+/// Where a quad of a batch lies, and of which primitive it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Site {
+    /// Index of the primitive in the slice that goes with the batch.
+    pub triangle: u32,
+    /// Left column; even.
+    pub x: u16,
+    /// Upper row; even.
+    pub y: u16,
+}
+
+/// Where in each pixel to evaluate.
+#[derive(Clone, Copy, Debug)]
+pub enum Place<'a> {
+    /// The centre.
+    Center,
+    /// One of four samples.
+    Sample(usize),
+    /// For each lane 0 for the centre or `s + 1` for sample s of four, as [`centroids`] makes them.
+    PerLane(&'a [u8; LANES]),
+}
+
+/// Weights of vertices 1 and 2 of each lane's primitive; vertex 0 has the rest to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Weights {
+    /// Weight of vertex 1 (of the end, in a line).
+    pub one: Lanes,
+    /// Weight of vertex 2.
+    pub two: Lanes,
+}
+
+/// Offsets from the pixel's centre in 1/256 pixel, by a lane's code in [`Place::PerLane`]; unknown codes mean the centre.
+const OFFSETS: [[i32; 2]; 8] = [[0, 0], SAMPLES_4[0], SAMPLES_4[1], SAMPLES_4[2], SAMPLES_4[3], [0, 0], [0, 0], [0, 0]];
+
+/// Compiles a function of the batch for AVX2 as well, and picks the one that the host can run. Both give the same bits: no
+/// operation is fused or reordered.
+macro_rules! widest {
+    ($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $type:ty),* $(,)?) $body:block) => {
+        $(#[$doc])*
+        #[inline]
+        pub fn $name($($arg: $type),*) {
+            #[inline(always)]
+            fn body($($arg: $type),*) $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn wide($($arg: $type),*) {
+                    body($($arg),*)
+                }
+                if is_x86_feature_detected!("avx2") {
+                    // SAFETY: the host has AVX2, which is all that the callee asks for.
+                    return unsafe { wide($($arg),*) };
+                }
+            }
+            body($($arg),*)
+        }
+    };
+}
+
+/// Four lanes of a quad in double precision.
+type Quad = [f64; 4];
+
+#[inline(always)]
+fn each(f: impl Fn(usize) -> f64) -> Quad {
+    [f(0), f(1), f(2), f(3)]
+}
+
+/// The edge functions E_1 and E_2 at the four pixels of a quad.
+#[inline(always)]
+fn edges(t: &Triangle, site: &Site, q: usize, place: &Place<'_>) -> [Quad; 2] {
+    let base = t.base();
+    let x = (i32::from(site.x) - base[0]) * SUBPIXEL;
+    let y = (i32::from(site.y) - base[1]) * SUBPIXEL;
+    [1, 2].map(|i| {
+        let e = &t.edges[i];
+        let (a, b) = (f64::from(e.a), f64::from(e.b));
+        let (right, down) = (a * f64::from(SUBPIXEL), b * f64::from(SUBPIXEL));
+        let steps = [0.0, right, down, right + down];
+        match place {
+            Place::Center => {
+                let first = e.at(x, y) as f64;
+                each(|p| first + steps[p])
+            }
+            Place::Sample(s) => {
+                let [dx, dy] = OFFSETS[(s + 1) & 7];
+                let first = e.at(x + dx, y + dy) as f64;
+                each(|p| first + steps[p])
+            }
+            Place::PerLane(codes) => {
+                let first = e.at(x, y) as f64;
+                each(|p| {
+                    let [dx, dy] = OFFSETS[usize::from(codes[4 * q + p]) & 7];
+                    first + steps[p] + (a * f64::from(dx) + b * f64::from(dy))
+                })
+            }
+        }
+    })
+}
+
+/// Writes a quad's lanes.
+#[inline(always)]
+fn put(out: &mut Lanes, q: usize, v: Quad) {
+    let out = &mut out.f32_mut()[4 * q..4 * q + 4];
+    for p in 0..4 {
+        out[p] = v[p] as f32;
+    }
+}
+
+widest! {
+    /// Perspective-correct weights of each lane, and 1/w there (`position.w` of a fragment).
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
+        for (q, site) in sites.iter().take(QUADS).enumerate() {
+            let t = &triangles[site.triangle as usize];
+            let [e1, e2] = edges(t, site, q, &place);
+            let area = t.area() as f64;
+            let [k0, k1, k2] = t.inv_w.map(f64::from);
+            let least = k0.min(k1).min(k2) * area * (1.0 / 16.0);
+            let p1 = each(|p| e1[p] * k1);
+            let p2 = each(|p| e2[p] * k2);
+            let sum = each(|p| {
+                let sum = ((area - e1[p]) - e2[p]) * k0 + p1[p] + p2[p];
+                if sum > least { sum } else { least }
+            });
+            let inv = each(|p| 1.0 / sum[p]);
+            put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
+            put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
+            put(inv_w, q, each(|p| sum[p] * t.inv_area));
+        }
+    }
+}
+
+widest! {
+    /// Weights linear in the window (WGSL's `linear` interpolation).
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn linear(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights) {
+        for (q, site) in sites.iter().take(QUADS).enumerate() {
+            let t = &triangles[site.triangle as usize];
+            let [e1, e2] = edges(t, site, q, &place);
+            put(&mut weights.one, q, each(|p| e1[p] * t.inv_area));
+            put(&mut weights.two, q, each(|p| e2[p] * t.inv_area));
+        }
+    }
+}
+
+widest! {
+    /// Depth of each lane, by [`super::setup::DepthPlane::at`].
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
+        for (q, site) in sites.iter().take(QUADS).enumerate() {
+            let plane = triangles[site.triangle as usize].depth;
+            let out = &mut out.f32_mut()[4 * q..4 * q + 4];
+            let (x, y) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
+            for p in 0..4 {
+                let code = match place {
+                    Place::Center => 0,
+                    Place::Sample(s) => s + 1,
+                    Place::PerLane(codes) => usize::from(codes[4 * q + p]),
+                };
+                let [dx, dy] = OFFSETS[code & 7].map(|v| v as f32 * (1.0 / SUBPIXEL as f32));
+                out[p] = plane.at(x + (p & 1) as f32 + dx, y + (p >> 1) as f32 + dy);
+            }
+        }
+    }
+}
+
+widest! {
+    /// Window x and y of each lane in pixels.
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    pub fn window(sites: &[Site], place: Place<'_>, x: &mut Lanes, y: &mut Lanes) {
+        for (q, site) in sites.iter().take(QUADS).enumerate() {
+            for p in 0..4 {
+                let lane = 4 * q + p;
+                let code = match place {
+                    Place::Center => 0,
+                    Place::Sample(s) => s + 1,
+                    Place::PerLane(codes) => usize::from(codes[lane]),
+                };
+                let [dx, dy] = OFFSETS[code & 7].map(|v| v as f32 * (1.0 / SUBPIXEL as f32));
+                x.f32_mut()[lane] = f32::from(site.x) + (0.5 + (p & 1) as f32) + dx;
+                y.f32_mut()[lane] = f32::from(site.y) + (0.5 + (p >> 1) as f32) + dy;
+            }
+        }
+    }
+}
+
+/// Where each lane evaluates attributes of centroid sampling, for quads of the given coverage (bit `4 sample + p`, four
+/// samples): the centre where all samples or none are covered, else the first sample that is.
+pub fn centroids(coverage: &[u16], out: &mut [u8; LANES]) {
+    for (q, &mask) in coverage.iter().take(QUADS).enumerate() {
+        for p in 0..4 {
+            let samples = mask >> p & 0x1111;
+            out[4 * q + p] = match samples {
+                0 | 0x1111 => 0,
+                some => (some.trailing_zeros() / 4 + 1) as u8,
+            };
+        }
+    }
+}
+
+/// What an attribute of one triangle becomes before it is spread over lanes: its value at vertex 0, the differences to it, and
+/// what rounding took from the differences.
+#[inline(always)]
+fn coefficients([a, b, c]: [f32; 3]) -> [f32; 5] {
+    let (d1, d2) = (b - a, c - a);
+    [a, d1, d2, b - (a + d1), c - (a + d2)]
+}
+
+#[inline(always)]
+fn combine([a, d1, d2, r1, r2]: [f32; 5], g1: f32, g2: f32) -> f32 {
+    (a + (g1 * d1 + g2 * d2)) + (g1 * r1 + g2 * r2)
+}
+
+widest! {
+    /// One attribute component; `values[i][q]` is its value at vertex i of quad q's primitive.
+    pub fn attribute(weights: &Weights, values: &[[f32; QUADS]; 3], out: &mut Lanes) {
+        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
+        let mut k = [[0.0; QUADS]; 5];
+        for q in 0..QUADS {
+            let c = coefficients([values[0][q], values[1][q], values[2][q]]);
+            for i in 0..5 {
+                k[i][q] = c[i];
+            }
+        }
+        for q in 0..QUADS {
+            for p in 0..4 {
+                let lane = 4 * q + p;
+                out[lane] = combine([k[0][q], k[1][q], k[2][q], k[3][q], k[4][q]], one[lane], two[lane]);
+            }
+        }
+    }
+}
+
+widest! {
+    /// One attribute component of a batch whose quads are all of one primitive; same bits as [`attribute`].
+    pub fn attribute_uniform(weights: &Weights, values: [f32; 3], out: &mut Lanes) {
+        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
+        let k = coefficients(values);
+        for lane in 0..LANES {
+            out[lane] = combine(k, one[lane], two[lane]);
+        }
+    }
+}
+
+widest! {
+    /// A flat attribute component: the bits of quad q's provoking vertex in its four lanes.
+    pub fn flat(values: &[u32; QUADS], out: &mut Lanes) {
+        for q in 0..QUADS {
+            for p in 0..4 {
+                out.0[4 * q + p] = values[q];
+            }
+        }
+    }
+}

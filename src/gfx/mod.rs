@@ -13,6 +13,7 @@ pub mod tiling;
 pub mod assemble;
 pub mod clip;
 pub mod interpolate;
+pub mod reference;
 pub mod setup;
 pub mod traverse;
 pub mod vertex;

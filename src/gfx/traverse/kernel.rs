@@ -1,0 +1,170 @@
+//! Coverage of 8x8 grids by convex sets of half planes, 64 positions at once in 32-bit arithmetic.
+//!
+//! Exactness. An edge function at the positions of a grid of power-of-two pitch `P` (in 1/256 pixel) is
+//! `E0 + P (a i + b j)` with integers. Since `P k` is a multiple of P, `E0 + P k >= 0` exactly if `floor(E0 / P) + k >= 0`:
+//! the low bits of E0 never matter, and a shift removes them. What is left is `c + a i + b j` with 0 <= i, j < 8 and
+//! |a|, |b| < 2^24, so that `|a i + b j| <= 14 * 2^24 < 2^28`. Clamping c to +-2^30 therefore changes no sign (beyond the
+//! clamp the sum has the sign of c either way) and every sum stays inside +-(2^30 + 2^28), far from overflow. So 32 bits are
+//! exact at every extent up to the guard band, and there is no second, 64-bit path.
+
+use crate::num::SUBPIXEL_BITS;
+
+/// An edge function reduced to a grid: inside where `c + a i + b j >= 0`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reduced {
+    pub a: i32,
+    pub b: i32,
+    pub c: i32,
+}
+
+/// `floor(c / 2^shift)` clamped as the module's proof asks.
+#[inline(always)]
+pub(super) fn reduce(c: i64, shift: u32) -> i32 {
+    (c >> shift).clamp(-(1 << 30), 1 << 30) as i32
+}
+
+/// The shift for a grid of single pixels.
+pub(super) const PIXEL_SHIFT: u32 = SUBPIXEL_BITS;
+/// The shift for a grid of 8x8 blocks.
+pub(super) const BLOCK_SHIFT: u32 = SUBPIXEL_BITS + 3;
+
+/// Packs the top byte of each of eight lanes, lane 0 lowest.
+#[inline(always)]
+fn pack(outside: [u32; 8]) -> u64 {
+    u64::from_le_bytes(outside.map(|v| (v >> 24) as u8))
+}
+
+/// Positions inside all edges, in quad order: bit `4 q + p`, quads of 2x2 row by row (four a row), p as everywhere.
+#[inline(always)]
+pub(super) fn inside_quads<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    // A lane is a byte of the mask: two quads side by side, 4x2 pixels. Its eight bits are visited in order.
+    let mut value = [[0i32; 8]; N];
+    for n in 0..N {
+        let Reduced { a, b, c } = edges[n];
+        for lane in 0..8 {
+            value[n][lane] = c + a * (4 * (lane as i32 & 1)) + b * (2 * (lane as i32 >> 1));
+        }
+    }
+    let mut outside = [0u32; 8];
+    // Steps from each position of a byte to the next: right, left and down, right, right and up, and again.
+    for t in 0..8 {
+        for lane in 0..8 {
+            let mut sign = 0;
+            for n in 0..N {
+                sign |= value[n][lane];
+            }
+            outside[lane] = outside[lane] >> 1 | sign as u32 & 0x8000_0000;
+        }
+        for n in 0..N {
+            let Reduced { a, b, .. } = edges[n];
+            let step = match t & 3 {
+                1 => b - a,
+                3 => a - b,
+                _ => a,
+            };
+            for lane in 0..8 {
+                value[n][lane] += step;
+            }
+        }
+    }
+    !pack(outside)
+}
+
+/// Positions inside all edges, row by row: bit `8 j + i`.
+#[inline(always)]
+pub(super) fn inside_rows<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    let mut value = [[0i32; 8]; N];
+    for n in 0..N {
+        let Reduced { b, c, .. } = edges[n];
+        for lane in 0..8 {
+            value[n][lane] = c + b * lane as i32;
+        }
+    }
+    let mut outside = [0u32; 8];
+    for _ in 0..8 {
+        for lane in 0..8 {
+            let mut sign = 0;
+            for n in 0..N {
+                sign |= value[n][lane];
+            }
+            outside[lane] = outside[lane] >> 1 | sign as u32 & 0x8000_0000;
+        }
+        for n in 0..N {
+            for lane in 0..8 {
+                value[n][lane] += edges[n].a;
+            }
+        }
+    }
+    !pack(outside)
+}
+
+/// Pixels of a block, in quad order, in columns below `k`.
+pub(super) const COLUMNS_BELOW: [u64; 9] = prefix_masks(true);
+/// Pixels of a block, in quad order, in rows below `k`.
+pub(super) const ROWS_BELOW: [u64; 9] = prefix_masks(false);
+
+const fn prefix_masks(columns: bool) -> [u64; 9] {
+    let mut out = [0; 9];
+    let mut k = 0;
+    while k < 9 {
+        let mut bit = 0;
+        while bit < 64 {
+            let (quad, p) = (bit / 4, bit % 4);
+            let (x, y) = (quad % 4 * 2 + p % 2, quad / 4 * 2 + p / 2);
+            if (if columns { x } else { y }) < k {
+                out[k] |= 1 << bit;
+            }
+            bit += 1;
+        }
+        k += 1;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_are_the_signs_up_to_the_proven_bound() {
+        const M: i64 = (1 << 24) - 1;
+        let mut seed = 1u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 20) as i64
+        };
+        for case in 0..4000 {
+            let shift = [PIXEL_SHIFT, BLOCK_SHIFT][case % 2];
+            let bits = 1 + random() as u32 % 24;
+            let slope = |random: &mut dyn FnMut() -> i64| match random() % 6 {
+                0 => M,
+                1 => -M,
+                2 => 0,
+                _ => random() % (1 << bits) - (1 << (bits - 1)),
+            };
+            let wide: [[i64; 3]; 3] = std::array::from_fn(|_| {
+                let (a, b) = (slope(&mut random), slope(&mut random));
+                // Constants about the places where signs change in the grid, and the extremes.
+                let (i, j) = (random() % 9 - 1, random() % 9 - 1);
+                let c = match random() % 8 {
+                    0 => 1 << 50,
+                    1 => -(1 << 50),
+                    2 => (1 << 30 << shift) + random() % 3 - 1,
+                    3 => -(1 << 30 << shift) + random() % 3 - 1,
+                    _ => -((a * i + b * j) << shift) + random() % 5 - 2,
+                };
+                [a, b, c]
+            });
+            let edges = wide.map(|[a, b, c]| Reduced { a: a as i32, b: b as i32, c: reduce(c, shift) });
+            let inside = |i: i64, j: i64| wide.iter().all(|&[a, b, c]| c + ((a * i + b * j) << shift) >= 0);
+            let (quads, rows) = (inside_quads(&edges), inside_rows(&edges));
+            for j in 0..8 {
+                for i in 0..8 {
+                    let bit = 4 * (i / 2 + 4 * (j / 2)) + i % 2 + 2 * (j % 2);
+                    assert_eq!(quads >> bit & 1 == 1, inside(i, j), "{wide:?} {i} {j}");
+                    assert_eq!(rows >> (8 * j + i) & 1 == 1, inside(i, j), "{wide:?} {i} {j}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! What the rasterisation tests share: a seeded generator, plain state, and an image of hit counts.
+#![allow(dead_code)]
+
+use fillrate::gfx::setup::{Bounds, DepthBias, SetupState, Triangle};
+use fillrate::gfx::state::{CullMode, FrontFace};
+use fillrate::gfx::traverse;
+
+/// A seeded generator (PCG, 32 bits).
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Random {
+        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+    }
+
+    pub fn bits(&mut self) -> u32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((((old >> 18) ^ old) >> 27) as u32).rotate_right((old >> 59) as u32)
+    }
+
+    /// In `0..n`.
+    pub fn below(&mut self, n: i32) -> i32 {
+        ((u64::from(self.bits()) * n as u64) >> 32) as i32
+    }
+
+    /// In `[0, 1)`.
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 16_777_216.0
+    }
+
+    /// In `[low, high)`.
+    pub fn range(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.unit()
+    }
+}
+
+/// Setup state that draws everything in a rectangle of pixels.
+pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {
+    SetupState {
+        bounds: Bounds { x0: x0 as u16, y0: y0 as u16, x1: x1 as u16, y1: y1 as u16 },
+        depth_range: [0.0, 1.0],
+        bias: DepthBias::NONE,
+        front_face: FrontFace::Ccw,
+        cull: CullMode::None,
+        samples,
+    }
+}
+
+/// How often each sample of a rectangle of pixels was hit.
+pub struct Image {
+    window: [i32; 4],
+    hits: Vec<u32>,
+}
+
+impl Image {
+    pub fn new(window: [i32; 4]) -> Image {
+        let n = (window[2] - window[0]) * (window[3] - window[1]) * 4;
+        Image { window, hits: vec![0; n as usize] }
+    }
+
+    fn index(&self, x: i32, y: i32, sample: usize) -> usize {
+        let [x0, y0, x1, y1] = self.window;
+        assert!(x >= x0 && y >= y0 && x < x1 && y < y1, "pixel {x} {y} outside the scissor {:?}", self.window);
+        ((y - y0) * (x1 - x0) + x - x0) as usize * 4 + sample
+    }
+
+    pub fn hits(&self, x: i32, y: i32, sample: usize) -> u32 {
+        self.hits[self.index(x, y, sample)]
+    }
+
+    pub fn total(&self) -> u32 {
+        self.hits.iter().sum()
+    }
+
+    pub fn all(&self) -> &[u32] {
+        &self.hits
+    }
+
+    /// Draws a primitive tile by tile, as a renderer would, and checks the order and form of what traversal yields.
+    pub fn draw<const S: usize>(&mut self, primitive: &Triangle) {
+        let b = primitive.bounds;
+        assert!(!b.is_empty());
+        for ty in (b.y0 / 64..=(b.y1 - 1) / 64).map(|t| t * 64) {
+            for tx in (b.x0 / 64..=(b.x1 - 1) / 64).map(|t| t * 64) {
+                let mut last = None;
+                traverse::blocks::<S>(primitive, Bounds { x0: tx, y0: ty, x1: tx + 64, y1: ty + 64 }, |block| {
+                    assert!(block.x % 8 == 0 && block.y % 8 == 0 && block.pixels() != 0);
+                    assert_eq!(block.full, block.samples.iter().all(|&m| m == !0));
+                    assert!(last < Some((block.y, block.x)), "blocks out of order");
+                    last = Some((block.y, block.x));
+                    for quad in block.quads() {
+                        assert!(quad.mask != 0);
+                        for s in 0..S {
+                            for p in 0..4 {
+                                if quad.mask >> (4 * s + p) & 1 == 1 {
+                                    let (x, y) = (i32::from(quad.x) + (p as i32 & 1), i32::from(quad.y) + (p as i32 >> 1));
+                                    let i = self.index(x, y, s);
+                                    self.hits[i] += 1;
+                                }
+                            }
+                        }
+                    }
+                });
+            }
+        }
+    }
+}
