@@ -26,10 +26,13 @@
 mod archive;
 mod build;
 mod error;
+mod geometry;
+mod name;
 mod store;
 mod text;
 mod write;
 
+pub mod check;
 pub mod command;
 pub mod record;
 
@@ -37,7 +40,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 pub use build::Builder;
+pub use check::{Checker, Summary, check};
 pub use error::{Place, TraceError};
+pub use geometry::{LinearExtent, copy_block_bytes};
 pub use store::{Bytes, NAME_MAX};
 pub use write::{Packing, write, write_zip};
 

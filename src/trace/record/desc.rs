@@ -21,17 +21,6 @@ pub fn texture_multisampled(width: u32, height: u32, samples: u32, format: Forma
     TextureDesc { samples, ..texture_2d(width, height, format) }
 }
 
-/// Size of a level of a texture in texels: width, height, depth or layers.
-pub fn level_size(desc: &TextureDesc, level: u32) -> [u32; 3] {
-    let shrink = |extent: u32| extent.checked_shr(level).unwrap_or(0).max(1);
-    let [width, height, depth] = desc.size;
-    match desc.dimension {
-        TextureDimension::D1 => [shrink(width), 1, 1],
-        TextureDimension::D2 => [shrink(width), shrink(height), depth],
-        TextureDimension::D3 => [shrink(width), shrink(height), shrink(depth)],
-    }
-}
-
 /// A stage: the module's only entry point of that stage, no constants.
 pub fn stage(shader: ShaderId) -> Stage {
     Stage { shader, entry: None, constants: Vec::new(), zero_workgroup_memory: true }

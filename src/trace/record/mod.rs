@@ -150,7 +150,7 @@ impl Recorder {
     /// # Panics
     /// If the texture was not created by this recorder.
     pub fn write_level(&mut self, texture: TextureId, level: u32, label: &str, bytes: &[u8]) {
-        let size = level_size(&self.textures[texture.index()], level);
+        let size = self.textures[texture.index()].level_size(level);
         let to = TextureEnd { texture, level, origin: [0; 3], aspect: Aspect::All };
         self.write_texture(to, LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None }, size, label, bytes);
     }
