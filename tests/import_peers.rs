@@ -61,5 +61,9 @@ fn every_visible_trace_imports() {
                 _ => {}
             }
         }
+        // Written as a native trace it says the same.
+        let home = tempfile::tempdir().unwrap();
+        fillrate::trace::write(&trace, home.path()).unwrap_or_else(|error| panic!("{error}"));
+        assert!(self::commands(&import::open(home.path()).unwrap()) == commands, "{}", folder.display());
     }
 }

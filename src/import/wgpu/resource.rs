@@ -157,6 +157,7 @@ impl Translator {
             let resource = self.bound(entry.resource).map_err(|reason| format!("binding {binding}: {reason}"))?;
             entries.push(BindGroupEntry { binding, resource });
         }
+        entries.sort_by_key(|entry| entry.binding);
         let group = self.objects.new_bind_group();
         let old = self.objects.bind_groups.set(id, group);
         self.gone(old.map(Object::BindGroup));

@@ -1,0 +1,1 @@
+@vertex fn vs() -> @builtin(position) vec4f { return vec4f(0.0); }
