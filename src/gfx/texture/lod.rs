@@ -1,0 +1,136 @@
+//! Level of detail and anisotropy, from derivatives (Vulkan, "Level-of-Detail Operation" and "Scale Factor Operation").
+
+use super::cube::project;
+use super::{Lod, Sample, Sampler, View};
+use crate::gfx::math::log2;
+use crate::gfx::state::ViewDimension;
+use crate::num::{LANES, QUADS};
+
+/// Range of a shader's level-of-detail bias (WGSL).
+const BIAS: (f32, f32) = (-16.0, 15.99);
+
+/// What a sample reads, lane by lane.
+pub(super) struct Selection {
+    /// Level of detail, clamped by the sampler; not yet by the view.
+    pub lambda: [f32; LANES],
+    /// Probes along the major axis: 1 without anisotropy.
+    pub probes: [u8; LANES],
+    /// The footprint's major axis in coordinates of the texture; zero with one probe.
+    pub major: [[f32; LANES]; 2],
+}
+
+/// How much of a footprint one pixel covers.
+#[derive(Clone, Copy)]
+struct Footprint {
+    lambda: f32,
+    probes: u8,
+    major: [f32; 2],
+}
+
+impl Selection {
+    pub(super) fn new(view: &View, sampler: &Sampler, args: &Sample<'_>) -> Selection {
+        let mut out = Selection { lambda: [0.0; LANES], probes: [1; LANES], major: [[0.0; LANES]; 2] };
+        match args.lod {
+            Lod::Zero => out.lambda = [0.0; LANES],
+            Lod::Level(level) => out.lambda = *level.f32(),
+            Lod::Auto | Lod::Bias(_) => {
+                for q in 0..QUADS {
+                    let lane = |p: usize| args.coords.map(|c| c.f32()[4 * q + p]);
+                    let (a, b, c) = (lane(0), lane(1), lane(2));
+                    let (dx, dy) = (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
+                    let footprint = measure(view, sampler, a, dx, dy);
+                    for p in 0..4 {
+                        out.set(4 * q + p, footprint);
+                    }
+                }
+                if let Lod::Bias(bias) = args.lod {
+                    for (lambda, bias) in out.lambda.iter_mut().zip(bias.f32()) {
+                        *lambda += bias.clamp(BIAS.0, BIAS.1);
+                    }
+                }
+            }
+            Lod::Gradient { dx, dy } => {
+                for i in 0..LANES {
+                    let at = args.coords.map(|c| c.f32()[i]);
+                    out.set(i, measure(view, sampler, at, dx.map(|d| d.f32()[i]), dy.map(|d| d.f32()[i])));
+                }
+            }
+        }
+        clamp(&mut out.lambda, sampler);
+        out
+    }
+
+    fn set(&mut self, lane: usize, footprint: Footprint) {
+        self.lambda[lane] = footprint.lambda;
+        self.probes[lane] = footprint.probes;
+        self.major[0][lane] = footprint.major[0];
+        self.major[1][lane] = footprint.major[1];
+    }
+}
+
+/// Clamps levels of detail to the sampler's range; NaN becomes the lower bound.
+#[inline(always)]
+pub(super) fn clamp(lambda: &mut [f32; LANES], sampler: &Sampler) {
+    for l in lambda {
+        let x = if *l > sampler.lod_min { *l } else { sampler.lod_min };
+        *l = if x < sampler.lod_max { x } else { sampler.lod_max };
+    }
+}
+
+/// Measures the footprint of a pixel from the derivatives of its coordinates.
+fn measure(view: &View, sampler: &Sampler, at: [f32; 3], dx: [f32; 3], dy: [f32; 3]) -> Footprint {
+    let [w, h, d] = view.levels[0].size.map(|n| n as f32);
+    // Derivatives in coordinates of the texture, in two dimensions but for volumes.
+    let (gx, gy) = if view.is_cube() {
+        let on = project(at);
+        let flat = |g: [f32; 2]| [g[0], g[1], 0.0];
+        (flat(on.derivative(dx)), flat(on.derivative(dy)))
+    } else {
+        let keep = |g: [f32; 3]| match view.dimension {
+            ViewDimension::D1 => [g[0], 0.0, 0.0],
+            ViewDimension::D3 => g,
+            _ => [g[0], g[1], 0.0],
+        };
+        (keep(dx), keep(dy))
+    };
+    let squared = |g: [f32; 3]| (g[0] * w) * (g[0] * w) + (g[1] * h) * (g[1] * h) + (g[2] * d) * (g[2] * d);
+    let (x, y) = (squared(gx), squared(gy));
+    let (most, least, major) = if x > y { (x, y, gx) } else { (y, x, gy) };
+    if sampler.anisotropy <= 1.0 || view.dimension == ViewDimension::D3 || !most.is_finite() || most <= 0.0 {
+        return Footprint { lambda: 0.5 * log2(most), probes: 1, major: [0.0; 2] };
+    }
+    // The ratio of the axes, at most the sampler's; an infinite one where the minor axis vanishes.
+    let ratio = (most / least).sqrt();
+    let eta = if ratio < sampler.anisotropy { ratio } else { sampler.anisotropy };
+    let probes = eta.ceil() as u8;
+    let major = if probes > 1 { [major[0], major[1]] } else { [0.0; 2] };
+    Footprint { lambda: 0.5 * log2(most / (eta * eta)), probes, major }
+}
+
+/// The levels that a level of detail reads, and the weight of the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Levels {
+    pub first: usize,
+    pub second: usize,
+    pub weight: f32,
+    /// Whether texels of a level are filtered.
+    pub linear: bool,
+}
+
+impl Levels {
+    /// Chooses levels for a clamped level of detail.
+    #[inline(always)]
+    pub(super) fn new(lambda: f32, count: usize, sampler: &Sampler) -> Levels {
+        let linear = if lambda > 0.0 { sampler.min_linear } else { sampler.mag_linear };
+        let last = (count - 1) as f32;
+        let d = if lambda > 0.0 { lambda } else { 0.0 };
+        let d = if d < last { d } else { last };
+        if sampler.mip_linear {
+            let first = d as usize;
+            Levels { first, second: (first + 1).min(count - 1), weight: d - first as f32, linear }
+        } else {
+            let first = ((d + 0.5) as usize).min(count - 1);
+            Levels { first, second: first, weight: 0.0, linear }
+        }
+    }
+}
