@@ -1,7 +1,7 @@
 //! One bounded queue: its shape, its state, its arithmetic.
 
 use super::wires::UnitId;
-use crate::num::Cycle;
+use crate::num::{Cycle, NEVER};
 
 /// The shape of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,71 +50,117 @@ crate::counters! {
     }
 }
 
-/// A place of the ring: when its item can be popped, and the item.
+/// A place of a ring.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
 pub(super) struct Slot {
+    /// The cycle from which its item can be popped.
     pub ready: Cycle,
+    /// The cycle from which it can be filled again once its item is popped.
+    pub free: Cycle,
+    /// The item.
     pub data: [u64; 2],
 }
 
-/// The state of a channel. Its ring lies in the slab of [`Wires`](super::Wires).
+/// The hot state of a channel, one cache line. Its ring lies in the slab of [`Wires`](super::Wires).
+///
+/// The two questions that units ask most are answered by one comparison each: an item can be popped from `poppable` on and
+/// pushed from `pushable` on. Both are kept up to date by whoever pushes or pops; [`NEVER`] means that it takes the other end.
 #[derive(Clone, Debug)]
+#[repr(C, align(64))]
 pub(super) struct Channel {
-    /// Items popped since the start.
-    pub head: u64,
+    /// The cycle from which the item at the head can be popped; [`NEVER`] when the channel is empty.
+    pub poppable: Cycle,
+    /// The cycle from which the next item can be pushed; [`NEVER`] when the channel is full.
+    pub pushable: Cycle,
     /// Items pushed since the start.
-    pub tail: u64,
-    /// The cycle of the last pop, and the number of pops in it: those slots cannot be filled before the next cycle.
-    freed_at: Cycle,
-    freed: u32,
-    /// What the link carried in `link_cycle`, the last cycle in which it carried anything (possibly still to come).
-    link_used: u32,
-    link_cycle: Cycle,
-    base: u32,
-    mask: u32,
+    pushed: u64,
+    /// Cycles that items spent beyond the latency, summed; wrapping.
+    waited: u64,
+    /// The place in the slab of the item at the head.
+    head: u32,
+    /// The place in the slab of the next item to come.
+    tail: u32,
+    /// Items inside.
+    len: u32,
     pub capacity: u32,
-    latency: u32,
-    width: u32,
+    /// Places of the ring less one; the ring starts at a multiple of its places.
+    mask: u32,
+    latency: u16,
+    /// Items a cycle, at most the capacity; for a channel that counts bytes, the capacity.
+    width: u16,
     pub producer: UnitId,
     pub consumer: UnitId,
-    /// The consumer found the channel empty.
-    pub starving: bool,
-    /// The producer found the channel full.
-    pub blocking: bool,
-    by_bytes: bool,
+    /// The producer found room, but not for as many as it wants.
+    pub pressed: bool,
+    /// The width counts bytes: the [`Carrier`] says when the link is free.
+    pub by_bytes: bool,
+}
+
+/// What a push or pop touches only in some channels, or at some times.
+#[derive(Clone, Debug)]
+pub(super) struct Carrier {
     /// Bytes of an item pushed without a size.
     pub item_bytes: u32,
-    full_since: Cycle,
-    full_cycles: u64,
-    /// Sum of pop cycles less sum of push cycles, wrapping: with the items still inside it is the integral of occupancy.
-    residence: u64,
-    bytes: u64,
+    /// Bytes pushed less `item_bytes` an item, wrapping.
+    pub extra_bytes: u64,
+    /// Bytes a cycle.
+    width: u32,
+    /// What the link carries in `cycle`, the last one in which it carries anything, possibly still to come.
+    used: u32,
+    cycle: Cycle,
+    /// The cycle of the push that filled the channel last.
+    pub full_since: Cycle,
+    /// Cycles at whose start the channel was full, up to the last pop from a full channel.
+    pub full_cycles: u64,
+}
+
+impl Carrier {
+    pub fn new(link: Link, item_bytes: u32) -> Carrier {
+        Carrier { item_bytes, extra_bytes: 0, width: link.width, used: 0, cycle: 0, full_since: 0, full_cycles: 0 }
+    }
+
+    /// The first cycle from `now` on in which the link can carry something.
+    #[inline(always)]
+    pub fn free(&self, now: Cycle) -> Cycle {
+        if self.cycle < now { now } else { self.cycle + Cycle::from(self.used >= self.width) }
+    }
+
+    /// Books `bytes` on the link, which is free, and returns the cycle of the last of them.
+    #[inline(always)]
+    pub fn carry(&mut self, now: Cycle, bytes: u32) -> Cycle {
+        if self.cycle < now {
+            self.cycle = now;
+            self.used = 0;
+        }
+        self.used += bytes;
+        while self.used > self.width {
+            self.used -= self.width;
+            self.cycle += 1;
+        }
+        self.cycle
+    }
 }
 
 impl Channel {
-    pub fn new(link: Link, base: u32, item_bytes: u32, producer: UnitId, consumer: UnitId) -> Channel {
+    pub fn new(link: Link, base: u32, producer: UnitId, consumer: UnitId) -> Channel {
+        let narrow = |value: u32| u16::try_from(value).unwrap_or(u16::MAX);
         Channel {
-            head: 0,
-            tail: 0,
-            freed_at: 0,
-            freed: 0,
-            link_used: 0,
-            link_cycle: 0,
-            base,
-            mask: link.capacity.next_power_of_two() - 1,
+            poppable: NEVER,
+            pushable: 0,
+            pushed: 0,
+            waited: 0,
+            head: base,
+            tail: base,
+            len: 0,
             capacity: link.capacity,
-            latency: link.latency,
-            width: link.width,
+            mask: Channel::places(link.capacity) - 1,
+            latency: narrow(link.latency),
+            width: narrow(if link.by_bytes { link.capacity } else { link.width.min(link.capacity) }),
             producer,
             consumer,
-            starving: false,
-            blocking: false,
+            pressed: false,
             by_bytes: link.by_bytes,
-            item_bytes,
-            full_since: 0,
-            full_cycles: 0,
-            residence: 0,
-            bytes: 0,
         }
     }
 
@@ -123,86 +169,95 @@ impl Channel {
         capacity.next_power_of_two()
     }
 
+    /// Items inside.
     #[inline(always)]
-    pub fn len(&self) -> u64 {
-        self.tail - self.head
+    pub fn len(&self) -> u32 {
+        self.len
     }
 
-    /// The index in the slab of the item with that running number.
+    /// The place of the item at the head.
     #[inline(always)]
-    pub fn place(&self, number: u64) -> usize {
-        (self.base + (number as u32 & self.mask)) as usize
+    pub fn head(&self) -> usize {
+        self.head as usize
     }
 
-    /// Slots that the producer may fill in cycle `now`; those freed in `now` are not among them.
+    /// The place `steps` after (or before, as a two's complement) another in the ring.
     #[inline(always)]
-    pub fn room(&self, now: Cycle) -> u32 {
-        let freed = if self.freed_at == now { self.freed } else { 0 };
-        self.capacity - self.len() as u32 - freed
+    fn step(&self, place: u32, steps: u32) -> u32 {
+        (place & !self.mask) | (place.wrapping_add(steps) & self.mask)
     }
 
-    /// Whether a slot was freed in `now`, so that there will be room in the next cycle.
+    /// The cycle from which there are places for `items` more, as far as that is known: [`NEVER`] if not even with those freed in
+    /// this cycle.
     #[inline(always)]
-    pub fn frees(&self, now: Cycle) -> bool {
-        self.freed_at == now && self.freed > 0
-    }
-
-    /// The first cycle from `now` on in which the link can carry something.
-    #[inline(always)]
-    pub fn link_free(&self, now: Cycle) -> Cycle {
-        if self.link_cycle < now { now } else { self.link_cycle + Cycle::from(self.link_used >= self.width) }
-    }
-
-    /// Books an item of `bytes` on the link, which is free, and in the ring, which has room. Returns the place and the cycle from
-    /// which the item can be popped.
-    #[inline(always)]
-    pub fn push(&mut self, now: Cycle, bytes: u32) -> (usize, Cycle) {
-        if self.link_cycle < now {
-            self.link_cycle = now;
-            self.link_used = 0;
+    pub fn room_at(&self, items: u32, slots: &[Slot]) -> Cycle {
+        if self.len + items > self.capacity {
+            return NEVER;
         }
-        if self.by_bytes {
-            self.link_used += bytes;
-            while self.link_used > self.width {
-                self.link_used -= self.width;
-                self.link_cycle += 1;
-            }
+        // The last of them takes the place of the item that came `capacity` before it, once that has left in an earlier cycle.
+        slots[self.step(self.tail, (items - 1).wrapping_sub(self.capacity)) as usize].free
+    }
+
+    /// Puts an item at the tail, its last part entering in cycle `entered`; returns whether the channel is now full.
+    #[inline(always)]
+    pub fn push(&mut self, now: Cycle, entered: Cycle, data: [u64; 2], slots: &mut [Slot]) -> bool {
+        let ready = entered + Cycle::from(self.latency);
+        let slot = &mut slots[self.tail as usize];
+        slot.ready = ready;
+        slot.data = data;
+        self.tail = self.step(self.tail, 1);
+        self.pushed += 1;
+        if self.len == 0 {
+            self.poppable = ready;
+        }
+        self.len += 1;
+        let full = self.len == self.capacity;
+        self.pushable = if full {
+            NEVER
+        } else if self.width == 1 {
+            // Whatever place is next, it is free by then.
+            now + 1
+        } else if slots[self.step(self.tail, 0u32.wrapping_sub(u32::from(self.width))) as usize].ready
+            == now + Cycle::from(self.latency)
+        {
+            // The item before by the width came in this cycle: the width is spent.
+            now + 1
         } else {
-            self.link_used += 1;
-        }
-        self.bytes += u64::from(bytes);
-        self.residence = self.residence.wrapping_sub(now);
-        let place = self.place(self.tail);
-        self.tail += 1;
-        if self.len() == u64::from(self.capacity) {
-            self.full_since = now;
-        }
-        (place, self.link_cycle + Cycle::from(self.latency))
+            self.room_at(1, slots)
+        };
+        full
     }
 
-    /// Takes out the item at the head, which is there.
+    /// Counts cycles that an item spends in entering; the latency comes after.
     #[inline(always)]
-    pub fn pop(&mut self, now: Cycle) {
-        if self.freed_at != now {
-            self.freed_at = now;
-            self.freed = 0;
-        }
-        self.freed += 1;
-        if self.len() == u64::from(self.capacity) {
-            self.full_cycles += now - self.full_since;
-        }
-        self.head += 1;
-        self.residence = self.residence.wrapping_add(now);
+    pub fn enter(&mut self, cycles: Cycle) {
+        self.waited = self.waited.wrapping_add(cycles);
     }
 
-    /// The counts over the cycles before `now`.
-    pub fn counts(&self, now: Cycle) -> ChannelCounts {
-        let full = if self.len() == u64::from(self.capacity) { now.saturating_sub(self.full_since + 1) } else { 0 };
+    /// Takes out the item at the head, which can be popped; returns whether the channel was full.
+    #[inline(always)]
+    pub fn pop(&mut self, now: Cycle, slots: &mut [Slot]) -> bool {
+        self.waited = self.waited.wrapping_add(now - self.poppable);
+        slots[self.head as usize].free = now + 1;
+        self.head = self.step(self.head, 1);
+        self.len -= 1;
+        self.poppable = if self.len == 0 { NEVER } else { slots[self.head as usize].ready };
+        self.pushable == NEVER
+    }
+
+    /// The counts over the cycles before `now`, with the whole slab to find the items inside.
+    pub fn counts(&self, carrier: &Carrier, slots: &[Slot], now: Cycle) -> ChannelCounts {
+        let full = if self.pushable == NEVER { now.saturating_sub(carrier.full_since + 1) } else { 0 };
+        let mut occupancy = self.waited.wrapping_add((self.pushed - u64::from(self.len)) * u64::from(self.latency));
+        for number in 0..self.len {
+            let entered = slots[self.step(self.head, number) as usize].ready - u64::from(self.latency);
+            occupancy = occupancy.wrapping_add(now.wrapping_sub(entered));
+        }
         ChannelCounts {
-            items: self.tail,
-            bytes: self.bytes,
-            full_cycles: self.full_cycles + full,
-            occupancy: self.residence.wrapping_add(self.len().wrapping_mul(now)),
+            items: self.pushed,
+            bytes: (self.pushed * u64::from(carrier.item_bytes)).wrapping_add(carrier.extra_bytes),
+            full_cycles: carrier.full_cycles + full,
+            occupancy,
         }
     }
 }

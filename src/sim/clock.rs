@@ -42,7 +42,6 @@ pub fn run<K: Circuit>(
     // An earlier run may have ended long after the last move: patience counts from here.
     let start = machine.wires().now();
     while !done(machine, context) {
-        machine.wires_mut().begin_cycle();
         let next = match clock {
             Clock::EveryCycle => {
                 machine.cycle::<true>(context);
@@ -50,12 +49,7 @@ pub fn run<K: Circuit>(
             }
             Clock::SkipIdle => {
                 machine.cycle::<false>(context);
-                // Done is asked one cycle after the last move, not when the next unit wakes.
-                if machine.wires().last_move() == machine.wires().now() {
-                    machine.wires().now() + 1
-                } else {
-                    machine.wires().next_event()
-                }
+                machine.wires().next_event()
             }
         };
         let since = machine.wires().last_move().max(start);

@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use super::channel::{Channel, ChannelCounts, Link, Slot};
+use super::channel::{Carrier, Channel, ChannelCounts, Link, Slot};
 use super::unit::Tick;
 use crate::num::{Cycle, NEVER};
 use crate::stats::{Account, Cycles, Group, Tree};
@@ -56,6 +56,7 @@ impl std::fmt::Display for Label {
 pub struct Wiring {
     units: Vec<Label>,
     channels: Vec<Channel>,
+    carriers: Vec<Carrier>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
     places: u32,
@@ -83,7 +84,7 @@ impl Wiring {
     /// with a size.
     ///
     /// # Panics
-    /// If the link is not one: capacity, width and latency are at least 1, which a checked configuration guarantees.
+    /// If the link is not one: capacity, width and latency are at least 1, the latency below 65,536, which a checked configuration guarantees.
     pub fn channel<T: Token>(
         &mut self,
         name: &'static str,
@@ -92,9 +93,12 @@ impl Wiring {
         from: UnitId,
         to: UnitId,
     ) -> (Out<T>, In<T>) {
-        assert!(link.capacity >= 1 && link.width >= 1 && link.latency >= 1, "{name}[{index}] is no channel: {link:?}");
+        let sound = link.capacity >= 1 && link.width >= 1 && (1..=0xffff).contains(&link.latency);
+        assert!(sound, "{name}[{index}] is no channel: {link:?}");
         let number = self.channels.len() as u32;
-        self.channels.push(Channel::new(link, self.places, size_of::<T>() as u32, from, to));
+        self.places = self.places.next_multiple_of(Channel::places(link.capacity));
+        self.channels.push(Channel::new(link, self.places, from, to));
+        self.carriers.push(Carrier::new(link, size_of::<T>() as u32));
         self.labels.push(Label { name, index });
         self.show.push(|data| format!("{:?}", unpack::<T>(data)));
         self.places += Channel::places(link.capacity);
@@ -106,11 +110,11 @@ impl Wiring {
         Wires {
             now: 0,
             next: NEVER,
-            soonest: 0,
             last_move: 0,
             wake: vec![0; self.units.len()],
             accounts: vec![Account::new(0); self.units.len()],
             channels: self.channels,
+            carriers: self.carriers,
             slots: vec![Slot::default(); self.places as usize],
             units: self.units,
             labels: self.labels,
@@ -129,12 +133,11 @@ pub struct Wires {
     now: Cycle,
     /// The earliest cycle at which the ticking unit could move, as far as it has asked.
     next: Cycle,
-    /// The earliest wake time set in this cycle.
-    soonest: Cycle,
     /// The last cycle in which a unit moved something.
     last_move: Cycle,
     wake: Vec<Cycle>,
     channels: Vec<Channel>,
+    carriers: Vec<Carrier>,
     slots: Vec<Slot>,
     accounts: Vec<Account>,
     units: Vec<Label>,
@@ -158,17 +161,12 @@ impl Wires {
     /// The item at the head, if one can be popped in this cycle.
     #[inline(always)]
     pub fn front<T: Token>(&mut self, port: &In<T>) -> Option<T> {
-        let channel = &mut self.channels[port.0 as usize];
-        if channel.head == channel.tail {
-            channel.starving = true;
+        let channel = &self.channels[port.0 as usize];
+        if channel.poppable > self.now {
+            self.next = self.next.min(channel.poppable);
             return None;
         }
-        let slot = &self.slots[channel.place(channel.head)];
-        if slot.ready > self.now {
-            self.next = self.next.min(slot.ready);
-            return None;
-        }
-        Some(unpack(&slot.data))
+        Some(unpack(&self.slots[channel.head()].data))
     }
 
     /// Whether an item can be popped in this cycle.
@@ -181,46 +179,57 @@ impl Wires {
     #[inline(always)]
     pub fn pop<T: Token>(&mut self, port: &In<T>) -> Option<T> {
         let item = self.front(port)?;
-        let channel = &mut self.channels[port.0 as usize];
-        channel.pop(self.now);
-        if channel.blocking {
-            channel.blocking = false;
-            let producer = channel.producer;
-            self.wake_at(producer, self.now + 1);
-        }
+        self.take(port);
         Some(item)
     }
 
-    /// Whether an item can be pushed in this cycle: there is a slot, and the link is free.
+    /// Takes the item at the head that [`Wires::front`] has shown in this cycle.
+    ///
+    /// # Panics
+    /// If there is none that can be popped: the unit is wrong.
     #[inline(always)]
-    pub fn can_push<T: Token>(&mut self, port: &Out<T>) -> bool {
+    pub fn take<T: Token>(&mut self, port: &In<T>) {
+        let now = self.now;
         let channel = &mut self.channels[port.0 as usize];
-        if channel.room(self.now) == 0 {
-            channel.blocking = true;
-            if channel.frees(self.now) {
-                self.next = self.next.min(self.now + 1);
+        if channel.poppable > now {
+            self.misuse(port.0, "taken from without looking, and nothing can be popped");
+        }
+        let was_full = channel.pop(now, &mut self.slots);
+        if was_full || channel.pressed {
+            channel.pressed = false;
+            let producer = channel.producer;
+            if was_full {
+                channel.pushable = now + 1;
+                let carrier = &mut self.carriers[port.0 as usize];
+                carrier.full_cycles += now - carrier.full_since;
+                if channel.by_bytes {
+                    channel.pushable = carrier.free(now + 1);
+                }
             }
-            return false;
+            self.wake_at(producer, now + 1);
         }
-        let free = channel.link_free(self.now);
-        if free > self.now {
-            self.next = self.next.min(free);
-        }
-        free <= self.now
     }
 
-    /// Whether `items` can be pushed in this cycle, the width allowing: the slots are there.
+    /// Whether an item can be pushed in this cycle: there is a slot, and the width is not spent.
+    #[inline(always)]
+    pub fn can_push<T: Token>(&mut self, port: &Out<T>) -> bool {
+        let pushable = self.channels[port.0 as usize].pushable;
+        if pushable > self.now {
+            self.next = self.next.min(pushable);
+        }
+        pushable <= self.now
+    }
+
+    /// Whether there are slots for `items` in this cycle; the width may still spread them over several.
     #[inline(always)]
     pub fn has_room<T: Token>(&mut self, port: &Out<T>, items: u32) -> bool {
         let channel = &mut self.channels[port.0 as usize];
-        let enough = channel.room(self.now) >= items;
-        if !enough {
-            channel.blocking = true;
-            if channel.frees(self.now) {
-                self.next = self.next.min(self.now + 1);
-            }
+        let free = channel.room_at(items, &self.slots);
+        if free > self.now {
+            self.next = self.next.min(free);
+            channel.pressed = true;
         }
-        enough
+        free <= self.now
     }
 
     /// Pushes an item; the caller has made sure by [`Wires::can_push`] that it can be pushed in this cycle.
@@ -229,25 +238,46 @@ impl Wires {
     /// If it cannot: the unit is wrong.
     #[inline(always)]
     pub fn push<T: Token>(&mut self, port: &Out<T>, item: T) {
-        let bytes = self.channels[port.0 as usize].item_bytes;
-        self.push_sized(port, item, bytes);
+        self.put(port.0 as usize, None, pack(item));
     }
 
-    /// [`Wires::push`] of an item that stands for `bytes` bytes on the link.
+    /// [`Wires::push`] of an item that stands for `bytes` bytes.
     ///
     /// # Panics
     /// As [`Wires::push`].
     #[inline(always)]
     pub fn push_sized<T: Token>(&mut self, port: &Out<T>, item: T, bytes: u32) {
-        let channel = &mut self.channels[port.0 as usize];
-        if channel.room(self.now) == 0 || channel.link_free(self.now) > self.now {
-            self.overrun(port.0);
+        let carrier = &mut self.carriers[port.0 as usize];
+        carrier.extra_bytes = carrier.extra_bytes.wrapping_add(u64::from(bytes)).wrapping_sub(u64::from(carrier.item_bytes));
+        self.put(port.0 as usize, Some(bytes), pack(item));
+    }
+
+    #[inline(always)]
+    fn put(&mut self, number: usize, bytes: Option<u32>, data: [u64; 2]) {
+        let now = self.now;
+        let channel = &mut self.channels[number];
+        if channel.pushable > now {
+            self.misuse(number as u32, "pushed into without asking, and it takes nothing now");
         }
-        let (place, ready) = channel.push(self.now, bytes);
-        self.slots[place] = Slot { ready, data: pack(item) };
-        if channel.starving {
-            channel.starving = false;
-            let consumer = channel.consumer;
+        let mut entered = now;
+        let was_empty = channel.len() == 0;
+        let full;
+        if channel.by_bytes {
+            let carrier = &mut self.carriers[number];
+            entered = carrier.carry(now, bytes.unwrap_or(carrier.item_bytes));
+            channel.enter(entered - now);
+            full = channel.push(now, entered, data, &mut self.slots);
+            if !full {
+                channel.pushable = channel.pushable.max(carrier.free(now));
+            }
+        } else {
+            full = channel.push(now, entered, data, &mut self.slots);
+        }
+        if full {
+            self.carriers[number].full_since = now;
+        }
+        if was_empty {
+            let (consumer, ready) = (channel.consumer, channel.poppable);
             self.wake_at(consumer, ready);
         }
     }
@@ -264,16 +294,14 @@ impl Wires {
 
     #[cold]
     #[inline(never)]
-    fn overrun(&self, channel: u32) -> ! {
-        let label = &self.labels[channel as usize];
-        panic!("cycle {}: push into {label} without asking, and it has no room or its link is taken", self.now);
+    fn misuse(&self, channel: u32, what: &str) -> ! {
+        panic!("cycle {}: {} is {what}", self.now, self.labels[channel as usize]);
     }
 
     #[inline(always)]
     fn wake_at(&mut self, unit: UnitId, cycle: Cycle) {
         let wake = &mut self.wake[unit.0 as usize];
         *wake = (*wake).min(cycle);
-        self.soonest = self.soonest.min(cycle);
     }
 
     /// Whether the unit wakes in this cycle or before.
@@ -297,19 +325,14 @@ impl Wires {
             self.next.max(now + 1)
         };
         self.wake[unit] = wake;
-        self.soonest = self.soonest.min(wake);
         self.accounts[unit].note(now, tick.why());
     }
 
-    #[inline(always)]
-    pub(super) fn begin_cycle(&mut self) {
-        self.soonest = NEVER;
-    }
-
-    /// The next cycle at which any unit could move, [`NEVER`] if none.
+    /// The next cycle at which any unit could move, [`NEVER`] if none. After a move that is the next cycle: the unit that moved
+    /// ticks again, and who asks whether the run is done wants to ask then.
     #[inline(always)]
     pub(super) fn next_event(&self) -> Cycle {
-        if self.soonest <= self.now + 1 { self.now + 1 } else { self.wake.iter().copied().fold(NEVER, Cycle::min) }
+        if self.last_move == self.now { self.now + 1 } else { self.wake.iter().copied().fold(NEVER, Cycle::min) }
     }
 
     #[inline(always)]
@@ -337,14 +360,14 @@ impl Wires {
 
     /// Items in all channels.
     pub fn resident(&self) -> u64 {
-        self.channels.iter().map(Channel::len).sum()
+        self.channels.iter().map(|channel| u64::from(channel.len())).sum()
     }
 
     /// A line for each channel that holds something: fill, when its head can be popped, and the head.
     pub(super) fn contents(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for (number, channel) in self.channels.iter().enumerate().filter(|(_, channel)| channel.len() > 0) {
-            let slot = &self.slots[channel.place(channel.head)];
+            let slot = &self.slots[channel.head()];
             lines.push(format!(
                 "{} ({} to {}): {} of {}, head {} from cycle {}",
                 self.labels[number],
@@ -359,6 +382,11 @@ impl Wires {
         lines
     }
 
+    fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
+        let each = self.channels.iter().zip(&self.carriers);
+        each.map(|(channel, carrier)| channel.counts(carrier, &self.slots, self.now))
+    }
+
     /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.
     pub fn settle(&mut self) {
         for account in &mut self.accounts {
@@ -370,7 +398,7 @@ impl Wires {
     pub fn reading(&self) -> Reading {
         Reading {
             cycle: self.now,
-            channels: self.channels.iter().map(|channel| channel.counts(self.now)).collect(),
+            channels: self.channel_counts().collect(),
             units: self.accounts.iter().map(|account| account.read(self.now)).collect(),
         }
     }
@@ -378,8 +406,7 @@ impl Wires {
     /// The leaves `NAME[i]` of `channels`.
     pub fn channel_tree(&self) -> Tree {
         let mut tree = Tree::new();
-        for (channel, label) in self.channels.iter().zip(&self.labels) {
-            let counts = channel.counts(self.now);
+        for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
             let leaves = tree.element(label.name, label.index);
             leaves.count("items", counts.items);
             leaves.count("bytes", counts.bytes);

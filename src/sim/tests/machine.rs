@@ -76,7 +76,7 @@ fn units_declared_out_of_order_are_refused() {
 }
 
 #[test]
-#[should_panic(expected = "cycle 0: push into items[0] without asking")]
+#[should_panic(expected = "cycle 0: items[0] is pushed into without asking")]
 fn a_push_without_room_names_channel_and_cycle() {
     let mut wiring = Wiring::new();
     let (source, sink) = (wiring.unit("source", 0), wiring.unit("sink", 0));
