@@ -10,7 +10,7 @@
 
 use crate::num::{LANES, Lanes, QUADS, SUBPIXEL};
 
-use super::setup::{SAMPLES_4, Triangle};
+use super::setup::{Edge, SAMPLES_4, Triangle};
 
 /// Where a quad of a batch lies, and of which primitive it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -79,36 +79,89 @@ fn each(f: impl Fn(usize) -> f64) -> Quad {
     [f(0), f(1), f(2), f(3)]
 }
 
-/// The edge functions E_1 and E_2 at the four pixels of a quad.
+/// Where one edge function is evaluated in the pixels of a quad, in 1/256 pixel from the centres.
+trait Offsets: Copy {
+    /// The values of an edge function whose first pixel is `(x, y)` from the base.
+    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad;
+
+    /// The offset of pixel p in pixels.
+    fn pixels(self, p: usize) -> [f32; 2];
+}
+
+/// The same offset in all pixels.
+#[derive(Clone, Copy)]
+struct Same([i32; 2]);
+
+/// An offset for each pixel, by code.
+#[derive(Clone, Copy)]
+struct Own([u8; 4]);
+
 #[inline(always)]
-fn edges(t: &Triangle, site: &Site, q: usize, place: &Place<'_>) -> [Quad; 2] {
-    let base = t.base();
-    let x = (i32::from(site.x) - base[0]) * SUBPIXEL;
-    let y = (i32::from(site.y) - base[1]) * SUBPIXEL;
-    [1, 2].map(|i| {
-        let e = &t.edges[i];
-        let (a, b) = (f64::from(e.a), f64::from(e.b));
-        let (right, down) = (a * f64::from(SUBPIXEL), b * f64::from(SUBPIXEL));
+fn to_pixels(offset: [i32; 2]) -> [f32; 2] {
+    [offset[0] as f32 * (1.0 / SUBPIXEL as f32), offset[1] as f32 * (1.0 / SUBPIXEL as f32)]
+}
+
+impl Offsets for Same {
+    #[inline(always)]
+    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad {
+        // Every term and sum is a whole number below 2^53: nothing rounds.
+        let (right, down) = (f64::from(edge.a) * f64::from(SUBPIXEL), f64::from(edge.b) * f64::from(SUBPIXEL));
+        let first = edge.at(x + self.0[0], y + self.0[1]) as f64;
         let steps = [0.0, right, down, right + down];
-        match place {
-            Place::Center => {
-                let first = e.at(x, y) as f64;
-                each(|p| first + steps[p])
-            }
-            Place::Sample(s) => {
-                let [dx, dy] = OFFSETS[(s + 1) & 7];
-                let first = e.at(x + dx, y + dy) as f64;
-                each(|p| first + steps[p])
+        each(|p| first + steps[p])
+    }
+
+    #[inline(always)]
+    fn pixels(self, _: usize) -> [f32; 2] {
+        to_pixels(self.0)
+    }
+}
+
+impl Offsets for Own {
+    #[inline(always)]
+    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad {
+        let (a, b) = (f64::from(edge.a), f64::from(edge.b));
+        let first = Same([0, 0]).values(edge, x, y);
+        each(|p| {
+            let [dx, dy] = OFFSETS[usize::from(self.0[p]) & 7];
+            first[p] + (a * f64::from(dx) + b * f64::from(dy))
+        })
+    }
+
+    #[inline(always)]
+    fn pixels(self, p: usize) -> [f32; 2] {
+        to_pixels(OFFSETS[usize::from(self.0[p]) & 7])
+    }
+}
+
+/// Chooses by place outside the loop over quads, and runs `$one` for each quad with its offsets.
+macro_rules! for_each_quad {
+    ($sites:ident, $place:ident, |$q:ident, $site:ident, $offsets:ident| $one:block) => {
+        match $place {
+            Place::Center | Place::Sample(_) => {
+                let $offsets = Same(match $place {
+                    Place::Sample(s) => OFFSETS[(s + 1) & 7],
+                    _ => [0, 0],
+                });
+                for ($q, $site) in $sites.iter().take(QUADS).enumerate() $one
             }
             Place::PerLane(codes) => {
-                let first = e.at(x, y) as f64;
-                each(|p| {
-                    let [dx, dy] = OFFSETS[usize::from(codes[4 * q + p]) & 7];
-                    first + steps[p] + (a * f64::from(dx) + b * f64::from(dy))
-                })
+                for ($q, $site) in $sites.iter().take(QUADS).enumerate() {
+                    let $offsets = Own([codes[4 * $q], codes[4 * $q + 1], codes[4 * $q + 2], codes[4 * $q + 3]]);
+                    $one
+                }
             }
         }
-    })
+    };
+}
+
+/// The edge functions E_1 and E_2 at the four pixels of a quad.
+#[inline(always)]
+fn edges(t: &Triangle, site: &Site, offsets: impl Offsets) -> (Quad, Quad) {
+    let [bx, by] = t.base();
+    let x = (i32::from(site.x) - bx) * SUBPIXEL;
+    let y = (i32::from(site.y) - by) * SUBPIXEL;
+    (offsets.values(&t.edges[1], x, y), offsets.values(&t.edges[2], x, y))
 }
 
 /// Writes a quad's lanes.
@@ -128,12 +181,13 @@ widest! {
     /// # Panics
     /// If a site names a primitive that is not there.
     pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
-        for (q, site) in sites.iter().take(QUADS).enumerate() {
+        for_each_quad!(sites, place, |q, site, offsets| {
             let t = &triangles[site.triangle as usize];
-            let [e1, e2] = edges(t, site, q, &place);
+            let (e1, e2) = edges(t, site, offsets);
             let area = t.area() as f64;
-            let [k0, k1, k2] = t.inv_w.map(f64::from);
-            let least = k0.min(k1).min(k2) * area * (1.0 / 16.0);
+            let [k0, k1, k2] = [f64::from(t.inv_w[0]), f64::from(t.inv_w[1]), f64::from(t.inv_w[2])];
+            let k01 = if k0 < k1 { k0 } else { k1 };
+            let least = (if k01 < k2 { k01 } else { k2 }) * area * (1.0 / 16.0);
             let p1 = each(|p| e1[p] * k1);
             let p2 = each(|p| e2[p] * k2);
             let sum = each(|p| {
@@ -144,7 +198,7 @@ widest! {
             put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
             put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
             put(inv_w, q, each(|p| sum[p] * t.inv_area));
-        }
+        });
     }
 }
 
@@ -156,12 +210,12 @@ widest! {
     /// # Panics
     /// If a site names a primitive that is not there.
     pub fn linear(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights) {
-        for (q, site) in sites.iter().take(QUADS).enumerate() {
+        for_each_quad!(sites, place, |q, site, offsets| {
             let t = &triangles[site.triangle as usize];
-            let [e1, e2] = edges(t, site, q, &place);
+            let (e1, e2) = edges(t, site, offsets);
             put(&mut weights.one, q, each(|p| e1[p] * t.inv_area));
             put(&mut weights.two, q, each(|p| e2[p] * t.inv_area));
-        }
+        });
     }
 }
 
@@ -173,20 +227,15 @@ widest! {
     /// # Panics
     /// If a site names a primitive that is not there.
     pub fn depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
-        for (q, site) in sites.iter().take(QUADS).enumerate() {
+        for_each_quad!(sites, place, |q, site, offsets| {
             let plane = triangles[site.triangle as usize].depth;
             let out = &mut out.f32_mut()[4 * q..4 * q + 4];
             let (x, y) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
             for p in 0..4 {
-                let code = match place {
-                    Place::Center => 0,
-                    Place::Sample(s) => s + 1,
-                    Place::PerLane(codes) => usize::from(codes[4 * q + p]),
-                };
-                let [dx, dy] = OFFSETS[code & 7].map(|v| v as f32 * (1.0 / SUBPIXEL as f32));
-                out[p] = plane.at(x + (p & 1) as f32 + dx, y + (p >> 1) as f32 + dy);
+                let [dx, dy] = offsets.pixels(p);
+                out[p] = plane.at(x + ((p & 1) as f32 + dx), y + ((p >> 1) as f32 + dy));
             }
-        }
+        });
     }
 }
 
@@ -195,19 +244,15 @@ widest! {
     ///
     /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
     pub fn window(sites: &[Site], place: Place<'_>, x: &mut Lanes, y: &mut Lanes) {
-        for (q, site) in sites.iter().take(QUADS).enumerate() {
+        for_each_quad!(sites, place, |q, site, offsets| {
+            let (left, top) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
+            let (x, y) = (&mut x.f32_mut()[4 * q..4 * q + 4], &mut y.f32_mut()[4 * q..4 * q + 4]);
             for p in 0..4 {
-                let lane = 4 * q + p;
-                let code = match place {
-                    Place::Center => 0,
-                    Place::Sample(s) => s + 1,
-                    Place::PerLane(codes) => usize::from(codes[lane]),
-                };
-                let [dx, dy] = OFFSETS[code & 7].map(|v| v as f32 * (1.0 / SUBPIXEL as f32));
-                x.f32_mut()[lane] = f32::from(site.x) + (0.5 + (p & 1) as f32) + dx;
-                y.f32_mut()[lane] = f32::from(site.y) + (0.5 + (p >> 1) as f32) + dy;
+                let [dx, dy] = offsets.pixels(p);
+                x[p] = left + ((p & 1) as f32 + dx);
+                y[p] = top + ((p >> 1) as f32 + dy);
             }
-        }
+        });
     }
 }
 

@@ -209,7 +209,8 @@ impl Edge {
     /// edge (horizontal, the inside below).
     #[inline(always)]
     pub const fn is_top_left(&self) -> bool {
-        self.a > 0 || (self.a == 0 && self.b > 0)
+        // Not short-circuited: the signs of edges are not predictable.
+        (self.a > 0) | ((self.a == 0) & (self.b > 0))
     }
 }
 

@@ -14,7 +14,7 @@ mod line;
 use crate::num::{Fx8, SUBPIXEL};
 
 use super::setup::{Bounds, Edge, SAMPLES_1, SAMPLES_4, Shape, Triangle};
-use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, PIXEL_SHIFT, ROWS_BELOW, Reduced, inside_quads, inside_rows, reduce};
+use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, Reduced, reduce};
 
 /// Edge length of the largest area that one call walks, in pixels.
 pub const TILE: u16 = 64;
@@ -99,19 +99,18 @@ pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, mut visit: imp
     {
         #[target_feature(enable = "avx2")]
         fn wide<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
-            blocks_inline(primitive, area, visit);
+            walk::<kernel::Avx2, S>(primitive, area, visit);
         }
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the host has AVX2, which is all that the callee asks for.
             return unsafe { wide(primitive, area, &mut visit) };
         }
     }
-    blocks_inline(primitive, area, &mut visit);
+    walk::<Portable, S>(primitive, area, &mut visit);
 }
 
-/// As [`blocks`], inlined into the caller and compiled for the caller's instruction set.
 #[inline(always)]
-pub fn blocks_inline<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
+fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
     const { assert!(S == 1 || S == 4, "samples a pixel") };
     let bounds = primitive.bounds.intersect(&area);
     if bounds.is_empty() {
@@ -121,16 +120,16 @@ pub fn blocks_inline<const S: usize>(primitive: &Triangle, area: Bounds, visit: 
         Shape::Triangle => {
             // A sample on an edge that is neither top nor left is outside: E > 0, that is E - 1 >= 0.
             let edges = primitive.edges.map(|e| Edge { c: e.c - i64::from(!e.is_top_left()), ..e });
-            convex(&edges, primitive.base(), bounds, visit);
+            convex::<K, _, _>(&edges, primitive.base(), bounds, visit);
         }
         Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, visit),
-        Shape::Line => convex(&line::rectangle(primitive), primitive.base(), bounds, visit),
+        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), primitive.base(), bounds, visit),
         Shape::Point if S == 1 => {
             // The bounds are the pixel.
             let (x, y) = (bounds.x0 & !7, bounds.y0 & !7);
             visit(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
         }
-        Shape::Point => convex(&line::square(primitive), primitive.base(), bounds, visit),
+        Shape::Point => convex::<K, _, _>(&line::square(primitive), primitive.base(), bounds, visit),
     }
 }
 
@@ -145,25 +144,29 @@ fn rectangle_mask(bounds: Bounds, x: u16, y: u16) -> u64 {
 
 /// Walks the intersection of half planes `E >= 0`, whose constants hold at the centre of pixel `base`.
 #[inline(always)]
-fn convex<const N: usize, const S: usize>(edges: &[Edge; N], base: [i32; 2], bounds: Bounds, visit: &mut impl FnMut(Block<S>)) {
+fn convex<K: Kernel, const N: usize, const S: usize>(
+    edges: &[Edge; N],
+    base: [i32; 2],
+    bounds: Bounds,
+    visit: &mut impl FnMut(Block<S>),
+) {
     let (bx, by) = (bounds.x0 & !7, bounds.y0 & !7);
     let columns = (bounds.x1 - bx).div_ceil(8);
     let rows = (bounds.y1 - by).div_ceil(8);
+    let (wx, wy) = (bounds.x0 & !1, bounds.y0 & !1);
+    if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
+        return small::<K, _, _>(edges, base, [wx, wy], bounds, visit);
+    }
     // The constants at the first block of this area.
     let (dx, dy) = ((i32::from(bx) - base[0]) * SUBPIXEL, (i32::from(by) - base[1]) * SUBPIXEL);
     let mut first = [0; N];
     for n in 0..N {
         first[n] = edges[n].at(dx, dy);
     }
-    let wx = bounds.x0 & !1;
-    let wy = bounds.y0 & !1;
-    if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
-        return small(edges, &first, [bx, by], [wx, wy], bounds, visit);
-    }
     if columns * rows <= 4 {
         for row in 0..rows {
             for column in 0..columns {
-                block(edges, &first, [bx, by], [column, row], bounds, visit);
+                block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, visit);
             }
         }
         return;
@@ -185,8 +188,8 @@ fn convex<const N: usize, const S: usize>(edges: &[Edge; N], base: [i32; 2], bou
     // Blocks that exist: `columns` in each of `rows` rows, both at most 8.
     let row_bits = (1u64 << columns) - 1;
     let exist = (row_bits * 0x0101_0101_0101_0101) & (!0 >> (64 - 8 * rows));
-    let mut left = inside_rows(&touched) & exist;
-    let inside = inside_rows(&inside);
+    let mut left = K::rows(&touched) & exist;
+    let inside = K::rows(&inside);
     while left != 0 {
         let bit = left.trailing_zeros() as u16;
         left &= left - 1;
@@ -197,14 +200,14 @@ fn convex<const N: usize, const S: usize>(edges: &[Edge; N], base: [i32; 2], bou
             let mask = if whole { !0 } else { rectangle_mask(bounds, x, y) };
             visit(Block { x, y, full: whole, samples: [mask; S] });
         } else {
-            block(edges, &first, [bx, by], [column, row], bounds, visit);
+            block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, visit);
         }
     }
 }
 
 /// The masks of all samples on the 8x8 pixels whose first pixel has the constants `c`.
 #[inline(always)]
-fn masks<const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
+fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
     let mut out = [0; S];
     for (s, &[x, y]) in positions::<S>().iter().enumerate() {
         let mut reduced = [Reduced::default(); N];
@@ -213,14 +216,14 @@ fn masks<const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u6
             let offset = i64::from(a) * i64::from(x) + i64::from(b) * i64::from(y);
             reduced[n] = Reduced { a, b, c: reduce(c[n] + offset, PIXEL_SHIFT) };
         }
-        out[s] = inside_quads(&reduced);
+        out[s] = K::quads(&reduced);
     }
     out
 }
 
 /// Tests the pixels of one block and visits it if any sample is covered.
 #[inline(always)]
-fn block<const N: usize, const S: usize>(
+fn block<K: Kernel, const N: usize, const S: usize>(
     edges: &[Edge; N],
     first: &[i64; N],
     [bx, by]: [u16; 2],
@@ -235,7 +238,7 @@ fn block<const N: usize, const S: usize>(
     }
     let (x, y) = (bx + 8 * column, by + 8 * row);
     let allowed = rectangle_mask(bounds, x, y);
-    let samples = masks::<N, S>(edges, &c).map(|m| m & allowed);
+    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
     emit(Block { x, y, full: false, samples }, visit);
 }
 
@@ -249,21 +252,24 @@ fn emit<const S: usize>(mut block: Block<S>, visit: &mut impl FnMut(Block<S>)) {
 
 /// A primitive inside an 8x8 window with even corner: one evaluation, whatever blocks the window straddles.
 #[inline(always)]
-fn small<const N: usize, const S: usize>(
+fn small<K: Kernel, const N: usize, const S: usize>(
     edges: &[Edge; N],
-    first: &[i64; N],
-    [bx, by]: [u16; 2],
+    base: [i32; 2],
     [wx, wy]: [u16; 2],
     bounds: Bounds,
     visit: &mut impl FnMut(Block<S>),
 ) {
-    let (dx, dy) = (i32::from(wx - bx) * SUBPIXEL, i32::from(wy - by) * SUBPIXEL);
+    let (bx, by) = (wx & !7, wy & !7);
+    let (dx, dy) = ((i32::from(wx) - base[0]) * SUBPIXEL, (i32::from(wy) - base[1]) * SUBPIXEL);
     let mut c = [0; N];
     for n in 0..N {
-        c[n] = Edge { c: first[n], ..edges[n] }.at(dx, dy);
+        c[n] = edges[n].at(dx, dy);
     }
-    let allowed = rectangle_mask(bounds, wx, wy);
-    let samples = masks::<N, S>(edges, &c).map(|m| m & allowed);
+    // The bounds lie in the window and begin in its first quad.
+    let (x1, y1) = (usize::from(bounds.x1 - wx) & 15, usize::from(bounds.y1 - wy) & 15);
+    let columns = COLUMNS_BELOW[x1] & !COLUMNS_BELOW[usize::from(bounds.x0 & 1)];
+    let allowed = columns & ROWS_BELOW[y1] & !ROWS_BELOW[usize::from(bounds.y0 & 1)];
+    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
     // Quad columns and rows of the window that lie in the first block.
     let (qx, qy) = (u32::from(8 - (wx - bx)) / 2, u32::from(8 - (wy - by)) / 2);
     if bounds.x1 <= bx + 8 && bounds.y1 <= by + 8 {
