@@ -1,0 +1,92 @@
+//! A torus knot of 70,000 triangles with Blinn-Phong lighting a pixel. Positions and normals are 16-bit codes.
+
+use fillrate::gfx::format::Format;
+use fillrate::gfx::state::*;
+use fillrate::trace::record::{self, Recorder};
+
+use super::maths::*;
+
+const WIDTH: u32 = 800;
+const HEIGHT: u32 = 600;
+/// Rings along the knot.
+const RINGS: u16 = 1_400;
+/// Vertices of a ring.
+const SIDES: u16 = 25;
+/// Radius of the tube.
+const TUBE: f64 = 0.5;
+/// Positions lie in a cube from -EXTENT to EXTENT.
+const EXTENT: f64 = 4.0;
+
+/// The knot's curve and its frame: place, normal, binormal.
+fn frame(u: f64) -> (V3, V3, V3) {
+    let curve = |u: f64| {
+        let r = 2.0 + libm::cos(3.0 * u);
+        [r * libm::cos(2.0 * u), r * libm::sin(2.0 * u), -1.1 * libm::sin(3.0 * u)]
+    };
+    let here = curve(u);
+    let next = curve(u + 1e-4);
+    let tangent = sub(next, here);
+    let binormal = normalize(cross(tangent, add(next, here)));
+    (here, normalize(cross(binormal, tangent)), binormal)
+}
+
+pub fn record() -> Recorder {
+    let mut card = Recorder::new("torus-knot");
+    let mut vertices = Vec::new();
+    for ring in 0..RINGS {
+        let (center, normal, binormal) = frame(std::f64::consts::TAU * f64::from(ring) / f64::from(RINGS));
+        for side in 0..SIDES {
+            let angle = std::f64::consts::TAU * f64::from(side) / f64::from(SIDES);
+            let out = add(scale(normal, libm::cos(angle)), scale(binormal, libm::sin(angle)));
+            let position = add(center, scale(out, TUBE));
+            let hue = f64::from(ring) / f64::from(RINGS);
+            vertices.extend(position.iter().flat_map(|v| unorm16(v / EXTENT * 0.5 + 0.5).to_le_bytes()));
+            vertices.extend(unorm16(hue).to_le_bytes());
+            vertices.extend(out.iter().chain(&[0.0]).flat_map(|&v| snorm16(v).to_le_bytes()));
+        }
+    }
+    let mut indices = Vec::new();
+    for ring in 0..RINGS {
+        for side in 0..SIDES {
+            let (next_ring, next_side) = ((ring + 1) % RINGS, (side + 1) % SIDES);
+            let at = |ring: u16, side: u16| ring * SIDES + side;
+            let (a, b) = (at(ring, side), at(next_ring, side));
+            let (c, d) = (at(ring, next_side), at(next_ring, next_side));
+            indices.extend([a, c, b, c, d, b].iter().flat_map(|index| index.to_le_bytes()));
+        }
+    }
+    let count = indices.len() as u32 / 2;
+    let vertices = card.create_buffer_init("vertices", &vertices);
+    let indices = card.create_buffer_init("indices", &indices);
+
+    let eye = [1.2, -2.6, 8.4];
+    let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
+    let mut bytes = matrix(mul(perspective(45.0, aspect, 1.0, 30.0), look_at(eye, [0.0; 3])));
+    bytes.extend(floats([eye[0], eye[1], eye[2], EXTENT]));
+    let camera = card.create_buffer_init("camera", &bytes);
+    let layout = card.create_bind_group_layout([(0, record::UNIFORM)]);
+    let group = card.create_bind_group(layout, [(0, record::whole(camera))]);
+    let pipeline_layout = card.create_pipeline_layout([layout], 0);
+
+    let shader = card.create_shader("torus-knot", include_str!("knot.wgsl"));
+    let mut desc = record::render_pipeline(shader, Format::Rgba8UnormSrgb);
+    desc.layout = Some(pipeline_layout);
+    desc.buffers = vec![record::vertex_buffer(&[(0, VertexFormat::Unorm16x4), (1, VertexFormat::Snorm16x4)])];
+    desc.primitive.cull_mode = CullMode::Back;
+    desc.depth_stencil = Some(record::depth_less(Format::Depth32Float));
+    let pipeline = card.create_render_pipeline("torus-knot", desc);
+
+    let target = card.create_texture("target", record::texture_2d(WIDTH, HEIGHT, Format::Rgba8UnormSrgb));
+    let depth = card.create_texture("depth", record::texture_2d(WIDTH, HEIGHT, Format::Depth32Float));
+    let (target_view, depth_view) = (card.create_view(target), card.create_view(depth));
+    let clear = record::clear(target_view, [0.012, 0.014, 0.022, 1.0]);
+    let mut pass = card.begin_render_pass([clear], record::clear_depth(depth_view, false));
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group);
+    pass.set_vertex_buffer(0, vertices);
+    pass.set_index_buffer(indices, IndexFormat::Uint16);
+    pass.draw_indexed(count, 1);
+    drop(pass);
+    card.present(target);
+    card
+}
