@@ -212,14 +212,20 @@ fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
         depth_fail_op: face.depth_fail_op.into(),
         pass_op: face.pass_op.into(),
     };
+    // As wgpu has it: with both masks 0, or without a stencil aspect, there is no stencil test, whatever the faces say.
+    let mut stencil = state.stencil;
+    if (stencil.read_mask | stencil.write_mask) == 0 || !state.format.0.has_stencil() {
+        stencil.front = schema::StencilFaceState::default();
+        stencil.back = schema::StencilFaceState::default();
+    }
     DepthStencil {
         format: state.format.0,
         depth_write: state.depth_write_enabled.unwrap_or(false),
         depth_compare: state.depth_compare.map_or(Compare::Always, Into::into),
-        stencil_front: face(state.stencil.front),
-        stencil_back: face(state.stencil.back),
-        stencil_read_mask: state.stencil.read_mask,
-        stencil_write_mask: state.stencil.write_mask,
+        stencil_front: face(stencil.front),
+        stencil_back: face(stencil.back),
+        stencil_read_mask: stencil.read_mask,
+        stencil_write_mask: stencil.write_mask,
         bias: state.bias.constant,
         bias_slope: state.bias.slope_scale,
         bias_clamp: state.bias.clamp,
