@@ -61,6 +61,7 @@ fn every_visible_trace_imports() {
                 _ => {}
             }
         }
+        fillrate::trace::check(&trace).unwrap_or_else(|error| panic!("{error}"));
         // Written as a native trace it says the same.
         let home = tempfile::tempdir().unwrap();
         fillrate::trace::write(&trace, home.path()).unwrap_or_else(|error| panic!("{error}"));

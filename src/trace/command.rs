@@ -464,6 +464,7 @@ pub enum Command {
         base_layer: u32,
         layers: Option<u32>,
     },
+    /// Also allowed inside passes.
     WriteTimestamp {
         set: QuerySetId,
         index: u32,

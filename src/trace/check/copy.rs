@@ -47,7 +47,6 @@ impl Checker<'_> {
                     ensure!(end.is_some_and(|end| end <= all), "{what} {base} + {count} are not in the texture's {all}");
                 }
             }
-            Command::WriteTimestamp { set, index } => self.query(*set, *index, |kind| kind == QueryKind::Timestamp)?,
             Command::ResolveQuerySet { set, first, count, to, to_offset } => {
                 let (kind, all) = *self.query_sets.get(set.0)?;
                 let end = first.checked_add(*count);

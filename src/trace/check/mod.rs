@@ -203,13 +203,18 @@ impl<'a> Checker<'a> {
             | CopyTextureToTexture { .. }
             | ClearBuffer { .. }
             | ClearTexture { .. }
-            | WriteTimestamp { .. }
             | ResolveQuerySet { .. }
             | Present { .. } => {
                 if let Some(open) = self.scope.name() {
                     return Err(format!("not allowed inside a {open}").into());
                 }
                 self.between_passes(command)
+            }
+
+            // wgpu's time stamps may also be written inside passes.
+            WriteTimestamp { set, index } => {
+                ensure!(!matches!(self.scope, Scope::Bundle(_)), "not allowed inside a bundle");
+                self.query(*set, *index, |kind| kind == QueryKind::Timestamp)
             }
 
             BeginRenderPass { color, depth, occlusion, timestamps, .. } => {
