@@ -52,6 +52,9 @@ const REJECT: Outcode = LEFT | RIGHT | BOTTOM | TOP | NEAR | FAR | BEHIND;
 /// Planes of which any vertex being outside makes clipping necessary.
 const CLIP: Outcode = NEAR | FAR | BEHIND | GUARD_LEFT | GUARD_RIGHT | GUARD_BOTTOM | GUARD_TOP;
 
+/// The planes in the order in which they cut. Behind first: afterwards w > 0, and the others mean what they say.
+const PLANES: [Outcode; 7] = [BEHIND, NEAR, FAR, GUARD_LEFT, GUARD_RIGHT, GUARD_BOTTOM, GUARD_TOP];
+
 /// A vertex of a clipped primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipVertex {
@@ -106,7 +109,8 @@ impl Polygon {
         &self.vertices[..self.len]
     }
 
-    /// The fan: index triples into [`Polygon::vertices`], in the winding of the original.
+    /// The fan: index triples into [`Polygon::vertices`], in the winding of the original. To be drawn, snapped vertices go
+    /// through [`super::setup::fan`], which knows what snapping does to it.
     #[inline]
     pub fn triangles(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
         (2..self.len).map(|i| [0, i - 1, i])
@@ -138,6 +142,7 @@ pub struct ClipVolume {
 struct Wide {
     p: [f64; 4],
     b: [f64; 3],
+    code: Outcode,
 }
 
 impl ClipVolume {
@@ -216,86 +221,108 @@ impl ClipVolume {
     /// Clips a triangle; `codes` are the outcodes of its vertices.
     #[inline]
     pub fn triangle(&self, position: &[[f32; 4]; 3], codes: [Outcode; 3], out: &mut Polygon) -> Clipped {
-        Self::trivial(&codes).unwrap_or_else(|| self.cut(position, codes[0] | codes[1] | codes[2], true, out))
+        Self::trivial(&codes).unwrap_or_else(|| self.cut(position, codes, out))
     }
 
     /// Clips a line; `codes` are the outcodes of its vertices.
     #[inline]
     pub fn line(&self, position: &[[f32; 4]; 2], codes: [Outcode; 2], out: &mut Polygon) -> Clipped {
-        Self::trivial(&codes).unwrap_or_else(|| self.cut(position, codes[0] | codes[1], false, out))
+        Self::trivial(&codes).unwrap_or_else(|| self.cut(position, codes, out))
+    }
+
+    /// How far inside of a plane a position lies; negative outside. Not normalised.
+    #[inline(always)]
+    fn distance(&self, plane: Outcode, [x, y, z, w]: [f64; 4]) -> f64 {
+        let [x0, x1, y0, y1] = self.guard.map(f64::from);
+        match plane {
+            BEHIND => w - f64::from(W_MIN),
+            NEAR => z,
+            FAR => w - z,
+            GUARD_LEFT => x - x0 * w,
+            GUARD_RIGHT => x1 * w - x,
+            GUARD_BOTTOM => y - y0 * w,
+            _ => y1 * w - y,
+        }
+    }
+
+    /// Moves a position that rounding left beside a plane onto it.
+    #[inline(always)]
+    fn pin(&self, plane: Outcode, p: &mut [f64; 4]) {
+        let [x0, x1, y0, y1] = self.guard.map(f64::from);
+        match plane {
+            BEHIND => p[3] = f64::from(W_MIN),
+            NEAR => p[2] = 0.0,
+            FAR => p[2] = p[3],
+            GUARD_LEFT => p[0] = x0 * p[3],
+            GUARD_RIGHT => p[0] = x1 * p[3],
+            GUARD_BOTTOM => p[1] = y0 * p[3],
+            _ => p[1] = y1 * p[3],
+        }
+    }
+
+    /// The vertex where the edge from `from`, inside of a plane, to `to`, outside, leaves it.
+    fn meet(&self, plane: Outcode, from: &Wide, to: &Wide) -> Wide {
+        // Original vertices lie where their outcodes, computed in f32, say; in f64 they may lie a hair beyond.
+        let inside = self.distance(plane, from.p).max(0.0);
+        let outside = self.distance(plane, to.p).min(0.0);
+        let t = if inside > 0.0 { inside / (inside - outside) } else { 0.0 };
+        let mut v = *from;
+        for k in 0..4 {
+            v.p[k] += t * (to.p[k] - from.p[k]);
+        }
+        for k in 0..3 {
+            v.b[k] += t * (to.b[k] - from.b[k]);
+        }
+        self.pin(plane, &mut v.p);
+        v.code = 0;
+        for other in PLANES {
+            if other != plane && (self.depth || other & (NEAR | FAR) == 0) && self.distance(other, v.p) < 0.0 {
+                v.code |= other;
+            }
+        }
+        v
     }
 
     /// Sutherland and Hodgman's algorithm, plane by plane.
+    ///
+    /// Two triangles that share an edge cut it at the same points: a cut is always computed from the inside to the outside,
+    /// planes come in one order, and which side an original vertex is on is its outcode's word, here and in
+    /// [`ClipVolume::trivial`] alike.
     #[cold]
-    fn cut(&self, position: &[[f32; 4]], any: Outcode, closed: bool, out: &mut Polygon) -> Clipped {
-        let [x0, x1, y0, y1] = self.guard.map(f64::from);
-        let w_min = f64::from(W_MIN);
-        let mut now = [Wide { p: [0.0; 4], b: [0.0; 3] }; MAX_VERTICES];
+    fn cut<const N: usize>(&self, position: &[[f32; 4]; N], codes: [Outcode; N], out: &mut Polygon) -> Clipped {
+        let mut now = [Wide { p: [0.0; 4], b: [0.0; 3], code: 0 }; MAX_VERTICES];
         let mut next = now;
-        let mut n = position.len();
-        for (i, p) in position.iter().enumerate() {
-            now[i].p = p.map(f64::from);
+        let mut n = N;
+        for i in 0..N {
+            now[i] = Wide { p: position[i].map(f64::from), b: [0.0; 3], code: codes[i] };
             now[i].b[i] = 1.0;
         }
-        // Behind first: afterwards w > 0, and the guard planes mean what they say. A cut may put new vertices outside of
-        // planes that no original vertex was outside of only when w was not positive, so then all planes are tried.
-        let tried = if any & BEHIND != 0 { CLIP } else { any };
-        for plane in [BEHIND, NEAR, FAR, GUARD_LEFT, GUARD_RIGHT, GUARD_BOTTOM, GUARD_TOP] {
-            if tried & plane == 0 || !self.depth && plane & (NEAR | FAR) != 0 {
+        for plane in PLANES {
+            if now[..n].iter().all(|v| v.code & plane == 0) {
                 continue;
             }
-            let distance = |&[x, y, z, w]: &[f64; 4]| match plane {
-                BEHIND => w - w_min,
-                NEAR => z,
-                FAR => w - z,
-                GUARD_LEFT => x - x0 * w,
-                GUARD_RIGHT => x1 * w - x,
-                GUARD_BOTTOM => y - y0 * w,
-                _ => y1 * w - y,
-            };
-            // Rounding must not leave a new vertex on the wrong side.
-            let pin = |p: &mut [f64; 4]| match plane {
-                BEHIND => p[3] = w_min,
-                NEAR => p[2] = 0.0,
-                FAR => p[2] = p[3],
-                GUARD_LEFT => p[0] = x0 * p[3],
-                GUARD_RIGHT => p[0] = x1 * p[3],
-                GUARD_BOTTOM => p[1] = y0 * p[3],
-                _ => p[1] = y1 * p[3],
-            };
             let mut m = 0;
-            let edges = if closed { n } else { n - 1 };
-            for i in 0..n {
-                let a = now[i];
-                let da = distance(&a.p);
-                if da >= 0.0 && m < MAX_VERTICES {
-                    next[m] = a;
-                    m += 1;
-                }
-                if i >= edges {
-                    continue;
-                }
-                let b = now[(i + 1) % n];
-                let db = distance(&b.p);
-                if (da >= 0.0) != (db >= 0.0) && m < MAX_VERTICES {
-                    // Always from the inside to the outside: the neighbour across this edge finds the same point.
-                    let (from, to, df, dt) = if da >= 0.0 { (a, b, da, db) } else { (b, a, db, da) };
-                    let t = df / (df - dt);
-                    let mut v = from;
-                    for k in 0..4 {
-                        v.p[k] += t * (to.p[k] - from.p[k]);
-                    }
-                    for k in 0..3 {
-                        v.b[k] += t * (to.b[k] - from.b[k]);
-                    }
-                    pin(&mut v.p);
+            let mut keep = |v: Wide| {
+                // A convex polygon gains one vertex a plane; rounding cannot be allowed to find more.
+                if m < MAX_VERTICES {
                     next[m] = v;
                     m += 1;
+                }
+            };
+            for i in 0..n {
+                let (a, b) = (&now[i], &now[(i + 1) % n]);
+                let (a_in, b_in) = (a.code & plane == 0, b.code & plane == 0);
+                if a_in {
+                    keep(*a);
+                }
+                // A line has no edge back from its end.
+                if a_in != b_in && (N > 2 || i + 1 < n) {
+                    keep(if a_in { self.meet(plane, a, b) } else { self.meet(plane, b, a) });
                 }
             }
             std::mem::swap(&mut now, &mut next);
             n = m;
-            if n < if closed { 3 } else { 2 } {
+            if n < N.min(3) {
                 out.len = 0;
                 return Clipped::Rejected;
             }

@@ -267,6 +267,17 @@ fn signed_area(v: &[ScreenVertex; 3]) -> i64 {
     cross(v[1].x - v[0].x, v[1].y - v[0].y, v[2].x - v[0].x, v[2].y - v[0].y)
 }
 
+/// The fan of a clipped polygon's snapped vertices: index triples in the polygon's winding.
+///
+/// Snapping may bend a nearly straight corner inwards. The fan's triangle there turns over, and the one beside it covers its
+/// place already: it is left out, or samples of the polygon would be drawn twice and with the wrong facing.
+pub fn fan(v: &[ScreenVertex]) -> impl Iterator<Item = [usize; 3]> {
+    let area = |[a, b, c]: [usize; 3]| signed_area(&[v[a], v[b], v[c]]);
+    let triples = (2..v.len()).map(|i| [0, i - 1, i]);
+    let whole: i64 = triples.clone().map(area).sum();
+    triples.filter(move |&t| area(t).signum() == whole.signum())
+}
+
 /// Facing of a triangle that is drawn as lines or points: whether it faces front, or why it is not drawn.
 #[inline]
 pub fn facing(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<bool, Culled> {
