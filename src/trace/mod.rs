@@ -44,7 +44,7 @@ pub use check::{Checker, Summary, check};
 pub use error::{Place, TraceError};
 pub use geometry::{LinearExtent, copy_block_bytes};
 pub use store::{Bytes, NAME_MAX};
-pub use write::{Packing, write, write_zip};
+pub use write::{Packing, write, write_archive, write_zip};
 
 use command::{Command, Data};
 use store::Store;
@@ -98,6 +98,30 @@ impl Trace {
             package.add(name, &mut store, blob, entry)?;
         }
         Ok(Trace { file, commands: Commands::Text(text), store })
+    }
+
+    /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
+    /// call the text.
+    pub fn open_files<'a>(
+        name: &Path,
+        text: impl Into<Bytes>,
+        files: impl IntoIterator<Item = (&'a str, Bytes)>,
+    ) -> Result<Trace, TraceError> {
+        let text = text.into();
+        let mut header = text::read_header(name, check_utf8(name, &text)?)?;
+        let mut store = Store::default();
+        for (blob, bytes) in files {
+            let Some(entry) = header.files.remove(blob) else { continue };
+            if bytes.len() as u64 != entry.size {
+                let reason = format!("blob {blob:?} is {} bytes long, the trace says {}", bytes.len(), entry.size);
+                return Err(TraceError::new(name, reason));
+            }
+            store.add_bytes(blob, bytes, Some(entry.hash)).map_err(|reason| TraceError::new(name, reason))?;
+        }
+        if let Some(missing) = header.files.keys().next() {
+            return Err(TraceError::new(name, format!("file {missing:?} is not there")));
+        }
+        Ok(Trace { file: name.to_path_buf(), commands: Commands::Text(text), store })
     }
 
     fn open_folder(folder: &Path, file: &Path) -> Result<Trace, TraceError> {
@@ -217,6 +241,11 @@ impl Trace {
             Commands::Text(text) => text::place_of(std::str::from_utf8(text).ok()?, index),
         }
     }
+}
+
+/// The hash of a file's contents as the text of a trace states it: BLAKE3, 64 hexadecimal digits.
+pub fn hash_of(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
 }
 
 fn check_utf8<'a>(file: &Path, text: &'a [u8]) -> Result<&'a str, TraceError> {

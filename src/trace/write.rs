@@ -1,7 +1,7 @@
 //! Writing a native trace: the same trace gives the same bytes, in a folder and in an archive.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use ron::ser::PrettyConfig;
@@ -42,37 +42,52 @@ pub fn write(trace: &Trace, folder: impl AsRef<Path>) -> Result<(), TraceError> 
 
 /// Writes a trace as one zip archive.
 pub fn write_zip(trace: &Trace, path: impl AsRef<Path>, packing: Packing) -> Result<(), TraceError> {
-    let path = path.as_ref();
-    replace(path, |file| {
-        let mut archive = ZipWriter::new(file);
-        // Neither the time nor the host may show in the bytes.
-        let method = match packing {
-            Packing::Stored => CompressionMethod::Stored,
-            Packing::Deflated => CompressionMethod::Deflated,
-        };
-        let options = SimpleFileOptions::default()
-            .compression_method(method)
-            .last_modified_time(DateTime::default())
-            .system(System::Unix)
-            .unix_permissions(0o644)
-            .with_alignment(if packing == Packing::Stored { ALIGNMENT } else { 1 });
-        archive.start_file(COMMANDS_FILE, options).map_err(io::Error::from)?;
-        write_commands(trace, &mut archive)?;
-        for name in trace.blob_names() {
-            let bytes = trace.blob(name)?;
-            let large = bytes.len() as u64 >= u64::from(u32::MAX);
-            archive.start_file(name, options.large_file(large)).map_err(io::Error::from)?;
-            archive.write_all(bytes)?;
-        }
-        archive.finish().map_err(io::Error::from)?;
-        Ok(())
-    })
+    replace(path.as_ref(), |file| pack(trace, file, packing))
+}
+
+/// Writes a trace as one zip archive to any place; `name` is what messages call it.
+pub fn write_archive(trace: &Trace, name: &Path, out: impl Write + Seek, packing: Packing) -> Result<(), TraceError> {
+    pack(trace, out, packing).map_err(|failure| failure.at(name))
+}
+
+fn pack(trace: &Trace, out: impl Write + Seek, packing: Packing) -> Result<(), Failure> {
+    let mut archive = ZipWriter::new(out);
+    // Neither the time nor the host may show in the bytes.
+    let method = match packing {
+        Packing::Stored => CompressionMethod::Stored,
+        Packing::Deflated => CompressionMethod::Deflated,
+    };
+    let options = SimpleFileOptions::default()
+        .compression_method(method)
+        .last_modified_time(DateTime::default())
+        .system(System::Unix)
+        .unix_permissions(0o644)
+        .with_alignment(if packing == Packing::Stored { ALIGNMENT } else { 1 });
+    archive.start_file(COMMANDS_FILE, options).map_err(io::Error::from)?;
+    write_commands(trace, &mut archive)?;
+    for name in trace.blob_names() {
+        let bytes = trace.blob(name)?;
+        let large = bytes.len() as u64 >= u64::from(u32::MAX);
+        archive.start_file(name, options.large_file(large)).map_err(io::Error::from)?;
+        archive.write_all(bytes)?;
+    }
+    archive.finish().map_err(io::Error::from)?;
+    Ok(())
 }
 
 /// What can go wrong while a file is written.
 enum Failure {
     Trace(TraceError),
     Io(io::Error),
+}
+
+impl Failure {
+    fn at(self, path: &Path) -> TraceError {
+        match self {
+            Failure::Trace(error) => error,
+            Failure::Io(error) => TraceError::new(path, format!("cannot be written: {error}")),
+        }
+    }
 }
 
 impl From<TraceError> for Failure {
@@ -102,10 +117,7 @@ fn replace(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), Fa
     written().map_err(|failure| {
         // Best effort: what matters is the first failure.
         let _ = fs::remove_file(&part);
-        match failure {
-            Failure::Trace(error) => error,
-            Failure::Io(error) => TraceError::new(path, format!("cannot be written: {error}")),
-        }
+        failure.at(path)
     })
 }
 

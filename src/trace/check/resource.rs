@@ -169,7 +169,7 @@ impl Checker<'_> {
         match object {
             Object::Buffer(id) => self.memory -= self.buffers.destroy(id.0)?,
             Object::Texture(id) => self.memory -= self.textures.destroy(id.0)?.bytes().unwrap_or(0),
-            Object::View(id) => drop(self.views.destroy(id.0)?),
+            Object::View(id) => self.views.destroy(id.0).map(|_| ())?,
             Object::Sampler(id) => self.samplers.destroy(id.0)?,
             Object::Shader(id) => self.shaders.destroy(id.0)?,
             Object::BindGroupLayout(id) => drop(self.group_layouts.destroy(id.0)?),

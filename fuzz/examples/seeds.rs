@@ -1,0 +1,39 @@
+//! Writes the first corpus of the fuzz targets: the kept traces, whole and in parts, in the form that each target takes.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use fillrate::trace::{Packing, Trace, write_zip};
+
+fn main() -> io::Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let corpus = root.join("corpus/trace_reader");
+    fs::create_dir_all(&corpus)?;
+    for entry in fs::read_dir(root.join("../traces"))? {
+        let path = entry?.path();
+        let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or("scene").to_owned();
+        let trace = Trace::open(&path).map_err(io::Error::other)?;
+        // 0: an archive; stored only where that is small, as a fuzzer gets nowhere in a megabyte.
+        for (kind, packing) in [("stored", Packing::Stored), ("deflated", Packing::Deflated)] {
+            let to = corpus.join(format!("{name}-{kind}"));
+            write_zip(&trace, &to, packing).map_err(io::Error::other)?;
+            let bytes = fs::read(&to)?;
+            if bytes.len() > 64 << 10 {
+                fs::remove_file(&to)?;
+            } else {
+                fs::write(&to, [&[0], &bytes[..]].concat())?;
+            }
+        }
+        // 1: the text; 2: its commands.
+        if path.is_dir() {
+            let text = fs::read_to_string(path.join("trace.ron"))?;
+            fs::write(corpus.join(format!("{name}-text")), format!("\u{1}{text}"))?;
+            if let Some((_, commands)) = text.split_once("commands: [") {
+                let commands = commands.trim_end().trim_end_matches(')').trim_end().trim_end_matches("],");
+                fs::write(corpus.join(format!("{name}-commands")), format!("\u{2}{commands}"))?;
+            }
+        }
+    }
+    Ok(())
+}

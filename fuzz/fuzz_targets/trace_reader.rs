@@ -1,0 +1,10 @@
+//! Whatever bytes are given as a trace, reading and checking them ends with a trace or a message.
+
+#![no_main]
+
+#[path = "../../tests/trace_fuzz/oracle.rs"]
+mod oracle;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    oracle::read_everything(data);
+});
