@@ -30,8 +30,12 @@ struct Footprint {
 impl Selection {
     pub(super) fn new(view: &View, sampler: &Sampler, args: &Sample<'_>) -> Selection {
         let mut out = Selection { lambda: [0.0; LANES], probes: [1; LANES], major: [[0.0; LANES]; 2] };
+        // With one level and one filter the level of detail changes nothing.
+        if view.levels.len() == 1 && sampler.mag_linear == sampler.min_linear && sampler.anisotropy <= 1.0 {
+            return out;
+        }
         match args.lod {
-            Lod::Zero => out.lambda = [0.0; LANES],
+            Lod::Zero => {}
             Lod::Level(level) => out.lambda = *level.f32(),
             Lod::Auto | Lod::Bias(_) => {
                 for q in 0..QUADS {

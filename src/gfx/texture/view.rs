@@ -85,7 +85,8 @@ pub(super) struct Level {
 /// The texels of a view.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Texels {
-    /// Four 8-bit channels, red in the low byte. For sRGB also the same texels in linear light: four 16-bit channels of 32640.
+    /// Four 8-bit channels, red in the low byte. For sRGB also the same texels in linear light: 16 bits a
+    /// channel, 32640 is 1; red, blue, green, alpha from the low end.
     Rgba8 { codes: Vec<u32>, linear: Option<Vec<u64>> },
     /// One number: depth, or a red channel of 32 bits.
     F32(Vec<f32>),
@@ -373,7 +374,7 @@ fn with_linear(codes: Vec<u32>, srgb: bool) -> Texels {
         let table: [u64; 256] = std::array::from_fn(|code| (decode_srgb8(code as u8) * FIXED_ONE + 0.5) as u64);
         let one = |code: u32| {
             let [r, g, b, a] = code.to_le_bytes();
-            table[usize::from(r)] | table[usize::from(g)] << 16 | table[usize::from(b)] << 32 | u64::from(a) << (48 + 7)
+            table[usize::from(r)] | table[usize::from(b)] << 16 | table[usize::from(g)] << 32 | u64::from(a) << (48 + 7)
         };
         codes.iter().map(|code| one(*code)).collect()
     });
