@@ -1,1 +1,30 @@
-//! Placeholder.
+//! Floor 2: memory, in time only. Tags, misses, ways through the crossbar, banks and rows; bytes live elsewhere.
+//!
+//! ```text
+//! clients ─► Crossbar ─► L2 slices ─► DRAM channels
+//!    ▲                      │  ▲            │
+//!    └──── ReturnPath ◄─────┘  └────────────┘
+//! ```
+//!
+//! A client has a [`MemoryPort`]: a channel of [`Request`]s and one of [`Answer`]s. What is behind it is either this, or an
+//! [`Ideal`] memory of fixed latency and bandwidth; [`MemoryPlan`] wires either into a machine.
+
+mod cache;
+mod crossbar;
+mod dram;
+mod ideal;
+mod l2;
+mod misses;
+mod port;
+mod system;
+
+pub use cache::{Cache, CacheCounts, CacheShape, Place};
+pub use crossbar::{ClientCounts, Crossbar, ReturnPath};
+pub use dram::{Dram, DramConfig, DramCounts};
+pub use ideal::{Ideal, IdealConfig};
+pub use l2::{L2Config, L2Counts, L2Slice};
+pub use misses::Misses;
+pub use port::{Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
+pub use system::{Interleave, Memory, MemoryConfig, MemoryPlan, memory_tree};
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,6 @@
+//! Exact-cycle circuits and closed forms for each piece of memory.
+
+mod caches;
+mod client;
+mod dram;
+mod slices;
