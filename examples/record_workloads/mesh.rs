@@ -1,6 +1,8 @@
 //! The geometry and textures of the four speed workloads, byte for byte as their definition states them: only + - * / and
 //! square roots in f64, and integer arithmetic; W4 also uses sines and cosines.
 
+use std::f64::consts::TAU;
+
 /// Width of the frame in pixels.
 pub const WIDTH: u32 = 1920;
 /// Height of the frame in pixels.
@@ -163,7 +165,7 @@ pub fn w3() -> Mesh {
 pub fn w4() -> Mesh {
     const NU: u32 = 1400;
     const NV: u32 = 25;
-    const TAU: f64 = 6.283_185_307_179_586;
+
     let mut vertices = Vec::new();
     for i in 0..NU {
         let curve = |nudge: f64| {

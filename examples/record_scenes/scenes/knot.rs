@@ -1,5 +1,7 @@
 //! A torus knot of 70,000 triangles with Blinn-Phong lighting a pixel. Positions and normals are 16-bit codes.
 
+use std::f64::consts::TAU;
+
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::trace::record::{self, Recorder};
@@ -34,9 +36,9 @@ pub fn record() -> Recorder {
     let mut card = Recorder::new("torus-knot");
     let mut vertices = Vec::new();
     for ring in 0..RINGS {
-        let (center, normal, binormal) = frame(std::f64::consts::TAU * f64::from(ring) / f64::from(RINGS));
+        let (center, normal, binormal) = frame(TAU * f64::from(ring) / f64::from(RINGS));
         for side in 0..SIDES {
-            let angle = std::f64::consts::TAU * f64::from(side) / f64::from(SIDES);
+            let angle = TAU * f64::from(side) / f64::from(SIDES);
             let out = add(scale(normal, libm::cos(angle)), scale(binormal, libm::sin(angle)));
             let position = add(center, scale(out, TUBE));
             let hue = f64::from(ring) / f64::from(RINGS);

@@ -1,5 +1,7 @@
 //! Two passes: depth from the light, then the scene with nine comparisons a pixel.
 
+use std::f64::consts::TAU;
+
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::trace::command::BoundResource;
@@ -12,12 +14,15 @@ const WIDTH: u32 = 800;
 const HEIGHT: u32 = 600;
 const SHADOW: u32 = 1_024;
 
-/// Boxes and balls: model matrix and colour.
-fn objects() -> (Vec<(M4, V3)>, Vec<(M4, V3)>) {
+/// A model matrix and a colour.
+type Object = (M4, V3);
+
+/// Boxes and balls.
+fn objects() -> (Vec<Object>, Vec<Object>) {
     let mut boxes = vec![(mul(translation([0.0, -0.5, 0.0]), scaling([14.0, 0.5, 14.0])), [0.42, 0.44, 0.40])];
     // A ring of columns and a stair of slabs inside it.
     for i in 0..10 {
-        let angle = std::f64::consts::TAU * (f64::from(i) + 0.5) / 10.0;
+        let angle = TAU * (f64::from(i) + 0.5) / 10.0;
         let place = [5.2 * libm::cos(angle), 1.5, 5.2 * libm::sin(angle)];
         let turn = rotation([0., 1., 0.], -angle);
         boxes.push((mul(translation(place), mul(turn, scaling([0.34, 1.5, 0.34]))), [0.70, 0.66, 0.58]));
@@ -32,7 +37,7 @@ fn objects() -> (Vec<(M4, V3)>, Vec<(M4, V3)>) {
     let mut balls = vec![(mul(translation([0.0, 2.08, 0.0]), scaling([0.8; 3])), [0.78, 0.58, 0.18])];
     for i in 0..14 {
         let r = |channel| uniform(47, i, channel);
-        let (angle, radius) = (6.283 * r(0), 0.16 + 0.3 * r(1));
+        let (angle, radius) = (TAU * r(0), 0.16 + 0.3 * r(1));
         let out = 2.9 + 1.5 * r(2);
         let place = [out * libm::cos(angle), radius, out * libm::sin(angle)];
         let color = mix_color([0.18, 0.42, 0.62], [0.72, 0.22, 0.34], r(3));

@@ -1,5 +1,7 @@
 //! Meshes: vertices of position, normal and texture coordinates, and indices.
 
+use std::f64::consts::TAU;
+
 use fillrate::gfx::state::{VertexBufferLayout, VertexFormat};
 use fillrate::num::BufferId;
 use fillrate::trace::record::{self, Recorder};
@@ -51,7 +53,7 @@ impl Mesh {
         for stack in 0..=stacks {
             for slice in 0..=slices {
                 let (u, v) = (f64::from(slice) / f64::from(slices), f64::from(stack) / f64::from(stacks));
-                let (turn, tilt) = (u * std::f64::consts::TAU, v * std::f64::consts::PI);
+                let (turn, tilt) = (u * TAU, v * std::f64::consts::PI);
                 let ring = libm::sin(tilt);
                 let normal = [ring * libm::cos(turn), libm::cos(tilt), -ring * libm::sin(turn)];
                 mesh.vertices.push((normal, normal, [u, v]));

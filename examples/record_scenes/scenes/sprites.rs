@@ -1,5 +1,7 @@
 //! Alpha-blended sprites from an atlas, back to front, over a gradient: soft clouds, then leaves, then additive sparks.
 
+use std::f64::consts::TAU;
+
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::trace::command::BoundResource;
@@ -80,7 +82,7 @@ fn sprites() -> (Vec<Sprite>, Vec<Sprite>) {
         over.push(Sprite {
             center: [r(0) * 760.0 - 60.0, 140.0 + 300.0 * depth + 60.0 * r(1)],
             size: 60.0 + 90.0 * r(2) + 40.0 * depth,
-            turn: 6.283 * r(3),
+            turn: TAU * r(3),
             cell: 0,
             color: mix([0.95, 0.62, 0.52], [0.42, 0.36, 0.62], depth),
             opacity: 0.30 + 0.35 * r(4),
@@ -91,7 +93,7 @@ fn sprites() -> (Vec<Sprite>, Vec<Sprite>) {
         over.push(Sprite {
             center: [r(0) * 660.0 - 10.0, r(1) * 500.0 - 10.0],
             size: 9.0 + 26.0 * r(2) * r(2),
-            turn: 6.283 * r(3),
+            turn: TAU * r(3),
             cell: 1,
             color: mix(mix([0.93, 0.55, 0.12], [0.80, 0.16, 0.10], r(4)), [0.55, 0.62, 0.18], r(5) * r(5)),
             opacity: 0.75 + 0.25 * r(6),
