@@ -62,8 +62,8 @@ fn shade(in: Varying) -> @location(0) vec4<f32> {
     let direct = max(dot(n, scene.sun), 0.0) * lit;
     let shine = 0.25 * pow(max(dot(n, h), 0.0), 48.0) * lit;
     let sky = mix(vec3<f32>(0.10, 0.085, 0.07), vec3<f32>(0.20, 0.25, 0.34), n.y * 0.5 + 0.5);
-    let color = in.color * (sky + vec3<f32>(1.25, 1.12, 0.92) * direct) + shine;
+    let color = in.color * (sky + vec3<f32>(1.7, 1.5, 1.2) * direct) + shine;
     // The ground fades into the sky.
     let away = length(in.position.xz);
-    return vec4<f32>(mix(color, vec3<f32>(0.42, 0.55, 0.70), smoothstep(9.0, 13.5, away)), 1.0);
+    return vec4<f32>(mix(color, vec3<f32>(0.30, 0.44, 0.62), smoothstep(9.0, 13.5, away)), 1.0);
 }

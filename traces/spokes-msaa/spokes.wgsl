@@ -20,8 +20,8 @@ fn vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: 
     if instance < 72u {
         let n = f32(instance);
         let angle = turn * (n + 0.25) / 72.0;
-        // From 3 pixels down to a twentieth of one.
-        let half_width = 0.0062 * exp2(-n / 12.0);
+        // From 3 pixels down to a third of one.
+        let half_width = 0.0062 * exp2(-n / 22.0);
         let radius = select(0.08, 0.80, outer == 1u);
         let side = select(-half_width, half_width, left == 1u);
         let across = vec2<f32>(-sin(angle), cos(angle)) * side;

@@ -45,7 +45,7 @@ pub fn record() -> Recorder {
     let (_, image) = mipped_texture(&mut card, "crate", &[Image::paint(256, crate_side)], true);
     let sampler = card.create_sampler(record::trilinear_repeat());
 
-    let eye = [0.0, 1.5, 6.0];
+    let eye = [0.0, 1.5, 5.3];
     let camera = mul(perspective(42.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.5, 200.0), look_at(eye, [0.6, -0.1, 0.0]));
     let mut bytes = matrix(camera);
     let models = (0..9).map(|i| {

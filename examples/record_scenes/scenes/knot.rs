@@ -15,7 +15,7 @@ const RINGS: u16 = 1_400;
 /// Vertices of a ring.
 const SIDES: u16 = 25;
 /// Radius of the tube.
-const TUBE: f64 = 0.5;
+const TUBE: f64 = 0.42;
 /// Positions lie in a cube from -EXTENT to EXTENT.
 const EXTENT: f64 = 4.0;
 
@@ -23,7 +23,7 @@ const EXTENT: f64 = 4.0;
 fn frame(u: f64) -> (V3, V3, V3) {
     let curve = |u: f64| {
         let r = 2.0 + libm::cos(3.0 * u);
-        [r * libm::cos(2.0 * u), r * libm::sin(2.0 * u), -1.1 * libm::sin(3.0 * u)]
+        [r * libm::cos(2.0 * u), r * libm::sin(2.0 * u), -0.95 * libm::sin(3.0 * u)]
     };
     let here = curve(u);
     let next = curve(u + 1e-4);
@@ -41,7 +41,8 @@ pub fn record() -> Recorder {
             let angle = TAU * f64::from(side) / f64::from(SIDES);
             let out = add(scale(normal, libm::cos(angle)), scale(binormal, libm::sin(angle)));
             let position = add(center, scale(out, TUBE));
-            let hue = f64::from(ring) / f64::from(RINGS);
+            // Up and down again, so that the colour has no seam.
+            let hue = 1.0 - (2.0 * f64::from(ring) / f64::from(RINGS) - 1.0).abs();
             vertices.extend(position.iter().flat_map(|v| unorm16(v / EXTENT * 0.5 + 0.5).to_le_bytes()));
             vertices.extend(unorm16(hue).to_le_bytes());
             vertices.extend(out.iter().chain(&[0.0]).flat_map(|&v| snorm16(v).to_le_bytes()));
@@ -61,7 +62,7 @@ pub fn record() -> Recorder {
     let vertices = card.create_buffer_init("vertices", &vertices);
     let indices = card.create_buffer_init("indices", &indices);
 
-    let eye = [1.2, -2.6, 8.4];
+    let eye = [0.9, -2.2, 8.4];
     let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
     let mut bytes = matrix(mul(perspective(45.0, aspect, 1.0, 30.0), look_at(eye, [0.0; 3])));
     bytes.extend(floats([eye[0], eye[1], eye[2], EXTENT]));

@@ -30,8 +30,8 @@ fn fragment(in: Varying) -> @location(0) vec4<f32> {
     let l = normalize(key_light - in.position);
     let v = normalize(camera.eye - in.position);
     let h = normalize(l + v);
-    // A hue that turns once along the knot.
-    let turn = 6.2831853 * in.hue;
+    // Most of a turn of hues along the knot.
+    let turn = 5.0 * in.hue;
     let albedo = vec3<f32>(0.42, 0.30, 0.34) + vec3<f32>(0.34, 0.22, 0.30) * cos(vec3<f32>(turn) + vec3<f32>(0.0, 4.4, 2.2));
     let diffuse = key_color * max(dot(n, l), 0.0) + fill_color * max(dot(n, fill_direction), 0.0) + vec3<f32>(0.02);
     let specular = key_color * (0.55 * pow(max(dot(n, h), 0.0), 64.0));

@@ -19,7 +19,7 @@ type Object = (M4, V3);
 
 /// Boxes and balls.
 fn objects() -> (Vec<Object>, Vec<Object>) {
-    let mut boxes = vec![(mul(translation([0.0, -0.5, 0.0]), scaling([14.0, 0.5, 14.0])), [0.42, 0.44, 0.40])];
+    let mut boxes = vec![(mul(translation([0.0, -0.5, 0.0]), scaling([14.0, 0.5, 14.0])), [0.48, 0.52, 0.44])];
     // A ring of columns and a stair of slabs inside it.
     for i in 0..10 {
         let angle = TAU * (f64::from(i) + 0.5) / 10.0;
@@ -67,12 +67,13 @@ pub fn record() -> Recorder {
     let mut bytes = Vec::new();
     for (model, color) in boxes.iter().chain(&balls) {
         bytes.extend(matrix(*model));
-        bytes.extend(floats([color[0], color[1], color[2], 0.0]));
+        // Colours are chosen by eye: their squares are near to linear light.
+        bytes.extend(floats([color[0] * color[0], color[1] * color[1], color[2] * color[2], 0.0]));
     }
     let objects = card.create_buffer_init("objects", &bytes);
     let (boxes, balls) = (boxes.len() as u32, balls.len() as u32);
 
-    let eye = [6.5, 5.6, 9.5];
+    let eye = [3.5, 5.6, 10.8];
     let sun = normalize([0.55, 0.78, 0.30]);
     let camera = mul(perspective(44.0, f64::from(WIDTH) / f64::from(HEIGHT), 1.0, 60.0), look_at(eye, [0.0, 0.9, 0.0]));
     let light = mul(orthographic(18.0, 18.0, 1.0, 40.0), look_at(scale(sun, 20.0), [0.0; 3]));
@@ -125,7 +126,7 @@ pub fn record() -> Recorder {
         draw(&mut pass, &cube, boxes, &ball, balls);
     }
     {
-        let clear = record::clear(target_view, [0.42, 0.55, 0.70, 1.0]);
+        let clear = record::clear(target_view, [0.30, 0.44, 0.62, 1.0]);
         let mut pass = card.begin_render_pass([clear], record::clear_depth(depth_view, false));
         pass.set_pipeline(shade);
         pass.set_bind_group(0, scene_group);
