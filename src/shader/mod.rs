@@ -1,1 +1,38 @@
-//! Placeholder.
+//! Floor 2: shaders. naga's IR to a register program of our own, run on 64 lanes at once.
+//!
+//! * [`Module`]: WGSL, SPIR-V or naga IR, parsed and validated.
+//! * [`compile`]: an entry point with its pipeline constants becomes a [`Program`]: a flat list of operations on scalar
+//!   registers of 64 lanes. Its [`Interface`] says what it needs.
+//! * [`Executor`]: a thread's register file. [`Executor::bind`] joins it with a program, [`Resources`] and the [`Uniforms`] of
+//!   a draw; [`Bound::run`] runs a batch, [`Bound::run_groups`] workgroups.
+//! * [`Recorder`]: what runs cost, for the simulated card; without one nothing is recorded and nothing spent on it.
+//!
+//! The order of a draw: `program.uniforms(&resources)` once; then on each thread `executor.bind(..)`, and for each batch
+//! `input_mut`, `run`, `output`.
+//!
+//! Rules where WGSL leaves a choice: arithmetic as [`code`](self) says; out-of-bounds indices of sized arrays take the last
+//! element; reads outside a bound buffer give zero and writes are dropped; derivatives without a stated precision are fine
+//! ones; a discarded lane goes on as a helper; a subgroup is a batch of 64; workgroup memory starts as zeros.
+
+mod assemble;
+mod code;
+mod compile;
+mod exec;
+mod interface;
+mod ir;
+mod lower;
+mod module;
+mod optimize;
+mod program;
+mod resources;
+mod types;
+
+#[cfg(test)]
+mod tests;
+
+pub use compile::{Options, compile};
+pub use exec::{Bound, Executor, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
+pub use interface::*;
+pub use module::{Module, Place, ShaderError, Source};
+pub use program::Program;
+pub use resources::{BufferRange, Resource, Resources, StorageImage};

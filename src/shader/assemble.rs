@@ -1,0 +1,368 @@
+//! Registers and operations: the last step of compiling.
+//!
+//! Registers of a batch: first the uniforms, then the constants, then what linear scan gives out, then the runs of registers
+//! that are indexed at run time. A value lives from its definition to its last use; one that is defined before a loop and used
+//! inside lives to the loop's end; a mutable register lives through everything between its first and last mention.
+
+use super::code::Code;
+use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
+use super::lower::Lowered;
+use super::optimize::is_control;
+use super::program::{Body, NO_REG, Op, Program, Reg};
+
+/// Registers that a program may have at most.
+const MAX_REGISTERS: usize = 60_000;
+
+/// Where each value is.
+struct Homes {
+    values: Vec<Reg>,
+    classes: Vec<Reg>,
+    ranges: Vec<usize>,
+}
+
+impl Homes {
+    fn of(&self, b: &Builder, v: V) -> Reg {
+        if v == NONE {
+            return NO_REG;
+        }
+        match b.defs[v as usize] {
+            Def::Version(class) => self.classes[class as usize],
+            Def::Element(range, k) => (self.ranges[range as usize] + k as usize) as Reg,
+            _ => self.values[v as usize],
+        }
+    }
+}
+
+/// Uniforms and constants that a list of instructions and further values use, in order of first use.
+fn shared_values(b: &Builder, insts: &[Inst], more: &[V]) -> (Vec<V>, Vec<V>) {
+    let mut seen = vec![false; b.defs.len()];
+    let (mut uniforms, mut constants) = (Vec::new(), Vec::new());
+    for &v in insts.iter().flat_map(|i| &i.src).chain(more) {
+        if v == NONE || std::mem::replace(&mut seen[v as usize], true) {
+            continue;
+        }
+        match b.defs[v as usize] {
+            Def::Uniform => uniforms.push(v),
+            Def::Const(_) => constants.push(v),
+            _ => {}
+        }
+    }
+    (uniforms, constants)
+}
+
+/// The life of a register: half-steps, two an instruction (uses, then definitions).
+#[derive(Clone, Copy)]
+struct Life {
+    start: usize,
+    end: usize,
+}
+
+/// Gives registers from `first` on to everything that lives; the number given out.
+fn allocate(
+    b: &Builder,
+    insts: &[Inst],
+    inputs: &[V],
+    outputs: &[V],
+    uniform_temps: bool,
+    first: usize,
+    homes: &mut Homes,
+) -> usize {
+    const NEVER: Life = Life { start: usize::MAX, end: 0 };
+    let mut values = vec![NEVER; b.defs.len()];
+    let mut classes = vec![NEVER; b.classes as usize];
+    // Loops as half-step ranges.
+    let mut loops: Vec<(usize, usize)> = Vec::new();
+    let mut open = Vec::new();
+    for (i, inst) in insts.iter().enumerate() {
+        match inst.code {
+            Code::LoopBegin => {
+                open.push(loops.len());
+                loops.push((2 * i, 0));
+            }
+            Code::LoopEnd | Code::LoopEndIf => {
+                if let Some(l) = open.pop() {
+                    loops[l].1 = 2 * i + 1;
+                }
+            }
+            _ => {}
+        }
+    }
+    let touch = |values: &mut Vec<Life>, classes: &mut Vec<Life>, v: V, at: usize, inside: &[usize]| {
+        let life = match b.defs[v as usize] {
+            Def::Temp | Def::Input => &mut values[v as usize],
+            Def::Uniform if uniform_temps => &mut values[v as usize],
+            Def::Version(class) => &mut classes[class as usize],
+            _ => return,
+        };
+        life.start = life.start.min(at);
+        life.end = life.end.max(at);
+        for &l in inside {
+            if life.start < loops[l].0 {
+                life.end = life.end.max(loops[l].1);
+            }
+        }
+    };
+    for &v in inputs {
+        touch(&mut values, &mut classes, v, 0, &[]);
+    }
+    let mut inside = Vec::new();
+    let mut next_loop = 0;
+    for (i, inst) in insts.iter().enumerate() {
+        if inst.code == Code::LoopBegin {
+            inside.push(next_loop);
+            next_loop += 1;
+        }
+        for &s in inst.src.iter().filter(|&&s| s != NONE) {
+            touch(&mut values, &mut classes, s, 2 * i + 2, &inside);
+        }
+        for &d in inst.dst.iter().filter(|&&d| d != NONE) {
+            touch(&mut values, &mut classes, d, 2 * i + 3, &inside);
+        }
+        if matches!(inst.code, Code::LoopEnd | Code::LoopEndIf) {
+            inside.pop();
+        }
+    }
+    for &v in outputs {
+        touch(&mut values, &mut classes, v, 2 * insts.len() + 4, &[]);
+    }
+    // Linear scan over lives by their start.
+    let mut order: Vec<(usize, usize, bool, usize)> = Vec::new();
+    for (kind, lives) in [(false, &values), (true, &classes)] {
+        for (k, life) in lives.iter().enumerate() {
+            if life.start != usize::MAX {
+                order.push((life.start, life.end, kind, k));
+            }
+        }
+    }
+    order.sort_unstable();
+    let mut free: Vec<usize> = Vec::new();
+    let mut active: std::collections::BinaryHeap<std::cmp::Reverse<(usize, usize)>> = Default::default();
+    let mut used = 0;
+    for (start, end, is_class, k) in order {
+        while let Some(&std::cmp::Reverse((until, r))) = active.peek() {
+            if until >= start {
+                break;
+            }
+            active.pop();
+            free.push(r);
+        }
+        // The register freed last is the one most likely still in the first-level cache.
+        let r = free.pop().unwrap_or_else(|| {
+            used += 1;
+            used - 1
+        });
+        active.push(std::cmp::Reverse((end, r)));
+        let home = (first + r).min(usize::from(NO_REG)) as Reg;
+        if is_class {
+            homes.classes[k] = home;
+        } else {
+            homes.values[k] = home;
+        }
+    }
+    used
+}
+
+/// Makes a program of what lowering left.
+pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
+    let b = &l.builder;
+    let inputs: Vec<V> = l.inputs.iter().flatten().copied().collect();
+    let outputs: Vec<V> = l.outputs.iter().flatten().copied().collect();
+    let no_homes = || Homes {
+        values: vec![NO_REG; b.defs.len()],
+        classes: vec![NO_REG; b.classes as usize],
+        ranges: vec![0; b.ranges.len()],
+    };
+
+    let (uniforms, constants) = shared_values(b, &b.insts, &outputs);
+    let mut homes = no_homes();
+    for (r, &v) in uniforms.iter().chain(&constants).enumerate() {
+        homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
+    }
+    let first = uniforms.len() + constants.len();
+    // Inputs that are read get a register; the others none.
+    let mut read = vec![false; b.defs.len()];
+    b.insts.iter().flat_map(|i| &i.src).chain(&outputs).filter(|&&v| v != NONE).for_each(|&v| read[v as usize] = true);
+    let live_inputs: Vec<V> = inputs.iter().copied().filter(|&v| read[v as usize]).collect();
+    let used = allocate(b, &b.insts, &live_inputs, &outputs, false, first, &mut homes);
+    let area = first + used;
+    for (home, range) in homes.ranges.iter_mut().zip(&b.ranges) {
+        *home = area + range.start as usize;
+    }
+    let registers = area + b.range_registers as usize;
+    if registers > MAX_REGISTERS {
+        return Err(format!("the program needs {registers} registers, more than {MAX_REGISTERS}"));
+    }
+    let mut body = emit(b, &b.insts, &homes);
+    body.registers = registers;
+
+    let (_, prologue_constants) = shared_values(b, &b.prologue, &[]);
+    let mut prologue_homes = no_homes();
+    for (r, &v) in prologue_constants.iter().enumerate() {
+        prologue_homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
+    }
+    let kept = allocate(b, &b.prologue, &[], &uniforms, true, prologue_constants.len(), &mut prologue_homes);
+    let mut prologue = emit(b, &b.prologue, &prologue_homes);
+    prologue.registers = prologue_constants.len() + kept;
+    if prologue.registers > MAX_REGISTERS {
+        return Err(format!("the program needs {} uniform registers, more than {MAX_REGISTERS}", prologue.registers));
+    }
+    let bits = |list: &[V]| list.iter().filter_map(|&v| b.known(v)).collect::<Vec<u32>>();
+    let mut interface = l.interface;
+    interface.registers = (used + b.range_registers as usize) as u32;
+    Ok(Program {
+        module: module.to_owned(),
+        uniform_sources: uniforms.iter().map(|&v| prologue_homes.of(b, v)).collect(),
+        prologue_constants: bits(&prologue_constants),
+        constants: bits(&constants),
+        shared_bytes: l.shared_bytes,
+        inputs: l.inputs.iter().map(|v| v.iter().map(|&v| homes.of(b, v)).collect()).collect(),
+        outputs: l.outputs.iter().map(|v| v.iter().map(|&v| homes.of(b, v)).collect()).collect(),
+        interface,
+        prologue,
+        body,
+    })
+}
+
+/// The operations of a list of instructions.
+fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
+    let mut body = Body {
+        subgroup: b.subgroup.clone(),
+        table: b.table.clone(),
+        slots: usize::from(b.slots),
+        loops: b.loops.clone(),
+        ..Body::default()
+    };
+    for inst in insts {
+        if inst.code == Code::Undef {
+            continue;
+        }
+        let op = operation(b, inst, homes, &mut body);
+        body.ops.push(op);
+    }
+    body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
+    link(&mut body.ops);
+    let mut sum = [0u32; 4];
+    body.counts.push(sum);
+    for op in &body.ops {
+        let (class, n) = op.code.weight();
+        sum[class as usize] = sum[class as usize].saturating_add(n);
+        body.counts.push(sum);
+    }
+    body
+}
+
+fn operation(b: &Builder, inst: &Inst, homes: &Homes, body: &mut Body) -> Op {
+    let home = |v: V| homes.of(b, v);
+    let src = |k: usize| inst.src.get(k).map_or(NO_REG, |&v| home(v));
+    let dst = |k: usize| inst.dst.get(k).map_or(NO_REG, |&v| home(v));
+    let mut op = Op { code: inst.code, r: [NO_REG; 9], imm: inst.imm };
+    match inst.code {
+        Code::Load | Code::Store | Code::Atomic => {
+            let mut m = b.memory[inst.imm as usize];
+            (m.address, m.element) = (src(0), src(1));
+            m.data = match inst.code {
+                Code::Load => [dst(0), dst(1), dst(2), dst(3)],
+                Code::Store => [src(2), src(3), src(4), src(5)],
+                _ => [dst(0), src(2), src(3), dst(1)],
+            };
+            body.memory.push(m);
+            op.imm = (body.memory.len() - 1) as u32;
+        }
+        Code::ArrayLength => {
+            let (binding, offset, stride) = b.lengths[inst.imm as usize];
+            op.r[..5].copy_from_slice(&[dst(0), src(0), binding, stride as Reg, (stride >> 16) as Reg]);
+            op.imm = offset;
+        }
+        Code::LoadConst => {
+            let (first, n) = b.tables[inst.imm as usize];
+            op.r[..4].copy_from_slice(&[dst(0), src(0), n as Reg, (n >> 16) as Reg]);
+            op.imm = first;
+        }
+        Code::Texture | Code::TextureStore | Code::TextureAtomic | Code::TextureQuery => {
+            let mut t = b.textures[inst.imm as usize];
+            t.texture_element = src(at::ELEMENT);
+            t.sampler_element = src(at::SAMPLER_ELEMENT);
+            t.layer = src(at::LAYER);
+            t.sample = src(at::SAMPLE);
+            t.level = src(at::LEVEL);
+            t.reference = src(at::REFERENCE);
+            for k in 0..3 {
+                t.coordinate[k] = src(at::COORDINATE + k);
+                t.gradient_x[k] = src(at::GRADIENT_X + k);
+                t.gradient_y[k] = src(at::GRADIENT_Y + k);
+            }
+            for k in 0..4 {
+                let store = matches!(inst.code, Code::TextureStore | Code::TextureAtomic);
+                t.data[k] = if store { src(at::DATA + k) } else { dst(k) };
+            }
+            body.textures.push(t);
+            op.imm = (body.textures.len() - 1) as u32;
+        }
+        Code::Subgroup => {
+            op.r[..6].copy_from_slice(&[dst(0), dst(1), dst(2), dst(3), src(0), src(1)]);
+        }
+        Code::If => op.r[..2].copy_from_slice(&[inst.slots[0], src(0)]),
+        Code::LoopEndIf => op.r[..3].copy_from_slice(&[inst.slots[0], inst.slots[1], src(0)]),
+        Code::BreakIf | Code::BreakIfNot => op.r[..3].copy_from_slice(&[src(0), inst.slots[1], inst.slots[2]]),
+        code if is_control(code) => op.r[..3].copy_from_slice(&inst.slots),
+        _ => {
+            let regs = inst.dst.iter().chain(&inst.src).map(|&v| home(v));
+            for (r, v) in op.r.iter_mut().zip(regs) {
+                *r = v;
+            }
+        }
+    }
+    op
+}
+
+/// Fills in jump targets. An operation that leaves its mask empty jumps to the *join* of what encloses it: the next place where
+/// lanes that it does not see may go on.
+fn link(ops: &mut [Op]) {
+    // Pass 1, backwards: the join that follows each operation, by nesting.
+    let end = ops.len() - 1;
+    let mut joins = vec![end];
+    let mut back_edges: Vec<usize> = Vec::new();
+    for i in (0..ops.len()).rev() {
+        let code = ops[i].code;
+        let join = *joins.last().unwrap_or(&end);
+        match code {
+            Code::EndIf | Code::RegionEnd => {
+                ops[i].imm = join as u32;
+                joins.push(i);
+            }
+            Code::LoopEnd | Code::LoopEndIf => {
+                ops[i].r[3] = join as Reg;
+                ops[i].r[4] = (join >> 16) as Reg;
+                joins.push(i);
+                back_edges.push(i);
+            }
+            Code::Continuing => {
+                ops[i].imm = join as u32;
+                joins.pop();
+                joins.push(i);
+            }
+            Code::Else => {
+                ops[i].imm = join as u32;
+                joins.pop();
+                joins.push(i);
+            }
+            Code::If => {
+                ops[i].imm = join as u32;
+                joins.pop();
+            }
+            Code::RegionBegin => {
+                joins.pop();
+            }
+            Code::LoopBegin => {
+                joins.pop();
+                if let Some(e) = back_edges.pop() {
+                    ops[e].imm = i as u32 + 1;
+                }
+            }
+            Code::Exit | Code::Continue | Code::BreakIf | Code::BreakIfNot | Code::Discard => {
+                ops[i].imm = join as u32;
+            }
+            _ => {}
+        }
+    }
+}

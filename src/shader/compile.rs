@@ -1,0 +1,56 @@
+//! From a module's entry point to a program.
+
+use naga::back::PipelineConstants;
+use naga::back::pipeline_constants::process_overrides;
+
+use super::assemble::assemble;
+use super::interface::Stage;
+use super::lower;
+use super::module::{Module, ShaderError, chain};
+use super::optimize;
+use super::program::Program;
+
+/// What a program is compiled for, beside its source.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// Values of pipeline-overridable constants by name, or by number where they have one.
+    pub constants: &'a [(String, f64)],
+    /// Locations of user-defined outputs that anybody reads; none: all are kept. What only others need is not computed.
+    pub outputs: Option<&'a [u32]>,
+}
+
+/// Compiles an entry point. Without a name, the module's only one of the stage.
+///
+/// # Errors
+/// If there is no such entry point, a constant is missing or unknown, or the program needs something that is not supported:
+/// whatever is missing is reported here, with its name and place, and never when the program runs.
+pub fn compile(module: &Module, stage: Stage, entry: Option<&str>, options: &Options<'_>) -> Result<Program, ShaderError> {
+    let fail = |entry: Option<&str>, message: String| ShaderError {
+        module: module.name().to_owned(),
+        entry: entry.map(str::to_owned),
+        place: None,
+        message,
+    };
+    let mut candidates = module.entry_points().filter(|(s, n)| *s == stage && entry.is_none_or(|e| e == *n));
+    let Some((_, name)) = candidates.next() else {
+        return Err(fail(entry, format!("there is no such entry point of the {stage:?} stage")));
+    };
+    if candidates.next().is_some() {
+        return Err(fail(None, format!("there are several entry points of the {stage:?} stage; one must be named")));
+    }
+    let mut constants = PipelineConstants::default();
+    for (key, value) in options.constants {
+        constants.insert(key.clone(), *value);
+    }
+    let (ir, info) = process_overrides(&module.ir, &module.info, Some((stage.to_naga(), name)), &constants)
+        .map_err(|e| fail(Some(name), chain(&e)))?;
+    let index = ir
+        .entry_points
+        .iter()
+        .position(|e| e.stage == stage.to_naga() && e.name == name)
+        .ok_or_else(|| fail(Some(name), "the entry point was lost while constants were resolved".to_owned()))?;
+    let keep = |location: u32| options.outputs.is_none_or(|kept| kept.contains(&location));
+    let mut lowered = lower::lower(module, &ir, &info, index, &keep)?;
+    optimize::run(&mut lowered);
+    assemble(module.name(), lowered).map_err(|message| fail(Some(name), message))
+}

@@ -1,0 +1,218 @@
+//! From naga's IR to ours.
+//!
+//! The entry point's body is walked once, in order, with every call inlined. Variables that are only accessed at places known
+//! at compile time never become memory: the walk carries what each of their components holds at this point (`state`), an `if`
+//! merges two states with selects, and only loops, and functions that return early, need mutable registers, written under the
+//! mask. Pointers are places known to the compiler. A loop whose exits are decided at compile time is unrolled.
+
+mod call;
+mod control;
+mod expression;
+mod math;
+mod memory;
+mod place;
+mod reflect;
+mod statement;
+mod texture;
+mod writes;
+
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use naga::valid::{FunctionInfo, ModuleInfo};
+use naga::{Expression, Function, GlobalVariable, Handle, Span};
+
+use super::interface::Interface;
+use super::ir::{Builder, V};
+use super::module::{Module, ShaderError, place_of};
+use super::types::{Ty, Types};
+pub(super) use place::{Place, Root};
+pub(super) use reflect::lower;
+
+/// Why lowering stopped.
+pub(super) enum Stop {
+    /// The program cannot be run.
+    Error(Box<ShaderError>),
+    /// A loop that was tried to be unrolled cannot be; the attempt is taken back.
+    Unroll,
+}
+
+pub(super) type Result<T> = std::result::Result<T, Stop>;
+
+/// The value of an expression.
+#[derive(Clone, Debug)]
+pub(super) enum Val {
+    /// Components.
+    Data(Rc<[V]>),
+    /// A pointer.
+    Place(Rc<Place>),
+    /// A texture or sampler, and the element of its binding array.
+    Opaque(Handle<GlobalVariable>, Option<V>),
+}
+
+/// A variable of the function or private address space.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Var {
+    /// Components are `state[base ..]`.
+    State { base: usize },
+    /// Components are a run of registers.
+    Range { id: u32 },
+}
+
+/// How a function hands back its result.
+pub(super) enum Results {
+    /// The only `return` is the last thing it does.
+    Tail,
+    /// Early returns: lanes leave under the mask.
+    Region {
+        /// Mutable registers of the result.
+        classes: Vec<u32>,
+    },
+}
+
+/// A function being inlined.
+pub(super) struct Frame<'a> {
+    pub function: &'a Function,
+    pub info: &'a FunctionInfo,
+    pub args: Vec<Val>,
+    pub exprs: Vec<Option<Val>>,
+    pub locals: Vec<Var>,
+    pub results: Results,
+    pub returned: Option<Val>,
+}
+
+/// What `break`, `continue` and `return` leave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum RegionKind {
+    /// A loop at run time.
+    Loop,
+    /// An iteration of an unrolled loop.
+    Unrolled,
+    /// A switch.
+    Switch,
+    /// A function with early returns.
+    Function,
+}
+
+/// An open region.
+pub(super) struct Region {
+    pub kind: RegionKind,
+    /// Its first mask slot.
+    pub slot: u16,
+    /// Depth of masks where it began (loops: inside).
+    pub depth: u32,
+    /// Components that are merged at its end: index in the state, mutable register.
+    pub merge: Vec<(usize, u32)>,
+}
+
+/// How a block ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Flow {
+    /// At its end.
+    Next,
+    /// All lanes left an enclosing region under the mask; nothing after it runs.
+    Left,
+    /// All lanes break, decided at compile time.
+    Broke,
+    /// All lanes continue, decided at compile time.
+    Continued,
+    /// All lanes return, at the function's end.
+    Returned,
+}
+
+/// The walk.
+pub(super) struct Lowerer<'a> {
+    pub module: &'a naga::Module,
+    pub info: &'a ModuleInfo,
+    pub types: Types<'a>,
+    pub origin: &'a Module,
+    pub entry: &'a str,
+    pub b: Builder,
+    pub state: Vec<V>,
+    pub frames: Vec<Frame<'a>>,
+    pub regions: Vec<Region>,
+    /// Open mask constructs.
+    pub depth: u32,
+    /// Next free mask slot.
+    pub slot: u16,
+    pub globals: HashMap<Handle<GlobalVariable>, Val>,
+    /// Index in the interface's bindings.
+    pub bindings: HashMap<Handle<GlobalVariable>, u16>,
+    pub written_bindings: Vec<bool>,
+    pub global_exprs: HashMap<Handle<Expression>, Val>,
+    pub writes: HashMap<Handle<Function>, Rc<writes::Writes>>,
+    pub indexed: writes::Indexed,
+    pub span: Span,
+    pub range_top: u32,
+    /// Instructions that unrolling may still add.
+    pub unroll_budget: usize,
+    pub flags: Flags,
+    pub shared_bytes: u32,
+}
+
+/// What the walk notices.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Flags {
+    pub derivatives: bool,
+    pub discards: bool,
+    pub side_effects: bool,
+    pub barriers: bool,
+    pub subgroups: bool,
+    pub immediate_bytes: u32,
+}
+
+/// What lowering leaves.
+pub(super) struct Lowered {
+    pub builder: Builder,
+    pub interface: Interface,
+    /// Value of each input's components.
+    pub inputs: Vec<Vec<V>>,
+    /// Value of each output's components.
+    pub outputs: Vec<Vec<V>>,
+    pub shared_bytes: u32,
+}
+
+impl<'a> Lowerer<'a> {
+    /// An error at the current place.
+    pub fn refuse<T>(&self, message: impl Into<String>) -> Result<T> {
+        Err(Stop::Error(Box::new(self.error(message.into()))))
+    }
+
+    pub fn error(&self, message: String) -> ShaderError {
+        let source = &*self.origin.source;
+        let place = (self.span.is_defined() && !source.is_empty()).then(|| place_of(self.span.location(source)));
+        ShaderError { module: self.origin.name.to_string(), entry: Some(self.entry.to_owned()), place, message }
+    }
+
+    pub fn frame(&self) -> &Frame<'a> {
+        self.frames.last().expect("a function is being lowered")
+    }
+
+    pub fn frame_mut(&mut self) -> &mut Frame<'a> {
+        self.frames.last_mut().expect("a function is being lowered")
+    }
+
+    /// The type of an expression of the current function.
+    pub fn inner(&self, h: Handle<Expression>) -> &'a naga::TypeInner {
+        let info: &'a FunctionInfo = self.frame().info;
+        info[h].ty.inner_with(&self.module.types)
+    }
+
+    pub fn zeros(&mut self, ty: Ty) -> Vec<V> {
+        let zero = self.b.constant(0);
+        vec![zero; self.types.components(ty) as usize]
+    }
+
+    /// The components of a value expression.
+    pub fn data(&mut self, h: Handle<Expression>) -> Result<Rc<[V]>> {
+        match self.eval(h)? {
+            Val::Data(d) => Ok(d),
+            _ => self.refuse("a pointer or resource is used as a value"),
+        }
+    }
+
+    /// The only component of a scalar expression.
+    pub fn scalar(&mut self, h: Handle<Expression>) -> Result<V> {
+        Ok(self.data(h)?[0])
+    }
+}

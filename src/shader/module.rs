@@ -1,0 +1,168 @@
+//! Shader modules: text or binary in, validated naga IR out.
+
+use std::sync::Arc;
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+
+use super::interface::Stage;
+
+/// The source of a shader module.
+#[derive(Clone, Copy, Debug)]
+pub enum Source<'a> {
+    /// WGSL text.
+    Wgsl(&'a str),
+    /// A SPIR-V binary.
+    SpirV(&'a [u8]),
+    /// naga's own module, as RON (what wgpu's traces store for modules that were passed as IR).
+    NagaIr(&'a str),
+}
+
+/// A place in the text of a module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in bytes, from 1.
+    pub column: u32,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.line, self.column)
+    }
+}
+
+/// Why a module or an entry point was refused. Everything that cannot run is refused here, before anything runs.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("shader `{module}`{}{}: {message}", entry_text(.entry), place_text(.place))]
+pub struct ShaderError {
+    /// Name of the module.
+    pub module: String,
+    /// Entry point, if the error belongs to one.
+    pub entry: Option<String>,
+    /// Place in the source, if the source has places (SPIR-V and naga IR have none).
+    pub place: Option<Place>,
+    /// What is wrong.
+    pub message: String,
+}
+
+fn entry_text(entry: &Option<String>) -> String {
+    entry.as_ref().map(|e| format!(", entry point `{e}`")).unwrap_or_default()
+}
+
+fn place_text(place: &Option<Place>) -> String {
+    place.map(|p| format!(", {p}")).unwrap_or_default()
+}
+
+/// A validated shader module.
+#[derive(Clone, Debug)]
+pub struct Module {
+    pub(super) name: Arc<str>,
+    pub(super) source: Arc<str>,
+    pub(super) ir: Arc<naga::Module>,
+    pub(super) info: Arc<ModuleInfo>,
+}
+
+/// What of naga's optional capabilities this implementation runs.
+pub(super) fn capabilities() -> Capabilities {
+    Capabilities::IMMEDIATES
+        | Capabilities::PRIMITIVE_INDEX
+        | Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY
+        | Capabilities::BUFFER_BINDING_ARRAY
+        | Capabilities::STORAGE_TEXTURE_BINDING_ARRAY
+        | Capabilities::STORAGE_BUFFER_BINDING_ARRAY
+        | Capabilities::STORAGE_TEXTURE_16BIT_NORM_FORMATS
+        | Capabilities::EARLY_DEPTH_TEST
+        | Capabilities::MULTISAMPLED_SHADING
+        | Capabilities::DUAL_SOURCE_BLENDING
+        | Capabilities::CUBE_ARRAY_TEXTURES
+        | Capabilities::SUBGROUP
+        | Capabilities::SUBGROUP_BARRIER
+        | Capabilities::SUBGROUP_VERTEX_STAGE
+        | Capabilities::SHADER_FLOAT32_ATOMIC
+        | Capabilities::TEXTURE_ATOMIC
+        | Capabilities::SHADER_FLOAT16
+        | Capabilities::SHADER_FLOAT16_IN_FLOAT32
+        | Capabilities::CLIP_DISTANCES
+        | Capabilities::SHADER_BARYCENTRICS
+        | Capabilities::DRAW_INDEX
+        | Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY_NON_UNIFORM_INDEXING
+        | Capabilities::BUFFER_BINDING_ARRAY_NON_UNIFORM_INDEXING
+        | Capabilities::STORAGE_TEXTURE_BINDING_ARRAY_NON_UNIFORM_INDEXING
+        | Capabilities::STORAGE_BUFFER_BINDING_ARRAY_NON_UNIFORM_INDEXING
+        | Capabilities::MEMORY_DECORATION_COHERENT
+        | Capabilities::MEMORY_DECORATION_VOLATILE
+}
+
+impl Module {
+    /// Parses and validates a module; `name` is used in messages only.
+    ///
+    /// # Errors
+    /// If the text does not parse, or naga's validation refuses it, or it needs a capability that is not implemented.
+    pub fn new(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
+        let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
+        let (ir, text) = match source {
+            Source::Wgsl(text) => {
+                let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: capabilities() };
+                let ir = naga::front::wgsl::Frontend::new_with_options(options).parse(text).map_err(|e| {
+                    let place = e.location(text).map(place_of);
+                    let labels: Vec<&str> = e.labels().map(|l| l.1).filter(|l| !l.is_empty()).collect();
+                    let mut message = e.message().to_owned();
+                    if !labels.is_empty() {
+                        message = format!("{message} ({})", labels.join("; "));
+                    }
+                    fail(place, message)
+                })?;
+                (ir, text)
+            }
+            Source::SpirV(bytes) => {
+                let options = naga::front::spv::Options {
+                    // What wgpu does: its convention is Vulkan's, with y flipped in the vertex stage.
+                    adjust_coordinate_space: false,
+                    strict_capabilities: true,
+                    block_ctx_dump_prefix: None,
+                };
+                let ir = naga::front::spv::parse_u8_slice(bytes, &options).map_err(|e| fail(None, chain(&e)))?;
+                (ir, "")
+            }
+            Source::NagaIr(ron) => {
+                let ir = ron::from_str::<naga::Module>(ron)
+                    .map_err(|e| fail(None, format!("naga IR at {}: {}", e.span.start, e.code)))?;
+                (ir, "")
+            }
+        };
+        let info = Validator::new(ValidationFlags::all(), capabilities())
+            .validate(&ir)
+            .map_err(|e| fail(e.location(text).map(place_of), chain(e.as_inner())))?;
+        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(ir), info: Arc::new(info) })
+    }
+
+    /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.
+    pub fn entry_points(&self) -> impl Iterator<Item = (Stage, &str)> {
+        self.ir.entry_points.iter().filter_map(|e| Some((Stage::from_naga(e.stage)?, e.name.as_str())))
+    }
+
+    /// The name given at creation.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+pub(super) fn place_of(l: naga::SourceLocation) -> Place {
+    Place { line: l.line_number, column: l.line_position }
+}
+
+/// An error with its causes, on one line.
+pub(super) fn chain(e: &dyn std::error::Error) -> String {
+    let mut text = e.to_string();
+    let mut cause = e.source();
+    while let Some(c) = cause {
+        let next = c.to_string();
+        if !text.ends_with(&next) {
+            text.push_str(": ");
+            text.push_str(&next);
+        }
+        cause = c.source();
+    }
+    text
+}
