@@ -154,6 +154,18 @@ fn every_value_of_every_enumeration_is_known() {
 }
 
 #[test]
+fn recorded_programs_pass_the_checker() {
+    for (name, draws) in [("culling", 15), ("deferred", 15), ("formats", 55)] {
+        let imported = import::open(folder(name)).unwrap_or_else(|error| panic!("{error}"));
+        let summary = trace::check(&imported).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(summary.draws, draws, "{name}");
+        let home = tempfile::tempdir().unwrap();
+        trace::write(&imported, home.path()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(listing(&imported), listing(&import::open(home.path()).unwrap()), "{name}");
+    }
+}
+
+#[test]
 fn what_is_out_of_scope_is_refused_by_name() {
     let expected = [
         "action 0 (CreateExternalTexture): external textures are not supported",

@@ -35,5 +35,10 @@ fn main() -> io::Result<()> {
             }
         }
     }
+    let corpus = root.join("corpus/wgpu_import");
+    fs::create_dir_all(&corpus)?;
+    for name in ["all", "refused"] {
+        fs::copy(root.join("../tests/import").join(name).join("trace.ron"), corpus.join(name))?;
+    }
     Ok(())
 }

@@ -1,0 +1,17 @@
+
+@group(0) @binding(0) var t: texture_depth_2d;
+@group(0) @binding(1) var s: sampler_comparison;
+struct Cell { rect: vec4f, scale: vec4f, bias: vec4f }
+@group(1) @binding(0) var<uniform> cell: Cell;
+struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
+@vertex fn vs(@builtin(vertex_index) i: u32) -> V {
+    let corner = vec2f(f32(i & 1u), f32(i >> 1u));
+    let p = cell.rect.xy + corner * cell.rect.zw;
+    return V(vec4f(p.x / 128.0 - 1.0, 1.0 - p.y / 128.0, 0.0, 1.0), corner);
+}
+@fragment fn fs(v: V) -> @location(0) vec4f {
+    let uv = v.uv;
+    var c = vec4f(0.0);
+    c = vec4f(textureSampleCompare(t, s, uv, uv.x), textureSampleCompareLevel(t, s, uv, 1.0 - uv.y), dot(textureGatherCompare(t, s, uv, 0.5), vec4f(0.25)), 1.0);
+    return saturate(c * cell.scale + cell.bias);
+}
