@@ -5,7 +5,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use fillrate::sim::{Circuit, Clock, In, Link, Out, Tick, Unit, Wires, Wiring, run};
+use fillrate::mem::{Cache, CacheShape, Dram, DramAnswer, DramConfig, DramRequest};
+use fillrate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 /// Moves an item a cycle from each of its two inputs to the output beside it; makes `seeds` items of its own at first.
 struct Stage {
@@ -103,9 +104,146 @@ fn grids(c: &mut Criterion) {
     group.finish();
 }
 
+/// Hits and misses of a 4-way cache of 256 lines; an iteration is 1000 lookups.
+fn caches(c: &mut Criterion) {
+    let mut group = c.benchmark_group("cache");
+    for (name, lines) in [("hits", 200u64), ("misses", 1 << 20)] {
+        let mut cache = Cache::new(CacheShape::new(256, 4, 64, 64).expect("a cache"));
+        let mut state = 1u64;
+        let addresses: Vec<u64> = (0..1000)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) % lines
+            })
+            .collect();
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let mut hits = 0;
+                for &line in black_box(&addresses) {
+                    hits += u32::from(cache.access(line, false).0);
+                }
+                hits
+            });
+        });
+    }
+    group.finish();
+}
+
+/// Keeps a channel supplied with reads at addresses `stride` apart in a 16 MiB range.
+struct Reader {
+    stride: u64,
+    sent: u64,
+    answers: u64,
+    output: Out<DramRequest>,
+    input: In<DramAnswer>,
+}
+
+impl Unit<()> for Reader {
+    #[inline]
+    fn tick(&mut self, wires: &mut Wires, _: &mut ()) -> Tick {
+        let mut did = Tick::Memory;
+        while wires.pop(&self.input).is_some() {
+            self.answers += 1;
+            did = Tick::Moved;
+        }
+        while wires.can_push(&self.output) {
+            let address = self.sent.wrapping_mul(self.stride) & 0xff_ffc0;
+            wires.push(&self.output, DramRequest { address, id: 0, bytes: 64, write: 0 });
+            self.sent += 1;
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.answers
+    }
+
+    fn resident(&self) -> u64 {
+        0
+    }
+}
+
+fillrate::circuit! {
+    struct Rig for () {
+        reader: One<Reader>,
+        dram: One<Dram>,
+    }
+}
+
+/// A DRAM channel that is never short of requests; an iteration is 1000 of them.
+fn dram(c: &mut Criterion) {
+    let config = DramConfig {
+        clock: 7,
+        per_card_cycles: 4,
+        banks: 16,
+        row_bytes: 2048,
+        burst_bytes: 64,
+        burst: 2,
+        t_rcd: 24,
+        t_rp: 24,
+        cl: 24,
+        cwl: 8,
+        t_ras: 56,
+        t_rrd: 12,
+        t_faw: 46,
+        t_rtp: 4,
+        t_wr: 28,
+        t_wtr: 10,
+        t_rtw: 4,
+        t_rfc: 230,
+        t_refi: 6800,
+        window: 32,
+        write_high: 16,
+        hash_banks: true,
+    };
+    let mut group = c.benchmark_group("dram");
+    for (name, stride) in [("one-row-after-another", 64), ("scattered", 0x9e37_79b9_7f4a_7c15)] {
+        let mut wiring = Wiring::new();
+        let (reader, dram) = (wiring.unit("reader", 0), wiring.unit("dram", 0));
+        let (output, requests) = wiring.channel("dram_requests", 0, Link::items(32, 2, 1), reader, dram);
+        let (answers, input) = wiring.channel("dram_answers", 0, Link::items(8, 2, 1), dram, reader);
+        let reader = Reader { stride, sent: 0, answers: 0, output, input };
+        let mut machine = Rig::new(wiring, One(reader), One(Dram::new(config, vec![requests], vec![answers])));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let end = machine.reader.answers + 1000;
+                run(&mut machine, &mut (), Clock::SkipIdle, 10_000, |m, _| m.reader.answers >= end).expect("memory answers");
+            });
+        });
+    }
+    group.finish();
+}
+
+fillrate::circuit! {
+    struct Two for () {
+        stage: Vec<Stage>,
+    }
+}
+
+/// Two stages that pass items to each other: an iteration is 1000 cycles of 2 ticks and 4 pairs of push and pop.
+fn channel(c: &mut Criterion) {
+    let mut wiring = Wiring::new();
+    let ids = wiring.bank("stage", 2);
+    let mut ways = |from: usize| {
+        let mut way = |lane| wiring.channel("hop", 2 * from + lane, Link::items(4, 1, 1), ids[from], ids[1 - from]);
+        let ((out0, in0), (out1, in1)) = (way(0), way(1));
+        ([out0, out1], [in0, in1])
+    };
+    let ((outputs_a, inputs_b), (outputs_b, inputs_a)) = (ways(0), ways(1));
+    let stage = |inputs, outputs| Stage { items: 0, seeds: [1; 2], inputs, outputs };
+    let mut machine = Two::new(wiring, vec![stage(inputs_a, outputs_a), stage(inputs_b, outputs_b)]);
+    c.bench_function("channel/2-ticks-4-transfers", |b| {
+        b.iter(|| {
+            let end = machine.wires().now() + 1000;
+            run(&mut machine, &mut (), Clock::SkipIdle, 1 << 40, |m, _| m.wires().now() >= end).expect("a ring moves for ever");
+        });
+    });
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().warm_up_time(std::time::Duration::from_millis(300)).measurement_time(std::time::Duration::from_secs(1));
-    targets = grids
+    targets = grids, channel, caches, dram
 }
 criterion_main!(benches);

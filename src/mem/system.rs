@@ -113,6 +113,13 @@ pub struct Memory {
     pub clients: Vec<(&'static str, usize)>,
 }
 
+/// The slices' ends at one channel.
+#[derive(Debug, Default)]
+struct DramPorts {
+    requests: Vec<In<DramRequest>>,
+    answers: Vec<Out<DramAnswer>>,
+}
+
 impl MemoryPlan {
     /// Declares the units, which come next in the wiring.
     ///
@@ -182,8 +189,7 @@ impl MemoryPlan {
                 // As many requests as can be under way, so that the scheduler's window fills.
                 let to_dram = Link::items(dram.window.max(4), 2, 1);
                 let (mut to_slices, mut from_slices) = (Vec::new(), Vec::new());
-                let mut ports: Vec<(Vec<In<DramRequest>>, Vec<Out<DramAnswer>>)> =
-                    (0..channels).map(|_| (Vec::new(), Vec::new())).collect();
+                let mut ports: Vec<DramPorts> = (0..channels).map(|_| DramPorts::default()).collect();
                 for slice in 0..slices as usize {
                     let channel = slice % channels as usize;
                     let id = self.l2[slice];
@@ -193,11 +199,11 @@ impl MemoryPlan {
                     let (from_dram, from) = wiring.channel("dram_answers", slice, Link::items(8, 2, 1), self.dram[channel], id);
                     to_slices.push(to_slice);
                     from_slices.push(from_slice);
-                    ports[channel].0.push(at_dram);
-                    ports[channel].1.push(from_dram);
+                    ports[channel].requests.push(at_dram);
+                    ports[channel].answers.push(from_dram);
                     memory.l2.push(L2Slice::new(l2, input, output, to, from));
                 }
-                memory.dram = ports.into_iter().map(|(inputs, outputs)| Dram::new(dram, inputs, outputs)).collect();
+                memory.dram = ports.into_iter().map(|ports| Dram::new(dram, ports.requests, ports.answers)).collect();
                 memory.crossbar = Some(Crossbar::new(self.interleave, self.requests, to_slices));
                 memory.return_path = Some(ReturnPath::new(from_slices, self.answers));
             }

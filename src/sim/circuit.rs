@@ -155,7 +155,7 @@ pub trait Circuit {
 #[doc(hidden)]
 pub fn assemble(wiring: Wiring, fields: &[(&str, usize)]) -> Wires {
     let expected = fields.iter().flat_map(|&(name, count)| (0..count).map(move |index| format!("{name}[{index}]")));
-    let declared = wiring.labels().iter().map(ToString::to_string);
+    let declared = wiring.unit_labels().iter().map(ToString::to_string);
     assert!(
         expected.clone().eq(declared.clone()),
         "the units are declared as {:?} but the machine has {:?}",

@@ -28,9 +28,20 @@
 //!
 //! # Alternatives measured
 //!
-//! Typed channels as fields of the machine, every unit polled every cycle, and channels behind indices with wake times, as
-//! here, were both timed; the figures stand in `benches/sim.rs`. A unit trait object per tick was not pursued: it forbids
-//! inlining and gains nothing, since a machine's units are known when it is compiled.
+//! Channels as typed fields of the machine and every unit polled in every cycle, against channels behind indices and units that
+//! sleep, as here: 80 units in a ring with two channels from each to the next, nanoseconds a cycle on one quiet core.
+//!
+//! | moving | polled, typed | here |
+//! |---|---|---|
+//! | all 160 channels | 620 | 1280 |
+//! | a quarter of them | 250 | 520 |
+//! | one in twenty | 120 | 130 |
+//! | none for a while | 120 a cycle | skipped |
+//!
+//! Polling is cheaper a transfer, because it keeps no wake times, but each poll of a real unit is a tick that looks at all of
+//! its queues, and it cannot skip. Arrays of fixed size instead of `Vec`s, so that indices are masked and not checked, gained
+//! nothing. A unit trait object per tick was not pursued: it forbids inlining, and a machine's units are known when it is
+//! compiled.
 
 mod budget;
 mod channel;

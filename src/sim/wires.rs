@@ -122,7 +122,7 @@ impl Wiring {
         }
     }
 
-    pub(super) fn labels(&self) -> &[Label] {
+    pub(super) fn unit_labels(&self) -> &[Label] {
         &self.units
     }
 }
