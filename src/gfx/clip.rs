@@ -15,8 +15,8 @@ pub const GUARD_PIXELS: f32 = 32767.0;
 /// The least `w` that survives clipping; its reciprocal, and that times any sane attribute, stays finite.
 pub const W_MIN: f32 = 1.0 / (1u128 << 64) as f32;
 
-/// Vertices of a clipped triangle at most: each of the seven planes adds one.
-pub const MAX_VERTICES: usize = 10;
+/// Vertices of a clipped triangle at most: each of the seven planes adds one, and so does each of eight clip distances.
+pub const MAX_VERTICES: usize = 18;
 
 /// Which planes a vertex is outside of: a set of `Outcode` bits.
 pub type Outcode = u16;
@@ -102,6 +102,59 @@ pub struct Polygon {
 impl Polygon {
     /// One without vertices.
     pub const EMPTY: Polygon = Polygon { vertices: [ClipVertex::ZERO; MAX_VERTICES], len: 0 };
+
+    /// Makes it an uncut line or triangle.
+    pub fn set(&mut self, position: &[[f32; 4]]) {
+        self.len = position.len();
+        for (i, (vertex, &position)) in self.vertices.iter_mut().zip(position).enumerate() {
+            *vertex = ClipVertex { position, weights: std::array::from_fn(|k| if k == i { 1.0 } else { 0.0 }) };
+        }
+    }
+
+    /// Cuts away what has a negative (or no) distance to a further plane, where `original` are the distances of the original
+    /// vertices; `closed` says that it is a triangle. Returns whether anything is left.
+    pub fn cut(&mut self, original: [f32; 3], closed: bool) -> bool {
+        let old = *self;
+        let n = old.len;
+        let edges = if closed { n } else { n - 1 };
+        let distance = |v: &ClipVertex| {
+            // 0 times an infinite distance of a vertex that has no part in this one is 0.
+            let part = |i: usize| if v.weights[i] == 0.0 { 0.0 } else { f64::from(v.weights[i]) * f64::from(original[i]) };
+            part(0) + part(1) + part(2)
+        };
+        self.len = 0;
+        for i in 0..n {
+            let a = old.vertices[i];
+            let da = distance(&a);
+            if da >= 0.0 {
+                self.push(a);
+            }
+            if i >= edges {
+                continue;
+            }
+            let b = old.vertices[(i + 1) % n];
+            let db = distance(&b);
+            if (da >= 0.0) != (db >= 0.0) {
+                // From the inside to the outside, as everywhere. An outside that is infinitely far or NaN leaves the inside's end.
+                let (from, to, df, dt) = if da >= 0.0 { (a, b, da, db) } else { (b, a, db, da) };
+                let t = df / (df - dt);
+                let t = if t.is_finite() { t } else { 0.0 };
+                let mix = |x: f32, y: f32| (f64::from(x) + t * (f64::from(y) - f64::from(x))) as f32;
+                self.push(ClipVertex {
+                    position: std::array::from_fn(|k| mix(from.position[k], to.position[k])),
+                    weights: std::array::from_fn(|k| mix(from.weights[k], to.weights[k])),
+                });
+            }
+        }
+        self.len >= if closed { 3 } else { 2 }
+    }
+
+    fn push(&mut self, vertex: ClipVertex) {
+        if self.len < MAX_VERTICES {
+            self.vertices[self.len] = vertex;
+            self.len += 1;
+        }
+    }
 
     /// Its vertices in order.
     #[inline]

@@ -84,6 +84,11 @@ impl ColorState {
         self.path == Path::Nothing
     }
 
+    /// Whether the source is combined with the stored colour by an equation; if not, it is converted and replaces it.
+    pub fn blends(&self) -> bool {
+        matches!(self.path, Path::Blend | Path::Blend8(_))
+    }
+
     /// Whether the stored colour is needed: blending, or a write mask that keeps some channels.
     pub fn reads(&self) -> bool {
         !self.is_idle() && (!self.whole || matches!(self.path, Path::Blend | Path::Blend8(_)))

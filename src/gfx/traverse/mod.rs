@@ -109,6 +109,20 @@ pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, mut visit: imp
     walk::<Portable, S>(primitive, area, &mut visit);
 }
 
+/// As [`blocks`] for a caller that is itself compiled for these instructions, so that its visitor is too.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[inline]
+pub fn blocks_avx2<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
+    walk::<kernel::Avx2, S>(primitive, area, visit);
+}
+
+/// As [`blocks`] without looking at the host.
+#[inline]
+pub fn blocks_portable<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
+    walk::<Portable, S>(primitive, area, visit);
+}
+
 #[inline(always)]
 fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
     const { assert!(S == 1 || S == 4, "samples a pixel") };
