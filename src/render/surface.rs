@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 
 use crate::gfx::format::Format;
+use crate::gfx::rop;
 use crate::num::Words;
 use crate::work::{BLOCK, TILE};
 
@@ -55,6 +56,23 @@ pub fn depth_key(format: Format, code: u32) -> u32 {
         Format::Depth32Float | Format::Depth32FloatStencil8 => float_key(code),
         _ => code,
     }
+}
+
+/// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
+pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
+    let depth = match format {
+        Format::Depth16Unorm => 0xffff,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
+        Format::Depth32Float | Format::Depth32FloatStencil8 => u32::MAX,
+        _ => 0,
+    };
+    let stencil = match format {
+        Format::Stencil8 => [0xff, 0, 0, 0],
+        Format::Depth24PlusStencil8 => [0xff00_0000, 0, 0, 0],
+        Format::Depth32FloatStencil8 => [0, 0xff, 0, 0],
+        _ => [0; 4],
+    };
+    ([depth, 0, 0, 0], stencil)
 }
 
 /// The bits of a float as a number that compares as floats do (negative numbers too; NaN beyond infinity).
@@ -166,7 +184,7 @@ impl TileSurface {
         self.shape
     }
 
-    /// Sets every texel to a code (words as stored here: a texel's bytes, little-endian).
+    /// Sets every texel to a stored texel's words (its bytes, little-endian).
     pub fn clear(&mut self, value: [u32; 4]) {
         self.value = value;
         self.clear.fill(true);
@@ -174,7 +192,7 @@ impl TileSurface {
         self.depth.fill(BlockDepth { min: key, max: key, stale: 0 });
     }
 
-    /// Sets the bits of every texel that `mask` selects (one aspect of a depth-stencil format) and keeps the others.
+    /// Sets the bits of every texel that `mask` selects (an aspect: see [`aspect_masks`]) and keeps the others.
     pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
         let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
         if self.clear.iter().all(|&c| c) {
@@ -183,7 +201,7 @@ impl TileSurface {
         }
         let words = self.shape.words();
         let format = self.shape.format;
-        let whole = mask_covers_depth(format, mask);
+        let whole = format.has_depth() && aspect_masks(format).0[0] & !mask[0] == 0;
         self.par_tiles().for_each(|(_, mut tile)| {
             tile.materialise(words);
             for texels in tile.codes.chunks_exact_mut(4 * words) {
@@ -206,9 +224,8 @@ impl TileSurface {
         let blocks = if self.depth.is_empty() { 0 } else { TILE_BLOCKS };
         let mut depth = self.depth.as_mut_slice();
         self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| {
-            let (head, rest) = std::mem::take(&mut depth).split_at_mut(blocks);
-            depth = rest;
-            TileMut { codes, clear, depth: head, value }
+            let bounds = depth.split_off_mut(..blocks).expect("a tile's bounds");
+            TileMut { codes, clear, depth: bounds, value }
         })
     }
 
@@ -278,6 +295,35 @@ impl TileSurface {
         std::array::from_fn(|w| if w < words { codes[at + 4 * w] } else { 0 })
     }
 
+    /// One sample a pixel: the mean of the samples of each, of values in `format` (which may differ in sRGB-ness from the
+    /// surface's own).
+    pub fn resolve(&self, format: Format) -> TileSurface {
+        let mut out = TileSurface::new(Shape { samples: 1, ..self.shape });
+        let (words, samples) = (self.shape.words(), self.shape.samples as usize);
+        out.clear(self.value);
+        out.par_tiles().for_each(|(index, tile)| {
+            let Some(codes) = self.tile(index) else { return };
+            *tile.clear = false;
+            tile.depth.fill(BlockDepth::UNKNOWN);
+            let mut gathered = [0; 16];
+            let mut mean = [0; 4];
+            for quad in 0..TILE_QUADS {
+                for pixel in 0..4 {
+                    for sample in 0..samples {
+                        for w in 0..words {
+                            gathered[sample * words + w] = codes[((quad * samples + sample) * words + w) * 4 + pixel];
+                        }
+                    }
+                    rop::resolve(format, &gathered[..samples * words], &mut mean[..words]);
+                    for w in 0..words {
+                        tile.codes[(quad * words + w) * 4 + pixel] = mean[w];
+                    }
+                }
+            }
+        });
+        out
+    }
+
     /// A tile's codes, or none where it holds only the clear value.
     pub fn tile(&self, index: usize) -> Option<&[u32]> {
         let n = self.shape.tile_words();
@@ -288,16 +334,6 @@ impl TileSurface {
     pub fn clear_value(&self) -> [u32; 4] {
         self.value
     }
-}
-
-/// Whether a write mask covers all bits of the depth aspect.
-fn mask_covers_depth(format: Format, mask: [u32; 4]) -> bool {
-    let depth = match format {
-        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
-        Format::Depth16Unorm => 0xffff,
-        _ => u32::MAX,
-    };
-    format.has_depth() && mask[0] & depth == depth
 }
 
 /// The part of a tile that lies in the surface.
@@ -378,9 +414,11 @@ fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u3
             let base = (quad * samples + sample) * words * 4 + pixel;
             let word = |w: usize| codes.map_or(value[w], |c| c[base + 4 * w]);
             let size = shape.format.block_bytes() as usize;
-            for w in 0..words {
-                let bytes = word(w).to_le_bytes();
-                to.write((at + 4 * w) as u64, &bytes[..size.min(4)]);
+            if size >= 4 && at.is_multiple_of(4) {
+                (0..words).for_each(|w| to.store(at / 4 + w, word(w)));
+            } else {
+                let stored: [u32; 4] = std::array::from_fn(|w| if w < words { word(w).to_le() } else { 0 });
+                to.write(at as u64, &bytemuck::bytes_of(&stored)[..size]);
             }
             at += size;
         }
@@ -409,6 +447,9 @@ mod tests {
             Format::Rgba8Unorm,
             Format::Rgba16Float,
             Format::Rgba32Uint,
+            Format::Stencil8,
+            Format::Depth16Unorm,
+            Format::Depth24PlusStencil8,
             Format::Depth32FloatStencil8,
         ] {
             for samples in [1, 4] {

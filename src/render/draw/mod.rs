@@ -1,0 +1,153 @@
+//! Draws: from vertices to attachments, in parallel over batches of vertices, of primitives, and over screen tiles.
+//!
+//! A draw is cut into segments of whole primitives ([`plan`]), so that memory is bounded. Each goes through four stages with all
+//! threads in each: the stream of vertices ([`stream`]), vertex shading ([`vertex`]), assembly to setup and sorting into tiles
+//! ([`primitive`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
+//! every primitive of the segment in API order. What a thread computes never depends on which thread it is.
+
+mod clip_distance;
+mod frame;
+mod pass;
+mod plan;
+mod primitive;
+mod record;
+mod shade;
+mod stream;
+mod tile;
+mod vertex;
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use crate::gfx::state::{IndexFormat, Rect, Viewport};
+use crate::num::Words;
+use crate::shader::Resources;
+use crate::work::{Funnel, RenderKey};
+
+use super::pipeline::RenderPipeline;
+
+pub use super::surface::aspect_masks;
+pub use pass::{DrawError, EndedPass, RenderPass};
+
+/// A range of a buffer.
+#[derive(Clone, Debug)]
+pub struct BufferRange {
+    /// The buffer's bytes.
+    pub words: Arc<Words>,
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
+    /// Address of the first byte of the range in the card's memory.
+    pub address: u64,
+}
+
+/// The indices of a draw.
+#[derive(Clone, Debug)]
+pub struct IndexRange {
+    /// Where they are.
+    pub range: BufferRange,
+    /// Width of an index.
+    pub format: IndexFormat,
+}
+
+/// Which vertices and instances are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Range {
+    /// First vertex, or first index.
+    pub first: u32,
+    /// Number of vertices, or of indices.
+    pub count: u32,
+    /// Added to every index.
+    pub base_vertex: i32,
+    /// First instance.
+    pub first_instance: u32,
+    /// Number of instances.
+    pub instances: u32,
+    /// Number of the draw in a multi-draw.
+    pub draw_index: u32,
+}
+
+/// Work that the renderer leaves out where the image cannot change. Each can be switched off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Skips {
+    /// Blocks that hierarchical Z rejects are not tested.
+    pub hierarchical_z: bool,
+    /// Screen tiles that a large triangle misses are not visited.
+    pub tile_reject: bool,
+    /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed.
+    pub overwritten: bool,
+}
+
+impl Default for Skips {
+    fn default() -> Self {
+        Skips { hierarchical_z: true, tile_reject: true, overwritten: true }
+    }
+}
+
+impl Skips {
+    /// Nothing is left out.
+    pub const NONE: Skips = Skips { hierarchical_z: false, tile_reject: false, overwritten: false };
+}
+
+/// A draw call with everything resolved.
+pub struct DrawCall<'a> {
+    /// Number in the trace.
+    pub number: u32,
+    /// The pipeline.
+    pub pipeline: &'a RenderPipeline,
+    /// Vertex buffers by slot.
+    pub vertex_buffers: &'a [Option<BufferRange>],
+    /// Indices; none: not indexed.
+    pub index: Option<&'a IndexRange>,
+    /// What is drawn.
+    pub range: Range,
+    /// Resources of the vertex stage.
+    pub vertex_resources: Resources<'a>,
+    /// Resources of the fragment stage.
+    pub fragment_resources: Option<Resources<'a>>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor rectangle.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend_constant: [f32; 4],
+    /// Stencil reference.
+    pub stencil_reference: u32,
+    /// An occlusion query is open.
+    pub count_samples: bool,
+    /// What the work depends on.
+    pub key: RenderKey,
+    /// Whether work is recorded.
+    pub record: bool,
+    /// What may be left out.
+    pub skips: Skips,
+}
+
+/// What a draw leaves beside the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Samples that passed all tests.
+    pub samples_passed: u64,
+    /// What was thrown away where.
+    pub funnel: Funnel,
+}
+
+/// Indices, borrowed.
+#[derive(Clone, Copy, Debug)]
+struct IndexBuffer<'a> {
+    words: &'a Words,
+    offset: u64,
+    size: u64,
+    format: IndexFormat,
+}
+
+impl IndexRange {
+    fn buffer(&self) -> IndexBuffer<'_> {
+        let BufferRange { words, offset, size, .. } = &self.range;
+        let size = (*size).min(words.len().saturating_sub(*offset));
+        IndexBuffer { words, offset: *offset, size, format: self.format }
+    }
+}

@@ -1,0 +1,289 @@
+//! A render pass: its attachments, and draws into them.
+
+use std::sync::{Arc, Mutex};
+
+use rayon::prelude::*;
+
+use crate::gfx::format::Format;
+use crate::render::surface::{Shape, TileSurface};
+use crate::shader::ShaderFault;
+use crate::work::{Event, Funnel, Segment};
+
+use super::frame::{Frame, Workers};
+use super::plan::{Piece, Planner};
+use super::primitive::{self, Batch};
+use super::record::{self, TileRecord};
+use super::stream::{Stream, StreamSource};
+use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
+use super::vertex::Vertices;
+use super::{DrawCall, Drawn};
+
+/// Primitives of a segment.
+const SEGMENT_PRIMITIVES: u32 = 64 * 1024;
+
+/// Quads of a recorded segment, roughly.
+const SEGMENT_QUADS: u64 = 1 << 20;
+
+/// Why a draw cannot be done.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DrawError {
+    /// Pipeline and pass do not fit each other.
+    #[error("render pipeline `{label}`: {message}")]
+    Pipeline {
+        /// The pipeline's label.
+        label: String,
+        /// What does not fit.
+        message: String,
+    },
+    /// Too many attachments.
+    #[error("{0} colour attachments, at most {MAX_COLORS} are possible")]
+    Attachments(usize),
+    /// A shader was stopped.
+    #[error(transparent)]
+    Shader(#[from] ShaderFault),
+}
+
+impl From<DrawError> for String {
+    fn from(error: DrawError) -> String {
+        error.to_string()
+    }
+}
+
+/// Scratch of a draw's stages; what one draw allocated serves the next.
+struct Scratch {
+    workers: Workers,
+    stream: Stream,
+    vertices: Vertices,
+    batches: Vec<Batch>,
+    pieces: Vec<Piece>,
+}
+
+/// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
+static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
+
+impl Scratch {
+    fn take() -> Scratch {
+        let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
+        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Scratch {
+            workers: Workers::new(),
+            stream: Stream::default(),
+            vertices: Vertices::default(),
+            batches: Vec::new(),
+            pieces: Vec::new(),
+        })
+    }
+
+    fn give(self) {
+        IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(self);
+    }
+}
+
+/// A render pass between begin and end.
+pub struct RenderPass {
+    width: u32,
+    height: u32,
+    samples: u32,
+    color: Vec<Option<(TileSurface, Format)>>,
+    depth: Option<TileSurface>,
+    scratch: Option<Scratch>,
+}
+
+/// The attachments of a pass that has ended.
+#[derive(Debug)]
+pub struct EndedPass {
+    /// Colour attachments by location.
+    pub color: Vec<Option<TileSurface>>,
+    /// Depth and stencil.
+    pub depth: Option<TileSurface>,
+}
+
+impl RenderPass {
+    /// Begins a pass on attachments of the given extent, loaded or cleared already. A colour attachment comes with the format it
+    /// is seen in, which may differ in sRGB-ness from what is stored.
+    pub fn begin(
+        width: u32,
+        height: u32,
+        samples: u32,
+        color: Vec<Option<(TileSurface, Format)>>,
+        depth: Option<TileSurface>,
+    ) -> RenderPass {
+        let fits = |s: &TileSurface| matches!(s.shape(), Shape { width: w, height: h, samples: n, .. } if (w, h, n) == (width, height, samples));
+        assert!(color.iter().flatten().all(|(s, _)| fits(s)) && depth.iter().all(fits), "attachments of one extent");
+        RenderPass { width, height, samples, color, depth, scratch: Some(Scratch::take()) }
+    }
+
+    /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
+    ///
+    /// # Errors
+    /// If pipeline and attachments do not fit each other, or a shader does not end.
+    pub fn draw(&mut self, call: &DrawCall<'_>, sink: &mut dyn FnMut(Event)) -> Result<Drawn, DrawError> {
+        if self.color.len() > MAX_COLORS {
+            return Err(DrawError::Attachments(self.color.len()));
+        }
+        let extent = (self.width, self.height, self.samples);
+        let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
+        if call.record {
+            sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some()))));
+        }
+        let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
+        let result = self.segments(call, &frame, &mut scratch, sink);
+        self.scratch = Some(scratch);
+        result
+    }
+
+    fn segments(
+        &mut self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        scratch: &mut Scratch,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Drawn, DrawError> {
+        let range = call.range;
+        let index = call.index.map(|i| i.buffer());
+        let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
+        let first = u64::from(range.first_instance);
+        let instances = first..first + u64::from(range.instances);
+        let source = StreamSource { index, first: range.first, base_vertex: range.base_vertex };
+        let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
+        let mut drawn = Drawn::default();
+        // Vertex shaders with side effects run once: their segments are not cut again.
+        let divisible = call.record && !frame.vertex_in_order;
+        let mut limit = SEGMENT_PRIMITIVES;
+        loop {
+            let place = planner.place();
+            let mut pieces = std::mem::take(&mut scratch.pieces);
+            let more = planner.next(limit, &mut pieces);
+            if more {
+                let primitives: u32 = pieces.iter().map(|p| p.primitives).sum();
+                match self.geometry(call, frame, scratch, &source, &pieces)? {
+                    (_, quads) if divisible && quads > SEGMENT_QUADS && primitives > 2 => {
+                        // Too much for one piece: the same primitives again, fewer at a time.
+                        let fraction = SEGMENT_QUADS as f64 / quads as f64;
+                        limit = ((f64::from(primitives) * fraction) as u32).clamp(2, primitives - 1);
+                        planner.go_back(place);
+                    }
+                    (segment, quads) => {
+                        drawn.funnel +=
+                            self.fragments(call, frame, scratch, &pieces, segment, &mut drawn.samples_passed, sink)?;
+                        if quads < SEGMENT_QUADS / 4 {
+                            limit = limit.saturating_mul(2).min(SEGMENT_PRIMITIVES);
+                        }
+                    }
+                }
+            }
+            scratch.pieces = pieces;
+            if !more {
+                return Ok(drawn);
+            }
+        }
+    }
+
+    /// The geometry half of a segment: vertices, primitives, tiles' lists. Returns what is recorded of it and about how many
+    /// quads it has.
+    fn geometry(
+        &self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        scratch: &mut Scratch,
+        source: &StreamSource<'_>,
+        pieces: &[Piece],
+    ) -> Result<(Segment, u64), DrawError> {
+        let Scratch { workers, stream, vertices, batches, .. } = scratch;
+        stream.read(source, pieces, call.record);
+        let mut segment = Segment::default();
+        let shaded = vertices.shade(frame, workers, stream, call.record.then_some(&mut segment))?;
+        let n = primitive::cut(frame.topology, pieces, batches);
+        let tiles = self.tiles();
+        let input = primitive::Input { frame, stream, vertices, tiles: (tiles[0], tiles[0] * tiles[1]), record: call.record };
+        batches[..n].par_iter_mut().for_each(|batch| workers.with(|worker| batch.run(&input, worker)));
+        batches.truncate(n.max(64));
+        let repeated = |p: &Piece| p.repeated;
+        segment.funnel.vertices_in = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(repeated(p))).sum::<u64>();
+        segment.funnel.vertices_shaded = shaded;
+        Ok((segment, batches[..n].iter().map(|b| b.quads_estimate).sum()))
+    }
+
+    /// The fragment half of a segment: all tiles with something in them.
+    fn fragments(
+        &mut self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        scratch: &mut Scratch,
+        pieces: &[Piece],
+        mut segment: Segment,
+        samples_passed: &mut u64,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Funnel, DrawError> {
+        let tiles = self.tiles();
+        let n = pieces.iter().map(|p| p.primitives.div_ceil(primitive::BATCH) as usize).sum::<usize>();
+        let batches = &mut scratch.batches[..n];
+        let mut jobs = self.jobs(frame, tiles, batches);
+        let input = SegmentInput { frame, batches, vertices: &scratch.vertices };
+        let workers = &scratch.workers;
+        let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
+        let results: Vec<Result<(), ShaderFault>> = if frame.tiles_in_order {
+            jobs.iter_mut().map(one).collect()
+        } else {
+            jobs.par_iter_mut().with_max_len(1).map(one).collect()
+        };
+        results.into_iter().collect::<Result<(), ShaderFault>>()?;
+        let (counts, passed) = workers.take_counts();
+        *samples_passed += passed;
+        let recorded: Vec<(u32, u32, TileRecord)> = if call.record {
+            jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))).collect()
+        } else {
+            Vec::new()
+        };
+        drop(jobs);
+        batches.par_iter_mut().for_each(Batch::count_uncovered);
+        let mut funnel = segment.funnel;
+        funnel += counts;
+        for batch in batches.iter() {
+            funnel += batch.funnel;
+        }
+        if call.record {
+            segment.funnel = funnel;
+            let segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
+            sink(Event::Segment(Arc::new(segment)));
+        }
+        Ok(funnel)
+    }
+
+    /// The tiles that batches touch, with their parts of the attachments.
+    fn jobs(&mut self, frame: &Frame<'_>, tiles: [u32; 2], batches: &[Batch]) -> Vec<TileJob<'_>> {
+        let mut locations: Vec<Option<_>> =
+            self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut())).collect();
+        let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
+        let mut depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(TileSurface::tiles_mut);
+        let mut jobs = Vec::new();
+        for index in 0..(tiles[0] * tiles[1]) as usize {
+            let mut job = TileJob {
+                index,
+                at: [index as u32 % tiles[0], index as u32 / tiles[0]],
+                colors: Default::default(),
+                depth: depth.as_mut().and_then(Iterator::next),
+                record: TileRecord::default(),
+            };
+            for (tile, surface) in job.colors.iter_mut().zip(&mut colors) {
+                *tile = surface.as_mut().and_then(Iterator::next);
+            }
+            if batches.iter().any(|b| b.touches(index)) {
+                jobs.push(job);
+            }
+        }
+        jobs
+    }
+
+    fn tiles(&self) -> [u32; 2] {
+        let format = Format::R8Unorm;
+        Shape { format, width: self.width, height: self.height, samples: self.samples }.tiles()
+    }
+
+    /// Ends the pass and gives its attachments back.
+    pub fn end(mut self) -> EndedPass {
+        if let Some(scratch) = self.scratch.take() {
+            scratch.give();
+        }
+        EndedPass { color: self.color.into_iter().map(|c| c.map(|(surface, _)| surface)).collect(), depth: self.depth }
+    }
+}

@@ -1,0 +1,467 @@
+//! Shading: up to 16 quads at a time, whatever triangles they belong to, from interpolation to the attachments.
+
+use crate::gfx::interpolate::{self, Place, Site, Weights};
+use crate::gfx::rop;
+use crate::gfx::setup::Triangle;
+use crate::num::{LANES, Lanes, QUADS};
+use crate::shader::{Bound, BuiltIn, Interpolation, Sampling};
+
+use super::frame::Frame;
+use super::primitive::{Corners, MADE};
+use super::tile::TileRun;
+
+/// Quads that wait to be shaded, in API order.
+#[derive(Default)]
+pub struct Pending {
+    /// Number of quads.
+    n: usize,
+    sites: [Site; QUADS],
+    /// Place of each in the tile.
+    at: [u32; QUADS],
+    /// Samples covered by geometry, scissor and sample mask.
+    coverage: [u16; QUADS],
+    /// Samples that passed early tests.
+    alive: [u16; QUADS],
+    /// Sample of each, where the program runs once a sample.
+    sample: [u8; QUADS],
+    /// Place of each among the recorded quads.
+    record: [u32; QUADS],
+    /// Bit a quad: of a back face.
+    back: u16,
+    /// Copies of the triangles that the quads belong to: batches span lists.
+    triangles: Vec<Triangle>,
+    /// Batch and number there of each.
+    names: Vec<(u32, u32)>,
+}
+
+impl Pending {
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.n = 0;
+        self.back = 0;
+        self.triangles.clear();
+        self.names.clear();
+    }
+
+    /// Adds a triangle and returns its place.
+    #[inline(always)]
+    pub fn add_triangle(&mut self, triangle: &Triangle, batch: u32, number: u32) -> u32 {
+        let slot = self.triangles.len() as u32;
+        self.triangles.push(*triangle);
+        self.names.push((batch, number));
+        slot
+    }
+
+    /// Adds a quad; returns whether the batch is full.
+    #[inline(always)]
+    pub fn push(
+        &mut self,
+        slot: u32,
+        [x, y]: [u16; 2],
+        at: u32,
+        coverage: u16,
+        alive: u16,
+        sample: u8,
+        record: u32,
+        front: bool,
+    ) -> bool {
+        let n = self.n & (QUADS - 1);
+        self.sites[n] = Site { triangle: slot, x, y };
+        self.at[n] = at;
+        self.coverage[n] = coverage;
+        self.alive[n] = alive;
+        self.sample[n] = sample;
+        self.record[n] = record;
+        self.back |= u16::from(!front) << n;
+        self.n = n + 1;
+        self.n == QUADS
+    }
+}
+
+/// The pixels of a quad's coverage.
+#[inline(always)]
+fn pixels(coverage: u16) -> u64 {
+    u64::from((coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15)
+}
+
+/// Varyings of a triangle's vertices, and of the one that flat attributes come from.
+#[derive(Clone, Copy)]
+struct Records<'a> {
+    vertices: [&'a [u32]; 3],
+    flat: &'a [u32],
+}
+
+impl TileRun<'_, '_, '_> {
+    /// Shades what waits and writes it.
+    #[inline(never)]
+    pub fn flush<const S: usize, const RECORD: bool>(&mut self) {
+        let n = self.pending.n;
+        if n == 0 || self.fault.is_some() {
+            self.pending.clear();
+            return;
+        }
+        let frame = self.frame;
+        let (mut active, mut present) = (0, 0);
+        for q in 0..n {
+            let lanes = if frame.shade_covered { self.pending.coverage[q] } else { self.pending.alive[q] };
+            active |= pixels(lanes) << (4 * q);
+            present |= 15 << (4 * q);
+        }
+        self.counts.quads_shaded += n as u64;
+        self.counts.fragments_shaded += u64::from(active.count_ones());
+        self.counts.helper_fragments += u64::from((present & !active).count_ones());
+        self.interpolate::<S>();
+        let helpers = if frame.helpers { present & !active } else { 0 };
+        let Some(bound) = &mut self.bound else { return };
+        let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
+        let survivors = match outcome {
+            Ok(outcome) => outcome.mask,
+            Err(fault) => {
+                self.fault = Some(fault);
+                self.pending.clear();
+                return;
+            }
+        };
+        let mut kept = self.pending.alive;
+        kept[n..].fill(0);
+        if frame.shrinks {
+            self.shrink::<S>(survivors, &mut kept);
+        }
+        if RECORD {
+            self.record_quads::<S>(survivors);
+        }
+        if !frame.early
+            && let Some(state) = &frame.depth
+        {
+            let before = kept;
+            let mut codes = [Lanes::ZERO; S];
+            self.late_depths::<S>(&mut codes);
+            if let Some(tile) = &mut self.job.depth {
+                tile.materialise(frame.depth_words);
+                if state.writes_depth() {
+                    for &at in &self.pending.at[..n] {
+                        tile.depth[at as usize / 16].stale = 1;
+                    }
+                }
+                state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
+            }
+            for q in 0..n {
+                self.counts.fragments_late_failed += u64::from((pixels(before[q]) & !pixels(kept[q])).count_ones());
+            }
+        }
+        for &kept in &kept[..n] {
+            self.counts.fragments_written += u64::from(pixels(kept).count_ones());
+            self.samples_passed += u64::from(kept.count_ones());
+        }
+        self.write::<S>(n, &kept);
+        self.pending.clear();
+    }
+
+    /// Blends the outputs into the colour attachments.
+    #[inline(always)]
+    fn write<const S: usize>(&mut self, n: usize, kept: &[u16; QUADS]) {
+        let Some(bound) = &self.bound else { return };
+        for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
+            let Some(tile) = tile else { continue };
+            tile.materialise(target.words);
+            let color = colors(bound, target.output);
+            let at = &self.pending.at;
+            match target.second {
+                None => target.state.blend_batch(S, n, at, kept, &color, &color, tile.codes),
+                Some(second) => {
+                    let second = colors(bound, second);
+                    target.state.blend_batch(S, n, at, kept, &color, &second, tile.codes);
+                }
+            }
+        }
+    }
+
+    /// Discard, the program's sample mask and alpha to coverage.
+    fn shrink<const S: usize>(&mut self, survivors: u64, kept: &mut [u16; QUADS]) {
+        let frame = self.frame;
+        let Some(bound) = &self.bound else { return };
+        let mask = frame.mask_output.map(|slot| bound.output(slot, 0));
+        let first = frame.targets.iter().find(|t| t.location == 0).map(|t| t.output);
+        let alpha = first.filter(|(_, components)| frame.alpha_to_coverage && *components == 4);
+        let alpha = alpha.map(|(slot, _)| bound.output(slot, 3));
+        for q in 0..self.pending.n {
+            let before = kept[q];
+            let mut allowed = 0_u16;
+            for p in 0..4 {
+                let lane = 4 * q + p;
+                let mut samples = if survivors >> lane & 1 == 1 { (1_u32 << S) - 1 } else { 0 };
+                if let Some(mask) = mask {
+                    samples &= mask.0[lane];
+                }
+                if let Some(alpha) = alpha {
+                    samples &= rop::alpha_to_coverage(alpha.f32()[lane], S as u32);
+                }
+                for s in 0..S {
+                    allowed |= ((samples >> s & 1) as u16) << (4 * s + p);
+                }
+            }
+            kept[q] &= allowed;
+            self.counts.fragments_discarded += u64::from((pixels(before) & !pixels(kept[q])).count_ones());
+            self.pending.coverage[q] &= allowed;
+        }
+    }
+
+    /// Depth codes at each sample, from the program or the plane.
+    fn late_depths<const S: usize>(&mut self, codes: &mut [Lanes; S]) {
+        let frame = self.frame;
+        let (Some(state), Some(bound)) = (&frame.depth, &self.bound) else { return };
+        if let Some(slot) = frame.frag_depth {
+            let mut code = Lanes::ZERO;
+            state.codes(bound.output(slot, 0), &mut code);
+            *codes = [code; S];
+            return;
+        }
+        let sites = &self.pending.sites[..self.pending.n];
+        for (s, codes) in codes.iter_mut().enumerate() {
+            let place = if S == 1 { Place::Center } else { Place::Sample(s) };
+            let mut z = Lanes::ZERO;
+            interpolate::depth(&self.pending.triangles, sites, place, &mut z);
+            state.codes(&z, codes);
+        }
+    }
+
+    /// Writes the inputs of the fragment program.
+    #[inline(always)]
+    fn interpolate<const S: usize>(&mut self) {
+        let frame = self.frame;
+        let pending = &*self.pending;
+        let n = pending.n;
+        let sites = &pending.sites[..n];
+        let triangles = pending.triangles.as_slice();
+        let Some(bound) = &mut self.bound else { return };
+        // Place of every lane for what is evaluated at samples, where the program runs once a sample.
+        let mut at_sample = [0_u8; LANES];
+        if S > 1 && frame.per_sample {
+            for lane in 0..LANES {
+                at_sample[lane] = pending.sample[lane / 4] + 1;
+            }
+        }
+        let mut inv_w = None;
+        if !frame.classes.is_empty() {
+            const NONE: &[u32] = &[];
+            let mut records = [Records { vertices: [NONE; 3], flat: NONE }; QUADS];
+            for (record, &(batch, number)) in records.iter_mut().zip(&pending.names) {
+                let batch = &self.input.batches[batch as usize];
+                let Corners { vertices, flat } = batch.corners[number as usize];
+                let words = |v: u32| {
+                    let stride = self.input.vertices.varying_stride;
+                    let (from, v) = if v & MADE == 0 {
+                        (&self.input.vertices.varyings, v as usize)
+                    } else {
+                        (&batch.made, (v & !MADE) as usize)
+                    };
+                    &from[v * stride..(v + 1) * stride]
+                };
+                *record = Records { vertices: vertices.map(words), flat: words(flat) };
+            }
+            for class in &frame.classes {
+                if class.interpolation == Interpolation::Flat {
+                    for varying in &class.varyings {
+                        for c in 0..varying.components {
+                            if let Some(input) = bound.input_mut(varying.input, c) {
+                                let mut values = [0; QUADS];
+                                for q in 0..n {
+                                    values[q] = records[sites[q].triangle as usize & (QUADS - 1)].flat[varying.word + c];
+                                }
+                                interpolate::flat(&values, input);
+                            }
+                        }
+                    }
+                    continue;
+                }
+                let mut centroid = [0; LANES];
+                let place = match class.sampling {
+                    Sampling::Center => Place::Center,
+                    Sampling::Sample => Place::PerLane(&at_sample),
+                    Sampling::Centroid => {
+                        interpolate::centroids(&pending.coverage[..n], &mut centroid);
+                        Place::PerLane(&centroid)
+                    }
+                };
+                let mut weights = Weights::default();
+                if class.interpolation == Interpolation::Perspective {
+                    let mut w = Lanes::ZERO;
+                    interpolate::perspective(triangles, sites, place, &mut weights, &mut w);
+                    if class.sampling == Sampling::Center {
+                        inv_w = Some(w);
+                    }
+                } else {
+                    interpolate::linear(triangles, sites, place, &mut weights);
+                }
+                for varying in &class.varyings {
+                    for c in 0..varying.components {
+                        let Some(input) = bound.input_mut(varying.input, c) else { continue };
+                        let word = varying.word + c;
+                        if let [_] = triangles {
+                            let values = records[0].vertices.map(|v| f32::from_bits(v[word]));
+                            interpolate::attribute_uniform(&weights, values, input);
+                        } else {
+                            let mut values = [[0.0; QUADS]; 3];
+                            for q in 0..n {
+                                let record = &records[sites[q].triangle as usize & (QUADS - 1)];
+                                for i in 0..3 {
+                                    values[i][q] = f32::from_bits(record.vertices[i][word]);
+                                }
+                            }
+                            interpolate::attribute(&weights, &values, input);
+                        }
+                    }
+                }
+            }
+        }
+        if !frame.fragment_builtins.is_empty() {
+            let place = if S > 1 && frame.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
+            self.builtins::<S>(place, inv_w);
+        }
+    }
+
+    /// Writes the built-in inputs.
+    fn builtins<const S: usize>(&mut self, place: Place<'_>, inv_w: Option<Lanes>) {
+        let frame = self.frame;
+        let pending = &*self.pending;
+        let n = pending.n;
+        let sites = &pending.sites[..n];
+        let triangles = pending.triangles.as_slice();
+        let Some(bound) = &mut self.bound else { return };
+        for &(slot, builtin) in &frame.fragment_builtins {
+            match builtin {
+                BuiltIn::Position => {
+                    let (mut x, mut y) = (Lanes::ZERO, Lanes::ZERO);
+                    interpolate::window(sites, place, &mut x, &mut y);
+                    for (c, value) in [x, y].into_iter().enumerate() {
+                        if let Some(input) = bound.input_mut(slot, c) {
+                            *input = value;
+                        }
+                    }
+                    if let Some(input) = bound.input_mut(slot, 2) {
+                        interpolate::depth(triangles, sites, place, input);
+                    }
+                    if let Some(input) = bound.input_mut(slot, 3) {
+                        match inv_w {
+                            Some(w) if !frame.per_sample => *input = w,
+                            _ => interpolate::perspective(triangles, sites, place, &mut Weights::default(), input),
+                        }
+                    }
+                }
+                BuiltIn::Barycentric { perspective } => {
+                    let (mut weights, mut w) = (Weights::default(), Lanes::ZERO);
+                    if perspective {
+                        interpolate::perspective(triangles, sites, place, &mut weights, &mut w);
+                    } else {
+                        interpolate::linear(triangles, sites, place, &mut weights);
+                    }
+                    let (one, two) = (weights.one.f32(), weights.two.f32());
+                    let zero: [f32; LANES] = std::array::from_fn(|i| (1.0 - one[i]) - two[i]);
+                    for (c, value) in [&zero, one, two].into_iter().enumerate() {
+                        if let Some(input) = bound.input_mut(slot, c) {
+                            *input.f32_mut() = *value;
+                        }
+                    }
+                }
+                _ => {
+                    let Some(input) = bound.input_mut(slot, 0) else { continue };
+                    for q in 0..n {
+                        let site = &sites[q];
+                        let value = match builtin {
+                            BuiltIn::FrontFacing => u32::from(pending.back >> q & 1 == 0),
+                            BuiltIn::SampleIndex => u32::from(pending.sample[q]),
+                            BuiltIn::PrimitiveIndex => {
+                                let (batch, number) = pending.names[site.triangle as usize];
+                                let batch = &self.input.batches[batch as usize];
+                                batch.first_index + batch.primitive[number as usize]
+                            }
+                            BuiltIn::SubgroupSize => LANES as u32,
+                            BuiltIn::PointCoord => 0.5_f32.to_bits(),
+                            _ => 0,
+                        };
+                        input.0[4 * q..4 * q + 4].fill(value);
+                    }
+                    match builtin {
+                        BuiltIn::SampleMask => {
+                            for lane in 0..4 * n {
+                                let coverage = u32::from(pending.coverage[lane / 4]) >> (lane % 4);
+                                input.0[lane] = (0..S).map(|s| (coverage >> (4 * s) & 1) << s).sum();
+                            }
+                        }
+                        BuiltIn::SubgroupInvocationId => input.0 = std::array::from_fn(|i| i as u32),
+                        _ => {}
+                    }
+                    if builtin == BuiltIn::PointCoord
+                        && let Some(input) = bound.input_mut(slot, 1)
+                    {
+                        *input = Lanes::splat_f32(0.5);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Fills in what the recorded quads cost, what is left of them, and their depths and colours.
+    fn record_quads<const S: usize>(&mut self, survivors: u64) {
+        let Some(bound) = &self.bound else { return };
+        let pending = &*self.pending;
+        let _ = survivors;
+        for q in 0..pending.n {
+            let cost = self.recorder.quads[q];
+            self.job.record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request);
+        }
+        payload::<S>(self.frame, bound, pending, &mut self.job.record);
+    }
+}
+
+/// Depths and colours of the batch's quads, as `work::Draw` describes them.
+fn payload<const S: usize>(frame: &Frame<'_>, bound: &Bound<'_>, pending: &Pending, record: &mut super::record::TileRecord) {
+    let size = 4 * frame.payload_words;
+    let first = record.work.payload.len();
+    record.work.payload.resize(first + size * pending.n, 0);
+    let out = &mut record.work.payload[first..];
+    for q in 0..pending.n {
+        record.work.quads[pending.record[q] as usize].payload = (first + q * size) as u32;
+    }
+    if let Some(slot) = frame.frag_depth {
+        let depth = &bound.output(slot, 0).0;
+        for q in 0..pending.n {
+            for s in 0..S {
+                out[q * size + 4 * s..][..4].copy_from_slice(&depth[4 * q..4 * q + 4]);
+            }
+        }
+    }
+    let mut put = |word: usize, values: &Lanes| {
+        for q in 0..pending.n {
+            out[q * size + 4 * word..][..4].copy_from_slice(&values.0[4 * q..4 * q + 4]);
+        }
+    };
+    for target in &frame.targets {
+        let color = colors(bound, target.output);
+        if target.packed {
+            let mut packed = [Lanes::ZERO; 4];
+            target.state.pack_batch(&color, &mut packed);
+            (0..target.payload_words).for_each(|w| put(target.payload + w, &packed[w]));
+        } else {
+            (0..4).for_each(|w| put(target.payload + w, &color[w]));
+        }
+        if let (Some(second), Some(word)) = (target.second, target.payload_second) {
+            let color = colors(bound, second);
+            (0..4).for_each(|w| put(word + w, &color[w]));
+        }
+    }
+}
+
+/// A colour output; components that the program does not write are 0, alpha is 1.
+#[inline(always)]
+fn colors(bound: &Bound<'_>, (slot, components): (usize, usize)) -> [Lanes; 4] {
+    std::array::from_fn(|c| {
+        if c < components {
+            *bound.output(slot, c)
+        } else if c == 3 {
+            Lanes::splat_f32(1.0)
+        } else {
+            Lanes::ZERO
+        }
+    })
+}

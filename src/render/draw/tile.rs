@@ -1,0 +1,513 @@
+//! One screen tile: every triangle of a segment that touches it, in API order.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use crate::gfx::rop::DepthStencilState;
+use crate::gfx::setup::{Bounds, SAMPLES_4, Triangle};
+use crate::gfx::state::Compare;
+use crate::gfx::traverse::{self, Block};
+use crate::num::{LANES, Lanes, SUBPIXEL};
+use crate::render::surface::{BlockDepth, TileMut, depth_key};
+use crate::shader::{Bound, ShaderFault};
+use crate::work::{Funnel, TILE};
+
+use super::frame::{Frame, Worker};
+use super::primitive::{Batch, WHOLE};
+use super::record::TileRecord;
+use super::shade::Pending;
+use super::vertex::Vertices;
+
+/// Colour attachments of a pass, at most.
+pub const MAX_COLORS: usize = 8;
+
+/// Quads of a block from which on hierarchical Z and whole-block tests pay.
+const LARGE: u32 = 4;
+
+/// A tile to be drawn.
+pub struct TileJob<'a> {
+    /// Number of the tile, row by row.
+    pub index: usize,
+    /// Column and row.
+    pub at: [u32; 2],
+    /// Colour attachments, in the order of the frame's targets.
+    pub colors: [Option<TileMut<'a>>; MAX_COLORS],
+    /// Depth attachment.
+    pub depth: Option<TileMut<'a>>,
+    /// What is recorded.
+    pub record: TileRecord,
+}
+
+/// What all tiles of a segment share.
+pub struct SegmentInput<'a, 'f> {
+    pub frame: &'a Frame<'f>,
+    pub batches: &'a [Batch],
+    pub vertices: &'a Vertices,
+}
+
+/// A tile while it is drawn.
+pub struct TileRun<'a, 'f, 'j> {
+    pub frame: &'a Frame<'f>,
+    pub input: &'a SegmentInput<'a, 'f>,
+    pub job: &'a mut TileJob<'j>,
+    pub bound: Option<Bound<'a>>,
+    pub pending: &'a mut Pending,
+    pub recorder: &'a mut crate::shader::Recorder,
+    pub counts: Funnel,
+    pub samples_passed: u64,
+    pub fault: Option<ShaderFault>,
+    /// The current triangle: its batch, its number there, its place among the pending ones.
+    pub batch: u32,
+    pub triangle: u32,
+    pub slot: u32,
+}
+
+/// Draws a tile.
+///
+/// # Errors
+/// If a fragment program does not end.
+pub fn draw(input: &SegmentInput<'_, '_>, worker: &mut Worker, job: &mut TileJob<'_>, record: bool) -> Result<(), ShaderFault> {
+    match (input.frame.samples, record) {
+        (1, false) => dispatch::<1, false>(input, worker, job),
+        (1, true) => dispatch::<1, true>(input, worker, job),
+        (_, false) => dispatch::<4, false>(input, worker, job),
+        (_, true) => dispatch::<4, true>(input, worker, job),
+    }
+}
+
+/// The same code for the host's widest vectors: traversal and tests are inlined into it.
+fn dispatch<const S: usize, const RECORD: bool>(
+    input: &SegmentInput<'_, '_>,
+    worker: &mut Worker,
+    job: &mut TileJob<'_>,
+) -> Result<(), ShaderFault> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        fn wide<const S: usize, const RECORD: bool>(
+            input: &SegmentInput<'_, '_>,
+            worker: &mut Worker,
+            job: &mut TileJob<'_>,
+        ) -> Result<(), ShaderFault> {
+            run::<S, RECORD, true>(input, worker, job)
+        }
+        use std::arch::is_x86_feature_detected as has;
+        if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
+            // SAFETY: the host has every instruction set that the function is compiled for.
+            return unsafe { wide::<S, RECORD>(input, worker, job) };
+        }
+    }
+    run::<S, RECORD, false>(input, worker, job)
+}
+
+/// `WIDE`: the caller is compiled for AVX2 and its companions.
+#[inline(always)]
+fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
+    input: &SegmentInput<'_, '_>,
+    worker: &mut Worker,
+    job: &mut TileJob<'_>,
+) -> Result<(), ShaderFault> {
+    let frame = input.frame;
+    let tile = job.index;
+    let [x0, y0] = job.at.map(|v| (v * TILE) as u16);
+    let area = Bounds {
+        x0,
+        y0,
+        x1: (u32::from(x0) + TILE).min(frame.width) as u16,
+        y1: (u32::from(y0) + TILE).min(frame.height) as u16,
+    };
+    let start = if frame.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
+    worker.pending.clear();
+    let mut run = TileRun {
+        frame,
+        input,
+        job,
+        bound: frame.fragment.map(|program| worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms)),
+        pending: &mut worker.pending,
+        recorder: &mut worker.recorder,
+        counts: Funnel::default(),
+        samples_passed: 0,
+        fault: None,
+        batch: 0,
+        triangle: 0,
+        slot: u32::MAX,
+    };
+    for (b, batch) in input.batches.iter().enumerate().skip(start.0) {
+        let references = batch.in_tile(tile);
+        let references = if b == start.0 { &references[start.1..] } else { references };
+        for &reference in references {
+            let number = reference & !WHOLE;
+            let triangle = &batch.triangles[number as usize];
+            (run.batch, run.triangle, run.slot) = (b as u32, number, u32::MAX);
+            let mut covered = false;
+            let mut visit = |block| covered |= run.block::<S, RECORD>(triangle, block);
+            #[cfg(target_arch = "x86_64")]
+            if WIDE {
+                // SAFETY: `dispatch` has found the instruction sets on this host.
+                unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut visit) };
+            } else {
+                traverse::blocks_portable::<S>(triangle, area, &mut visit);
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            traverse::blocks_portable::<S>(triangle, area, &mut visit);
+            if covered {
+                batch.covered[number as usize].store(1, Relaxed);
+                if RECORD {
+                    run.job.record.end_visit(b as u32, number);
+                }
+            }
+        }
+        if run.fault.is_some() {
+            break;
+        }
+    }
+    run.flush::<S, RECORD>();
+    if RECORD {
+        run.job.record.finish(run.recorder);
+    }
+    let (counts, passed, fault) = (run.counts, run.samples_passed, run.fault);
+    worker.funnel += counts;
+    worker.samples_passed += passed;
+    fault.map_or(Ok(()), Err)
+}
+
+/// The last triangle that covers the tile whole: what was drawn before it cannot be seen. Earlier ones count as covering.
+fn first_visible(batches: &[Batch], tile: usize) -> (usize, usize) {
+    for (b, batch) in batches.iter().enumerate().rev() {
+        let references = batch.in_tile(tile);
+        if let Some(at) = references.iter().rposition(|r| r & WHOLE != 0) {
+            for batch in &batches[..=b] {
+                let hidden = if std::ptr::eq(batch, &batches[b]) { &references[..at] } else { batch.in_tile(tile) };
+                for r in hidden {
+                    batch.covered[(r & !WHOLE) as usize].store(1, Relaxed);
+                }
+            }
+            return (b, at);
+        }
+    }
+    (0, 0)
+}
+
+/// Bit `4 q` for every quad with a bit in the mask.
+#[inline(always)]
+fn quads_in(mask: u64) -> u64 {
+    let pairs = mask | mask >> 1;
+    (pairs | pairs >> 2) & 0x1111_1111_1111_1111
+}
+
+impl TileRun<'_, '_, '_> {
+    /// One block of the current triangle; returns whether it covers a sample that may be written.
+    #[inline(always)]
+    fn block<const S: usize, const RECORD: bool>(&mut self, triangle: &Triangle, mut block: Block<S>) -> bool {
+        let frame = self.frame;
+        for s in 0..S {
+            if frame.sample_mask >> s & 1 == 0 {
+                block.samples[s] = 0;
+            }
+        }
+        let covered = block.pixels();
+        if covered == 0 {
+            return false;
+        }
+        let quads = quads_in(covered);
+        let n = quads.count_ones();
+        self.counts.tiles_visited += 1;
+        self.counts.quads_rasterized += u64::from(n);
+        self.counts.fragments_covered += u64::from(covered.count_ones());
+        let first_record = if RECORD { self.job.record.begin_block(&block, frame.per_sample) } else { 0 };
+        let mut passed = block;
+        if frame.early
+            && let Some(depth) = &frame.depth
+        {
+            passed.samples = self.test::<S>(depth, triangle, &block, n);
+        }
+        let alive = passed.pixels();
+        self.counts.quads_early_culled += u64::from(n - quads_in(alive).count_ones());
+        if frame.fragment.is_none() {
+            self.samples_passed += passed.samples.iter().map(|m| u64::from(m.count_ones())).sum::<u64>();
+            self.counts.fragments_written += u64::from(alive.count_ones());
+            return true;
+        }
+        // Shading for its cost alone takes every covered quad; what passed decides what is written.
+        let mut left = if RECORD && frame.shade_covered { quads } else { quads_in(alive) };
+        while left != 0 {
+            let q = left.trailing_zeros() as usize / 4;
+            left &= left - 1;
+            let (x, y) = (block.x + 2 * (q as u16 % 4), block.y + 2 * (q as u16 / 4));
+            let coverage = block.quad_mask(q);
+            let alive = passed.quad_mask(q);
+            if !frame.per_sample {
+                let record = if RECORD { first_record + (quads & ((1 << (4 * q)) - 1)).count_ones() } else { 0 };
+                self.push::<S, RECORD>(triangle, [x, y], coverage, alive, 0, record);
+            } else {
+                let before = if RECORD { first_record + TileRecord::samples_before(&block, q) } else { 0 };
+                let mut record = before;
+                for s in 0..S {
+                    let mask = 15 << (4 * s);
+                    if coverage & mask != 0 {
+                        if (alive & mask != 0) || RECORD && frame.shade_covered {
+                            self.push::<S, RECORD>(triangle, [x, y], coverage & mask, alive & mask, s as u8, record);
+                        }
+                        record += 1;
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    /// Adds a quad to those that wait to be shaded.
+    #[inline(always)]
+    fn push<const S: usize, const RECORD: bool>(
+        &mut self,
+        triangle: &Triangle,
+        [x, y]: [u16; 2],
+        coverage: u16,
+        alive: u16,
+        sample: u8,
+        record: u32,
+    ) {
+        if self.slot == u32::MAX {
+            self.slot = self.pending.add_triangle(triangle, self.batch, self.triangle);
+        }
+        let at = quad_in_tile(x, y);
+        if self.pending.push(self.slot, [x, y], at, coverage, alive, sample, record, triangle.front) {
+            self.flush::<S, RECORD>();
+            self.slot = u32::MAX;
+        }
+    }
+
+    /// Early depth and stencil: the samples of the block that pass.
+    #[inline(always)]
+    fn test<const S: usize>(
+        &mut self,
+        state: &DepthStencilState,
+        triangle: &Triangle,
+        block: &Block<S>,
+        quads: u32,
+    ) -> [u64; S] {
+        let frame = self.frame;
+        let Some(tile) = &mut self.job.depth else { return block.samples };
+        let at = block_in_tile(block.x, block.y);
+        let plane = &triangle.depth;
+        let large = quads >= LARGE;
+        let writes = state.writes_depth();
+        if frame.hierarchical_z && large {
+            let (near, far) = plane.block_range(i32::from(block.x), i32::from(block.y), 8);
+            let key = |z: f32| depth_key(frame.depth_format, state.code(z));
+            let (near, far) = (key(near), key(far));
+            let bounds = &mut tile.depth[at];
+            if bounds.stale != 0 && !*tile.clear {
+                let size = 16 * 4 * S * frame.depth_words;
+                *bounds = exact_bounds(frame, &tile.codes[at * size..(at + 1) * size]);
+            }
+            let reject = match state.compare() {
+                Compare::Less => near >= bounds.max,
+                Compare::LessEqual => near > bounds.max,
+                Compare::Greater => far <= bounds.min,
+                Compare::GreaterEqual => far < bounds.min,
+                Compare::Equal => near > bounds.max || far < bounds.min,
+                _ => false,
+            };
+            if reject {
+                self.counts.tiles_hiz_culled += 1;
+                return [0; S];
+            }
+            if writes {
+                *bounds = match state.compare() {
+                    Compare::Less | Compare::LessEqual if block.full => {
+                        BlockDepth { min: bounds.min.min(near), max: bounds.max.min(far), stale: 0 }
+                    }
+                    Compare::Greater | Compare::GreaterEqual if block.full => {
+                        BlockDepth { min: bounds.min.max(near), max: bounds.max.max(far), stale: 0 }
+                    }
+                    _ => BlockDepth { min: bounds.min.min(near), max: bounds.max.max(far), stale: 0 },
+                };
+            }
+        } else if writes {
+            tile.depth[at].stale = 1;
+        }
+        tile.materialise(frame.depth_words);
+        if S == 1 && large && frame.depth_words == 1 && !state.uses_stencil() {
+            let codes: &mut [u32; LANES] =
+                (&mut tile.codes[at * LANES..(at + 1) * LANES]).try_into().expect("a block of one sample");
+            let mut out = [0; S];
+            out[0] = test_block(state, frame, triangle, [block.x, block.y], block.samples[0], codes);
+            return out;
+        }
+        let mut out = [0; S];
+        let mut left = quads_in(block.pixels());
+        let size = 4 * S * frame.depth_words;
+        while left != 0 {
+            let q = left.trailing_zeros() as usize / 4;
+            left &= left - 1;
+            let (x, y) = (i32::from(block.x) + 2 * (q as i32 % 4), i32::from(block.y) + 2 * (q as i32 / 4));
+            let codes = depths::<S>(triangle, x, y).map(|quad| quad.map(|z| state.code(z)));
+            let run = &mut tile.codes[(at * 16 + q) * size..][..size];
+            let passed = state.test_quad(S, !triangle.front, block.quad_mask(q), &codes, run);
+            for s in 0..S {
+                out[s] |= u64::from(passed >> (4 * s) & 15) << (4 * q);
+            }
+        }
+        out
+    }
+}
+
+/// Depths of a quad at the samples of its four pixels.
+#[inline(always)]
+fn depths<const S: usize>(triangle: &Triangle, x: i32, y: i32) -> [[f32; 4]; S] {
+    let mut out = [[0.0; 4]; S];
+    if S == 1 {
+        out[0] = triangle.depth.quad(x, y);
+        return out;
+    }
+    for s in 0..S {
+        let [dx, dy] = SAMPLES_4[s % 4].map(|v| v as f32 / SUBPIXEL as f32);
+        for p in 0..4 {
+            let (px, py) = (x as f32 + 0.5 + (p & 1) as f32, y as f32 + 0.5 + (p >> 1) as f32);
+            out[s][p] = triangle.depth.at(px + dx, py + dy);
+        }
+    }
+    out
+}
+
+/// Number of a block in its tile.
+#[inline(always)]
+fn block_in_tile(x: u16, y: u16) -> usize {
+    usize::from(y % 64 / 8 * 8 + x % 64 / 8)
+}
+
+/// Number of a quad in its tile, in storage order.
+#[inline(always)]
+fn quad_in_tile(x: u16, y: u16) -> u32 {
+    block_in_tile(x, y) as u32 * 16 + u32::from(y % 8 / 2 * 4 + x % 8 / 2)
+}
+
+/// The exact bounds of a block's stored depths.
+#[inline(always)]
+fn exact_bounds(frame: &Frame<'_>, codes: &[u32]) -> BlockDepth {
+    let (mut min, mut max) = (u32::MAX, 0);
+    for run in codes.chunks_exact(4 * frame.depth_words) {
+        for &code in &run[..4] {
+            let key = depth_key(frame.depth_format, code);
+            min = min.min(key);
+            max = max.max(key);
+        }
+    }
+    BlockDepth { min, max, stale: 0 }
+}
+
+/// Pixel centres of a block's lanes, from its corner.
+const CENTERS: ([f32; LANES], [f32; LANES]) = {
+    let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+    let mut i = 0;
+    while i < LANES {
+        let (q, p) = (i / 4, i % 4);
+        x[i] = (2 * (q % 4) + p % 2) as f32 + 0.5;
+        y[i] = (2 * (q / 4) + p / 2) as f32 + 0.5;
+        i += 1;
+    }
+    (x, y)
+};
+
+/// Tests and updates the depths of a block of one sample a pixel at once; the pixels of `mask` that pass.
+#[inline(always)]
+fn test_block(
+    state: &DepthStencilState,
+    frame: &Frame<'_>,
+    triangle: &Triangle,
+    [x, y]: [u16; 2],
+    mask: u64,
+    stored: &mut [u32; LANES],
+) -> u64 {
+    let (x, y) = (f32::from(x), f32::from(y));
+    let plane = triangle.depth;
+    let mut z = Lanes::ZERO;
+    for i in 0..LANES {
+        z.f32_mut()[i] = plane.at(x + CENTERS.0[i], y + CENTERS.1[i]);
+    }
+    let mut new = Lanes::ZERO;
+    state.codes(&z, &mut new);
+    let beside = match frame.depth_format {
+        crate::gfx::format::Format::Depth24PlusStencil8 => 0xff00_0000,
+        _ => 0,
+    };
+    let float = frame.depth_format == crate::gfx::format::Format::Depth32Float;
+    let mut pass = [0_u32; LANES];
+    macro_rules! compare {
+        ($($name:ident $op:tt),*) => {
+            match state.compare() {
+                Compare::Never => {}
+                Compare::Always => pass = [u32::MAX; LANES],
+                $(Compare::$name if float => {
+                    for i in 0..LANES {
+                        let (new, old) = (f32::from_bits(new.0[i]), f32::from_bits(stored[i]));
+                        pass[i] = 0_u32.wrapping_sub(u32::from(new $op old));
+                    }
+                })*
+                // Fixed-point codes have at most 24 bits, so that signed comparison will do.
+                $(Compare::$name => {
+                    for i in 0..LANES {
+                        let (new, old) = (new.0[i] as i32, (stored[i] & !beside) as i32);
+                        pass[i] = 0_u32.wrapping_sub(u32::from(new $op old));
+                    }
+                })*
+            }
+        };
+    }
+    compare!(Less <, Equal ==, LessEqual <=, Greater >, NotEqual !=, GreaterEqual >=);
+    let passed = bits_of(&pass) & mask;
+    if state.writes_depth() && passed != 0 {
+        if passed == u64::MAX && beside == 0 {
+            *stored = new.0;
+        } else {
+            for b in 0..8 {
+                let byte = (passed >> (8 * b)) as u32;
+                for i in 0..8 {
+                    let lane = 8 * b + i;
+                    let write = 0_u32.wrapping_sub(byte >> i & 1) & !beside;
+                    stored[lane] = stored[lane] & !write | new.0[lane] & write;
+                }
+            }
+        }
+    }
+    passed
+}
+
+/// The lanes that are all ones as a mask.
+#[inline(always)]
+fn bits_of(lanes: &[u32; LANES]) -> u64 {
+    // Bit `b` of column `i` is lane `8 b + i`: eight vector operations, then an 8x8 transpose in a register.
+    let mut columns = [0_u32; 8];
+    for b in 0..8 {
+        for i in 0..8 {
+            columns[i] |= lanes[8 * b + i] & 1 << b;
+        }
+    }
+    let mut m = u64::from_le_bytes(columns.map(|v| v as u8));
+    for (shift, keep) in [(7, 0x00aa_00aa_00aa_00aa_u64), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)] {
+        let t = (m ^ m >> shift) & keep;
+        m ^= t ^ t << shift;
+    }
+    m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lane_masks_come_out_in_order() {
+        let mut state = 0x1234_5678_9abc_def0_u64;
+        for _ in 0..1000 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let lanes: [u32; LANES] = std::array::from_fn(|i| 0_u32.wrapping_sub((state >> i & 1) as u32));
+            assert_eq!(bits_of(&lanes), state);
+        }
+    }
+
+    #[test]
+    fn quads_of_a_mask() {
+        assert_eq!(quads_in(0x8000_0000_0000_0021), 0x1000_0000_0000_0011);
+        assert_eq!(quad_in_tile(64 + 10, 128 + 3), 16 + 4 + 1);
+    }
+}
