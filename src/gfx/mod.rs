@@ -19,4 +19,5 @@ pub mod traverse;
 pub mod vertex;
 
 pub mod codec;
+pub mod hierarchical;
 pub mod rop;

@@ -1,1 +1,36 @@
-//! Placeholder.
+//! Floor 3: the units of a graphics card. Each file is one unit: configuration, state, counters, and a `tick` that reads as
+//! numbered sentences, its stages last to first. WHEN things happen is here; WHAT they compute is in [`gfx`](crate::gfx).
+//!
+//! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
+//! which machine it is part of; a machine lists its units in data-flow order (see [`machine`](crate::machine)).
+
+pub mod knob;
+
+pub mod assembly;
+pub mod block_cache;
+pub mod card;
+pub mod clip;
+pub mod color;
+pub mod command;
+pub mod compression;
+pub mod compute;
+pub mod core;
+pub mod depth;
+pub mod dispatch;
+pub mod distribute;
+pub mod fetch;
+pub mod frame;
+pub mod interleave;
+pub mod interpolate;
+pub mod misses;
+pub mod resolve;
+pub mod scanout;
+pub mod setup;
+pub mod stream;
+pub mod tags;
+pub mod texture;
+pub mod token;
+pub mod traverse;
+pub mod warp;
+
+pub use card::{Card, Fault};

@@ -169,13 +169,14 @@ pub struct Target {
     pub blend: Option<Blend>,
     /// Channels written.
     pub write_mask: u8,
-    /// First word of this target's colours in a quad's payload, or none where the fragment stage writes nothing to it.
+    /// First entry of this target's colours in a quad's payload (depths counted), or none where the fragment stage writes nothing to
+    /// it. Word `w` of pixel `p` is entry `4 w + p` from there.
     pub payload: Option<u8>,
     /// Words a fragment: 4 (bits for `gfx::texel::encode`, before blending), or fewer where `packed`.
     pub words: u8,
     /// The payload holds stored texels (1 word for up to 4 bytes, 2 for 8, 4 for 16), not values: nothing is left to blend.
     pub packed: bool,
-    /// First word of the second source colour (dual-source blending; 4 words a fragment).
+    /// First entry of the second source colour in a quad's payload (dual-source blending; 4 words a fragment).
     pub second: Option<u8>,
 }
 

@@ -1,0 +1,249 @@
+//! The cache of a ROP: lines are blocks of 8x8 pixels, cleared by flag, compressed as they leave, fetched compressed.
+
+use std::collections::VecDeque;
+
+use super::compression::Compression;
+use super::frame::{BlockState, Frame};
+use super::misses::Misses;
+use super::tags::{CacheCounts, Tags};
+use crate::mem::{MemoryPort, REQUEST_BYTES};
+use crate::sim::{Tick, Wires};
+
+crate::counters! {
+    /// What a ROP cache moves.
+    pub struct BlockCounts {
+        /// Blocks filled from a clear flag, without memory.
+        cleared_fills: "blocks",
+        /// Blocks read from memory.
+        fills: "blocks",
+        /// Blocks written to memory.
+        write_backs: "blocks",
+        /// Blocks written that compression had made smaller.
+        compressed: "blocks",
+        /// Bytes that compression kept from being written.
+        bytes_saved: "bytes",
+    }
+}
+
+/// What is known of a block in the cache.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    /// Its data are there when all misses before this number are back.
+    needs: u32,
+    /// Users between lookup and use.
+    pins: u32,
+    dirty: bool,
+}
+
+/// A transfer to come.
+#[derive(Clone, Copy, Debug)]
+struct Operation {
+    address: u64,
+    bytes: u32,
+    write: bool,
+}
+
+/// Why a block cannot be had now.
+pub type Stall = Tick;
+
+/// A ROP's cache of blocks.
+pub struct BlockCache {
+    tags: Tags<Line>,
+    misses: Misses,
+    outbox: VecDeque<Operation>,
+    memory: MemoryPort,
+    compression: Compression,
+    counts: BlockCounts,
+    /// Where writing back has got to.
+    flushing: usize,
+}
+
+/// Operations that may wait for the memory port: enough for the largest block's write-back and fill.
+const OUTBOX: usize = 48;
+
+#[inline(always)]
+fn key(surface: usize, block: u32) -> u64 {
+    (surface as u64) << 32 | u64::from(block)
+}
+
+impl BlockCache {
+    /// An empty one of `lines` blocks, `ways` to a set, with at most `misses` requests in flight.
+    pub fn new(lines: u32, ways: u32, misses: u32, compression: Compression, memory: MemoryPort) -> BlockCache {
+        BlockCache {
+            tags: Tags::new(lines, ways),
+            misses: Misses::new(misses),
+            outbox: VecDeque::with_capacity(OUTBOX),
+            memory,
+            compression,
+            counts: BlockCounts::default(),
+            flushing: 0,
+        }
+    }
+
+    /// What its tags count.
+    pub fn cache(&self) -> CacheCounts {
+        self.tags.counts()
+    }
+
+    /// What it moved.
+    pub fn counts(&self) -> BlockCounts {
+        self.counts
+    }
+
+    /// Requests waiting or in flight.
+    pub fn resident(&self) -> u64 {
+        self.outbox.len() as u64 + u64::from(self.misses.len())
+    }
+
+    /// Takes answers and sends requests; true if anything moved.
+    #[inline(always)]
+    pub fn exchange(&mut self, wires: &mut Wires) -> bool {
+        let mut moved = false;
+        while let Some(tag) = self.memory.answer(wires) {
+            self.misses.answer(tag);
+            moved = true;
+        }
+        while let Some(&operation) = self.outbox.front() {
+            if !operation.write && self.misses.room() == 0 || !self.memory.can_send(wires) {
+                break;
+            }
+            if operation.write {
+                self.memory.write(wires, operation.address, operation.bytes);
+            } else {
+                let tag = self.misses.issue();
+                self.memory.read(wires, operation.address, operation.bytes, tag);
+            }
+            self.outbox.pop_front();
+            moved = true;
+        }
+        moved
+    }
+
+    /// Reads in the outbox and so without a number yet.
+    fn unsent(&self) -> u32 {
+        self.outbox.iter().filter(|operation| !operation.write).count() as u32
+    }
+
+    fn send(&mut self, mut address: u64, bytes: u32, write: bool) {
+        let end = address + u64::from(bytes);
+        while address < end {
+            let stop = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
+            self.outbox.push_back(Operation { address, bytes: (stop - address) as u32, write });
+            address = stop;
+        }
+    }
+
+    /// Writes a dirty block back.
+    fn write_back(&mut self, frame: &mut Frame, surface: usize, block: u32) {
+        let store = &mut frame.stores[surface];
+        let full = store.block_bytes();
+        let bytes = self.compression.bytes(store, block);
+        self.counts.write_backs += 1;
+        if bytes < full {
+            self.counts.compressed += 1;
+            self.counts.bytes_saved += u64::from(full - bytes);
+        }
+        store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+        let address = store.address(block);
+        self.send(address, bytes, true);
+    }
+
+    /// Pins a block in the cache and says in which place, bringing it in if it is missing. Of a dirty block that had to leave,
+    /// the number is put into `left`.
+    ///
+    /// # Errors
+    /// Why it has to wait.
+    #[inline(always)]
+    pub fn pin(
+        &mut self,
+        frame: &mut Frame,
+        surface: usize,
+        block: u32,
+        left: &mut Option<(usize, u32)>,
+    ) -> Result<usize, Stall> {
+        let key = key(surface, block);
+        if let Some(place) = self.tags.find(key) {
+            self.tags.data(place).pins += 1;
+            return Ok(place);
+        }
+        self.fill(frame, surface, block, left)
+    }
+
+    #[inline(never)]
+    fn fill(&mut self, frame: &mut Frame, surface: usize, block: u32, left: &mut Option<(usize, u32)>) -> Result<usize, Stall> {
+        // A block is at most 16 requests each way.
+        if self.outbox.len() + 32 > OUTBOX {
+            return Err(Tick::Blocked);
+        }
+        let key = key(surface, block);
+        let Some(place) = self.tags.victim(key, |line| line.pins == 0) else { return Err(Tick::Memory) };
+        if let Some(old) = self.tags.key(place)
+            && self.tags.data(place).dirty
+        {
+            let (surface, block) = ((old >> 32) as usize, old as u32);
+            self.write_back(frame, surface, block);
+            *left = Some((surface, block));
+        }
+        let store = &frame.stores[surface];
+        match store.blocks[block as usize] {
+            BlockState::Cleared => self.counts.cleared_fills += 1,
+            BlockState::Stored(bytes) => {
+                self.counts.fills += 1;
+                let address = store.address(block);
+                self.send(address, u32::from(bytes), false);
+            }
+        }
+        let needs = self.misses.issued().wrapping_add(self.unsent());
+        self.tags.replace(place, key, Line { needs, pins: 1, dirty: false });
+        Ok(place)
+    }
+
+    /// Whether a pinned block's data are there.
+    #[inline(always)]
+    pub fn ready(&mut self, place: usize) -> bool {
+        let needs = self.tags.data(place).needs;
+        self.misses.reached(needs)
+    }
+
+    /// A pinned block has been used.
+    #[inline(always)]
+    pub fn release(&mut self, place: usize, written: bool) {
+        let line = self.tags.data(place);
+        line.pins -= 1;
+        line.dirty |= written;
+    }
+
+    /// Writes all dirty blocks back, as fast as memory takes them, and forgets everything; `keep` says for a surface whether its
+    /// blocks are worth writing. `None` while there is more to do or in flight, with what was done; each block that is written
+    /// back is told to `left`.
+    pub fn flush(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+        let mut did = Tick::Memory;
+        while self.flushing < self.tags.len() {
+            if self.outbox.len() + 16 > OUTBOX {
+                return did.or(Tick::Blocked);
+            }
+            let place = self.flushing;
+            self.flushing += 1;
+            did = Tick::Moved;
+            if let Some(key) = self.tags.key(place) {
+                let (surface, block) = ((key >> 32) as usize, key as u32);
+                if self.tags.data(place).dirty && keep(surface) {
+                    self.write_back(frame, surface, block);
+                }
+                self.tags.forget(place);
+                // One block a cycle goes through the compressor.
+                return Tick::Moved;
+            }
+        }
+        did
+    }
+
+    /// Whether a flush is complete, which resets it.
+    pub fn flushed(&mut self) -> bool {
+        let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();
+        if done {
+            self.flushing = 0;
+        }
+        done
+    }
+}

@@ -1,0 +1,287 @@
+//! What tokens point into: the work in flight, the frame buffer, and the pools of what is too large for a token.
+//!
+//! A unit reads what belongs to the card as a whole, and reads and writes what belongs to a token that it holds. Nothing here
+//! carries information from one unit to another except behind a token; that would bring back the order of ticks.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::frame::Frame;
+use super::interleave::Interleave;
+use super::warp::Warps;
+use crate::gfx::format::Format;
+use crate::gfx::rop::{ColorState, DepthStencilState};
+use crate::gfx::state::ColorTarget;
+use crate::work::{Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Segment, TILE, Target, Triangle, Visit};
+
+/// Pipelines that a set of them, a 64-bit mask, can name.
+pub const MAX_PIPELINES: usize = 64;
+
+/// A draw's segment in flight.
+#[derive(Clone, Debug)]
+pub struct Work {
+    /// The segment.
+    pub segment: Arc<Segment>,
+    /// Its draw.
+    pub draw: Arc<Draw>,
+    /// Fragments of this draw are tested before shading.
+    pub early: bool,
+    /// Number of the draw on this machine, from 0: segments of one draw share it.
+    pub draw_number: u32,
+    /// For each of the segment's tiles its owner; empty where a tile has several.
+    pub owners: Vec<u8>,
+    /// Depth and stencil tests, if the draw has any.
+    pub depth: Option<DepthStencilState>,
+    /// Format of the stored depths; that of no depth where there are none.
+    pub depth_format: Format,
+    /// For each colour target of the draw how it is written.
+    pub colors: Vec<Option<ColorState>>,
+}
+
+impl Work {
+    /// The visits of a triangle.
+    #[inline(always)]
+    pub fn visits(&self, triangle: &Triangle) -> &[Visit] {
+        &self.segment.visits[triangle.first_visit as usize..][..triangle.visits as usize]
+    }
+}
+
+/// Up to four quads of one block of one triangle, on their way through a pipeline.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Group {
+    /// Slot of the segment.
+    pub slot: u16,
+    /// Number of quads.
+    pub count: u8,
+    /// The triangle in its segment.
+    pub triangle: u32,
+    /// The tile in the segment's tiles.
+    pub tile: u32,
+    /// The first quad in the tile's quads.
+    pub first: u32,
+    /// The block on the surface, numbered row by row.
+    pub block: u32,
+    /// For each quad the samples still alive.
+    pub live: [u16; 4],
+}
+
+impl Group {
+    /// Quads with a sample alive.
+    #[inline(always)]
+    pub fn quads(&self) -> u16 {
+        self.live.iter().map(|&live| u16::from(live != 0)).sum()
+    }
+}
+
+/// Things with an index, allocated and freed all the time.
+#[derive(Clone, Debug)]
+pub struct Pool<T> {
+    items: Vec<T>,
+    free: Vec<u32>,
+}
+
+impl<T: Copy + Default> Default for Pool<T> {
+    fn default() -> Pool<T> {
+        Pool { items: Vec::new(), free: Vec::new() }
+    }
+}
+
+impl<T: Copy + Default> Pool<T> {
+    /// Takes in an item. Grows only until as many are in flight as ever will be.
+    #[inline(always)]
+    pub fn insert(&mut self, item: T) -> u32 {
+        match self.free.pop() {
+            Some(index) => {
+                self.items[index as usize] = item;
+                index
+            }
+            None => {
+                self.items.push(item);
+                (self.items.len() - 1) as u32
+            }
+        }
+    }
+
+    /// Gives an item up.
+    #[inline(always)]
+    pub fn remove(&mut self, index: u32) {
+        self.free.push(index);
+    }
+
+    /// Items held.
+    pub fn len(&self) -> usize {
+        self.items.len() - self.free.len()
+    }
+
+    /// Whether none is held.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl<T> std::ops::Index<u32> for Pool<T> {
+    type Output = T;
+
+    #[inline(always)]
+    fn index(&self, index: u32) -> &T {
+        &self.items[index as usize]
+    }
+}
+
+impl<T> std::ops::IndexMut<u32> for Pool<T> {
+    #[inline(always)]
+    fn index_mut(&mut self, index: u32) -> &mut T {
+        &mut self.items[index as usize]
+    }
+}
+
+/// Something that the machine cannot do, or that the work got wrong; the run stops with it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// The order of events is not one.
+    #[error("event {event} of the work comes where it cannot: {what}")]
+    Order {
+        /// Number of the event, from 0.
+        event: u64,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// A workgroup does not fit a core.
+    #[error("dispatch {dispatch}: {what} asks for {asked}, and a core of this machine has {has} (configuration key {key})")]
+    Resources {
+        /// The dispatch.
+        dispatch: u32,
+        /// What is short.
+        what: &'static str,
+        /// How much a workgroup needs.
+        asked: u64,
+        /// How much there is.
+        has: u64,
+        /// The knob that says so.
+        key: &'static str,
+    },
+    /// A quad passed this machine's early tests but was not shaded in API order.
+    #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
+    Visibility {
+        /// The draw.
+        draw: u32,
+        /// Block column.
+        x: u32,
+        /// Block row.
+        y: u32,
+    },
+}
+
+/// How the depth attachment starts a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthStart {
+    /// New bounds for all blocks, as ordered keys; none: those of the pass before still hold.
+    pub bounds: Option<(u32, u32)>,
+}
+
+/// The pass that is being drawn, as pipelines need it.
+#[derive(Clone, Debug)]
+pub struct PassState {
+    /// Number of the pass on this machine, from 0.
+    pub number: u32,
+    /// How the depth attachment starts, if there is one.
+    pub depth_start: Option<DepthStart>,
+    /// Blocks of the pass's area.
+    pub blocks: usize,
+    /// The pass.
+    pub pass: Arc<Pass>,
+    /// Index in the frame of each colour attachment.
+    pub color: Vec<Option<usize>>,
+    /// Index in the frame of the depth attachment.
+    pub depth: Option<usize>,
+    /// Blocks across the pass's area.
+    pub blocks_across: u32,
+}
+
+/// A dispatch's workgroups in flight.
+#[derive(Clone, Debug)]
+pub struct ComputeWork {
+    /// The dispatch.
+    pub dispatch: Arc<Dispatch>,
+    /// The groups.
+    pub groups: Arc<Groups>,
+}
+
+/// All that tokens point into.
+pub struct Card {
+    /// Segments in flight, by slot.
+    pub work: Vec<Option<Work>>,
+    /// Groups of workgroups in flight, by slot.
+    pub compute: Vec<Option<ComputeWork>>,
+    /// Groups of quads in flight, by pipeline.
+    pub groups: Vec<Pool<Group>>,
+    /// Warps, by cluster of cores.
+    pub warps: Vec<Warps>,
+    /// The pass being drawn.
+    pub pass: Option<PassState>,
+    /// The machine's own surfaces.
+    pub frame: Frame,
+    /// Which pipeline owns which pixels.
+    pub interleave: Interleave,
+    /// What was thrown away where, on this machine.
+    pub funnel: Funnel,
+    /// Events that the command processor has not read yet; never empty before the last.
+    pub events: VecDeque<Event>,
+    /// Whether there are no more events than these.
+    pub closed: bool,
+    /// Changes whenever what caches of read-only data hold may be stale.
+    pub epoch: u32,
+    /// Why the run must stop.
+    pub fault: Option<Fault>,
+}
+
+impl Card {
+    /// The work in a slot.
+    ///
+    /// # Panics
+    /// If there is none: a token outlived its segment, which is a bug.
+    #[inline(always)]
+    pub fn work(&self, slot: u16) -> &Work {
+        self.work[usize::from(slot)].as_ref().expect("a token's segment is in flight")
+    }
+
+    /// The workgroups in a slot.
+    ///
+    /// # Panics
+    /// If there are none: a token outlived its workgroups, which is a bug.
+    #[inline(always)]
+    pub fn compute(&self, slot: u16) -> &ComputeWork {
+        self.compute[usize::from(slot)].as_ref().expect("a token's workgroups are in flight")
+    }
+
+    /// Puts a segment into a slot.
+    pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
+        let owners = if self.interleave.tile() >= TILE {
+            let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);
+            segment.tiles.iter().map(|tile| owner(tile.x, tile.y)).collect()
+        } else {
+            Vec::new()
+        };
+        let early = draw.early || draw.fragment.is_none();
+        let (depth, depth_format) = match &draw.depth_stencil {
+            Some(state) => {
+                (Some(DepthStencilState::new(state, u32::from(draw.stencil_reference), draw.depth_range)), state.format)
+            }
+            None => (None, Format::Stencil8),
+        };
+        let attachments = self.pass.as_ref().map_or(&[][..], |pass| &pass.pass.color);
+        let color = |(target, attachment): (&Option<Target>, &Option<Attachment>)| {
+            let (target, attachment) = (target.as_ref()?, attachment.as_ref()?);
+            let state = ColorTarget { format: attachment.surface.format, blend: target.blend, write_mask: target.write_mask };
+            Some(ColorState::new(&state, draw.blend_constant))
+        };
+        let colors = draw.targets.iter().zip(attachments).map(color).collect();
+        self.work[usize::from(slot)] = Some(Work { segment, draw, early, draw_number, owners, depth, depth_format, colors });
+    }
+
+    /// Stops the run; the first fault stands.
+    #[cold]
+    pub fn stop(&mut self, fault: Fault) {
+        self.fault.get_or_insert(fault);
+    }
+}

@@ -1,0 +1,509 @@
+//! The command processor: reads the stream of events, hands draws and dispatches to the machine, keeps passes apart, clears
+//! attachments, moves memory.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
+use super::frame::{BlockState, Store};
+use super::stream::Stream;
+use super::token::{Ack, Kind, Piece};
+use crate::gfx::format::{Format, TexelKind};
+use crate::gfx::hierarchical::depth_key;
+use crate::gfx::texel;
+use crate::mem::MemoryPort;
+use crate::num::Cycle;
+use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::unit::knob::Allowed;
+use crate::work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
+
+crate::knobs! {
+    /// The command processor.
+    pub struct CommandConfig {
+        /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
+        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "a few register writes; ATTILA writes one register a cycle"],
+        /// Segments of draws in flight.
+        segments: u32 ["segments", Allowed::Range(1, 4096), "ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
+        /// Runs of workgroups in flight.
+        workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "enough to keep the cores fed"],
+        /// Requests of the copy engine in flight.
+        copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        /// Cycles between two passes, beside those that caches take.
+        barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
+    }
+}
+
+/// Ports of the command processor.
+pub struct CommandPorts {
+    /// Segments and fences, to vertex fetch.
+    pub fetch: Out<Piece>,
+    /// Runs of workgroups, to compute dispatch.
+    pub compute: Out<Piece>,
+    /// Runs that are done.
+    pub computed: In<Ack>,
+    /// Attachments to be resolved.
+    pub resolve: Out<Piece>,
+    /// Attachments that are.
+    pub resolved: In<Ack>,
+    /// Surfaces to be shown.
+    pub scanout: Out<Piece>,
+    /// Surfaces that were.
+    pub scanned: In<Ack>,
+    /// Fences seen by each colour unit, and passes ended by each depth unit.
+    pub acks: Vec<In<Ack>>,
+    /// Memory, for copies and clears.
+    pub memory: MemoryPort,
+}
+
+/// What the command processor is at.
+#[derive(Clone, Debug)]
+enum State {
+    /// The next event.
+    Ready,
+    /// Attachments are being cleared in memory: those still to do.
+    Clearing,
+    /// The pass drains: reports of its end still to come.
+    Ending(u32),
+    /// Attachments are being resolved: how many still.
+    Resolving(u32),
+    /// Memory is moved.
+    Moving(Option<(SurfaceKey, SurfaceKey)>),
+    /// The frame's picture is read.
+    Scanning,
+    /// The frame is over, until the run takes the machine up again.
+    Over,
+}
+
+/// The command processor. Its items are events.
+pub struct Command {
+    config: CommandConfig,
+    fast_clear: bool,
+    clears_per_cycle: u32,
+    scanout: bool,
+    pipelines: u32,
+    ports: CommandPorts,
+    state: State,
+    /// Nothing is begun before this cycle.
+    busy_until: Cycle,
+    /// Pieces on their way to vertex fetch.
+    pieces: VecDeque<Piece>,
+    draw: Option<Arc<Draw>>,
+    draws: u32,
+    passes: u32,
+    dispatch: Option<Arc<Dispatch>>,
+    /// Free slots, and the reports still to come for those in use.
+    free: Vec<u16>,
+    reports: Vec<u32>,
+    free_runs: Vec<u16>,
+    /// Surfaces to be cleared in memory: address and bytes.
+    clears: VecDeque<(u64, u64)>,
+    /// Attachments to be resolved, to be handed on.
+    resolves: VecDeque<u16>,
+    stream: Stream,
+    /// The depth surface whose hierarchical Z is still true.
+    depth_known: Option<SurfaceKey>,
+    /// The frame that ended.
+    ended: Option<EndFrame>,
+    items: u64,
+}
+
+impl Command {
+    /// One at the beginning of the stream. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
+    pub fn new(config: CommandConfig, pipelines: u32, clearing: (bool, u32), scanout: bool, ports: CommandPorts) -> Command {
+        let segments = config.segments.min(u32::from(u16::MAX)) as u16;
+        let runs = config.workgroup_runs as u16;
+        Command {
+            fast_clear: clearing.0,
+            clears_per_cycle: clearing.1,
+            scanout,
+            pipelines,
+            ports,
+            state: State::Ready,
+            busy_until: 0,
+            pieces: VecDeque::with_capacity(4),
+            draw: None,
+            draws: 0,
+            passes: 0,
+            dispatch: None,
+            free: (0..segments).rev().collect(),
+            reports: vec![0; usize::from(segments)],
+            free_runs: (0..runs).rev().collect(),
+            clears: VecDeque::new(),
+            resolves: VecDeque::new(),
+            stream: Stream::new(config.copy_misses),
+            depth_known: None,
+            ended: None,
+            items: 0,
+            config,
+        }
+    }
+
+    /// Whether a frame has ended and waits to be taken.
+    pub fn frame_over(&self) -> bool {
+        matches!(self.state, State::Over)
+    }
+
+    /// Takes the frame that has ended; the machine goes on with the next.
+    pub fn take_frame(&mut self) -> Option<EndFrame> {
+        self.state = State::Ready;
+        self.ended.take()
+    }
+
+    /// Whether nothing is under way.
+    pub fn idle(&self) -> bool {
+        matches!(self.state, State::Ready)
+            && self.pieces.is_empty()
+            && self.free.len() == self.reports.len()
+            && self.free_runs.len() == self.config.workgroup_runs as usize
+    }
+
+    /// Workgroups are under way.
+    fn computing(&self) -> bool {
+        self.free_runs.len() < self.config.workgroup_runs as usize
+    }
+
+    /// Takes reports; true if any came.
+    fn collect(&mut self, wires: &mut Wires, card: &mut Card) -> bool {
+        let mut moved = false;
+        for port in &self.ports.acks {
+            while let Some(ack) = wires.pop(port) {
+                moved = true;
+                if ack.kind == Kind::PASS {
+                    if let State::Ending(left) = &mut self.state {
+                        *left -= 1;
+                    }
+                    continue;
+                }
+                let slot = usize::from(ack.slot);
+                self.reports[slot] -= 1;
+                if self.reports[slot] == 0 {
+                    card.work[slot] = None;
+                    self.free.push(ack.slot);
+                }
+            }
+        }
+        while let Some(ack) = wires.pop(&self.ports.computed) {
+            card.compute[usize::from(ack.slot)] = None;
+            self.free_runs.push(ack.slot);
+            moved = true;
+        }
+        moved
+    }
+
+    /// Installs a pass: its surfaces, its clears.
+    fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
+        let mut flags = 0;
+        let mut clears = VecDeque::new();
+        let mut color = Vec::with_capacity(pass.color.len());
+        for attachment in &pass.color {
+            color.push(attachment.map(|attachment| {
+                let index = card.frame.surface(&attachment.surface);
+                let store = &mut card.frame.stores[index];
+                store.surface = attachment.surface;
+                if let Load::Clear(value) = attachment.load {
+                    store.clear(texel::encode_code(attachment.surface.format, value));
+                    mark_clear(store, self.fast_clear, &mut flags, &mut clears);
+                }
+                index
+            }));
+        }
+        let depth = pass.depth.map(|attachment| {
+            let index = card.frame.surface(&attachment.surface);
+            let store = &mut card.frame.stores[index];
+            let whole = clear_depth(store, &attachment);
+            if whole {
+                mark_clear(store, self.fast_clear, &mut flags, &mut clears);
+            }
+            index
+        });
+        let depth_start = pass.depth.map(|attachment| {
+            let format = attachment.surface.format;
+            let bounds = match attachment.load {
+                Load::Clear(value) if format.has_depth() => {
+                    let key = depth_key(format, texel::depth_code(format, f32::from_bits(value[0])));
+                    Some((key, key))
+                }
+                _ if self.depth_known == Some(attachment.surface.key) => None,
+                _ => Some((0, u32::MAX)),
+            };
+            self.depth_known = Some(attachment.surface.key);
+            DepthStart { bounds }
+        });
+        let (across, down) = (pass.width.div_ceil(BLOCK), pass.height.div_ceil(BLOCK));
+        let number = self.passes;
+        self.passes += 1;
+        let blocks = (across * down) as usize;
+        card.pass = Some(PassState { number, depth_start, blocks, pass: pass.clone(), color, depth, blocks_across: across });
+        self.clears = clears;
+        u64::from(flags).div_ceil(u64::from(self.clears_per_cycle))
+    }
+
+    /// Hands the next event out; `None` if it has to wait.
+    fn event(&mut self, wires: &mut Wires, card: &mut Card) -> Option<()> {
+        let now = wires.now();
+        let order = |event: u64, what: &'static str| Fault::Order { event, what };
+        let drained = self.free.len() == self.reports.len() && self.pieces.is_empty();
+        let in_pass = card.pass.is_some();
+        let wrong = match card.events.front()? {
+            Event::Draw(_) | Event::Segment(_) | Event::EndPass if !in_pass => Some("outside a pass"),
+            Event::Segment(_) if self.draw.is_none() => Some("a segment without a draw"),
+            Event::Groups(_) if self.dispatch.is_none() => Some("workgroups without a dispatch"),
+            Event::BeginPass(_) | Event::Dispatch(_) | Event::Groups(_) | Event::Contents(_) | Event::EndFrame(_)
+                if in_pass =>
+            {
+                Some("inside a pass")
+            }
+            _ => None,
+        };
+        if let Some(what) = wrong {
+            let event = self.items;
+            card.stop(order(event, what));
+            return None;
+        }
+        // What is not part of a dispatch waits for the dispatch.
+        if self.computing() && !matches!(card.events.front()?, Event::Groups(_)) {
+            return None;
+        }
+        let mut cycles = Cycle::from(self.config.command_cycles);
+        match card.events.front()? {
+            Event::Segment(segment) => {
+                let slot = self.free.pop()?;
+                let (segment, draw) = (segment.clone(), self.draw.clone()?);
+                card.install(slot, segment, draw, self.draws);
+                self.reports[usize::from(slot)] = self.pipelines;
+                self.pieces.push_back(Piece { slot, kind: Kind::DATA });
+                self.pieces.push_back(Piece { slot, kind: Kind::SEGMENT });
+            }
+            Event::Draw(draw) => {
+                self.draw = Some(draw.clone());
+                self.draws = self.draws.wrapping_add(1);
+                cycles = 0;
+            }
+            Event::BeginPass(pass) => {
+                let pass = pass.clone();
+                cycles += self.begin_pass(card, &pass);
+                card.epoch += 1;
+                self.state = State::Clearing;
+            }
+            Event::EndPass => {
+                self.pieces.push_back(Piece { slot: 0, kind: Kind::PASS });
+                self.state = State::Ending(2 * self.pipelines);
+                self.draw = None;
+            }
+            Event::Dispatch(dispatch) => {
+                self.dispatch = Some(dispatch.clone());
+                card.epoch += 1;
+            }
+            Event::Groups(groups) => {
+                let slot = self.free_runs.pop()?;
+                let dispatch = self.dispatch.clone()?;
+                card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups: groups.clone() });
+                self.pieces.push_back(Piece { slot, kind: Kind::DATA });
+                self.state = State::Ready;
+            }
+            Event::Contents(contents) => {
+                let index = card.frame.surface(&contents.surface);
+                let store = &mut card.frame.stores[index];
+                if !store.load(&contents.bytes) {
+                    let event = self.items;
+                    card.stop(order(event, "contents of a surface have the wrong number of bytes"));
+                    return None;
+                }
+                let full = BlockState::Stored(store.block_bytes() as u16);
+                store.blocks.fill(full);
+                if self.depth_known == Some(contents.surface.key) {
+                    self.depth_known = None;
+                }
+                cycles = 0;
+            }
+            Event::Transfer(transfer) => {
+                if !drained {
+                    return None;
+                }
+                self.stream.begin(transfer.from, transfer.to, transfer.bytes);
+                self.state = State::Moving(transfer.surfaces);
+                card.epoch += 1;
+            }
+            Event::EndFrame(end) => {
+                if !drained {
+                    return None;
+                }
+                self.state = match end.shown.as_ref().and_then(|shown| card.frame.find(shown.key)) {
+                    Some(index) if self.scanout => {
+                        if !wires.try_push(&self.ports.scanout, Piece { slot: index as u16, kind: Kind::DATA }) {
+                            return None;
+                        }
+                        State::Scanning
+                    }
+                    _ => State::Over,
+                };
+                self.ended = Some(end.clone());
+            }
+        }
+        card.events.pop_front();
+        self.items += 1;
+        self.busy_until = now + cycles;
+        Some(())
+    }
+
+    /// Goes on with what takes longer than an event.
+    fn proceed(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        match &mut self.state {
+            State::Ready | State::Over => Tick::Starved,
+            State::Clearing => {
+                if self.stream.done() {
+                    match self.clears.pop_front() {
+                        Some((address, bytes)) => self.stream.begin(None, Some(address), bytes),
+                        None => self.state = State::Ready,
+                    }
+                    return Tick::Moved;
+                }
+                self.stream.step(wires, &self.ports.memory)
+            }
+            State::Ending(left) => {
+                if *left > 0 {
+                    return Tick::Starved;
+                }
+                let Some(pass) = &card.pass else { return Tick::Starved };
+                let resolves = |attachment: &Option<Attachment>| attachment.is_some_and(|a| a.resolve.is_some());
+                let locations = pass.pass.color.iter().enumerate().filter(|(_, attachment)| resolves(attachment));
+                self.resolves = locations.map(|(location, _)| location as u16).collect();
+                self.state = State::Resolving(self.resolves.len() as u32);
+                Tick::Moved
+            }
+            State::Resolving(left) => {
+                let mut did = Tick::Starved;
+                while let Some(&location) = self.resolves.front() {
+                    if !wires.try_push(&self.ports.resolve, Piece { slot: location, kind: Kind::DATA }) {
+                        did = Tick::Blocked;
+                        break;
+                    }
+                    self.resolves.pop_front();
+                    did = Tick::Moved;
+                }
+                while wires.pop(&self.ports.resolved).is_some() {
+                    *left -= 1;
+                    did = Tick::Moved;
+                }
+                if *left == 0 {
+                    card.pass = None;
+                    card.epoch += 1;
+                    self.state = State::Ready;
+                    self.busy_until = wires.now() + Cycle::from(self.config.barrier_cycles);
+                    did = Tick::Moved;
+                }
+                did
+            }
+            State::Moving(surfaces) => {
+                let did = self.stream.step(wires, &self.ports.memory);
+                if !self.stream.done() {
+                    return did;
+                }
+                if let Some((from, to)) = surfaces.take() {
+                    card.frame.copy(from, to);
+                    if self.depth_known == Some(to) {
+                        self.depth_known = None;
+                    }
+                }
+                self.state = State::Ready;
+                Tick::Moved
+            }
+            State::Scanning => {
+                if wires.pop(&self.ports.scanned).is_none() {
+                    return Tick::Starved;
+                }
+                self.state = State::Over;
+                Tick::Moved
+            }
+        }
+    }
+}
+
+/// Notes that a surface holds its clear value: by flag, or as a write to memory still to be done.
+fn mark_clear(store: &mut Store, fast: bool, flags: &mut u32, clears: &mut VecDeque<(u64, u64)>) {
+    if fast {
+        store.blocks.fill(BlockState::Cleared);
+        *flags += store.blocks.len() as u32;
+    } else {
+        let raw = store.block_bytes();
+        store.blocks.fill(BlockState::Stored(raw as u16));
+        clears.push_back((store.surface.address, store.blocks.len() as u64 * u64::from(raw)));
+    }
+}
+
+/// Clears the aspects of a depth attachment that the pass clears; true if nothing of what was there is left.
+fn clear_depth(store: &mut Store, attachment: &Attachment) -> bool {
+    let format = attachment.surface.format;
+    let depth = match attachment.load {
+        Load::Clear(value) if format.has_depth() => Some(texel::depth_code(format, f32::from_bits(value[0]))),
+        _ => None,
+    };
+    let stencil = match attachment.stencil_load {
+        Load::Clear(value) if format.has_stencil() => Some(value[1] & 0xff),
+        _ => None,
+    };
+    let (mut code, mut mask) = ([0; 2], [0; 2]);
+    // Where depth and stencil lie in the words of a texel.
+    let (depth_mask, stencil_word, shift) = match format {
+        Format::Depth24PlusStencil8 => (0x00ff_ffff, 0, 24),
+        Format::Depth32FloatStencil8 => (u32::MAX, 1, 0),
+        Format::Stencil8 => (0, 0, 0),
+        _ => (u32::MAX, 0, 0),
+    };
+    if let Some(depth) = depth {
+        code[0] |= depth & depth_mask;
+        mask[0] |= depth_mask;
+    }
+    if let Some(stencil) = stencil {
+        code[stencil_word] |= stencil << shift;
+        mask[stencil_word] |= 0xff << shift;
+    }
+    let whole = (depth.is_some() || !format.has_depth()) && (stencil.is_some() || !format.has_stencil());
+    if whole {
+        store.clear([code[0], code[1], 0, 0]);
+    } else if depth.is_some() || stencil.is_some() {
+        store.clear_masked(code, mask);
+    }
+    whole && format.kind() == TexelKind::Depth
+}
+
+impl Unit<Card> for Command {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Reports free slots and end passes.
+        let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
+
+        // 2. Pieces go on their way.
+        while let Some(&piece) = self.pieces.front() {
+            let port = if card.pass.is_some() { &self.ports.fetch } else { &self.ports.compute };
+            if !wires.try_push(port, piece) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.pieces.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 3. What is begun goes on, when its command is decoded.
+        if self.busy_until > wires.now() {
+            wires.sleep_until(self.busy_until);
+            return did.or(Tick::Working);
+        }
+        if !matches!(self.state, State::Ready) {
+            return did.or(self.proceed(wires, card));
+        }
+
+        // 4. The next event, as soon as there is place for what it brings.
+        if self.pieces.is_empty() && self.event(wires, card).is_some() {
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        (self.reports.len() - self.free.len() + self.pieces.len()) as u64 + self.stream.resident()
+    }
+}

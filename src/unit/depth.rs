@@ -1,0 +1,404 @@
+//! Depth and stencil, one unit a pipeline: the early tests of quads on their way to the cores and the late tests of those that come
+//! back, through one Z cache. The tests are applied for real to the machine's own depth buffer, in the order of arrival.
+
+use std::collections::VecDeque;
+
+use super::block_cache::{BlockCache, BlockCounts};
+use super::card::{Card, Work};
+use super::compression::Compression;
+use super::frame::Store;
+use super::tags::CacheCounts;
+use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
+use super::traverse::{HierarchicalUpdate, fragments};
+use crate::gfx::hierarchical::depth_key;
+use crate::gfx::setup::{SAMPLES_1, SAMPLES_4};
+use crate::mem::MemoryPort;
+use crate::num::{Cycle, SUBPIXEL};
+use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::unit::knob::Allowed;
+use crate::work::BLOCK;
+
+crate::knobs! {
+    /// Depth and stencil tests, early and late.
+    pub struct DepthConfig {
+        /// Quads tested a cycle, early and late together.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1; modern ROPs test 4 times as fast as they blend"],
+        /// Blocks of 8x8 pixels that the Z cache holds.
+        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
+        /// Ways of the Z cache.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ZCacheWays = 4"],
+        /// Requests to memory in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        /// Groups of quads between lookup and test, for the early and for the late tests each.
+        fifo: u32 ["groups", Allowed::Range(1, 4096), "ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
+        /// Cycles from lookup to test where the block is in the cache.
+        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
+        /// Whether blocks are compressed as they leave the cache.
+        compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
+        /// Cycles from here to interpolation.
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "wires"],
+        /// Groups of quads queued before interpolation.
+        output_queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"],
+    }
+}
+
+/// Ports of the depth unit.
+pub struct DepthPorts {
+    /// Quads from traversal.
+    pub early: In<GroupToken>,
+    /// To interpolation.
+    pub interpolate: Out<GroupToken>,
+    /// Shaded quads to be tested.
+    pub late: In<GroupToken>,
+    /// To the colour unit.
+    pub color: Out<GroupToken>,
+    /// New bounds, to hierarchical Z.
+    pub updates: Out<DepthBounds>,
+    /// The colour unit has seen the end of the pass.
+    pub end: In<Ack>,
+    /// The cache is written back, to the command processor.
+    pub ack: Out<Ack>,
+}
+
+/// A group between lookup and test.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    token: GroupToken,
+    /// The block's place in the cache; none: nothing is tested.
+    line: Option<u32>,
+    from: Cycle,
+}
+
+/// The depth unit. Its items are quads tested.
+pub struct Depth {
+    config: DepthConfig,
+    pipeline: u8,
+    update: HierarchicalUpdate,
+    ports: DepthPorts,
+    cache: BlockCache,
+    early: VecDeque<Entry>,
+    late: VecDeque<Entry>,
+    /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
+    away: u32,
+    /// Bounds to be sent.
+    bounds: VecDeque<DepthBounds>,
+    items: u64,
+}
+
+impl Depth {
+    /// An empty one, for one pipeline.
+    pub fn new(config: DepthConfig, pipeline: u8, update: HierarchicalUpdate, ports: DepthPorts, memory: MemoryPort) -> Depth {
+        let compression = Compression { enabled: config.compression };
+        Depth {
+            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
+            early: VecDeque::with_capacity(config.fifo as usize),
+            late: VecDeque::with_capacity(config.fifo as usize),
+            away: 0,
+            bounds: VecDeque::with_capacity(4),
+            items: 0,
+            config,
+            pipeline,
+            update,
+            ports,
+        }
+    }
+
+    /// What the cache's tags count.
+    pub fn cache(&self) -> CacheCounts {
+        self.cache.cache()
+    }
+
+    /// What the cache moved.
+    pub fn counts(&self) -> BlockCounts {
+        self.cache.counts()
+    }
+
+    /// Looks a group's block up; `Ok(None)` where nothing is tested.
+    #[inline(always)]
+    fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
+        let Card { groups, work, pass, frame, .. } = card;
+        let group = &groups[usize::from(self.pipeline)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let Some(pass) = pass else { return Ok(None) };
+        let (surface, pass_number) = (pass.depth, pass.number);
+        let (Some(state), Some(surface)) = (&work.depth, surface) else { return Ok(None) };
+        if state.is_idle() {
+            return Ok(None);
+        }
+        // Bounds of a block that leaves must find room.
+        if self.bounds.len() >= 3 {
+            return Err(Tick::Blocked);
+        }
+        let mut left = None;
+        let place = self.cache.pin(frame, surface, group.block, &mut left)?;
+        if let Some((surface, block)) = left
+            && self.update == HierarchicalUpdate::Eviction
+        {
+            self.bounds.push_back(bounds(&frame.stores[surface], block, pass_number));
+        }
+        Ok(Some(place as u32))
+    }
+
+    /// Tests a group for real; returns the quads that are still alive.
+    #[inline(always)]
+    fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u16 {
+        let Card { groups, work, pass, frame, funnel, .. } = card;
+        let group = &mut groups[usize::from(self.pipeline)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let pass = pass.as_ref().expect("quads are tested in a pass");
+        let (Some(state), Some(surface)) = (&work.depth, pass.depth) else { return token.quads };
+        let store = &mut frame.stores[surface];
+        let samples = store.surface.samples as usize;
+        let triangle = &work.segment.triangles[group.triangle as usize];
+        let tile = &work.segment.tiles[group.tile as usize];
+        let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
+        let (left, top) = (group.block % pass.blocks_across * BLOCK, group.block / pass.blocks_across * BLOCK);
+        let mut alive = 0;
+        for (live, quad) in group.live.iter_mut().zip(quads) {
+            if *live == 0 {
+                continue;
+            }
+            let mut codes = [[0_u32; 4]; 4];
+            if late && work.draw.depth_words > 0 {
+                let words = &tile.payload[quad.payload as usize..];
+                for (codes, words) in codes[..samples].iter_mut().zip(words.chunks_exact(4)) {
+                    *codes = std::array::from_fn(|p| state.code(f32::from_bits(words[p])));
+                }
+            } else {
+                let x = (left + u32::from(quad.position) % 4 * 2) as i32;
+                let y = (top + u32::from(quad.position) / 4 * 2) as i32;
+                sample_depths(work, triangle, x, y, samples, &mut codes);
+            }
+            let before = fragments(*live);
+            *live = state.test_quad(samples, triangle.back, *live, &codes, store.quad_mut(group.block, quad.position));
+            if late {
+                funnel.fragments_late_failed += u64::from(before - fragments(*live));
+            }
+            alive += u16::from(*live != 0);
+        }
+        let written = state.writes_depth() || state.writes_stencil();
+        self.cache.release(line as usize, written);
+        if written && self.update == HierarchicalUpdate::Write {
+            self.bounds.push_back(bounds(store, group.block, pass.number));
+        }
+        self.items += u64::from(token.quads);
+        alive
+    }
+
+    /// Tests what is ready at the head of one of the queues.
+    #[inline(always)]
+    fn drain(&mut self, wires: &mut Wires, card: &mut Card, late: bool, budget: &mut u32) -> Tick {
+        let mut did = Tick::Starved;
+        loop {
+            let queue = if late { &self.late } else { &self.early };
+            let Some(&entry) = queue.front() else { return did };
+            if entry.from > wires.now() {
+                wires.sleep_until(entry.from);
+                return did.or(Tick::Working);
+            }
+            if let Some(line) = entry.line
+                && !self.cache.ready(line as usize)
+            {
+                return did.or(Tick::Memory);
+            }
+            let quads = u32::from(entry.token.quads).max(1);
+            if *budget < quads && *budget < self.config.quads_per_cycle {
+                return Tick::Moved;
+            }
+            if self.bounds.len() >= 3 {
+                return did.or(Tick::Blocked);
+            }
+            let output = if late { &self.ports.color } else { &self.ports.interpolate };
+            if !wires.can_push(output) {
+                return did.or(Tick::Blocked);
+            }
+            *budget = budget.saturating_sub(quads);
+            if late {
+                self.late.pop_front()
+            } else {
+                self.early.pop_front()
+            };
+            did = Tick::Moved;
+            let mut token = entry.token;
+            if token.kind != Kind::DATA {
+                wires.push_sized(output, token, bytes::MARK);
+                continue;
+            }
+            let before = token.quads;
+            if let Some(line) = entry.line {
+                token.quads = self.test(card, token, line, late);
+            }
+            let pipeline = usize::from(self.pipeline);
+            let output = if late { &self.ports.color } else { &self.ports.interpolate };
+            if late {
+                // The colour unit counts groups to keep their order, so an empty one goes on too.
+                self.away -= u32::from(card.groups[pipeline][token.group].count);
+                wires.push_sized(output, token, u32::from(token.quads).max(1) * bytes::QUAD);
+                continue;
+            }
+            if entry.line.is_some() {
+                card.funnel.quads_early_culled += u64::from(before - token.quads);
+            }
+            let group = card.groups[pipeline][token.group];
+            let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+            if work.draw.fragment.is_none() {
+                // Depth and stencil only: done.
+                let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
+                card.funnel.fragments_written += u64::from(written);
+                card.groups[pipeline].remove(token.group);
+            } else if token.quads == 0 {
+                card.groups[pipeline].remove(token.group);
+            } else {
+                wires.push_sized(output, token, u32::from(token.quads) * bytes::QUAD);
+            }
+        }
+    }
+
+    /// Looks up what comes from traversal.
+    #[inline(always)]
+    fn accept_early(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = self.config.quads_per_cycle;
+        while let Some(token) = wires.front(&self.ports.early) {
+            if self.early.len() as u32 == self.config.fifo {
+                return did.or(Tick::Blocked);
+            }
+            let mut line = None;
+            if token.kind == Kind::DATA {
+                if budget == 0 {
+                    return Tick::Moved;
+                }
+                let group = &card.groups[usize::from(self.pipeline)][token.group];
+                if card.work(group.slot).early {
+                    // Quads that are tested late come before this one in API order, and have yet to be.
+                    if self.away > 0 {
+                        return did.or(Tick::Blocked);
+                    }
+                    line = match self.look_up(card, token) {
+                        Ok(line) => line,
+                        Err(stall) => return did.or(stall),
+                    };
+                } else {
+                    self.away += u32::from(group.count);
+                }
+                budget = budget.saturating_sub(u32::from(token.quads));
+            }
+            self.early.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            wires.pop(&self.ports.early);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Looks up what comes back from the cores.
+    #[inline(always)]
+    fn accept_late(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = self.config.quads_per_cycle;
+        while let Some(token) = wires.front(&self.ports.late) {
+            if self.late.len() as u32 == self.config.fifo {
+                return did.or(Tick::Blocked);
+            }
+            if budget == 0 {
+                return Tick::Moved;
+            }
+            let line = if token.quads == 0 {
+                None
+            } else {
+                match self.look_up(card, token) {
+                    Ok(line) => line,
+                    Err(stall) => return did.or(stall),
+                }
+            };
+            budget = budget.saturating_sub(u32::from(token.quads).max(1));
+            self.late.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            wires.pop(&self.ports.late);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Ends the pass: writes the cache back, then reports.
+    #[cold]
+    fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
+        let Card { frame, pass, .. } = card;
+        let pass = pass.as_ref().expect("a pass is ending");
+        let keep = pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
+        let did = self.cache.flush(frame, |_| keep);
+        if did == Tick::Moved || !self.cache.flushed() {
+            return did;
+        }
+        if !wires.try_push(&self.ports.ack, ack) {
+            return Tick::Blocked;
+        }
+        wires.pop(&self.ports.end);
+        Tick::Moved
+    }
+}
+
+/// Depths of a quad's samples, as codes.
+#[inline(always)]
+fn sample_depths(work: &Work, triangle: &crate::work::Triangle, x: i32, y: i32, samples: usize, codes: &mut [[u32; 4]; 4]) {
+    let Some(state) = &work.depth else { return };
+    let positions: &[[i32; 2]] = if samples == 1 { &SAMPLES_1 } else { &SAMPLES_4 };
+    for (codes, &[dx, dy]) in codes.iter_mut().zip(positions) {
+        let (dx, dy) = (dx as f32 / SUBPIXEL as f32 + 0.5, dy as f32 / SUBPIXEL as f32 + 0.5);
+        *codes = std::array::from_fn(|p| {
+            let (px, py) = ((x + p as i32 % 2) as f32 + dx, (y + p as i32 / 2) as f32 + dy);
+            state.code(triangle.depth.at(px, py))
+        });
+    }
+}
+
+/// The bounds of a block's depths, from its own bytes.
+fn bounds(store: &Store, block: u32, pass: u32) -> DepthBounds {
+    let format = store.surface.format;
+    let (mut min, mut max) = (u32::MAX, 0);
+    let stride = 4 * store.words as usize;
+    for pixels in store.block(block).chunks_exact(stride) {
+        for &code in &pixels[..4] {
+            let key = depth_key(format, code);
+            min = min.min(key);
+            max = max.max(key);
+        }
+    }
+    DepthBounds { block, min, max, pass }
+}
+
+impl Unit<Card> for Depth {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Memory: blocks come, requests go.
+        let mut did = Tick::moved_or(self.cache.exchange(wires), Tick::Starved);
+
+        // 2. Hierarchical Z is told.
+        while let Some(&update) = self.bounds.front() {
+            if !wires.try_push(&self.ports.updates, update) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.bounds.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 3. Test, late before early: what is nearer the end makes room.
+        let mut budget = self.config.quads_per_cycle;
+        did = did.or(self.drain(wires, card, true, &mut budget));
+        did = did.or(self.drain(wires, card, false, &mut budget));
+
+        // 4. Look the next ones up.
+        did = did.or(self.accept_late(wires, card));
+        did = did.or(self.accept_early(wires, card));
+
+        // 5. The end of the pass.
+        did.or(self.end(wires, card))
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        (self.early.len() + self.late.len() + self.bounds.len()) as u64 + self.cache.resident()
+    }
+}

@@ -1,0 +1,201 @@
+//! Distribution: the sort of a sort-middle machine. Screen-space triangles go to every rasteriser that owns a tile they touch.
+
+use super::card::{Card, MAX_PIPELINES};
+use super::token::{Kind, Run, TriangleToken, bytes};
+use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::unit::knob::Allowed;
+
+crate::choices! {
+    /// How the rasterisers that a triangle is sent to are found.
+    pub enum Overlap {
+        /// Those that own a tile in which it covers samples.
+        Exact "exact",
+        /// Those that own a tile its bounding box touches.
+        Bounds "bounding-box",
+    }
+}
+
+crate::knobs! {
+    /// Distribution of triangles from each geometry unit to the rasterisers.
+    pub struct DistributeConfig {
+        /// Edge of the screen tiles that are dealt to pipelines.
+        tile: u32 ["pixels", Allowed::PowerOfTwo(8, 1024),
+            "16 to 64 in cards since 2004 (ATTILA bGPU.ini ScanWidth = 16); larger tiles mean less overlap, smaller ones better balance"],
+        /// How tiles are dealt.
+        pattern: super::interleave::Pattern ["", Allowed::Choice(super::interleave::Pattern::NAMES),
+            "a skewed interleave gives neighbours in both directions to different pipelines"],
+        /// How precisely the receivers of a triangle are found.
+        overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
+        /// Triangles routed a cycle by each geometry unit.
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "as the clipper delivers them"],
+        /// Triangles that the link from a geometry unit to a rasteriser takes a cycle.
+        link_width: u32 ["triangles/cycle", Allowed::Range(1, 16), "one setup unit at its end"],
+        /// Cycles through the redistribution network.
+        latency: u32 ["cycles", Allowed::Range(1, 256), "two crossbar stages and a synchroniser"],
+        /// Triangles queued at the end of each link.
+        queue: u32 ["triangles", Allowed::Range(2, 4096), "ATTILA bGPU.ini SetupFIFOSize = 32"],
+    }
+}
+
+crate::counters! {
+    /// What redistribution costs.
+    pub struct SortCounts {
+        /// Triangles routed.
+        triangles: "triangles",
+        /// Triangles sent to rasterisers, each copy counted.
+        redistributed_items: "triangles",
+        /// Their bytes.
+        redistributed_bytes: "bytes",
+        /// Marks sent so that rasterisers can restore the order.
+        marks: "marks",
+    }
+}
+
+/// Distribution. Its items are triangles.
+pub struct Distribute {
+    config: DistributeConfig,
+    input: In<Run>,
+    /// To each rasteriser.
+    outputs: Vec<Out<TriangleToken>>,
+    /// Triangles of the run at the head that are done.
+    done: u32,
+    /// Rasterisers that the triangle at hand, or the mark, has still to be sent to; none at hand if empty.
+    pending: u64,
+    counts: SortCounts,
+}
+
+impl Distribute {
+    /// An empty one.
+    pub fn new(config: DistributeConfig, input: In<Run>, outputs: Vec<Out<TriangleToken>>) -> Distribute {
+        assert!(outputs.len() <= MAX_PIPELINES, "pipelines fit a mask");
+        Distribute { config, input, outputs, done: 0, pending: 0, counts: SortCounts::default() }
+    }
+
+    /// What it has sent.
+    pub fn counts(&self) -> SortCounts {
+        self.counts
+    }
+
+    /// The rasterisers of a triangle; none if it covers no sample, which is seen here by the time its receivers are sought.
+    #[inline(always)]
+    fn receivers(&self, card: &Card, slot: u16, triangle: u32) -> u64 {
+        if self.outputs.len() == 1 {
+            return 1;
+        }
+        let work = card.work(slot);
+        let triangle = &work.segment.triangles[triangle as usize];
+        let all = u64::MAX >> (64 - self.outputs.len());
+        let mut mask = 0;
+        match self.config.overlap {
+            Overlap::Exact if !work.owners.is_empty() => {
+                for visit in work.visits(triangle) {
+                    mask |= 1 << work.owners[visit.tile as usize];
+                    if mask == all {
+                        break;
+                    }
+                }
+            }
+            Overlap::Exact => {
+                'all: for visit in work.visits(triangle) {
+                    let tile = &work.segment.tiles[visit.tile as usize];
+                    for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
+                        mask |= 1 << card.interleave.owner(u32::from(block.x), u32::from(block.y));
+                        if mask == all {
+                            break 'all;
+                        }
+                    }
+                }
+            }
+            Overlap::Bounds => {
+                let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+                let step = card.interleave.tile() / crate::work::BLOCK;
+                let mut y = y0 / step * step;
+                'all: while y < y1 {
+                    let mut x = x0 / step * step;
+                    while x < x1 {
+                        mask |= 1 << card.interleave.owner(x, y);
+                        if mask == all {
+                            break 'all;
+                        }
+                        x += step;
+                    }
+                    y += step;
+                }
+            }
+        }
+        mask
+    }
+
+    /// Sends a token to all pending rasterisers that have room; true when none is pending any more.
+    #[inline(always)]
+    fn send(&mut self, wires: &mut Wires, token: TriangleToken, size: u32, moved: &mut bool) -> bool {
+        let mut left = self.pending;
+        while left != 0 {
+            let to = left.trailing_zeros();
+            left &= left - 1;
+            let output = &self.outputs[to as usize];
+            if wires.can_push(output) {
+                wires.push_sized(output, token, size);
+                self.pending &= !(1 << to);
+                *moved = true;
+                if token.kind == Kind::DATA {
+                    self.counts.redistributed_items += 1;
+                    self.counts.redistributed_bytes += u64::from(size);
+                } else {
+                    self.counts.marks += 1;
+                }
+            }
+        }
+        self.pending == 0
+    }
+}
+
+impl Unit<Card> for Distribute {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut moved = false;
+        let mut budget = Budget::new(self.config.triangles_per_cycle);
+        loop {
+            let Some(run) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
+
+            // 1. A mark goes to every rasteriser, a triangle to the owners of what it touches.
+            let data = run.kind == Kind::DATA;
+            if data && !budget.spend() {
+                return Tick::Moved;
+            }
+            let triangle = run.first + self.done;
+            if self.pending == 0 {
+                self.pending = match run.kind {
+                    Kind::DATA => self.receivers(card, run.slot, triangle),
+                    _ => u64::MAX >> (64 - self.outputs.len()),
+                };
+                moved = true;
+            }
+            let token = TriangleToken { slot: run.slot, kind: run.kind, sequence: run.sequence, triangle };
+            let size = if data { bytes::TRIANGLE } else { bytes::MARK };
+
+            // 2. Send it where there is room; the others wait, and what follows with them.
+            if !self.send(wires, token, size, &mut moved) {
+                return Tick::moved_or(moved, Tick::Blocked);
+            }
+
+            // 3. Sent to all.
+            if data {
+                self.counts.triangles += 1;
+                card.funnel.triangles_setup += 1;
+                self.done += 1;
+            }
+            if self.done == run.count {
+                self.done = 0;
+                wires.pop(&self.input);
+            }
+        }
+    }
+
+    fn items(&self) -> u64 {
+        self.counts.triangles
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.done) + u64::from(self.pending != 0)
+    }
+}

@@ -1,0 +1,462 @@
+//! Index and attribute fetch with post-transform reuse: reads indices in order, shades each vertex once as long as it is among the
+//! last few, gathers vertices into batches, fetches their attributes, and sends the batches to the cores.
+
+use std::collections::VecDeque;
+
+use super::card::{Card, Work};
+use super::misses::Misses;
+use super::tags::{CacheCounts, Tags};
+use super::token::{Kind, Piece, VertexBatch, WarpToken};
+use super::warp::{Item, Program};
+use crate::gfx::state::StepMode;
+use crate::mem::MemoryPort;
+use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::unit::assembly::MAX_BATCHES;
+use crate::unit::knob::Allowed;
+use crate::work::LINE;
+
+crate::knobs! {
+    /// Index and attribute fetch.
+    pub struct FetchConfig {
+        /// Indices read a cycle.
+        indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini STREAMER IndicesCycle = 2; three make a triangle"],
+        /// Lines of indices requested ahead.
+        index_lines: u32 ["lines", Allowed::Range(1, 64), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
+        /// Vertices that are remembered as shaded, first in first out.
+        reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
+        /// Lines of vertex attributes looked up a cycle.
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
+        /// 64-byte lines of the attribute cache.
+        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
+        /// Ways of the attribute cache.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"],
+        /// Requests to memory in flight, indices and attributes each.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
+        /// Batches of vertices in flight, from the first index to the last primitive assembled.
+        batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
+        /// Cycles from here to the cores.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
+        /// Batches queued before each core.
+        queue: u32 ["batches", Allowed::Range(2, 64), "two: one arriving, one waiting"],
+    }
+}
+
+/// Ports of vertex fetch.
+pub struct FetchPorts {
+    /// Segments and fences from the command processor.
+    pub input: In<Piece>,
+    /// Vertex batches to each core that shades vertices, with the core's cluster of warps.
+    pub cores: Vec<(usize, Out<WarpToken>)>,
+    /// Batches in order, to assembly.
+    pub batches: Out<VertexBatch>,
+    /// Batches that assembly has used up.
+    pub retired: In<WarpToken>,
+    /// Memory, for indices.
+    pub index: MemoryPort,
+    /// Memory, for attributes.
+    pub vertex: MemoryPort,
+}
+
+/// A batch whose attributes are on their way.
+#[derive(Clone, Copy, Debug)]
+struct Gathered {
+    slot: u16,
+    number: u32,
+    stream_end: u32,
+    /// First vertex of the batch in `vertices`, and how many.
+    count: u32,
+    needs: Option<u32>,
+    /// Announced to assembly already.
+    announced: bool,
+}
+
+/// Not in the FIFO of shaded vertices.
+const NEVER_SHADED: u64 = u64::MAX;
+
+/// Vertex fetch. Its items are indices.
+pub struct Fetch {
+    config: FetchConfig,
+    width: u32,
+    ports: FetchPorts,
+    tags: Tags<u32>,
+    misses: Misses,
+    index_misses: Misses,
+    /// Next line of indices to be requested, and how many of the segment were; relative to its first.
+    index_next: u64,
+    /// Next entry of the stream.
+    position: u32,
+    /// The attribute and line of the current vertex to be looked up; the vertex is in the batch already.
+    attribute: usize,
+    attribute_line: u64,
+    vertex_open: bool,
+    /// The last line looked up: attributes of a vertex mostly share it.
+    last_line: u64,
+    /// Vertices shaded since the start, and for each vertex of the segment its number among them.
+    shaded: u64,
+    shaded_at: Vec<u64>,
+    /// The last `reuse` vertices as (index, instance), kept over the segments of a draw.
+    recent: VecDeque<(u32, u32)>,
+    draw: Option<u32>,
+    begun: bool,
+    /// Vertices of the batches gathered, in order, and of the one that is open.
+    vertices: VecDeque<u32>,
+    open: u32,
+    open_needs: Option<u32>,
+    number: u32,
+    in_flight: u32,
+    gathered: VecDeque<Gathered>,
+    core: usize,
+    epoch: u32,
+    items: u64,
+}
+
+impl Fetch {
+    /// An empty one, which fills batches of `width` vertices.
+    pub fn new(config: FetchConfig, width: u32, ports: FetchPorts) -> Fetch {
+        Fetch {
+            tags: Tags::new(config.cache_lines, config.cache_ways),
+            misses: Misses::new(config.misses),
+            index_misses: Misses::new(config.index_lines),
+            index_next: 0,
+            position: 0,
+            attribute: 0,
+            attribute_line: 0,
+            vertex_open: false,
+            last_line: u64::MAX,
+            shaded: 0,
+            shaded_at: Vec::new(),
+            recent: VecDeque::with_capacity(config.reuse as usize + 1),
+            draw: None,
+            begun: false,
+            vertices: VecDeque::new(),
+            open: 0,
+            open_needs: None,
+            number: 0,
+            in_flight: 0,
+            gathered: VecDeque::new(),
+            core: 0,
+            epoch: 0,
+            items: 0,
+            config,
+            width,
+            ports,
+        }
+    }
+
+    /// What the attribute cache counts.
+    pub fn cache(&self) -> CacheCounts {
+        self.tags.counts()
+    }
+
+    /// Makes ready for a segment. What was shaded lately in the same draw is still there; a new draw starts afresh.
+    #[cold]
+    fn begin(&mut self, card: &Card, slot: u16) {
+        let work = card.work(slot);
+        let vertices = &work.segment.vertices;
+        self.shaded_at.clear();
+        self.shaded_at.resize(vertices.len(), NEVER_SHADED);
+        if self.draw != Some(work.draw_number) {
+            self.draw = Some(work.draw_number);
+            self.recent.clear();
+        } else if !self.recent.is_empty() {
+            let mut known: Vec<_> = self.recent.iter().enumerate().map(|(at, &vertex)| (vertex, at)).collect();
+            known.sort_unstable();
+            let first = self.shaded - self.recent.len() as u64;
+            for (vertex, at) in vertices.iter().zip(&mut self.shaded_at) {
+                let wanted = (vertex.index, vertex.instance);
+                if let Ok(found) = known.binary_search_by_key(&wanted, |&(vertex, _)| vertex) {
+                    *at = first + known[found].1 as u64;
+                }
+            }
+        }
+        if self.epoch != card.epoch {
+            self.epoch = card.epoch;
+            self.tags.clear();
+        }
+        self.last_line = u64::MAX;
+        self.position = 0;
+        self.index_next = 0;
+        self.begun = true;
+    }
+
+    /// Requests lines of indices ahead of their use; true if any was.
+    #[inline(always)]
+    fn request_indices(&mut self, wires: &mut Wires, work: &Work) -> bool {
+        let Some(start) = work.segment.index_address else { return false };
+        let bytes = work.segment.stream.len() as u64 * u64::from(work.segment.index_bytes);
+        if bytes == 0 {
+            return false;
+        }
+        let (first, last) = (start / LINE, (start + bytes - 1) / LINE);
+        let mut moved = false;
+        while first + self.index_next <= last && self.index_misses.room() > 0 && self.ports.index.can_send(wires) {
+            let tag = self.index_misses.issue();
+            self.ports.index.read(wires, (first + self.index_next) * LINE, LINE as u32, tag);
+            self.index_next += 1;
+            moved = true;
+        }
+        moved
+    }
+
+    /// Whether the index at the current position has come.
+    #[inline(always)]
+    fn index_here(&self, work: &Work) -> bool {
+        let Some(start) = work.segment.index_address else { return true };
+        let bytes = u64::from(work.segment.index_bytes);
+        let end = start + (u64::from(self.position) + 1) * bytes - 1;
+        let line = end / LINE - start / LINE;
+        // The misses of this segment are the last `index_next` issued.
+        line < self.index_next && {
+            let number = self.index_misses.issued().wrapping_sub(self.index_next as u32).wrapping_add(line as u32 + 1);
+            self.index_misses.reached(number)
+        }
+    }
+
+    /// Looks up the lines of the current vertex's attributes.
+    #[inline(always)]
+    fn look_up(&mut self, wires: &mut Wires, work: &Work, budget: &mut u32) -> Result<(), Tick> {
+        let Some(&vertex) = self.vertices.back() else { return Ok(()) };
+        let vertex = &work.segment.vertices[vertex as usize];
+        while let Some(fetch) = work.draw.attributes.get(self.attribute) {
+            let element = match fetch.step {
+                StepMode::Vertex => vertex.index,
+                StepMode::Instance => vertex.instance,
+            };
+            let address = fetch.address + u64::from(element) * fetch.stride;
+            let last = (address + u64::from(fetch.bytes.max(1)) - 1) / LINE;
+            loop {
+                let line = address / LINE + self.attribute_line;
+                if line > last {
+                    break;
+                }
+                if line != self.last_line {
+                    if *budget == 0 {
+                        return Err(Tick::Moved);
+                    }
+                    if let Some(place) = self.tags.find(line) {
+                        let needs = *self.tags.data(place);
+                        if !self.misses.reached(needs) {
+                            self.open_needs = self.misses.later(self.open_needs, needs);
+                        }
+                    } else {
+                        if self.misses.room() == 0 {
+                            return Err(Tick::Memory);
+                        }
+                        if !self.ports.vertex.can_send(wires) {
+                            return Err(Tick::Blocked);
+                        }
+                        let tag = self.misses.issue();
+                        self.ports.vertex.read(wires, line * LINE, LINE as u32, tag);
+                        self.open_needs = Some(self.misses.issued());
+                        let place = self.tags.victim(line, |_| true).expect("any line may go");
+                        self.tags.replace(place, line, self.misses.issued());
+                    }
+                    *budget -= 1;
+                    self.last_line = line;
+                } else {
+                    // The line was just looked up, for a vertex of this batch or the one before.
+                    let place = self.tags.find(line).expect("just looked up");
+                    let needs = *self.tags.data(place);
+                    if !self.misses.reached(needs) {
+                        self.open_needs = self.misses.later(self.open_needs, needs);
+                    }
+                }
+                self.attribute_line += 1;
+            }
+            self.attribute += 1;
+            self.attribute_line = 0;
+        }
+        self.vertex_open = false;
+        Ok(())
+    }
+
+    /// Closes the open batch.
+    fn close(&mut self, slot: u16) {
+        self.gathered.push_back(Gathered {
+            slot,
+            number: self.number,
+            stream_end: self.position,
+            count: self.open,
+            needs: self.open_needs,
+            announced: false,
+        });
+        self.number = self.number.wrapping_add(1);
+        self.in_flight += u32::from(self.open > 0);
+        self.open = 0;
+        self.open_needs = None;
+    }
+
+    /// Announces the batch at the head to assembly, and starts it on a core when its attributes are there.
+    #[inline(always)]
+    fn start(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        while let Some(batch) = self.gathered.front_mut() {
+            if !batch.announced {
+                let Gathered { slot, number, stream_end, count, .. } = *batch;
+                let token = VertexBatch { slot, kind: Kind::DATA, number, stream_end, vertices: count };
+                if !wires.try_push(&self.ports.batches, token) {
+                    return did.or(Tick::Blocked);
+                }
+                batch.announced = true;
+                did = Tick::Moved;
+            }
+            if batch.count > 0 {
+                if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
+                    return did.or(Tick::Memory);
+                }
+                let cores = self.ports.cores.len();
+                let free = (0..cores).map(|ahead| (self.core + ahead) % cores).find(|&core| {
+                    let (_, output) = &self.ports.cores[core];
+                    wires.can_push(output)
+                });
+                let Some(core) = free else { return did.or(Tick::Blocked) };
+                self.core = (core + 1) % cores;
+                let (cluster, output) = &self.ports.cores[core];
+                let Card { work, warps, .. } = card;
+                let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
+                let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.vertex.registers);
+                let warp = &mut warps[*cluster][index];
+                warp.number = batch.number;
+                for vertex in self.vertices.drain(..batch.count as usize) {
+                    let vertex = &work.segment.vertices[vertex as usize];
+                    warp.items.push(Item { source: 0, request: vertex.first_request, cost: vertex.cost });
+                }
+                warp.merge(|_| &work.segment.costs);
+                wires.push(output, WarpToken { warp: index });
+            }
+            self.gathered.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Reads indices, finds vertices that must be shaded, looks up their attributes.
+    #[inline(always)]
+    fn read(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut indices = self.config.indices_per_cycle;
+        let mut lookups = self.config.lookups_per_cycle;
+        loop {
+            let Some(piece) = wires.front(&self.ports.input) else { return did };
+            if piece.kind != Kind::DATA {
+                // A fence follows the batches before it.
+                if !self.gathered.is_empty() {
+                    return did;
+                }
+                let token = VertexBatch { slot: piece.slot, kind: piece.kind, number: 0, stream_end: 0, vertices: 0 };
+                if !wires.try_push(&self.ports.batches, token) {
+                    return did.or(Tick::Blocked);
+                }
+                wires.pop(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
+            if !self.begun {
+                self.begin(card, piece.slot);
+                did = Tick::Moved;
+            }
+            let work = card.work[usize::from(piece.slot)].as_ref().expect("a piece is in flight");
+            if self.request_indices(wires, work) {
+                did = Tick::Moved;
+            }
+            let length = work.segment.stream.len() as u32;
+            loop {
+                // 1. The attributes of the vertex at hand.
+                if self.vertex_open {
+                    let before = (self.attribute, self.attribute_line);
+                    let result = self.look_up(wires, work, &mut lookups);
+                    if result.is_ok() || before != (self.attribute, self.attribute_line) {
+                        did = Tick::Moved;
+                    }
+                    if let Err(stall) = result {
+                        return did.or(stall);
+                    }
+                }
+                // 2. A full batch goes on its way.
+                if self.open == self.width {
+                    self.close(piece.slot);
+                    did = Tick::Moved;
+                }
+                if self.position == length {
+                    break;
+                }
+                if self.in_flight >= self.config.batches {
+                    return did.or(Tick::Blocked);
+                }
+                // 3. The next index.
+                if !self.index_here(work) {
+                    return did.or(Tick::Memory);
+                }
+                if indices == 0 {
+                    return Tick::Moved;
+                }
+                indices -= 1;
+                let vertex = work.segment.stream[self.position as usize];
+                self.position += 1;
+                did = Tick::Moved;
+                if vertex == u32::MAX {
+                    continue;
+                }
+                self.items += 1;
+                card.funnel.vertices_in += 1;
+                let at = &mut self.shaded_at[vertex as usize];
+                if *at != NEVER_SHADED && self.shaded - *at <= u64::from(self.config.reuse) {
+                    continue;
+                }
+                // 4. It must be shaded.
+                *at = self.shaded;
+                self.shaded += 1;
+                card.funnel.vertices_shaded += 1;
+                if self.config.reuse > 0 {
+                    if self.recent.len() as u32 == self.config.reuse {
+                        self.recent.pop_front();
+                    }
+                    let vertex = &work.segment.vertices[vertex as usize];
+                    self.recent.push_back((vertex.index, vertex.instance));
+                }
+                self.vertices.push_back(vertex);
+                self.open += 1;
+                (self.attribute, self.attribute_line, self.vertex_open) = (0, 0, true);
+            }
+            // 5. The segment is read: what is left of it is a batch too.
+            self.close(piece.slot);
+            self.begun = false;
+            wires.pop(&self.ports.input);
+            did = Tick::Moved;
+        }
+    }
+}
+
+impl Unit<Card> for Fetch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+
+        // 1. What memory has brought, and what assembly no longer needs.
+        while let Some(tag) = self.ports.vertex.answer(wires) {
+            self.misses.answer(tag);
+            did = Tick::Moved;
+        }
+        while let Some(tag) = self.ports.index.answer(wires) {
+            self.index_misses.answer(tag);
+            did = Tick::Moved;
+        }
+        while wires.pop(&self.ports.retired).is_some() {
+            self.in_flight -= 1;
+            did = Tick::Moved;
+        }
+
+        // 2. Complete batches go to the cores.
+        did = did.or(self.start(wires, card));
+
+        // 3. Indices come in.
+        did.or(self.read(wires, card))
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.gathered.len() as u64 + u64::from(self.open) + u64::from(self.in_flight)
+    }
+}

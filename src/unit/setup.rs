@@ -1,0 +1,126 @@
+//! Triangle setup, one unit a rasteriser: takes triangles from all geometry units in the order of their sequence numbers.
+
+use super::card::Card;
+use super::token::{Kind, TriangleToken};
+use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::unit::knob::Allowed;
+
+crate::knobs! {
+    /// Triangle setup in each rasteriser.
+    pub struct SetupConfig {
+        /// Triangles set up a cycle.
+        triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini RASTERIZER TrianglesCycle = 2 for the card; one each here"],
+        /// Cycles between two triangles of one unit; 1 is fully pipelined.
+        interval: u32 ["cycles", Allowed::Range(1, 64), "pipelined since the GeForce 256"],
+        /// Cycles from here to traversal.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini SetupLatency = 10"],
+        /// Triangles queued before traversal.
+        queue: u32 ["triangles", Allowed::Range(2, 1024), "ATTILA bGPU.ini SetupFIFOSize = 32"],
+    }
+}
+
+/// Triangle setup. Its items are triangles.
+pub struct Setup {
+    config: SetupConfig,
+    /// From each geometry unit.
+    inputs: Vec<In<TriangleToken>>,
+    output: Out<TriangleToken>,
+    /// The sequence number that is being taken.
+    sequence: u32,
+    /// The input that holds it, found by looking at all heads.
+    current: usize,
+    /// Whether `current` holds `sequence`, and not an earlier one.
+    found: bool,
+    free_at: u64,
+    items: u64,
+}
+
+impl Setup {
+    /// An empty one.
+    pub fn new(config: SetupConfig, inputs: Vec<In<TriangleToken>>, output: Out<TriangleToken>) -> Setup {
+        let found = inputs.len() == 1;
+        Setup { config, inputs, output, sequence: 0, current: 0, found, free_at: 0, items: 0 }
+    }
+
+    /// The next token in order, if it is here.
+    #[inline(always)]
+    fn next(&mut self, wires: &mut Wires) -> Option<TriangleToken> {
+        if self.found {
+            return wires.front(&self.inputs[self.current]);
+        }
+        // Sequence numbers are dealt round-robin today, but the search does not depend on it.
+        for (index, input) in self.inputs.iter().enumerate() {
+            if let Some(token) = wires.front(input)
+                && token.sequence == self.sequence
+            {
+                self.current = index;
+                self.found = true;
+                return Some(token);
+            }
+        }
+        None
+    }
+
+    /// The token is taken; one that ends its sequence number opens the next.
+    #[inline(always)]
+    fn take(&mut self, wires: &mut Wires, kind: Kind) {
+        wires.pop(&self.inputs[self.current]);
+        if kind != Kind::DATA {
+            self.sequence = self.sequence.wrapping_add(1);
+            self.found = self.inputs.len() == 1;
+        }
+    }
+}
+
+impl Unit<Card> for Setup {
+    fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = Budget::new(self.config.triangles_per_cycle);
+        loop {
+            let Some(token) = self.next(wires) else { return did };
+            match token.kind {
+                // 1. The end of a sequence number is seen and forgotten.
+                Kind::END => {
+                    self.take(wires, token.kind);
+                    did = Tick::Moved;
+                }
+                // 2. Triangles take their time.
+                Kind::DATA => {
+                    if self.free_at > wires.now() {
+                        wires.sleep_until(self.free_at);
+                        return did.or(Tick::Working);
+                    }
+                    if budget.left() == 0 {
+                        return Tick::Moved;
+                    }
+                    if !wires.try_push(&self.output, token) {
+                        return did.or(Tick::Blocked);
+                    }
+                    budget.spend();
+                    self.take(wires, token.kind);
+                    self.items += 1;
+                    if self.config.interval > 1 {
+                        self.free_at = wires.now() + u64::from(self.config.interval);
+                    }
+                    did = Tick::Moved;
+                }
+                // 3. Fences pass in order.
+                _ => {
+                    if !wires.try_push(&self.output, token) {
+                        return did.or(Tick::Blocked);
+                    }
+                    self.take(wires, token.kind);
+                    did = Tick::Moved;
+                }
+            }
+        }
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        0
+    }
+}

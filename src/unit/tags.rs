@@ -1,0 +1,172 @@
+//! Tags of a set-associative cache with least-recently-used replacement. Bytes live elsewhere.
+
+crate::counters! {
+    /// What a cache counts.
+    pub struct CacheCounts {
+        /// Lookups.
+        accesses: "lookups",
+        /// Lookups that found their line, on its way included.
+        hits: "lookups",
+        /// Lookups that did not.
+        misses: "lookups",
+        /// Lines that gave way to others.
+        evictions: "lines",
+    }
+}
+
+/// No line.
+const EMPTY: u64 = u64::MAX;
+
+/// Tags, their ages, and for each line what its user keeps with it.
+#[derive(Clone, Debug)]
+pub struct Tags<T> {
+    keys: Vec<u64>,
+    used: Vec<u64>,
+    data: Vec<T>,
+    ways: usize,
+    sets: u64,
+    clock: u64,
+    counts: CacheCounts,
+    /// Place of the last hit: neighbours in time are mostly neighbours in memory.
+    last: usize,
+}
+
+impl<T: Copy + Default> Tags<T> {
+    /// Empty tags of `lines` lines, `ways` to a set (at most `lines`).
+    pub fn new(lines: u32, ways: u32) -> Tags<T> {
+        let ways = ways.min(lines).max(1) as usize;
+        let sets = (lines as usize / ways).max(1);
+        Tags {
+            keys: vec![EMPTY; sets * ways],
+            used: vec![0; sets * ways],
+            data: vec![T::default(); sets * ways],
+            ways,
+            sets: sets as u64,
+            clock: 0,
+            counts: CacheCounts::default(),
+            last: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn set(&self, key: u64) -> usize {
+        // Folding the upper bits in keeps strides from falling into one set.
+        let mixed = key ^ key >> 7 ^ key >> 15;
+        let set = if self.sets.is_power_of_two() { mixed & (self.sets - 1) } else { mixed % self.sets };
+        set as usize * self.ways
+    }
+
+    /// The place of a line, which becomes the youngest of its set. Counted as a hit; a miss is counted when the line is put in.
+    #[inline(always)]
+    pub fn find(&mut self, key: u64) -> Option<usize> {
+        let place = if self.keys[self.last] == key {
+            self.last
+        } else {
+            let set = self.set(key);
+            set + self.keys[set..set + self.ways].iter().position(|&k| k == key)?
+        };
+        self.last = place;
+        self.clock += 1;
+        self.used[place] = self.clock;
+        self.counts.accesses += 1;
+        self.counts.hits += 1;
+        Some(place)
+    }
+
+    /// The place that a missing line would take: an empty one, else the least recently used of those that may go.
+    #[inline(always)]
+    pub fn victim(&self, key: u64, may_go: impl Fn(&T) -> bool) -> Option<usize> {
+        let set = self.set(key);
+        let mut best = None;
+        let mut oldest = u64::MAX;
+        for place in set..set + self.ways {
+            if self.keys[place] == EMPTY {
+                return Some(place);
+            }
+            if self.used[place] < oldest && may_go(&self.data[place]) {
+                oldest = self.used[place];
+                best = Some(place);
+            }
+        }
+        best
+    }
+
+    /// Puts a line into a place; what was there is gone.
+    #[inline(always)]
+    pub fn replace(&mut self, place: usize, key: u64, data: T) {
+        self.counts.accesses += 1;
+        self.counts.misses += 1;
+        if self.keys[place] != EMPTY {
+            self.counts.evictions += 1;
+        }
+        self.clock += 1;
+        self.used[place] = self.clock;
+        self.keys[place] = key;
+        self.data[place] = data;
+        self.last = place;
+    }
+
+    /// The line in a place.
+    #[inline(always)]
+    pub fn key(&self, place: usize) -> Option<u64> {
+        (self.keys[place] != EMPTY).then(|| self.keys[place])
+    }
+
+    /// What is kept with the line in a place.
+    #[inline(always)]
+    pub fn data(&mut self, place: usize) -> &mut T {
+        &mut self.data[place]
+    }
+
+    /// Places in all.
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Whether no place holds a line.
+    pub fn is_empty(&self) -> bool {
+        self.keys.iter().all(|&key| key == EMPTY)
+    }
+
+    /// Forgets the line in a place.
+    pub fn forget(&mut self, place: usize) {
+        self.keys[place] = EMPTY;
+        self.data[place] = T::default();
+    }
+
+    /// Forgets all lines.
+    pub fn clear(&mut self) {
+        self.keys.fill(EMPTY);
+        self.data.fill(T::default());
+    }
+
+    /// What was counted.
+    pub fn counts(&self) -> CacheCounts {
+        self.counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_recently_used_line_goes() {
+        let mut tags = Tags::<bool>::new(2, 2);
+        for key in [1, 2] {
+            assert_eq!(tags.find(key), None);
+            let place = tags.victim(key, |_| true).unwrap();
+            tags.replace(place, key, false);
+        }
+        assert!(tags.find(1).is_some());
+        let place = tags.victim(3, |_| true).unwrap();
+        assert_eq!(tags.key(place), Some(2));
+        *tags.data(place) = true;
+        let other = tags.victim(3, |pinned| !pinned).unwrap();
+        assert_eq!(tags.key(other), Some(1));
+        tags.replace(place, 3, false);
+        assert_eq!(tags.find(2), None);
+        let counts = tags.counts();
+        assert_eq!((counts.accesses, counts.hits, counts.misses, counts.evictions), (4, 1, 3, 1));
+    }
+}

@@ -1,0 +1,326 @@
+//! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
+//! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
+
+use super::card::{Card, Group};
+use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
+use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
+use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::unit::knob::Allowed;
+use crate::work::{BLOCK, Quad, TILE, Triangle};
+
+crate::choices! {
+    /// When the hierarchical Z buffer learns of new depths.
+    pub enum HierarchicalUpdate {
+        /// When a block leaves the Z cache.
+        Eviction "eviction",
+        /// At every write.
+        Write "write",
+    }
+}
+
+crate::knobs! {
+    /// Traversal of triangles in blocks of 8x8 pixels.
+    pub struct TraverseConfig {
+        /// Blocks with coverage a cycle.
+        blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 a cycle"],
+        /// Blocks of the bounding box found empty a cycle.
+        tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
+        /// Quads sent on a cycle.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
+        /// Cycles from here to the early depth test.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini HZAccessLatency = 5, HZUpdateLatency = 4"],
+        /// Groups of quads queued before the early depth test.
+        queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZQueueSize = 256 stamps"],
+        /// Whether blocks are tested against the hierarchical Z buffer.
+        hierarchical_z: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableHZ = FALSE"],
+        /// When the hierarchical Z buffer learns of new depths.
+        hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "ATTILA updates it from the Z cache's evicted lines"],
+        /// Cycles from the ROP to the hierarchical Z buffer.
+        hierarchical_latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini HZUpdateLatency = 4"],
+        /// Updates queued before the hierarchical Z buffer.
+        hierarchical_queue: u32 ["updates", Allowed::Range(2, 1024), "enough never to hold up the ROP"],
+    }
+}
+
+/// Bounds on the stored depths of a block, as ordered keys.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    min: u32,
+    max: u32,
+}
+
+/// The hierarchical Z buffer: a bound each way, kept while the writes of the pass cannot break it.
+#[derive(Debug, Default)]
+struct HierarchicalZ {
+    bounds: Vec<Bounds>,
+    /// Whether no write of this pass can have raised a depth above `max`, or lowered it below `min`.
+    max_valid: bool,
+    min_valid: bool,
+}
+
+/// Where in the triangle at hand the unit is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    /// A triangle is at hand.
+    active: bool,
+    slot: u16,
+    triangle: u32,
+    /// Visit, block in it, quad in it.
+    visit: u32,
+    block: u32,
+    quad: u32,
+    /// Whether the block has been tested.
+    tested: bool,
+    /// Blocks of the bounding box still to be found empty.
+    empty: u32,
+}
+
+/// Traversal. Its items are quads with coverage, those culled included.
+pub struct Traverse {
+    config: TraverseConfig,
+    pipeline: u8,
+    input: In<TriangleToken>,
+    updates: In<DepthBounds>,
+    output: Out<GroupToken>,
+    place: Place,
+    hierarchical: HierarchicalZ,
+    /// The pass that `hierarchical` belongs to.
+    pass: u32,
+    items: u64,
+}
+
+/// Pixels of a quad with a sample covered.
+#[inline(always)]
+pub fn fragments(coverage: u16) -> u32 {
+    ((coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15).count_ones()
+}
+
+impl Traverse {
+    /// An empty one, for one pipeline.
+    pub fn new(
+        config: TraverseConfig,
+        pipeline: u8,
+        input: In<TriangleToken>,
+        updates: In<DepthBounds>,
+        output: Out<GroupToken>,
+    ) -> Traverse {
+        Traverse {
+            config,
+            pipeline,
+            input,
+            updates,
+            output,
+            place: Place::default(),
+            hierarchical: HierarchicalZ::default(),
+            pass: u32::MAX,
+            items: 0,
+        }
+    }
+
+    /// Makes the hierarchical Z buffer that of the current pass.
+    #[cold]
+    fn begin_pass(&mut self, card: &Card) {
+        let Some(pass) = &card.pass else { return };
+        self.pass = pass.number;
+        let Some(start) = pass.depth_start else { return };
+        let hierarchical = &mut self.hierarchical;
+        if let Some((min, max)) = start.bounds {
+            hierarchical.bounds.clear();
+            hierarchical.bounds.resize(pass.blocks, Bounds { min, max });
+            (hierarchical.max_valid, hierarchical.min_valid) = (true, true);
+        }
+    }
+
+    /// Takes a triangle in hand.
+    fn begin(&mut self, card: &Card, token: TriangleToken) {
+        let work = card.work(token.slot);
+        let triangle = &work.segment.triangles[token.triangle as usize];
+        if card.pass.as_ref().is_some_and(|pass| pass.number != self.pass) {
+            self.begin_pass(card);
+        }
+        if let Some(state) = &work.depth
+            && state.writes_depth()
+        {
+            let (raises, lowers) = may_raise_lower(state.compare());
+            self.hierarchical.max_valid &= !raises;
+            self.hierarchical.min_valid &= !lowers;
+        }
+        let mut empty = 0;
+        let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+        for visit in work.visits(triangle) {
+            let mine = match work.owners.get(visit.tile as usize) {
+                Some(&owner) => owner == self.pipeline,
+                None => true,
+            };
+            if mine {
+                let tile = &work.segment.tiles[visit.tile as usize];
+                let side = TILE / BLOCK;
+                let (tx, ty) = (u32::from(tile.x) * side, u32::from(tile.y) * side);
+                let width = x1.min(tx + side).saturating_sub(x0.max(tx));
+                let height = y1.min(ty + side).saturating_sub(y0.max(ty));
+                empty += (width * height).saturating_sub(visit.blocks);
+            }
+        }
+        // With tiles smaller than those of the work the others share the tests.
+        if work.owners.is_empty() {
+            empty /= card.groups.len() as u32;
+        }
+        self.place = Place { active: true, slot: token.slot, triangle: token.triangle, empty, ..Place::default() };
+    }
+
+    /// Whether hierarchical Z hides a block.
+    #[inline(always)]
+    fn hidden(&self, card: &Card, triangle: &Triangle, x: u32, y: u32, number: u32) -> bool {
+        let work = card.work(self.place.slot);
+        let Some(state) = work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z) else {
+            return false;
+        };
+        let Some(bounds) = self.hierarchical.bounds.get(number as usize) else { return false };
+        let (low, high) = triangle.depth.block_range((x * BLOCK) as i32, (y * BLOCK) as i32, BLOCK as i32);
+        let key = |depth: f32| depth_key(work.depth_format, state.code(depth));
+        let min = if self.hierarchical.min_valid { bounds.min } else { 0 };
+        let max = if self.hierarchical.max_valid { bounds.max } else { u32::MAX };
+        culls(state.compare(), key(low), key(high), min, max)
+    }
+}
+
+impl Unit<Card> for Traverse {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut moved = false;
+
+        // 1. The hierarchical Z buffer learns what the ROP has written. Both bounds may be late; where writes of this pass could
+        //    have broken one, it is not used.
+        while let Some(update) = wires.pop(&self.updates) {
+            if update.pass == self.pass
+                && let Some(bounds) = self.hierarchical.bounds.get_mut(update.block as usize)
+            {
+                *bounds = Bounds { min: update.min, max: update.max };
+            }
+            moved = true;
+        }
+
+        let mut blocks = self.config.blocks_per_cycle;
+        let mut quads = self.config.quads_per_cycle;
+        let mut tests = self.config.tests_per_cycle;
+        loop {
+            // 2. The next triangle.
+            if !self.place.active {
+                let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
+                if token.kind.is_fence() {
+                    let fence = GroupToken { group: u32::from(token.slot), sequence: 0, kind: token.kind, quads: 0 };
+                    if !wires.can_push(&self.output) {
+                        return Tick::moved_or(moved, Tick::Blocked);
+                    }
+                    wires.push_sized(&self.output, fence, bytes::MARK);
+                    wires.pop(&self.input);
+                    moved = true;
+                    continue;
+                }
+                wires.pop(&self.input);
+                self.begin(card, token);
+                moved = true;
+            }
+
+            // 3. The next block of this pipeline.
+            let work = card.work[usize::from(self.place.slot)].as_ref().expect("a triangle's segment is in flight");
+            let triangle = &work.segment.triangles[self.place.triangle as usize];
+            let visits = work.visits(triangle);
+            let Some(visit) = visits.get(self.place.visit as usize) else {
+                // 4. All blocks are done; the empty ones of the bounding box take their time too.
+                let found = self.place.empty.min(tests);
+                self.place.empty -= found;
+                tests -= found;
+                moved = true;
+                if self.place.empty > 0 {
+                    return Tick::Moved;
+                }
+                self.place.active = false;
+                continue;
+            };
+            let whole = work.owners.get(visit.tile as usize);
+            if self.place.block == visit.blocks || whole.is_some_and(|&owner| owner != self.pipeline) {
+                self.place.visit += 1;
+                self.place.block = 0;
+                continue;
+            }
+            let tile = &work.segment.tiles[visit.tile as usize];
+            let block = &tile.blocks[(visit.first_block + self.place.block) as usize];
+            let (x, y) = (u32::from(block.x), u32::from(block.y));
+            if whole.is_none() && card.interleave.owner(x, y) != self.pipeline {
+                self.place.block += 1;
+                continue;
+            }
+            let number = y * card.pass.as_ref().map_or(0, |pass| pass.blocks_across) + x;
+
+            // 5. Test it, once.
+            if !self.place.tested {
+                if blocks == 0 {
+                    return Tick::Moved;
+                }
+                blocks -= 1;
+                moved = true;
+                self.items += u64::from(block.quads);
+                let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+                let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
+                let hidden = self.hidden(card, triangle, x, y, number);
+                let funnel = &mut card.funnel;
+                funnel.tiles_visited += 1;
+                funnel.quads_rasterized += u64::from(block.quads);
+                funnel.fragments_covered += covered;
+                if hidden {
+                    funnel.tiles_hiz_culled += 1;
+                    funnel.quads_early_culled += u64::from(block.quads);
+                    self.place.block += 1;
+                    continue;
+                }
+                self.place.tested = true;
+            }
+
+            // 6. Send its quads on, four at a time.
+            let count = (u32::from(block.quads) - self.place.quad).min(4);
+            if quads < count {
+                // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
+                if quads < self.config.quads_per_cycle {
+                    return Tick::Moved;
+                }
+            }
+            if !wires.can_push(&self.output) {
+                return Tick::moved_or(moved, Tick::Blocked);
+            }
+            quads = quads.saturating_sub(count);
+            let first = block.first_quad + self.place.quad;
+            let mut live = [0; 4];
+            for (live, quad) in live.iter_mut().zip(&tile.quads[first as usize..][..count as usize]) {
+                *live = quad.coverage;
+            }
+            let group = Group {
+                slot: self.place.slot,
+                count: count as u8,
+                triangle: self.place.triangle,
+                tile: visit.tile,
+                first,
+                block: number,
+                live,
+            };
+            let last = self.place.quad + count == u32::from(block.quads);
+            let index = card.groups[usize::from(self.pipeline)].insert(group);
+            let token = GroupToken { group: index, sequence: 0, kind: Kind::DATA, quads: count as u16 };
+            wires.push_sized(&self.output, token, count * bytes::QUAD);
+            moved = true;
+            self.place.quad += count;
+            if last {
+                self.place.quad = 0;
+                self.place.tested = false;
+                self.place.block += 1;
+            }
+        }
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.place.active)
+    }
+}
