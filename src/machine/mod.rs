@@ -1,1 +1,156 @@
-//! Placeholder.
+//! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
+
+pub mod config;
+mod report;
+pub mod sort_middle;
+
+use std::collections::VecDeque;
+
+pub use config::{Config, ConfigError};
+pub use report::{FrameReport, MachineReport, Picture};
+
+use crate::sim::{self, Circuit, Clock, Stuck};
+use crate::unit::Fault;
+use crate::unit::card::{Card, Pool};
+use crate::unit::frame::Frame;
+use crate::unit::interleave::Interleave;
+use crate::unit::warp::Warps;
+use crate::work::{Event, Funnel};
+use report::Readings;
+use sort_middle::SortMiddle;
+
+/// Why a run stopped before its end.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MachineError {
+    /// Nothing moved any more.
+    #[error(transparent)]
+    Stuck(#[from] Stuck),
+    /// The machine cannot do what the work asks, or the work is wrong.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// Something was left inside at the end.
+    #[error("at the end of the run something was left in the machine: {0}")]
+    Left(String),
+}
+
+/// Events that are read ahead of the command processor.
+const AHEAD: usize = 2;
+
+/// A machine, from cycle 0 on.
+pub struct Machine {
+    config: Config,
+    circuit: SortMiddle,
+    card: Card,
+    clients: Vec<(&'static str, usize)>,
+}
+
+impl Machine {
+    /// The machine of a configuration.
+    ///
+    /// # Errors
+    /// If knobs do not fit each other.
+    pub fn new(config: &Config) -> Result<Machine, ConfigError> {
+        config.check()?;
+        let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
+        let (circuit, clients) = sort_middle::build(config).map_err(rule)?;
+        let pipelines = config.card.pipelines as usize;
+        let card = Card {
+            work: vec![None; config.command.segments as usize],
+            compute: vec![None; config.command.workgroup_runs as usize],
+            groups: vec![Pool::default(); pipelines],
+            warps: vec![Warps::default(); pipelines + 1],
+            pass: None,
+            frame: Frame::default(),
+            interleave: Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
+            funnel: Funnel::default(),
+            events: VecDeque::new(),
+            closed: false,
+            epoch: 0,
+            fault: None,
+        };
+        Ok(Machine { config: config.clone(), circuit, card, clients })
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Runs a stream of events to its end and keeps every frame's report.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run(&mut self, events: impl Iterator<Item = Event>, clock: Clock) -> Result<MachineReport, MachineError> {
+        let mut frames = Vec::new();
+        let total = self.run_each(events, clock, |frame| frames.push(frame))?;
+        Ok(MachineReport { frames, total: total.total, cycles: total.cycles })
+    }
+
+    /// Runs a stream of events to its end and hands out each frame's report as it ends. The report that is returned has no
+    /// frames.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run_each(
+        &mut self,
+        mut events: impl Iterator<Item = Event>,
+        clock: Clock,
+        mut each: impl FnMut(FrameReport),
+    ) -> Result<MachineReport, MachineError> {
+        let mut readings = Readings::new(self);
+        self.card.closed = false;
+        loop {
+            // 1. There is always an event for the command processor to read, until the last.
+            while !self.card.closed && self.card.events.len() < AHEAD {
+                match events.next() {
+                    Some(event) => self.card.events.push_back(event),
+                    None => self.card.closed = true,
+                }
+            }
+
+            // 2. Run until events are short, a frame is over, or all is done.
+            self.circuit.wires_mut().wake_all();
+            let patience = u64::from(self.config.card.watchdog);
+            sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
+                let done = card.events.is_empty() && (!card.closed || circuit.command.idle());
+                // What is still on its way to memory belongs to the frame.
+                let quiet = || quiet(circuit);
+                card.fault.is_some() || circuit.command.frame_over() && quiet() || done && (!card.closed || quiet())
+            })?;
+            if let Some(fault) = self.card.fault.take() {
+                return Err(fault.into());
+            }
+
+            // 3. A frame is over: read everything.
+            if self.circuit.command.frame_over() {
+                let end = self.circuit.command.take_frame();
+                let frame = readings.frame(self, end);
+                each(frame);
+            } else if self.card.closed && self.card.events.is_empty() && self.circuit.command.idle() {
+                break;
+            }
+        }
+        self.empty()?;
+        Ok(readings.total(self))
+    }
+
+    /// Nothing may be left inside.
+    fn empty(&self) -> Result<(), MachineError> {
+        let pools = self.card.groups.iter().map(Pool::len).sum::<usize>();
+        let warps = self.card.warps.iter().map(Warps::len).sum::<usize>();
+        let (_, resident) = self.circuit.tally();
+        let units = resident.iter().sum::<u64>();
+        let channels = self.circuit.wires().resident();
+        if pools == 0 && warps == 0 && units == 0 && channels == 0 {
+            return Ok(());
+        }
+        let text =
+            format!("{pools} groups of quads, {warps} warps, {units} items in units {resident:?}, {channels} in channels");
+        Err(MachineError::Left(text))
+    }
+}
+
+/// Whether nothing is in any channel or in the memory's units.
+fn quiet(circuit: &SortMiddle) -> bool {
+    circuit.wires().resident() == 0 && circuit.tally().1.iter().all(|&resident| resident == 0)
+}

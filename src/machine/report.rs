@@ -1,0 +1,192 @@
+//! What a run leaves behind: statistics by frame, and pictures.
+
+use super::Machine;
+use crate::mem::ClientCounts;
+use crate::num::Cycle;
+use crate::sim::Circuit;
+use crate::stats::{Group, Tree};
+use crate::unit::card::Card;
+use crate::unit::distribute::SortCounts;
+use crate::unit::tags::CacheCounts;
+use crate::work::{EndFrame, Funnel, Surface};
+
+/// The picture of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Its format and size.
+    pub surface: Surface,
+    /// Its bytes, laid out as in [`Contents`](crate::work::Contents): the machine's own, unless the last writer was no draw.
+    pub bytes: Vec<u8>,
+    /// Pixels in which the machine's bytes differ from those of API order.
+    pub wrong_pixels: u64,
+}
+
+/// A frame.
+#[derive(Clone, Debug)]
+pub struct FrameReport {
+    /// The trace's own number.
+    pub number: u32,
+    /// Cycles that it took.
+    pub cycles: Cycle,
+    /// Its statistics, by the names of the design.
+    pub tree: Tree,
+    /// What was shown.
+    pub picture: Option<Picture>,
+}
+
+/// A run.
+#[derive(Clone, Debug)]
+pub struct MachineReport {
+    /// Its frames.
+    pub frames: Vec<FrameReport>,
+    /// Its statistics.
+    pub total: Tree,
+    /// Cycles in all.
+    pub cycles: Cycle,
+}
+
+/// A reading of all counters.
+#[derive(Clone, Debug)]
+struct Reading {
+    tree: Tree,
+    cycles: Cycle,
+    /// Quads by pipeline, of which the imbalance is computed.
+    quads: Vec<u64>,
+    sort: SortCounts,
+    funnel: Funnel,
+}
+
+/// Readings so far.
+pub(super) struct Readings {
+    start: Reading,
+    last: Reading,
+    wrong_pixels: u64,
+}
+
+/// What a machine has counted up to now.
+fn read(machine: &mut Machine) -> Reading {
+    machine.circuit.wires_mut().settle();
+    let circuit = &machine.circuit;
+    let cycles = circuit.wires().now();
+    let mut tree = Tree::new();
+    tree.count("cycles", cycles);
+    let funnel = tree.child("funnel");
+    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.values()) {
+        funnel.count(name, value);
+    }
+    tree.extend(circuit.tree());
+
+    let caches = tree.child("caches");
+    let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
+    cache("vertex", 0, circuit.fetch.cache());
+    for (index, unit) in circuit.texture.iter().chain(&circuit.vertex_texture).enumerate() {
+        cache("texture", index, unit.cache());
+    }
+    for (index, unit) in circuit.depth.iter().enumerate() {
+        cache("depth", index, unit.cache());
+    }
+    for (index, unit) in circuit.color.iter().enumerate() {
+        cache("color", index, unit.cache());
+    }
+    for (index, unit) in circuit.l2.iter().enumerate() {
+        caches.element("l2", index).extend(unit.cache_counts().tree());
+    }
+
+    let none: &[ClientCounts] = &[];
+    let clients = match (&circuit.crossbar, &circuit.ideal) {
+        (Some(crossbar), _) => crossbar.counts(),
+        (None, Some(ideal)) => ideal.counts(),
+        (None, None) => none,
+    };
+    let memory = crate::mem::memory_tree(&machine.clients, clients, &circuit.dram, circuit.ideal.as_ref());
+    tree.child("memory").extend(memory);
+    let l2 = tree.child("memory");
+    for (index, unit) in circuit.l2.iter().enumerate() {
+        l2.element("l2", index).extend(unit.counts().tree());
+    }
+
+    let rop = tree.child("rop");
+    for (index, unit) in circuit.depth.iter().enumerate() {
+        rop.element("depth", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.color.iter().enumerate() {
+        rop.element("color", index).extend(unit.counts().tree());
+    }
+    let shading = tree.child("shading");
+    for (index, unit) in circuit.core.iter().enumerate() {
+        shading.element("core", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.texture.iter().enumerate() {
+        shading.element("texture", index).extend(unit.counts().tree());
+    }
+
+    let mut sort = SortCounts::default();
+    for unit in &circuit.distribute {
+        sort += unit.counts();
+    }
+    let quads = circuit.traverse.iter().map(crate::sim::Unit::<Card>::items).collect();
+    Reading { tree, cycles, quads, sort, funnel: machine.card.funnel }
+}
+
+/// The statistics between two readings.
+fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u64) -> Tree {
+    let difference = now.tree.since(&earlier.tree);
+    let mut tree = Tree::new();
+    let cycles = now.cycles - earlier.cycles;
+    tree.count("cycles", cycles);
+    tree.real("seconds", cycles as f64 / (f64::from(machine.config.card.clock_mhz) * 1e6));
+    tree.extend(difference);
+
+    let sort = now.sort.since(&earlier.sort);
+    let quads: Vec<u64> = now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect();
+    let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
+    let set_up = now.funnel.triangles_setup - earlier.funnel.triangles_setup;
+    let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
+    let leaves = tree.child("sort");
+    leaves.text("class", "sort-middle");
+    leaves.count("redistributed_items", sort.redistributed_items);
+    leaves.count("redistributed_bytes", sort.redistributed_bytes);
+    leaves.count("marks", sort.marks);
+    leaves.real("overlap", quotient(sort.redistributed_items as f64, set_up as f64));
+    leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
+    leaves.count("wrong_pixels", wrong_pixels);
+    tree
+}
+
+impl Readings {
+    /// The first reading.
+    pub fn new(machine: &mut Machine) -> Readings {
+        let start = read(machine);
+        Readings { last: start.clone(), start, wrong_pixels: 0 }
+    }
+
+    /// A frame has ended.
+    pub fn frame(&mut self, machine: &mut Machine, end: Option<EndFrame>) -> FrameReport {
+        let now = read(machine);
+        let number = end.as_ref().map_or(0, |end| end.number);
+        let picture = end.and_then(|end| {
+            let shown = end.shown?;
+            let own = machine.card.frame.find(shown.key).filter(|_| end.drawn);
+            Some(match own.map(|index| &machine.card.frame.stores[index]) {
+                Some(store) => {
+                    let wrong_pixels = store.differing(&end.reference);
+                    Picture { surface: shown, bytes: store.to_bytes(), wrong_pixels }
+                }
+                None => Picture { surface: shown, bytes: end.reference.to_vec(), wrong_pixels: 0 },
+            })
+        });
+        let wrong_pixels = picture.as_ref().map_or(0, |picture| picture.wrong_pixels);
+        self.wrong_pixels += wrong_pixels;
+        let tree = between(machine, &self.last, &now, wrong_pixels);
+        let cycles = now.cycles - self.last.cycles;
+        self.last = now;
+        FrameReport { number, cycles, tree, picture }
+    }
+
+    /// The run has ended.
+    pub fn total(self, machine: &mut Machine) -> MachineReport {
+        let now = read(machine);
+        let total = between(machine, &self.start, &now, self.wrong_pixels);
+        MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles }
+    }
+}

@@ -1,0 +1,74 @@
+//! The machine's own picture is that of API order, bit for bit, whatever the machine.
+
+mod synthetic;
+
+use fillrate::gfx::format::Format;
+use fillrate::gfx::state::Compare;
+use fillrate::machine::{Config, Machine, MachineReport};
+use fillrate::sim::Clock;
+use synthetic::{Scene, events};
+
+fn run(config: &Config, scene: &Scene, clock: Clock) -> MachineReport {
+    let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));
+    machine.run(events(scene).into_iter(), clock).unwrap_or_else(|error| panic!("{scene:?}: {error}"))
+}
+
+fn config(name: &str, changes: &[&str]) -> Config {
+    let mut config = Config::built_in(name).unwrap();
+    for change in changes {
+        config.set(change).unwrap();
+    }
+    config.check().unwrap();
+    config
+}
+
+fn scenes() -> Vec<Scene> {
+    let plain = Scene::default();
+    vec![
+        plain.clone(),
+        Scene { blend: true, ..plain.clone() },
+        Scene { blend: true, depth_format: None, size: 200.0, ..plain.clone() },
+        Scene { early: false, discard: true, ..plain.clone() },
+        Scene { samples: 4, ..plain.clone() },
+        Scene { samples: 4, blend: true, early: false, discard: true, ..plain.clone() },
+        Scene { compare: Compare::Greater, depth_format: Some(Format::Depth24Plus), ..plain.clone() },
+        Scene { compare: Compare::Always, depth_format: Some(Format::Depth16Unorm), ..plain.clone() },
+        Scene { compare: Compare::LessEqual, size: 4.0, triangles: 2000, draws: 3, ..plain.clone() },
+        Scene { frames: 2, textures: 0, size: 300.0, ..plain },
+    ]
+}
+
+#[test]
+fn every_scene_on_every_machine() {
+    let machines = [
+        config("baseline", &[]),
+        config("baseline", &["memory.kind=ideal", "distribute.tile=16", "distribute.overlap=bounding-box"]),
+        config("baseline", &["pipelines=3", "geometry_units=3", "assembly.batch=1", "core.warp_width=8"]),
+        config("tiny", &[]),
+        config("attila", &[]),
+        config("wide", &[]),
+        config("baseline", &["depth.cache_blocks=4", "color.cache_blocks=4", "traverse.hierarchical_update=write"]),
+        config("baseline", &["traverse.hierarchical_z=false", "color.fast_clear=false", "fetch.reuse=0"]),
+    ];
+    for scene in scenes() {
+        for config in &machines {
+            let report = run(config, &scene, Clock::SkipIdle);
+            for frame in &report.frames {
+                let picture = frame.picture.as_ref().expect("a picture");
+                assert_eq!(picture.wrong_pixels, 0, "{} on {scene:?}", config.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn both_clocks_leave_the_same_statistics() {
+    for scene in scenes() {
+        for config in [config("baseline", &[]), config("tiny", &["memory.kind=ideal"])] {
+            let every = run(&config, &scene, Clock::EveryCycle);
+            let skip = run(&config, &scene, Clock::SkipIdle);
+            assert_eq!(every.cycles, skip.cycles, "{scene:?}");
+            assert_eq!(every.total.json().to_string(), skip.total.json().to_string(), "{scene:?}");
+        }
+    }
+}
