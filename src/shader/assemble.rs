@@ -228,7 +228,8 @@ fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
     let mut body = Body {
         subgroup: b.subgroup.clone(),
         table: b.table.clone(),
-        slots: usize::from(b.slots),
+        slots: usize::from(b.slots) + b.loops.len(),
+        first_counter: usize::from(b.slots),
         loops: b.loops.clone(),
         ..Body::default()
     };
@@ -302,7 +303,9 @@ fn operation(b: &Builder, inst: &Inst, homes: &Homes, body: &mut Body) -> Op {
             op.r[..6].copy_from_slice(&[dst(0), dst(1), dst(2), dst(3), src(0), src(1)]);
         }
         Code::If => op.r[..2].copy_from_slice(&[inst.slots[0], src(0)]),
-        Code::LoopEndIf => op.r[..3].copy_from_slice(&[inst.slots[0], inst.slots[1], src(0)]),
+        Code::LoopBegin | Code::LoopEnd | Code::LoopEndIf => {
+            op.r[..3].copy_from_slice(&[inst.slots[0], b.slots + inst.slots[1], src(0)]);
+        }
         Code::BreakIf | Code::BreakIfNot => op.r[..3].copy_from_slice(&[src(0), inst.slots[1], inst.slots[2]]),
         code if is_control(code) => op.r[..3].copy_from_slice(&inst.slots),
         _ => {

@@ -1,7 +1,7 @@
 //! The compiler's intermediate form: values with one definition, mutable registers, and a builder that folds constants, shares
 //! equal computations and moves what is the same for all invocations into the prologue.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::code::Code;
 use super::module::Place;
@@ -95,6 +95,8 @@ pub(super) struct Builder {
     shared_uniform: HashMap<Key, V>,
     /// Keys added to `shared`, innermost scope last.
     log: Vec<Key>,
+    /// Values that are known not to be below zero.
+    nonnegative: HashSet<V>,
     memory_entries: HashMap<MemoryOp, u32>,
     table_entries: HashMap<Vec<u32>, u32>,
 }
@@ -166,7 +168,23 @@ impl Builder {
         if let Some(v) = self.simplify(code, src) {
             return v;
         }
-        self.ops(code, src, imm, 1, code.is_pure())
+        let v = self.ops(code, src, imm, 1, code.is_pure());
+        let bound = |k: usize| src.get(k).and_then(|&s| self.known(s)).is_some_and(|b| f32::from_bits(b) >= 0.0);
+        let nonnegative = match code {
+            Code::FAbs | Code::FSaturate | Code::FSqrt | Code::Exp | Code::Exp2 | Code::UToF | Code::BoolToF => true,
+            Code::FMax => bound(0) || bound(1),
+            Code::FClamp => bound(1) && bound(2),
+            _ => false,
+        };
+        if nonnegative {
+            self.nonnegative.insert(v);
+        }
+        v
+    }
+
+    /// Whether a floating-point value is known not to be below zero.
+    pub fn is_nonnegative(&self, v: V) -> bool {
+        self.nonnegative.contains(&v)
     }
 
     /// An operation with several results, numbered in sequence from the returned one. `shareable`: equal operands give equal

@@ -188,8 +188,10 @@ pub(super) struct Body {
     pub table: Vec<u32>,
     /// Registers in the file.
     pub registers: usize,
-    /// Mask slots.
+    /// Mask slots, those that count loop iterations included.
     pub slots: usize,
+    /// First slot that counts a loop's iterations.
+    pub first_counter: usize,
     /// Places of loops, by number.
     pub loops: Vec<Option<Place>>,
     /// Running instruction counts: entry `i` counts operations before `i`.

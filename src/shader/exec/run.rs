@@ -32,14 +32,11 @@ pub(super) struct Machine<'a> {
     pub mask: Mask,
     /// Lanes that may leave side effects: neither helpers nor discarded.
     pub live: Mask,
-    /// Iterations of each loop since it was entered.
-    counters: Vec<u32>,
 }
 
 impl<'a> Machine<'a> {
     pub fn new(body: &'a Body, resources: &'a Resources<'a>, shared: &'a Words, mask: Mask, live: Mask) -> Machine<'a> {
-        // Empty for programs without loops: no allocation.
-        Machine { body, resources, shared, pc: 0, mask, live, counters: vec![0; body.loops.len()] }
+        Machine { body, resources, shared, pc: 0, mask, live }
     }
 }
 
@@ -52,9 +49,12 @@ pub(super) fn dispatch<const RECORD: bool>(
     recorder: &mut Scratch,
 ) -> Stop {
     #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("bmi1") {
-        // SAFETY: the host has the instruction sets that the function is compiled for. Measured gain: see benches/shader.rs.
-        return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
+    {
+        use std::arch::is_x86_feature_detected as has;
+        if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
+            // SAFETY: the host has all the instruction sets that the function is compiled for.
+            return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
+        }
     }
     run::<RECORD>(machine, file, masks, recorder)
 }
@@ -194,7 +194,7 @@ pub(super) fn run<const RECORD: bool>(
                 let slot = usize::from(r[0]);
                 masks[slot] = mask;
                 masks[slot + 1] = 0;
-                m.counters[usize::from(r[1])] = 0;
+                masks[usize::from(r[1])] = 0;
             }
             Code::Continuing => {
                 let slot = usize::from(r[0]) + 1;
@@ -209,10 +209,10 @@ pub(super) fn run<const RECORD: bool>(
                     mask &= !truth(file, r[2]);
                 }
                 if mask != 0 {
-                    let counter = &mut m.counters[usize::from(r[1])];
+                    let counter = &mut masks[usize::from(r[1])];
                     *counter += 1;
-                    if *counter >= MAX_ITERATIONS {
-                        return Stop::Loop(u32::from(r[1]));
+                    if *counter >= u64::from(MAX_ITERATIONS) {
+                        return Stop::Loop(u32::from(r[1]) - body.first_counter as u32);
                     }
                     go!(op.imm as usize);
                 }
@@ -247,7 +247,7 @@ pub(super) fn run<const RECORD: bool>(
                 // A quad without a live lane has nothing left to do, not even as helpers.
                 let wanted = quads_of(m.live);
                 if wanted & mask != mask {
-                    for slot in masks.iter_mut() {
+                    for slot in &mut masks[..body.first_counter] {
                         *slot &= wanted;
                     }
                     mask &= wanted;

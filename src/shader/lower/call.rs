@@ -9,6 +9,9 @@ use crate::shader::code::Code;
 use crate::shader::ir::{Def, Range, V};
 use crate::shader::types::Ty;
 
+/// Instructions that a program may have.
+const MAX_INSTRUCTIONS: usize = 1 << 20;
+
 /// Calls may be nested this deep.
 const MAX_DEPTH: usize = 64;
 
@@ -46,13 +49,16 @@ impl<'a> Lowerer<'a> {
         if self.frames.len() >= MAX_DEPTH {
             return self.refuse(format!("calls are nested more than {MAX_DEPTH} deep"));
         }
+        if self.b.insts.len() > MAX_INSTRUCTIONS {
+            return self.refuse(format!("with all calls inlined the program has more than {MAX_INSTRUCTIONS} instructions"));
+        }
         let outer_state = self.state.len();
         let (range_top, slot, depth, region) = (self.range_top, self.slot, self.depth, self.regions.len());
         let early = returns_early(function);
         let results = match (early, &function.result) {
             (false, _) => Results::Tail,
             (true, result) => {
-                let n = result.as_ref().map_or(0, |r| self.types.components(Ty::Named(r.ty)));
+                let n = result.as_ref().map_or(Ok(0), |r| self.size(Ty::Named(r.ty)))?;
                 let classes: Vec<u32> = (0..n).map(|_| self.b.class()).collect();
                 for &class in &classes {
                     let d = self.b.version(class);
@@ -73,7 +79,7 @@ impl<'a> Lowerer<'a> {
         for (h, local) in function.local_variables.iter() {
             let initial = match local.init {
                 Some(init) => self.data(init)?.to_vec(),
-                None => self.zeros(Ty::Named(local.ty)),
+                None => self.zeros(Ty::Named(local.ty))?,
             };
             let indexed = self.indexed.locals.contains(&(handle, h));
             let var = self.variable(indexed, &initial)?;
@@ -137,7 +143,7 @@ impl<'a> Lowerer<'a> {
             // A function that ends without `return` (all its paths discard, or it never returns) gives zeros.
             let value = match (value, &function.result) {
                 (Some(v), _) => v,
-                (None, Some(r)) => Val::Data(self.zeros(Ty::Named(r.ty)).into()),
+                (None, Some(r)) => Val::Data(self.zeros(Ty::Named(r.ty))?.into()),
                 (None, None) => Val::Data([].into()),
             };
             self.frame_mut().exprs[h.index()] = Some(value);

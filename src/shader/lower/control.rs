@@ -344,6 +344,7 @@ impl<'a> Lowerer<'a> {
             self.b.control(Code::RegionBegin, vec![], 0, [slot, 0, 0]);
         }
         let outer = self.depth;
+        let scope = self.b.scope();
         if early {
             self.depth += 1;
         }
@@ -368,6 +369,8 @@ impl<'a> Lowerer<'a> {
                 self.flush(region);
             }
             self.b.control(Code::RegionEnd, vec![], 0, [slot, 0, 0]);
+            // What only the remaining lanes computed does not hold for those that broke out.
+            self.b.leave(scope);
             self.take_merged(region);
             if matches!(flow, Flow::Next | Flow::Left) { Flow::Next } else { flow }
         } else {

@@ -46,7 +46,7 @@ impl<'a> Lowerer<'a> {
         let value = match self.module.global_expressions[h] {
             Expression::Literal(l) => Val::Data([self.literal(l)?].into()),
             Expression::Constant(c) => self.global(self.module.constants[c].init)?,
-            Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty)).into()),
+            Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty))?.into()),
             Expression::Compose { ref components, .. } => {
                 let mut out = Vec::new();
                 for &c in components {
@@ -84,7 +84,7 @@ impl<'a> Lowerer<'a> {
                 let name = self.module.overrides[o].name.clone().unwrap_or_default();
                 return self.refuse(format!("the pipeline constant `{name}` has no value"));
             }
-            Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty)).into()),
+            Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty))?.into()),
             Expression::Compose { ref components, .. } => {
                 let mut out = Vec::new();
                 for &c in components {

@@ -98,7 +98,15 @@ impl<'a> Lowerer<'a> {
             M::Exp2 => self.zip(&a, Code::Exp2, rounding),
             M::Log => self.zip(&a, Code::Log, rounding),
             M::Log2 => self.zip(&a, Code::Log2, rounding),
-            M::Pow => self.zip(&a, Code::Pow, rounding),
+            M::Pow => {
+                let out: Vec<V> = (0..x.len())
+                    .map(|i| {
+                        let v = self.power(x[i], a[1][i]);
+                        self.rounded(v, scalar)
+                    })
+                    .collect();
+                Val::Data(out.into())
+            }
             M::Dot if float => Val::Data([self.dot(&x, &a[1], scalar)].into()),
             M::Dot => {
                 let mut sum = self.op(Code::IMul, &[x[0], a[1][0]]);
@@ -292,6 +300,33 @@ impl<'a> Lowerer<'a> {
                 })
                 .collect(),
         )
+    }
+
+    /// `x` to the power `y`. A small constant whole `y` becomes products, which are faster and nearer to the truth; a negative
+    /// `x` gives NaN as the general function does.
+    fn power(&mut self, x: V, y: V) -> V {
+        let n = match self.b.known(y).map(f32::from_bits) {
+            Some(n) if n.fract() == 0.0 && (1.0..=64.0).contains(&n) => n as u32,
+            Some(n) if n == 128.0 || n == 256.0 => n as u32,
+            _ => return self.op(Code::Pow, &[x, y]),
+        };
+        let (mut square, mut out, mut left) = (x, None, n);
+        while left != 0 {
+            if left & 1 != 0 {
+                out = Some(out.map_or(square, |o| self.b.op(Code::FMul, &[o, square])));
+            }
+            left >>= 1;
+            if left != 0 {
+                square = self.op(Code::FMul, &[square, square]);
+            }
+        }
+        let out = out.unwrap_or(x);
+        if self.b.is_nonnegative(x) {
+            return out;
+        }
+        let (zero, nan) = (self.b.float(0.0), self.b.float(f32::NAN));
+        let negative = self.op(Code::FLt, &[x, zero]);
+        self.op(Code::Select, &[negative, nan, out])
     }
 
     fn length(&mut self, d: &[V], scalar: Scalar) -> V {

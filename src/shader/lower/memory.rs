@@ -73,13 +73,15 @@ impl<'a> Lowerer<'a> {
     }
 
     pub fn load(&mut self, place: &Place) -> Result<Val> {
-        let n = self.types.components(place.ty) as usize;
+        let n = self.size(place.ty)?;
         let (space, constant) = match place.root {
             Root::Var(var) => return Ok(Val::Data(self.load_variable(var, place, n).into())),
             Root::Memory { space, constant } => (space, constant),
         };
         if space == Space::Immediate {
-            let end = self.cells(place).iter().map(|c| c.offset + 4).max().unwrap_or(0);
+            let last = self.cells(place).iter().map(|c| c.offset + 4).max().unwrap_or(0);
+            // Where the place is chosen at run time, all of the variable may be read.
+            let end = if place.address.is_some() { self.immediate_size } else { last };
             self.flags.immediate_bytes = self.flags.immediate_bytes.max(end);
         }
         let mut out = vec![NONE; n];

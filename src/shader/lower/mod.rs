@@ -29,6 +29,9 @@ use super::types::{Ty, Types};
 pub(super) use place::{Place, Root};
 pub(super) use reflect::lower;
 
+/// Components that one value or variable may have.
+const MAX_COMPONENTS: u32 = 1 << 16;
+
 /// Why lowering stopped.
 pub(super) enum Stop {
     /// The program cannot be run.
@@ -148,6 +151,8 @@ pub(super) struct Lowerer<'a> {
     pub unroll_budget: usize,
     pub flags: Flags,
     pub shared_bytes: u32,
+    /// Bytes of the immediates' type.
+    pub immediate_size: u32,
 }
 
 /// What the walk notices.
@@ -198,9 +203,17 @@ impl<'a> Lowerer<'a> {
         info[h].ty.inner_with(&self.module.types)
     }
 
-    pub fn zeros(&mut self, ty: Ty) -> Vec<V> {
+    /// Number of components of a type that a value or variable has.
+    pub fn size(&self, ty: Ty) -> Result<usize> {
+        match self.types.components(ty) {
+            n if n <= MAX_COMPONENTS => Ok(n as usize),
+            n => self.refuse(format!("a value of {n} components is too large (at most {MAX_COMPONENTS})")),
+        }
+    }
+
+    pub fn zeros(&mut self, ty: Ty) -> Result<Vec<V>> {
         let zero = self.b.constant(0);
-        vec![zero; self.types.components(ty) as usize]
+        Ok(vec![zero; self.size(ty)?])
     }
 
     /// The components of a value expression.

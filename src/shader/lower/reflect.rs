@@ -49,6 +49,7 @@ pub(in crate::shader) fn lower(
         unroll_budget: UNROLL_BUDGET,
         flags: Flags::default(),
         shared_bytes: 0,
+        immediate_size: 0,
     };
     l.entry_point(index, keep).map_err(|stop| match stop {
         Stop::Error(e) => *e,
@@ -67,10 +68,9 @@ impl<'a> Lowerer<'a> {
         let bindings = self.reflect_bindings(index)?;
         self.written_bindings = vec![false; bindings.len()];
         let workgroup_bytes = self.global_variables(index)?;
-        let (inputs, mut input_slots, args) = self.inputs(&entry.function, stage)?;
+        let (inputs, input_slots, args) = self.inputs(&entry.function)?;
         let value = self.inline(None, &entry.function, info.get_entry_point(index), args)?;
         let (outputs, output_slots) = self.outputs(&entry.function, stage, value, keep)?;
-        let _ = &mut input_slots;
         let depth = output_slots.iter().any(|s| s.is_builtin(BuiltIn::FragDepth));
         let promise = match entry.early_depth_test {
             Some(naga::EarlyDepthTest::Allow { conservative }) => match conservative {
@@ -148,8 +148,6 @@ impl<'a> Lowerer<'a> {
 
     /// Bytes that a buffer must have at least: a runtime array counts one element.
     fn min_size(&self, ty: Handle<naga::Type>) -> u64 {
-        let mut layouter = naga::proc::Layouter::default();
-        let _ = layouter.update(self.module.to_ctx());
         match self.module.types[ty].inner {
             TypeInner::Array { size: ArraySize::Dynamic, stride, .. } => u64::from(stride),
             TypeInner::Struct { ref members, span } => match members.last() {
@@ -180,7 +178,7 @@ impl<'a> Lowerer<'a> {
                             Val::Data(d) => d.to_vec(),
                             _ => return self.refuse("an initial value that is not a value"),
                         },
-                        None => self.zeros(ty),
+                        None => self.zeros(ty)?,
                     };
                     let indexed = self.indexed.globals.contains(&h);
                     let var = self.variable(indexed, &initial)?;
@@ -197,7 +195,10 @@ impl<'a> Lowerer<'a> {
                     }
                     Val::Place(Rc::new(memory(Space::Shared, false, offset)))
                 }
-                AddressSpace::Immediate => Val::Place(Rc::new(memory(Space::Immediate, true, 0))),
+                AddressSpace::Immediate => {
+                    self.immediate_size = self.module.types[g.ty].inner.size(self.module.to_ctx());
+                    Val::Place(Rc::new(memory(Space::Immediate, true, 0)))
+                }
                 AddressSpace::Handle => Val::Opaque(h, None),
                 AddressSpace::Uniform | AddressSpace::Storage { .. } => {
                     let Some(&binding) = self.bindings.get(&h) else { continue };
@@ -311,7 +312,7 @@ impl<'a> Lowerer<'a> {
     }
 
     #[allow(clippy::type_complexity)]
-    fn inputs(&mut self, function: &'a naga::Function, stage: Stage) -> Result<(Vec<Vec<V>>, Vec<Slot>, Vec<Val>)> {
+    fn inputs(&mut self, function: &'a naga::Function) -> Result<(Vec<Vec<V>>, Vec<Slot>, Vec<Val>)> {
         let (mut values, mut slots, mut args) = (Vec::new(), Vec::new(), Vec::new());
         for argument in &function.arguments {
             let mut all = Vec::new();
@@ -328,7 +329,6 @@ impl<'a> Lowerer<'a> {
             }
             args.push(Val::Data(all.into()));
         }
-        let _ = stage;
         Ok((values, slots, args))
     }
 
@@ -343,7 +343,7 @@ impl<'a> Lowerer<'a> {
         let slots = self.slots_of(result.ty, result.binding.as_ref())?;
         let data = match value {
             Some(Val::Data(d)) => d,
-            _ => self.zeros(Ty::Named(result.ty)).into(),
+            _ => self.zeros(Ty::Named(result.ty))?.into(),
         };
         let (mut values, mut kept) = (Vec::new(), Vec::new());
         let mut first = 0;

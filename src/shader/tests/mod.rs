@@ -1,6 +1,11 @@
 //! Programs in WGSL, run and compared with what they must compute.
 
+mod builtins;
 mod control;
+mod fragment;
+mod memory;
+mod modules;
+mod special;
 
 use super::*;
 use crate::num::Words;

@@ -1,0 +1,124 @@
+//! Whole modules: other sources, refusals with their place, the recorded traces' shaders.
+
+use super::*;
+
+#[track_caller]
+fn refused(source: &str, stage: Stage) -> ShaderError {
+    match Module::new("bad.wgsl", Source::Wgsl(source)) {
+        Err(e) => e,
+        Ok(m) => compile(&m, stage, None, &Options::default()).expect_err("it must be refused"),
+    }
+}
+
+#[test]
+fn errors_name_module_entry_and_place() {
+    let e = refused("@fragment fn fs() -> @location(0) vec4f {\n  return vec4f(1.0) + 1u;\n}", Stage::Fragment);
+    assert_eq!(e.place.map(|p| p.line), Some(2));
+    assert!(e.to_string().starts_with("shader `bad.wgsl`"), "{e}");
+    let e = refused("fn f( {", Stage::Fragment);
+    assert!(e.place.is_some(), "{e}");
+    let e = refused("@compute @workgroup_size(1) fn main() { var x = 1.0lf; }", Stage::Compute);
+    assert!(e.message.contains("FLOAT64"), "{e}");
+    let e = refused("@vertex fn vs() -> @builtin(position) vec4f { return vec4f(); }", Stage::Fragment);
+    assert!(e.to_string().contains("no such entry point"), "{e}");
+    let two = "@compute @workgroup_size(1) fn a() {} @compute @workgroup_size(1) fn b() {}";
+    assert!(refused(two, Stage::Compute).to_string().contains("several"));
+}
+
+/// The same program from WGSL, from SPIR-V and from naga's IR gives the same results.
+#[test]
+fn all_sources_agree() {
+    let source = "
+        struct Item { a: u32, b: vec2f }
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @group(0) @binding(1) var<storage, read> input: array<u32>;
+        fn f(x: u32) -> u32 {
+            switch (x % 5u) { case 0u: { return x * 2u; } case 1u, 3u: { return x + 9u; } default: {} }
+            var sum = 0u;
+            for (var k = 0u; k < x; k++) { if (k == 7u) { continue; } sum += k; if (sum > 300u) { break; } }
+            return sum;
+        }
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            var item = Item(f(input[id.x]), vec2f(f32(id.x), 0.5));
+            item.b.y *= item.b.x;
+            result[id.x] = item.a * 1000u + u32(item.b.y * 4.0);
+        }";
+    let module = naga::front::wgsl::parse_str(source).expect("parses");
+    let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+        .validate(&module)
+        .expect("valid");
+    let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None).expect("written");
+    let spirv: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let ron = ron::ser::to_string_pretty(&module, ron::ser::PrettyConfig::default()).expect("serialised");
+    let mut results = Vec::new();
+    for source in [Source::Wgsl(source), Source::SpirV(&spirv), Source::NagaIr(&ron)] {
+        let module = Module::new("test", source).unwrap_or_else(|e| panic!("{e}"));
+        let p = compile(&module, Stage::Compute, Some("main"), &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+        let out = Words::new(256);
+        let input = words_of(&(0..64).collect::<Vec<_>>());
+        run_with(&p, [1, 1, 1], &[(0, &out), (1, &input)]);
+        results.push(out.to_vec());
+    }
+    assert!(results[0].iter().any(|&b| b != 0));
+    assert_eq!(results[0], results[1], "SPIR-V");
+    assert_eq!(results[0], results[2], "naga IR");
+}
+
+#[test]
+fn damaged_input_is_refused() {
+    assert!(Module::new("x", Source::SpirV(&[1, 2, 3])).is_err());
+    assert!(Module::new("x", Source::SpirV(&[3, 2, 0x23, 7, 0, 0, 1, 0])).is_err());
+    assert!(Module::new("x", Source::NagaIr("(types: [")).is_err());
+    assert!(Module::new("x", Source::Wgsl("\u{0}\u{ffff}")).is_err());
+}
+
+#[test]
+fn interfaces_are_reflected() {
+    let source = "
+        struct U { a: vec3f, b: mat4x4f }
+        @group(2) @binding(1) var<uniform> u: U;
+        @group(0) @binding(4) var<storage, read> list: array<vec4f>;
+        @group(0) @binding(2) var tex: texture_depth_2d_array;
+        @group(0) @binding(3) var cmp: sampler_comparison;
+        @group(0) @binding(9) var<storage, read> unused: array<u32>;
+        struct In { @builtin(position) p: vec4f, @location(2) @interpolate(flat) k: u32, @location(1) @interpolate(linear, sample) l: vec2f, @builtin(sample_index) s: u32 }
+        struct Out { @location(1) c: vec4f, @builtin(frag_depth) d: f32, @builtin(sample_mask) m: u32 }
+        @fragment fn fs(in: In) -> Out {
+            let x = textureSampleCompareLevel(tex, cmp, in.l, 1, 0.5);
+            return Out(list[in.k] * u.b[1] + x, in.p.z, in.s);
+        }";
+    let module = Module::new("test", Source::Wgsl(source)).expect("valid");
+    let p = compile(&module, Stage::Fragment, Some("fs"), &Options::default()).expect("compiles");
+    let i = p.interface();
+    let places: Vec<_> = i.bindings.iter().map(|b| (b.group, b.binding)).collect();
+    assert_eq!(places, [(0, 2), (0, 3), (0, 4), (2, 1)]);
+    assert_eq!(i.bindings[2].kind, BindingKind::Storage { min_size: 16, writable: false });
+    assert_eq!(i.bindings[3].kind, BindingKind::Uniform { min_size: 80 });
+    assert_eq!(i.bindings[1].kind, BindingKind::Sampler { comparison: true });
+    assert!(i.per_sample && i.writes_sample_mask && i.writes_depth == Some(DepthPromise::Any));
+    let flat = &i.inputs[i.input_location(2).expect("input")];
+    assert!(matches!(flat.connection, Connection::Location { interpolation: Interpolation::Flat, .. }));
+    assert_eq!(i.output_location(1), Some(0));
+}
+
+/// The shaders of the recorded traces, where they are at hand: `FILLRATE_PEERS` names their folder.
+#[test]
+fn shaders_of_recorded_traces_compile() {
+    let Some(folder) = std::env::var_os("FILLRATE_PEERS") else { return };
+    let mut seen = 0;
+    let traces = std::fs::read_dir(std::path::Path::new(&folder).join("wgpu")).expect("the folder of traces");
+    for trace in traces.flatten() {
+        let Ok(files) = std::fs::read_dir(trace.path().join("trace")) else { continue };
+        for file in files.flatten().filter(|f| f.path().extension().is_some_and(|e| e == "wgsl")) {
+            let text = std::fs::read_to_string(file.path()).expect("text");
+            let name = file.path().display().to_string();
+            let module = Module::new(&name, Source::Wgsl(&text)).unwrap_or_else(|e| panic!("{e}"));
+            for (stage, entry) in module.entry_points() {
+                let p = compile(&module, stage, Some(entry), &Options::default()).unwrap_or_else(|e| panic!("{e}"));
+                println!("{name} {entry}: {:?} operations, {} registers", p.operations(), p.interface().registers);
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen >= 20, "{seen} entry points");
+}
