@@ -1,1 +1,5 @@
-fn main() {}
+//! The `fillrate` command.
+
+fn main() -> std::process::ExitCode {
+    fillrate::cli::main()
+}

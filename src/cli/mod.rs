@@ -1,1 +1,57 @@
-//! Placeholder.
+//! Floor 6: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
+
+mod compare;
+mod configs;
+mod import;
+mod inspect;
+mod replay;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
+#[derive(Parser)]
+#[command(name = "fillrate", version, about, after_help = "Start with:\n  fillrate replay traces/cube --out out")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Replay(replay::Arguments),
+    Import(import::Arguments),
+    Inspect(inspect::Arguments),
+    Configs(configs::Arguments),
+    Compare(compare::Arguments),
+}
+
+/// How a command ended, short of an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    /// Done.
+    Done,
+    /// Done, and what was checked did not hold.
+    Failed,
+}
+
+/// Runs the command line and answers the exit code: 0 done, 1 a check failed, 2 bad input or use.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let result = match arguments.command {
+        Command::Replay(arguments) => replay::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Configs(arguments) => configs::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+    };
+    match result {
+        Ok(Verdict::Done) => ExitCode::SUCCESS,
+        Ok(Verdict::Failed) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}

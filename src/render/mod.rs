@@ -1,5 +1,20 @@
 //! Floor 3: executes a trace functionally, in API order, in parallel over screen tiles; it knows no cycle.
+//!
+//! [`render`] runs the commands and hands on [`Event`](crate::work::Event)s: the work of each draw, in API order, and each frame's
+//! image.
+
+mod bind;
+mod compute;
+mod execute;
+mod memory;
+mod pass;
+mod resources;
+mod state;
+mod transfer;
 
 pub mod draw;
 pub mod pipeline;
 pub mod surface;
+
+pub use draw::Skips;
+pub use execute::{Options, Sink, Stop, Summary, render};

@@ -1,1 +1,7 @@
-//! Placeholder.
+//! Floor 5: what people and scripts read: pictures, text, JSON, CSV, comparisons, generated pages.
+
+pub mod compare;
+pub mod files;
+pub mod pages;
+pub mod picture;
+pub mod summary;

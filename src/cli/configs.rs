@@ -1,0 +1,57 @@
+//! `fillrate configs`
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+
+use super::Verdict;
+use crate::machine::Config;
+use crate::machine::config::BUILT_IN;
+
+/// List the built-in configurations; with NAME, print one fully resolved
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  fillrate configs\n  fillrate configs tiny\n  fillrate configs baseline --set memory.ideal=true > mine.ron"
+)]
+pub struct Arguments {
+    /// A built-in configuration, or a file
+    name: Option<String>,
+    /// Set one knob; may be repeated
+    #[arg(long, value_name = "PATH=VALUE", requires = "name")]
+    set: Vec<String>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    match &arguments.name {
+        Some(name) => print!("{}", load(name, &arguments.set)?.resolved()),
+        None => {
+            for (name, text) in BUILT_IN {
+                println!("{name:<12}{}", about(text));
+            }
+        }
+    }
+    Ok(Verdict::Done)
+}
+
+/// A built-in configuration or one in a file, with knobs set.
+pub fn load(name: &str, settings: &[String]) -> Result<Config> {
+    let is_built_in = BUILT_IN.iter().any(|(known, _)| *known == name);
+    let mut config = if is_built_in || !Path::new(name).exists() {
+        Config::built_in(name)?
+    } else {
+        let text = std::fs::read_to_string(name).with_context(|| format!("cannot read {name}"))?;
+        Config::parse(name, &text)?
+    };
+    for setting in settings {
+        config.set(setting)?;
+    }
+    config.check()?;
+    Ok(config)
+}
+
+/// The first sentence of the comment at the top of a configuration.
+fn about(text: &str) -> String {
+    let comment: Vec<&str> = text.lines().map_while(|line| line.strip_prefix("//")).map(str::trim).collect();
+    let comment = comment.join(" ");
+    comment.split_inclusive(". ").next().unwrap_or_default().trim().to_owned()
+}

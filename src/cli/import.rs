@@ -1,0 +1,42 @@
+//! `fillrate import`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+
+use super::Verdict;
+use crate::import;
+use crate::trace::{self, Packing};
+
+/// Turn a foreign trace into a native one (replay also takes foreign traces directly)
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  fillrate import recorded/trace --out mine\n  fillrate import recorded/trace --out mine.zip"
+)]
+pub struct Arguments {
+    /// The trace: a file, or its folder
+    trace: PathBuf,
+    /// Where to write the native trace: a folder that does not exist or is empty, or a file ending in .zip
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let trace = import::open(&arguments.trace)?;
+    let out = &arguments.out;
+    if out.extension().is_some_and(|e| e == "zip") {
+        if out.exists() {
+            bail!("{} is there already", out.display());
+        }
+        trace::write_zip(&trace, out, Packing::Deflated)?;
+    } else {
+        let occupied = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied || out.is_file() {
+            bail!("{} is there already and not empty", out.display());
+        }
+        std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+        trace::write(&trace, out)?;
+    }
+    println!("{}", out.display());
+    Ok(Verdict::Done)
+}

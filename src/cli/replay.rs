@@ -1,0 +1,182 @@
+//! `fillrate replay`
+
+use std::io::IsTerminal;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Verdict;
+use crate::import;
+use crate::report::summary;
+use crate::run::replay::{self, Fidelity, Options, Replay};
+use crate::sim::Clock;
+
+/// Replay a trace on a configured card: images, statistics, a short report
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  \
+fillrate replay traces/cube --config tiny --set memory.latency=400 --clock every-cycle\n  \
+fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n\n\
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers), stats.json, stats.csv, config.ron.")]
+pub struct Arguments {
+    /// The trace: a file, or its folder; native or foreign
+    trace: PathBuf,
+    /// A built-in configuration, or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
+    config: String,
+    /// Set one knob of the configuration; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// Frames to replay: half-open, as in 2..4, 2.. or ..4
+    #[arg(long, value_name = "A..B", default_value = "..")]
+    frames: Frames,
+    /// Where to leave images and statistics
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// How much is simulated
+    #[arg(long, value_enum, default_value = "cycle")]
+    fidelity: FidelityName,
+    /// Which clock drives the units; every statistic is the same under both
+    #[arg(long, value_enum, default_value = "skip-idle")]
+    clock: ClockName,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FidelityName {
+    /// Images and counts, no time
+    Functional,
+    /// Every cycle of every unit
+    Cycle,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ClockName {
+    /// Jump over cycles in which nothing can move
+    SkipIdle,
+    /// Visit every cycle
+    EveryCycle,
+}
+
+/// A half-open range of frames.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Frames(Range<u32>);
+
+impl FromStr for Frames {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Frames, String> {
+        let (a, b) = text.split_once("..").ok_or("write it as A..B")?;
+        let number = |text: &str, default: u32| match text {
+            "" => Ok(default),
+            text => text.parse().map_err(|_| format!("`{text}` is no frame number")),
+        };
+        let range = number(a, 0)?..number(b, u32::MAX)?;
+        if range.is_empty() { Err("it holds no frame".into()) } else { Ok(Frames(range)) }
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(threads) = arguments.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().context("cannot start the threads")?;
+    }
+    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    for warning in config.warnings() {
+        eprintln!("warning: {warning}");
+    }
+    let options = Options {
+        config,
+        fidelity: match arguments.fidelity {
+            FidelityName::Functional => Fidelity::Functional,
+            FidelityName::Cycle => Fidelity::Cycle,
+        },
+        clock: match arguments.clock {
+            ClockName::SkipIdle => Clock::SkipIdle,
+            ClockName::EveryCycle => Clock::EveryCycle,
+        },
+        frames: arguments.frames.0.clone(),
+    };
+    let trace = import::open(&arguments.trace)?;
+    let bar = progress_bar();
+    let done = replay::replay(&trace, &options, &|frame| {
+        bar.set_message(format!("frame {frame} done"));
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let done = done?;
+    if done.frames.is_empty() {
+        bail!("the trace has no frame in {}..{}", options.frames.start, options.frames.end);
+    }
+    if let Some(out) = &arguments.out {
+        replay::write(&done, &arguments.trace.display().to_string(), &options, out)?;
+    }
+    print(&done, &options, arguments)
+}
+
+/// A spinner on a terminal, nothing elsewhere.
+fn progress_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let bar = ProgressBar::new_spinner().with_style(style).with_message("rendering");
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verdict> {
+    let frames = done.frames.len();
+    let s = if frames == 1 { "" } else { "s" };
+    println!("{} on {}: {frames} frame{s}", arguments.trace.display(), options.config.name);
+    print!("\nWhat was drawn, and what was thrown away where\n{}", summary::funnel(&done.total));
+    if options.fidelity == Fidelity::Cycle {
+        let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
+        let (cycles, seconds) = (number("cycles")?, number("seconds")?);
+        print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
+        print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
+        let rate = if seconds > 0.0 { frames as f64 / seconds } else { 0.0 };
+        println!(
+            "\n{} cycles, {rate:.1} frames a second at {} MHz",
+            summary::grouped(cycles as u64),
+            options.config.card.clock_mhz
+        );
+        let host = done.machine_time.as_secs_f64();
+        let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
+        println!(
+            "host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {:.2} s in all",
+            cycles / host.max(1e-9) / 1e6,
+            shaded / host.max(1e-9) / 1e6,
+            done.clock_time.as_secs_f64()
+        );
+        let wrong = number("sort.wrong_pixels")?;
+        if wrong > 0.0 {
+            println!("{} pixels differ from API order", summary::grouped(wrong as u64));
+        }
+    } else {
+        println!("\nhost: {:.3} s in all", done.clock_time.as_secs_f64());
+    }
+    if let Some(out) = &arguments.out {
+        println!("written to {}", out.display());
+    }
+    Ok(Verdict::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_half_open_and_may_leave_out_an_end() {
+        assert_eq!("2..4".parse(), Ok(Frames(2..4)));
+        assert_eq!("..".parse(), Ok(Frames(0..u32::MAX)));
+        assert_eq!("3..".parse(), Ok(Frames(3..u32::MAX)));
+        assert!("4..4".parse::<Frames>().is_err());
+        assert!("x..4".parse::<Frames>().unwrap_err().contains('x'));
+        assert!("4".parse::<Frames>().is_err());
+    }
+}

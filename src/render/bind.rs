@@ -1,0 +1,170 @@
+//! What a program's bindings hold at a draw or dispatch.
+
+use std::sync::Arc;
+
+use crate::gfx::image::ImageDesc;
+use crate::gfx::texture::{self, Sampler};
+use crate::num::{BufferId, ViewId, Words};
+use crate::shader::{Binding, BindingKind, BufferRange, Interface, Resource, StorageImage};
+use crate::trace::command::BoundResource;
+
+use super::resources::Resources;
+use super::state::Bindings;
+
+/// One bound object, kept alive for the length of a draw.
+enum Held {
+    Buffer { words: Arc<Words>, offset: u64, size: u64, address: u64 },
+    Texture(Arc<texture::View>),
+    Storage { words: Arc<Words>, desc: ImageDesc, level: u32, base_layer: u32, layers: u32, address: u64, texture: u32 },
+    Sampler(Arc<Sampler>),
+}
+
+/// The objects of all bindings of a program, in the order of its interface.
+pub(super) struct ResolvedBindings {
+    bindings: Vec<(bool, Vec<Held>)>,
+    immediates: Vec<u32>,
+}
+
+impl ResolvedBindings {
+    /// Finds what is bound to each binding of an interface.
+    ///
+    /// # Errors
+    /// If something is missing, of the wrong kind, or too small.
+    pub fn new(res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<ResolvedBindings, String> {
+        let mut bindings = Vec::with_capacity(interface.bindings.len());
+        for binding in &interface.bindings {
+            let held = resolve(res, binding, bound).map_err(|reason| {
+                format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
+            })?;
+            bindings.push((binding.written, held));
+        }
+        Ok(ResolvedBindings { bindings, immediates: bound.immediates.clone() })
+    }
+
+    /// The same as the executor takes them.
+    pub fn borrow(&self) -> Vec<Vec<Resource<'_>>> {
+        self.bindings.iter().map(|(_, elements)| elements.iter().map(Held::lend).collect()).collect()
+    }
+
+    /// Immediate words.
+    pub fn immediates(&self) -> &[u32] {
+        &self.immediates
+    }
+
+    /// Notes that the program has written what it may write.
+    ///
+    /// # Errors
+    /// If a texture is gone.
+    pub fn note_writes(&self, res: &mut Resources) -> Result<(), String> {
+        for (_, elements) in self.bindings.iter().filter(|(written, _)| *written) {
+            for held in elements {
+                if let Held::Storage { texture, .. } = held {
+                    res.textures.get_mut(*texture)?.overwritten_all();
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Held {
+    fn lend(&self) -> Resource<'_> {
+        match self {
+            Held::Buffer { words, offset, size, address } => {
+                Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
+            }
+            Held::Texture(view) => Resource::Texture(view),
+            Held::Storage { words, desc, level, base_layer, layers, address, .. } => Resource::Storage(StorageImage {
+                words,
+                desc: *desc,
+                level: *level,
+                base_layer: *base_layer,
+                layers: *layers,
+                address: *address,
+            }),
+            Held::Sampler(sampler) => Resource::Sampler(sampler),
+        }
+    }
+}
+
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<Vec<Held>, String> {
+    let group = bound
+        .groups
+        .get(binding.group as usize)
+        .and_then(Option::as_ref)
+        .ok_or_else(|| format!("no bind group is set at index {}", binding.group))?;
+    let bind_group = res.bind_groups.get(group.group.0)?;
+    let resource = bind_group.find(binding.binding).ok_or("the bind group has no such binding")?.clone();
+    let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
+        Ok(at) => {
+            u64::from(*group.offsets.get(at).ok_or_else(|| format!("{} dynamic offsets are given", group.offsets.len()))?)
+        }
+        Err(_) => 0,
+    };
+    match (binding.kind, resource) {
+        (
+            kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }),
+            BoundResource::Buffer { buffer, offset, size },
+        ) => Ok(vec![hold_buffer(res, kind, buffer, offset, size, dynamic)?]),
+        (kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }), BoundResource::Buffers(elements)) => {
+            elements.into_iter().map(|(buffer, offset, size)| hold_buffer(res, kind, buffer, offset, size, dynamic)).collect()
+        }
+        (BindingKind::Texture { .. }, BoundResource::View(view)) => Ok(vec![Held::Texture(res.prepare_view(view.0)?)]),
+        (BindingKind::Texture { .. }, BoundResource::Views(views)) => {
+            views.into_iter().map(|view| Ok(Held::Texture(res.prepare_view(view.0)?))).collect()
+        }
+        (BindingKind::StorageTexture { .. }, BoundResource::View(view)) => Ok(vec![hold_storage(res, view)?]),
+        (BindingKind::StorageTexture { .. }, BoundResource::Views(views)) => {
+            views.into_iter().map(|view| hold_storage(res, view)).collect()
+        }
+        (BindingKind::Sampler { .. }, BoundResource::Sampler(sampler)) => {
+            Ok(vec![Held::Sampler(res.samplers.get(sampler.0)?.clone())])
+        }
+        (BindingKind::Sampler { .. }, BoundResource::Samplers(samplers)) => {
+            samplers.into_iter().map(|sampler| Ok(Held::Sampler(res.samplers.get(sampler.0)?.clone()))).collect()
+        }
+        (kind, resource) => Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
+    }
+}
+
+fn hold_buffer(
+    res: &Resources,
+    kind: BindingKind,
+    id: BufferId,
+    offset: u64,
+    size: Option<u64>,
+    dynamic: u64,
+) -> Result<Held, String> {
+    let buffer = res.buffers.get(id.0)?;
+    let (offset, size) = match size {
+        Some(size) => buffer.range(id, offset + dynamic, Some(size))?,
+        // "To the end" is fixed when the group is made, before a dynamic offset moves it.
+        None => {
+            let (offset, size) = buffer.range(id, offset, None)?;
+            (offset + dynamic, size.saturating_sub(dynamic))
+        }
+    };
+    let least = match kind {
+        BindingKind::Uniform { min_size } | BindingKind::Storage { min_size, .. } => min_size,
+        _ => 0,
+    };
+    if size < least {
+        return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
+    }
+    Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset })
+}
+
+fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+    let view = res.views.get(id.0)?;
+    let texture = res.textures.get_mut(view.texture.0)?;
+    texture.flush();
+    Ok(Held::Storage {
+        words: texture.words.clone(),
+        desc: ImageDesc { format: view.range.format, ..texture.image },
+        level: view.range.base_level,
+        base_layer: view.range.base_layer,
+        layers: view.range.layers,
+        address: texture.address,
+        texture: view.texture.0,
+    })
+}

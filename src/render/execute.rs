@@ -1,0 +1,551 @@
+//! Runs a trace's commands in order.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::gfx::image::ImageDesc;
+use crate::gfx::texture::Sampler;
+use crate::num::*;
+use crate::shader::{self, Module};
+use crate::trace::check::Checker;
+use crate::trace::command::*;
+use crate::trace::{Trace, TraceError};
+use crate::work::{EndFrame, Event, RenderKey, Surface, Transfer, TransferKind};
+
+use super::compute::{ActiveCompute, ComputePipeline};
+use super::draw::{DrawError, Skips};
+use super::memory::{AddressSpace, texture_bytes};
+use super::pass::ActivePass;
+use super::pipeline::RenderPipeline;
+use super::resources::*;
+use super::transfer::{Region, clear_image, layers_of};
+
+/// How a trace is rendered.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What the recorded work depends on.
+    pub key: RenderKey,
+    /// Whether work is recorded; if not, segments carry their funnels only.
+    pub record: bool,
+    /// Frames whose events are handed on; the others are rendered for what they leave behind.
+    pub frames: Range<u32>,
+    /// Shortcuts that leave the image as it is.
+    pub skips: Skips,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { key: RenderKey::default(), record: false, frames: 0..u32::MAX, skips: Skips::default() }
+    }
+}
+
+/// The receiver has had enough: rendering stops without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stop;
+
+/// Takes events in order.
+pub type Sink<'s> = dyn FnMut(Event) -> Result<(), Stop> + 's;
+
+/// Why a command could not be run.
+pub(super) enum Fault {
+    /// What is wrong.
+    Reason(String),
+    /// A blob or text of the trace could not be read; the error names it.
+    Trace(TraceError),
+    /// The receiver stopped.
+    Stop,
+}
+
+impl From<String> for Fault {
+    fn from(reason: String) -> Fault {
+        Fault::Reason(reason)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(reason: &str) -> Fault {
+        Fault::Reason(reason.into())
+    }
+}
+
+impl From<TraceError> for Fault {
+    fn from(error: TraceError) -> Fault {
+        Fault::Trace(error)
+    }
+}
+
+impl From<DrawError> for Fault {
+    fn from(error: DrawError) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
+impl From<Stop> for Fault {
+    fn from(_: Stop) -> Fault {
+        Fault::Stop
+    }
+}
+
+/// What a render came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Frames in the trace.
+    pub frames: u32,
+    /// Commands run.
+    pub commands: u64,
+}
+
+/// Renders a trace and hands its work on.
+///
+/// # Errors
+/// If the trace cannot be read, or a command cannot be run; the error names the command.
+pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<Summary, TraceError> {
+    let mut renderer = Renderer::new(trace, options.clone(), sink);
+    let mut checker = Checker::new(trace);
+    let mut commands = 0;
+    let mut result = trace.for_each_command(|index, command| {
+        commands = index;
+        checker.command(index, command)?;
+        renderer.run(command)
+    });
+    if result.is_ok() {
+        result = checker.finish().map_err(Fault::Trace).and_then(|_| renderer.finish());
+    }
+    match result {
+        Ok(()) | Err(Fault::Stop) => {
+            Ok(Summary { frames: renderer.frame.max(u32::from(renderer.implicit_frame)), commands: commands + 1 })
+        }
+        Err(Fault::Reason(reason)) => Err(trace.error_at(commands, reason)),
+        Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
+        Err(Fault::Trace(error)) => Err(error),
+    }
+}
+
+/// What is running between a begin and an end.
+enum Scope {
+    Outside,
+    Render(Box<ActivePass>),
+    Compute(Box<ActiveCompute>),
+    Bundle(BundleId, Vec<Command>),
+}
+
+/// A trace in execution.
+pub(super) struct Renderer<'t, 's> {
+    trace: &'t Trace,
+    pub(super) options: Options,
+    pub(super) res: Resources,
+    addresses: AddressSpace,
+    sink: &'s mut Sink<'s>,
+    scope: Scope,
+    /// Number of the current frame.
+    frame: u32,
+    /// The trace had no present, so that its end was the end of frame 0.
+    implicit_frame: bool,
+    pub(super) passes: u32,
+    pub(super) draws: u32,
+    pub(super) dispatches: u32,
+    /// Commands that count as moments of time, for time stamps.
+    pub(super) moment: u64,
+    /// What the last texture-to-buffer copy read.
+    copied: Option<(TextureId, u32, u32)>,
+    /// The last colour target written.
+    pub(super) drawn: Option<(TextureId, u32, u32)>,
+}
+
+impl<'t, 's> Renderer<'t, 's> {
+    fn new<'a: 's>(trace: &'t Trace, options: Options, sink: &'s mut Sink<'a>) -> Renderer<'t, 's> {
+        Renderer {
+            trace,
+            options,
+            res: Resources::new(),
+            addresses: AddressSpace::new(),
+            sink,
+            scope: Scope::Outside,
+            frame: 0,
+            implicit_frame: false,
+            passes: 0,
+            draws: 0,
+            dispatches: 0,
+            moment: 0,
+            copied: None,
+            drawn: None,
+        }
+    }
+
+    /// Whether the current frame's events are handed on.
+    pub(super) fn in_range(&self) -> bool {
+        self.options.frames.contains(&self.frame)
+    }
+
+    /// Whether work is recorded now.
+    pub(super) fn recording(&self) -> bool {
+        self.options.record && self.in_range()
+    }
+
+    /// Hands an event on, if the frame is wanted.
+    pub(super) fn emit(&mut self, event: Event) -> Result<(), Stop> {
+        if self.in_range() { (self.sink)(event) } else { Ok(()) }
+    }
+
+    fn run(&mut self, command: &Command) -> Result<(), Fault> {
+        if is_about_objects(command) {
+            return self.objects(command);
+        }
+        match std::mem::replace(&mut self.scope, Scope::Outside) {
+            Scope::Outside => self.outside(command),
+            Scope::Render(mut pass) => {
+                if matches!(command, Command::EndRenderPass) {
+                    return pass.end(self);
+                }
+                let result = pass.run(self, command);
+                self.scope = Scope::Render(pass);
+                result
+            }
+            Scope::Compute(mut pass) => {
+                if matches!(command, Command::EndComputePass) {
+                    return pass.end(self);
+                }
+                let result = pass.run(self, command);
+                self.scope = Scope::Compute(pass);
+                result
+            }
+            Scope::Bundle(id, mut commands) => {
+                if matches!(command, Command::EndBundle) {
+                    return Ok(self.res.bundles.add(id.0, Arc::new(commands))?);
+                }
+                commands.push(command.clone());
+                self.scope = Scope::Bundle(id, commands);
+                Ok(())
+            }
+        }
+    }
+
+    /// Runs a command that makes or destroys an object, which may stand anywhere.
+    fn objects(&mut self, command: &Command) -> Result<(), Fault> {
+        match command {
+            &Command::CreateBuffer { id, size, .. } => {
+                let address = self.addresses.buffer(size);
+                self.res.buffers.add(id.0, Buffer { words: Arc::new(Words::new(size)), address })?;
+            }
+            Command::CreateTexture { id, desc, .. } => self.create_texture(*id, desc)?,
+            Command::CreateView { id, texture, desc } => {
+                let image = self.res.textures.get(texture.0)?.image;
+                self.res.views.add(id.0, View::new(*texture, &image, desc)?)?;
+            }
+            Command::CreateSampler { id, desc } => self.res.samplers.add(id.0, Arc::new(Sampler::new(desc)))?,
+            Command::CreateShader { id, source, label } => {
+                let module = self.load_shader(source, label.as_deref())?;
+                self.res.shaders.add(id.0, module)?;
+            }
+            Command::CreateBindGroupLayout { id, entries } => self.res.bind_group_layouts.add(id.0, entries.clone())?,
+            // The groups of a pipeline layout say nothing that the bind groups, which name their layouts, do not.
+            Command::CreatePipelineLayout { id, groups, .. } => {
+                for group in groups.iter().flatten() {
+                    self.res.bind_group_layouts.get(group.0)?;
+                }
+                self.res.pipeline_layouts.add(id.0, ())?;
+            }
+            Command::CreateBindGroup { id, layout, entries } => {
+                let layout = self.res.bind_group_layouts.get(layout.0)?;
+                self.res.bind_groups.add(id.0, BindGroup::new(layout, entries.clone())?)?;
+            }
+            Command::CreateRenderPipeline { id, desc, label } => {
+                let vertex = self.res.shaders.get(desc.vertex.shader.0)?.clone();
+                let fragment = match &desc.fragment {
+                    Some(stage) => Some(self.res.shaders.get(stage.shader.0)?.clone()),
+                    None => None,
+                };
+                let label = label.as_deref().unwrap_or_default();
+                let pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), label)?;
+                self.res.render_pipelines.add(id.0, Arc::new(pipeline))?;
+            }
+            Command::CreateComputePipeline { id, stage, label, .. } => {
+                let module = self.res.shaders.get(stage.shader.0)?;
+                let pipeline = ComputePipeline::new(stage, module, label.as_deref().unwrap_or_default())?;
+                self.res.compute_pipelines.add(id.0, Arc::new(pipeline))?;
+            }
+            Command::GetBindGroupLayout { id, pipeline, group } => {
+                let entries = match pipeline {
+                    AnyPipeline::Render(pipeline) => self.res.render_pipelines.get(pipeline.0)?.derived_layout(*group),
+                    AnyPipeline::Compute(pipeline) => self.res.compute_pipelines.get(pipeline.0)?.derived_layout(*group),
+                };
+                self.res.bind_group_layouts.add(id.0, entries)?;
+            }
+            &Command::CreateQuerySet { id, kind, count } => {
+                let mut set = QuerySet { kind, values: Vec::new() };
+                let values = count as usize * set.stride();
+                set.values.resize(values, 0);
+                self.res.query_sets.add(id.0, set)?;
+            }
+            Command::Destroy(object) => self.destroy(*object)?,
+            command => return Err(format!("{} is about no object", command.name()).into()),
+        }
+        Ok(())
+    }
+
+    fn outside(&mut self, command: &Command) -> Result<(), Fault> {
+        self.moment += 1;
+        match command {
+            Command::BeginBundle { id } => self.scope = Scope::Bundle(*id, Vec::new()),
+            Command::BeginRenderPass { color, depth, occlusion, timestamps, label } => {
+                let label = label.clone().unwrap_or_default();
+                let pass = ActivePass::begin(self, color, depth.as_ref(), *occlusion, timestamps.clone(), label)?;
+                self.scope = Scope::Render(Box::new(pass));
+            }
+            Command::BeginComputePass { timestamps, .. } => {
+                let pass = ActiveCompute::begin(self, timestamps.clone())?;
+                self.scope = Scope::Compute(Box::new(pass));
+            }
+            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            command => self.transfer(command)?,
+        }
+        Ok(())
+    }
+
+    fn create_texture(&mut self, id: TextureId, desc: &TextureDesc) -> Result<(), Fault> {
+        let image = ImageDesc {
+            dimension: desc.dimension,
+            size: desc.size,
+            levels: desc.levels,
+            samples: desc.samples,
+            format: desc.format,
+        };
+        let address = self.addresses.texture(texture_bytes(&image));
+        let words = Arc::new(Words::new(image.bytes()));
+        let texture = Texture { image, words, address, version: 0, images: Default::default() };
+        Ok(self.res.textures.add(id.0, texture)?)
+    }
+
+    fn load_shader(&self, source: &ShaderSource, label: Option<&str>) -> Result<Arc<Module>, Fault> {
+        let (name, text) = match source {
+            ShaderSource::Wgsl(name) => (name, shader::Source::Wgsl(self.trace.text(name)?)),
+            ShaderSource::SpirV(name) => (name, shader::Source::SpirV(self.trace.blob(name)?)),
+            ShaderSource::NagaIr(name) => (name, shader::Source::NagaIr(self.trace.text(name)?)),
+        };
+        let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({label})"));
+        Module::new(&title, text).map(Arc::new).map_err(|error| Fault::Reason(error.to_string()))
+    }
+
+    fn destroy(&mut self, object: Object) -> Result<(), Fault> {
+        match object {
+            Object::Buffer(id) => drop(self.res.buffers.remove(id.0)?),
+            Object::Texture(id) => drop(self.res.textures.remove(id.0)?),
+            Object::View(id) => drop(self.res.views.remove(id.0)?),
+            Object::Sampler(id) => drop(self.res.samplers.remove(id.0)?),
+            Object::Shader(id) => drop(self.res.shaders.remove(id.0)?),
+            Object::BindGroupLayout(id) => drop(self.res.bind_group_layouts.remove(id.0)?),
+            Object::PipelineLayout(id) => drop(self.res.pipeline_layouts.remove(id.0)?),
+            Object::BindGroup(id) => drop(self.res.bind_groups.remove(id.0)?),
+            Object::RenderPipeline(id) => drop(self.res.render_pipelines.remove(id.0)?),
+            Object::ComputePipeline(id) => drop(self.res.compute_pipelines.remove(id.0)?),
+            Object::Bundle(id) => drop(self.res.bundles.remove(id.0)?),
+            Object::QuerySet(id) => drop(self.res.query_sets.remove(id.0)?),
+        }
+        Ok(())
+    }
+
+    fn transfer(&mut self, command: &Command) -> Result<(), Fault> {
+        let mut moved = Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, surfaces: None };
+        match command {
+            &Command::WriteBuffer { id, offset, ref data } => {
+                let buffer = self.res.buffers.get(id.0)?;
+                let bytes = self.trace.data(data)?;
+                buffer.range(id, offset, Some(bytes.len() as u64))?;
+                buffer.words.write(offset, bytes);
+                moved = Transfer {
+                    kind: TransferKind::Upload,
+                    to: Some(buffer.address + offset),
+                    bytes: bytes.len() as u64,
+                    ..moved
+                };
+            }
+            Command::WriteTexture { to, data, layout, size } => {
+                let bytes = self.trace.data(data)?;
+                let (region, words, address) = self.texture_end(to, *size, true)?;
+                region.write_from(&words, bytes, layout)?;
+                moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), ..moved };
+            }
+            &Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {
+                let source = self.res.buffers.get(from.0)?;
+                source.range(from, from_offset, Some(size))?;
+                let target = self.res.buffers.get(to.0)?;
+                target.range(to, to_offset, Some(size))?;
+                copy_words(&source.words, from_offset, &target.words, to_offset, size);
+                moved.from = Some(source.address + from_offset);
+                moved.to = Some(target.address + to_offset);
+                moved.bytes = size;
+            }
+            Command::CopyBufferToTexture { from, layout, to, size } => {
+                let source = self.res.buffers.get(from.0)?;
+                let (source, address) = (source.words.clone(), source.address);
+                let (region, words, to_address) = self.texture_end(to, *size, true)?;
+                region.write_from_buffer(&words, &source, layout)?;
+                moved.from = Some(address + layout.offset);
+                moved.to = Some(to_address);
+                moved.bytes = region.bytes();
+            }
+            Command::CopyTextureToBuffer { from, to, layout, size } => {
+                let (region, words, address) = self.texture_end(from, *size, false)?;
+                let target = self.res.buffers.get(to.0)?;
+                region.read_to_buffer(&words, &target.words, layout)?;
+                moved.from = Some(address);
+                moved.to = Some(target.address + layout.offset);
+                moved.bytes = region.bytes();
+                self.copied = Some((from.texture, from.level, from.origin[2]));
+            }
+            Command::CopyTextureToTexture { from, to, size } => self.copy_texture(from, to, *size, &mut moved)?,
+            &Command::ClearBuffer { buffer: id, offset, size } => {
+                let buffer = self.res.buffers.get(id.0)?;
+                let (offset, size) = buffer.range(id, offset, size)?;
+                fill_zero(&buffer.words, offset, size);
+                moved = Transfer { kind: TransferKind::Clear, to: Some(buffer.address + offset), bytes: size, ..moved };
+            }
+            &Command::ClearTexture { texture: id, aspect, base_level, levels, base_layer, layers } => {
+                let texture = self.res.textures.get_mut(id.0)?;
+                let image = texture.image;
+                let view = ViewDesc { base_level, levels, base_layer, layers, ..ViewDesc::default() };
+                let view = View::new(id, &image, &view)?;
+                texture.flush();
+                for level in base_level..base_level + view.range.levels {
+                    for layer in layers_of(&image, level, base_layer, view.range.layers) {
+                        clear_image(&image, &texture.words, level, layer, aspect);
+                        texture.overwritten(level, layer);
+                        moved.bytes += image.layer_bytes(level);
+                    }
+                }
+                moved.kind = TransferKind::Clear;
+                moved.to = Some(texture.address);
+            }
+            &Command::WriteTimestamp { set, index } => return self.write_timestamp(set, index),
+            &Command::ResolveQuerySet { set: id, first, count, to, to_offset } => {
+                let buffer = self.res.buffers.get(to.0)?;
+                let (words, address) = (buffer.words.clone(), buffer.address);
+                let set = self.res.query_sets.get_mut(id.0)?;
+                let size = u64::from(count) * set.stride() as u64 * 8;
+                self.res.buffers.get(to.0)?.range(to, to_offset, Some(size))?;
+                for index in first..first.saturating_add(count) {
+                    let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
+                    for (k, value) in set.slot(index)?.iter().enumerate() {
+                        words.write(at + k as u64 * 8, &value.to_le_bytes());
+                    }
+                }
+                moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, ..moved };
+            }
+            &Command::Present { texture } => {
+                self.end_frame(Some((texture, 0, 0)))?;
+                self.frame += 1;
+                return Ok(());
+            }
+            command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
+        }
+        Ok(self.emit(Event::Transfer(moved))?)
+    }
+
+    fn copy_texture(&mut self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3], moved: &mut Transfer) -> Result<(), Fault> {
+        let (source, source_words, source_address) = self.texture_end(from, size, false)?;
+        let knows = self.res.textures.get(from.texture.0)?.images.get(&(from.level, from.origin[2]));
+        let (knows, drawn) = knows.map_or((false, false), |state| (state.machine_knows, state.drawn));
+        let (target, target_words, target_address) = self.texture_end(to, size, true)?;
+        source.copy_to(&source_words, &target, &target_words)?;
+        moved.from = Some(source_address);
+        moved.to = Some(target_address);
+        moved.bytes = source.bytes();
+        if knows && source.is_whole_image() && target.is_whole_image() {
+            let texture = self.res.textures.get_mut(to.texture.0)?;
+            let state = texture.images.entry((to.level, to.origin[2])).or_default();
+            state.machine_knows = true;
+            state.drawn = drawn;
+            let key = |end: &TextureEnd| {
+                self.res.textures.get(end.texture.0).map(|t| t.surface(end.texture, end.level, end.origin[2]).key)
+            };
+            moved.surfaces = Some((key(from)?, key(to)?));
+        }
+        Ok(())
+    }
+
+    /// One end of a copy: the box, the texture's bytes brought up to date, and the address of the image.
+    fn texture_end(&mut self, end: &TextureEnd, size: [u32; 3], written: bool) -> Result<(Region, Arc<Words>, u64), Fault> {
+        let texture = self.res.textures.get_mut(end.texture.0)?;
+        let region = Region::new(&texture.image, end, size)?;
+        texture.flush();
+        if written {
+            for layer in region.layers() {
+                texture.overwritten(end.level, layer);
+            }
+        }
+        let address = texture.surface(end.texture, end.level, end.origin[2]).address;
+        Ok((region, texture.words.clone(), address))
+    }
+
+    /// Time stamps count commands: no clock is known here, and a trace's results must not depend on the machine.
+    pub(super) fn write_timestamp(&mut self, set: QuerySetId, index: u32) -> Result<(), Fault> {
+        let moment = self.moment;
+        self.res.query_sets.get_mut(set.0)?.slot(index)?[0] = moment;
+        Ok(())
+    }
+
+    fn end_frame(&mut self, shown: Option<(TextureId, u32, u32)>) -> Result<(), Fault> {
+        if !self.in_range() {
+            return Ok(());
+        }
+        let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false };
+        if let Some((id, level, layer)) = shown {
+            let texture = self.res.textures.get_mut(id.0)?;
+            let surface: Surface = texture.surface(id, level, layer);
+            end.reference = texture.image_bytes(level, layer).into();
+            end.drawn = texture.images.get(&(level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
+            end.shown = Some(surface);
+        }
+        Ok(self.emit(Event::EndFrame(end))?)
+    }
+
+    fn finish(&mut self) -> Result<(), Fault> {
+        if !matches!(self.scope, Scope::Outside) {
+            return Err("the trace ends inside a pass or bundle".into());
+        }
+        if self.frame == 0 {
+            self.implicit_frame = true;
+            let exists = |shown: &(TextureId, u32, u32)| self.res.textures.get(shown.0.0).is_ok();
+            let shown = self.copied.filter(exists).or(self.drawn.filter(exists));
+            self.end_frame(shown)?;
+        }
+        Ok(())
+    }
+}
+
+/// Copies bytes between (or inside) buffers as if through a copy.
+fn copy_words(from: &Words, from_offset: u64, to: &Words, to_offset: u64, size: u64) {
+    let mut bytes = vec![0; size as usize];
+    from.read(from_offset, &mut bytes);
+    to.write(to_offset, &bytes);
+}
+
+fn fill_zero(words: &Words, offset: u64, size: u64) {
+    const ZEROS: [u8; 4096] = [0; 4096];
+    let mut at = 0;
+    while at < size {
+        let n = (size - at).min(ZEROS.len() as u64);
+        words.write(offset + at, &ZEROS[..n as usize]);
+        at += n;
+    }
+}
+
+/// Whether a command makes or destroys an object.
+fn is_about_objects(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::CreateBuffer { .. }
+            | Command::CreateTexture { .. }
+            | Command::CreateView { .. }
+            | Command::CreateSampler { .. }
+            | Command::CreateShader { .. }
+            | Command::CreateBindGroupLayout { .. }
+            | Command::CreatePipelineLayout { .. }
+            | Command::CreateBindGroup { .. }
+            | Command::CreateRenderPipeline { .. }
+            | Command::CreateComputePipeline { .. }
+            | Command::GetBindGroupLayout { .. }
+            | Command::CreateQuerySet { .. }
+            | Command::Destroy(_)
+    )
+}

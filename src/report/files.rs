@@ -1,0 +1,93 @@
+//! The files that a replay leaves: `stats.json` and `stats.csv`.
+
+use serde_json::{Value, json};
+
+use crate::stats::Tree;
+use crate::work::Funnel;
+
+/// The statistics of a replay.
+#[derive(Clone, Debug, Default)]
+pub struct Statistics {
+    /// The trace, as it was named.
+    pub trace: String,
+    /// The configuration's name.
+    pub config: String,
+    /// The fidelity.
+    pub fidelity: String,
+    /// Over all frames.
+    pub total: Tree,
+    /// By frame, with the trace's own frame numbers.
+    pub frames: Vec<(u32, Tree)>,
+}
+
+impl Statistics {
+    /// The contents of `stats.json`.
+    pub fn json(&self) -> Value {
+        let frames: Vec<Value> = self
+            .frames
+            .iter()
+            .map(|(number, tree)| {
+                let mut frame = tree.json();
+                if let Value::Object(map) = &mut frame {
+                    map.shift_insert(0, "frame".into(), json!(number));
+                }
+                frame
+            })
+            .collect();
+        json!({
+            "fillrate": env!("CARGO_PKG_VERSION"),
+            "trace": self.trace,
+            "config": self.config,
+            "fidelity": self.fidelity,
+            "total": self.total.json(),
+            "frames": frames,
+        })
+    }
+
+    /// The contents of `stats.csv`: a header, then a row a frame.
+    pub fn csv(&self) -> String {
+        let mut text = String::new();
+        if let Some((_, first)) = self.frames.first() {
+            text.push_str(&format!("frame,{}\n", first.csv_header()));
+        }
+        for (number, tree) in &self.frames {
+            text.push_str(&format!("{number},{}\n", tree.csv_row()));
+        }
+        text
+    }
+}
+
+/// A funnel as a subtree of counters.
+pub fn funnel_tree(funnel: &Funnel) -> Tree {
+    let mut tree = Tree::new();
+    for (name, value) in Funnel::NAMES.iter().zip(funnel.values()) {
+        tree.count(name, value);
+    }
+    tree
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::Node;
+
+    #[test]
+    fn a_row_a_frame_and_the_same_names_in_both_files() {
+        let frame = |quads| {
+            let mut tree = Tree::new();
+            tree.count("cycles", 10);
+            tree.set("funnel", Node::Tree(funnel_tree(&Funnel { quads_shaded: quads, ..Funnel::default() })));
+            tree
+        };
+        let statistics = Statistics { frames: vec![(3, frame(1)), (4, frame(2))], total: frame(3), ..Statistics::default() };
+        let csv = statistics.csv();
+        let lines: Vec<_> = csv.lines().collect();
+        assert_eq!(lines.len(), 3);
+        assert!(lines[0].starts_with("frame,cycles,funnel.vertices_in,"), "{csv}");
+        assert!(lines[1].starts_with("3,10,"));
+        let json = statistics.json();
+        assert_eq!(json["frames"][1]["frame"], 4);
+        assert_eq!(json["frames"][1]["funnel"]["quads_shaded"], 2);
+        assert_eq!(json["total"]["funnel"]["quads_shaded"], 3);
+    }
+}

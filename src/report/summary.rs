@@ -1,0 +1,178 @@
+//! The short text that a replay prints.
+
+use crate::stats::{Node, Tree};
+
+/// Writes the funnel: what went in, and what was thrown away where.
+pub fn funnel(total: &Tree) -> String {
+    let n = |name: &str| total.number(&format!("funnel.{name}")).unwrap_or(0.0) as u64;
+    let mut text = String::new();
+    let mut row = |name: &str, count: u64, of: u64, lost: &[(&str, u64)]| {
+        let lost: Vec<String> = lost.iter().filter(|(_, n)| *n > 0).map(|(why, n)| format!("{} {why}", grouped(*n))).collect();
+        let share = if of > 0 && of != count { format!("{:.1} %", 100.0 * count as f64 / of as f64) } else { String::new() };
+        let line = format!("  {name:<22}{:>14}  {share:>8}   {}", grouped(count), lost.join(", "));
+        text.push_str(line.trim_end());
+        text.push('\n');
+    };
+    row("vertices read", n("vertices_in"), 0, &[]);
+    row("  shaded", n("vertices_shaded"), n("vertices_in"), &[]);
+    row(
+        "primitives",
+        n("primitives_in"),
+        0,
+        &[
+            ("facing away", n("culled_backface")),
+            ("out of view", n("culled_frustum")),
+            ("degenerate", n("culled_degenerate")),
+            ("scissored", n("culled_scissor")),
+            ("between samples", n("culled_no_sample")),
+        ],
+    );
+    row("triangles set up", n("triangles_setup"), n("primitives_in"), &[("clipped", n("clipped"))]);
+    row("blocks of 8x8", n("tiles_visited"), 0, &[("behind (hierarchical Z)", n("tiles_hiz_culled"))]);
+    row("quads", n("quads_rasterized"), 0, &[("behind (early Z)", n("quads_early_culled"))]);
+    row("  shaded", n("quads_shaded"), n("quads_rasterized"), &[]);
+    row("fragments covered", n("fragments_covered"), 0, &[]);
+    row(
+        "  shaded",
+        n("fragments_shaded"),
+        n("fragments_covered"),
+        &[
+            ("helpers besides", n("helper_fragments")),
+            ("discarded", n("fragments_discarded")),
+            ("behind (late Z)", n("fragments_late_failed")),
+        ],
+    );
+    row("  written", n("fragments_written"), n("fragments_covered"), &[]);
+    text
+}
+
+/// Writes how busy each kind of unit was and why it rested, the busiest first; units of one kind are averaged.
+pub fn units(total: &Tree) -> String {
+    let Some(Node::Tree(units)) = total.get("units") else { return String::new() };
+    let mut rows: Vec<(String, usize, [f64; 5])> = Vec::new();
+    for (name, node) in units.entries() {
+        let Node::List(list) = node else { continue };
+        let mut sum = [0.0; 5];
+        for tree in list {
+            for (sum, key) in sum.iter_mut().zip(["busy", "starved", "blocked", "memory", "idle"]) {
+                *sum += tree.number(key).unwrap_or(0.0);
+            }
+        }
+        let all: f64 = sum.iter().sum();
+        if all > 0.0 {
+            rows.push((name.to_owned(), list.len(), sum.map(|n| 100.0 * n / all)));
+        }
+    }
+    rows.sort_by(|a, b| b.2[0].total_cmp(&a.2[0]));
+    let mut text = format!("  {:<26}{:>8}{:>9}{:>9}{:>9}{:>8}\n", "unit", "busy", "starved", "blocked", "memory", "idle");
+    for (name, count, share) in &rows {
+        let name = if *count > 1 { format!("{name} x{count}") } else { name.clone() };
+        let [busy, starved, blocked, memory, idle] = share;
+        text.push_str(&format!("  {name:<26}{busy:>6.1} %{starved:>7.1} %{blocked:>7.1} %{memory:>7.1} %{idle:>6.1} %\n"));
+    }
+    if let Some((name, _, share)) = rows.first() {
+        let why = ["starved for input", "blocked by what follows", "waiting for memory", "out of work"];
+        let worst = (1..5).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
+        text.push_str(&format!("  Busiest: {name}, {:.1} % of the cycles; the rest mostly {}.\n", share[0], why[worst - 1]));
+    }
+    text
+}
+
+/// Writes the bytes that each client moved, and what the DRAM did.
+pub fn memory(total: &Tree) -> String {
+    let mut text = String::new();
+    if let Some(Node::Tree(clients)) = total.get("memory.clients") {
+        let mut rows: Vec<(&str, f64, f64)> = Vec::new();
+        for (name, node) in clients.entries() {
+            if let Node::Tree(tree) = node {
+                rows.push((name, tree.number("read_bytes").unwrap_or(0.0), tree.number("write_bytes").unwrap_or(0.0)));
+            }
+        }
+        rows.retain(|(_, read, write)| read + write > 0.0);
+        rows.sort_by(|a, b| (b.1 + b.2).total_cmp(&(a.1 + a.2)));
+        text.push_str(&format!("  {:<26}{:>14}{:>14}\n", "client", "read", "written"));
+        for (name, read, write) in rows {
+            text.push_str(&format!("  {name:<26}{:>14}{:>14}\n", bytes(read), bytes(write)));
+        }
+    }
+    let n = |name: &str| total.number(&format!("memory.dram.{name}")).unwrap_or(0.0);
+    let rows = n("row_hits") + n("row_misses");
+    if n("read_bytes") + n("write_bytes") > 0.0 {
+        text.push_str(&format!("  {:<26}{:>14}{:>14}", "DRAM", bytes(n("read_bytes")), bytes(n("write_bytes"))));
+        if rows > 0.0 {
+            text.push_str(&format!("   row hits {:.1} %", 100.0 * n("row_hits") / rows));
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// A count with thin groups of three digits.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes in a readable unit (powers of 1024).
+pub fn bytes(n: f64) -> String {
+    let mut value = n;
+    for unit in ["B", "KiB", "MiB", "GiB"] {
+        if value < 1024.0 {
+            return if unit == "B" { format!("{value} B") } else { format!("{value:.2} {unit}") };
+        }
+        value /= 1024.0;
+    }
+    format!("{value:.2} TiB")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_readable() {
+        assert_eq!(grouped(0), "0");
+        assert_eq!(grouped(999), "999");
+        assert_eq!(grouped(1_234_567), "1,234,567");
+        assert_eq!(bytes(1000.0), "1000 B");
+        assert_eq!(bytes(1536.0), "1.50 KiB");
+    }
+
+    #[test]
+    fn the_busiest_unit_comes_first_and_says_why_it_rested() {
+        let mut total = Tree::new();
+        let units_tree = total.child("units");
+        for (name, busy, starved) in [("setup", 10, 90), ("rop", 70, 30)] {
+            for i in 0..2 {
+                let unit = units_tree.element(name, i);
+                unit.count("busy", busy);
+                unit.count("starved", starved);
+                for key in ["blocked", "memory", "idle"] {
+                    unit.count(key, 0);
+                }
+            }
+        }
+        let text = units(&total);
+        assert!(text.find("rop x2").unwrap() < text.find("setup x2").unwrap(), "{text}");
+        assert!(text.contains("Busiest: rop, 70.0 % of the cycles; the rest mostly starved for input."), "{text}");
+    }
+
+    #[test]
+    fn the_funnel_says_where_things_went() {
+        let mut total = Tree::new();
+        let funnel_tree = total.child("funnel");
+        funnel_tree.count("primitives_in", 1000);
+        funnel_tree.count("culled_backface", 400);
+        funnel_tree.count("triangles_setup", 600);
+        let text = funnel(&total);
+        assert!(text.contains("400 facing away"), "{text}");
+        assert!(text.contains("60.0 %"), "{text}");
+    }
+}

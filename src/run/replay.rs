@@ -1,0 +1,165 @@
+//! A replay: a trace in; pictures and statistics out.
+
+use std::ops::Range;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow};
+use crossbeam::channel;
+
+use crate::machine::{Config, Machine};
+use crate::render::{self, Skips};
+use crate::report::files::{Statistics, funnel_tree};
+use crate::report::picture::picture;
+use crate::sim::Clock;
+use crate::stats::{Node, Tree};
+use crate::trace::Trace;
+use crate::work::{Event, Funnel, RenderKey, Surface};
+
+use super::host::Stopwatch;
+
+/// How much of the card is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fidelity {
+    /// The image and the funnel: no time.
+    Functional,
+    /// Every cycle.
+    Cycle,
+}
+
+/// What to replay, and how.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The card.
+    pub config: Config,
+    /// Fidelity.
+    pub fidelity: Fidelity,
+    /// Clock of the cycle fidelity.
+    pub clock: Clock,
+    /// Frames, half-open.
+    pub frames: Range<u32>,
+}
+
+/// One frame of a replay.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Its number in the trace.
+    pub number: u32,
+    /// What is shown and its bytes; none where nothing was ever drawn.
+    pub shown: Option<(Surface, Vec<u8>)>,
+    /// Its statistics.
+    pub tree: Tree,
+}
+
+/// What a replay came to.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    /// Frames in order.
+    pub frames: Vec<Frame>,
+    /// Statistics over all of them.
+    pub total: Tree,
+    /// Host time spent in the machine (processor time where the system tells).
+    pub machine_time: Duration,
+    /// Host time on the clock, from the first command to the last statistic.
+    pub clock_time: Duration,
+}
+
+/// Events in flight between renderer and machine; segments are bounded, and so is what waits.
+const EVENTS_IN_FLIGHT: usize = 8;
+
+/// Replays a trace. `progress` hears the number of each finished frame.
+///
+/// # Errors
+/// If the trace cannot be rendered, or the machine stops.
+pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
+    match options.fidelity {
+        Fidelity::Functional => functional(trace, options, progress),
+        Fidelity::Cycle => cycle(trace, options, progress),
+    }
+}
+
+fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Replay> {
+    let watch = Stopwatch::start();
+    let mut frames = Vec::new();
+    let mut funnel = Funnel::default();
+    let mut total = Funnel::default();
+    let render_options =
+        render::Options { record: false, frames: options.frames.clone(), skips: Skips::default(), key: RenderKey::default() };
+    render::render(trace, &render_options, &mut |event| {
+        match event {
+            Event::Segment(segment) => funnel += segment.funnel,
+            Event::EndFrame(end) => {
+                total += funnel;
+                let tree = functional_tree(&std::mem::take(&mut funnel));
+                progress(end.number);
+                frames.push(Frame { number: end.number, shown: end.shown.map(|s| (s, end.reference.to_vec())), tree });
+            }
+            _ => {}
+        }
+        Ok(())
+    })?;
+    Ok(Replay { frames, total: functional_tree(&total), machine_time: Duration::ZERO, clock_time: watch.clock() })
+}
+
+fn functional_tree(funnel: &Funnel) -> Tree {
+    let mut tree = Tree::new();
+    tree.set("funnel", Node::Tree(funnel_tree(funnel)));
+    tree
+}
+
+fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
+    let watch = Stopwatch::start();
+    let mut machine = Machine::new(&options.config)?;
+    let render_options =
+        render::Options { record: true, frames: options.frames.clone(), skips: Skips::default(), key: RenderKey::default() };
+    let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
+    std::thread::scope(|scope| {
+        // The machine's thread sees the end of the stream when the sender goes with the renderer.
+        let renderer = scope
+            .spawn(move || render::render(trace, &render_options, &mut |event| send.send(event).map_err(|_| render::Stop)));
+        let busy = Stopwatch::start();
+        let mut frames = Vec::new();
+        let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
+            progress(frame.number);
+            let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
+            frames.push(Frame { number: frame.number, shown, tree: frame.tree });
+        });
+        let machine_time = busy.elapsed();
+        let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
+        // What the renderer says comes first: a machine that lost its input has nothing to add.
+        rendered?;
+        Ok(Replay { frames, total: run?.total, machine_time, clock_time: watch.clock() })
+    })
+}
+
+/// Writes the files of a replay into a folder, which is made where it is missing.
+///
+/// # Errors
+/// If a picture cannot be made of what a frame shows, or a file cannot be written.
+pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Result<()> {
+    std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+    let put = |name: &str, bytes: &[u8]| {
+        let path = out.join(name);
+        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    };
+    for frame in &replay.frames {
+        let Some((surface, bytes)) = &frame.shown else { continue };
+        let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
+        let mut png = Vec::new();
+        image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
+        put(&format!("frame-{:04}.png", frame.number), &png)?;
+    }
+    let statistics = Statistics {
+        trace: trace.to_owned(),
+        config: options.config.name.clone(),
+        fidelity: match options.fidelity {
+            Fidelity::Functional => "functional".into(),
+            Fidelity::Cycle => "cycle".into(),
+        },
+        total: replay.total.clone(),
+        frames: replay.frames.iter().map(|frame| (frame.number, frame.tree.clone())).collect(),
+    };
+    put("stats.json", serde_json::to_string_pretty(&statistics.json())?.as_bytes())?;
+    put("stats.csv", statistics.csv().as_bytes())?;
+    put("config.ron", options.config.resolved().as_bytes())
+}

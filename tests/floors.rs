@@ -1,0 +1,97 @@
+//! The import table of `docs/architecture.md`, enforced: each module imports only those below it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Modules and what each may import, beside itself.
+const TABLE: &[(&str, &[&str])] = &[
+    ("num", &[]),
+    ("gfx", &["num"]),
+    ("trace", &["num", "gfx"]),
+    ("stats", &["num"]),
+    ("sim", &["num", "stats"]),
+    ("shader", &["num", "gfx", "work"]),
+    ("mem", &["num", "stats", "sim"]),
+    ("work", &["num", "gfx"]),
+    ("import", &["num", "gfx", "trace"]),
+    ("render", &["num", "gfx", "trace", "shader", "work"]),
+    ("unit", &["num", "gfx", "stats", "sim", "mem", "work"]),
+    ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
+    ("run", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "report"]),
+    ("report", &["num", "gfx", "trace", "stats", "sim", "work", "machine"]),
+    ("cli", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report"]),
+];
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("a source folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// Crate modules that a line of code names.
+fn named(line: &str) -> Vec<String> {
+    let code = line.split("//").next().unwrap_or_default();
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        let rest = &code[at + "crate::".len()..];
+        let names: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+        // `$crate::module` inside macros counts too; `crate::{a, b}` is not written in this project.
+        assert!(!rest.starts_with('{'), "write one `use crate::module` a line: {line}");
+        found.push(names);
+    }
+    found
+}
+
+#[test]
+fn modules_import_only_floors_below() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut wrong = Vec::new();
+    let mut checked = 0;
+    for (module, allowed) in TABLE {
+        let mut files = Vec::new();
+        sources(&root.join(module), &mut files);
+        for file in files {
+            let text = fs::read_to_string(&file).expect("source text");
+            for (number, line) in text.lines().enumerate() {
+                for name in named(line) {
+                    let known = TABLE.iter().any(|(m, _)| *m == name);
+                    checked += usize::from(known);
+                    if known && name != *module && !allowed.contains(&name.as_str()) {
+                        wrong.push(format!("{}:{}: {module} imports {name}", file.display(), number + 1));
+                    }
+                }
+            }
+        }
+    }
+    assert!(checked > 100, "only {checked} imports were found: the test looks at the wrong place");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn what_and_when_stay_apart() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for module in ["gfx", "shader", "render", "trace", "import"] {
+        let mut files = Vec::new();
+        sources(&root.join(module), &mut files);
+        for file in files {
+            let text = fs::read_to_string(&file).expect("source text");
+            assert!(!text.contains("Cycle"), "{} knows a cycle", file.display());
+        }
+    }
+    for module in ["num", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine"] {
+        let mut files = Vec::new();
+        sources(&root.join(module), &mut files);
+        for file in files {
+            let text = fs::read_to_string(&file).expect("source text");
+            for clock in ["Instant::now", "SystemTime"] {
+                assert!(!text.contains(clock), "{} reads the wall clock", file.display());
+            }
+            assert!(!text.contains("println!"), "{} prints", file.display());
+        }
+    }
+}
