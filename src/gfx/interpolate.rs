@@ -79,6 +79,11 @@ fn each(f: impl Fn(usize) -> f64) -> Quad {
     [f(0), f(1), f(2), f(3)]
 }
 
+/// Columns of a quad's pixels.
+const X: Quad = [0.0, 1.0, 0.0, 1.0];
+/// Rows of a quad's pixels.
+const Y: Quad = [0.0, 0.0, 1.0, 1.0];
+
 /// Where one edge function is evaluated in the pixels of a quad, in 1/256 pixel from the centres.
 trait Offsets: Copy {
     /// The values of an edge function whose first pixel is `(x, y)` from the base.
@@ -107,8 +112,7 @@ impl Offsets for Same {
         // Every term and sum is a whole number below 2^53: nothing rounds.
         let (right, down) = (f64::from(edge.a) * f64::from(SUBPIXEL), f64::from(edge.b) * f64::from(SUBPIXEL));
         let first = edge.at(x + self.0[0], y + self.0[1]) as f64;
-        let steps = [0.0, right, down, right + down];
-        each(|p| first + steps[p])
+        each(|p| first + (right * X[p] + down * Y[p]))
     }
 
     #[inline(always)]

@@ -7,15 +7,8 @@
 //! clamp the sum has the sign of c either way) and every sum stays inside +-(2^30 + 2^28), far from overflow. So 32 bits are
 //! exact at every extent up to the guard band, and there is no second, 64-bit path.
 
+use crate::gfx::setup::Edge;
 use crate::num::SUBPIXEL_BITS;
-
-/// An edge function reduced to a grid: inside where `c + a i + b j >= 0`.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reduced {
-    pub a: i32,
-    pub b: i32,
-    pub c: i32,
-}
 
 /// `floor(c / 2^shift)` clamped as the module's proof asks.
 #[inline(always)]
@@ -28,13 +21,14 @@ pub(super) const PIXEL_SHIFT: u32 = SUBPIXEL_BITS;
 /// The shift for a grid of 8x8 blocks.
 pub(super) const BLOCK_SHIFT: u32 = SUBPIXEL_BITS + 3;
 
-/// Where 64 positions lie, by whatever instructions.
+/// Where 64 positions lie, by whatever instructions. An edge is inside where `c + a i + b j >= 0`: slopes as they are in a
+/// primitive, which therefore come straight from its memory, and constants from [`reduce`].
 pub(super) trait Kernel {
     /// Positions inside all edges, in quad order: bit `4 q + p`, quads of 2x2 row by row (four a row), p as everywhere.
-    fn quads<const N: usize>(edges: &[Reduced; N]) -> u64;
+    fn quads<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64;
 
     /// Positions inside all edges, row by row: bit `8 j + i`.
-    fn rows<const N: usize>(edges: &[Reduced; N]) -> u64;
+    fn rows<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64;
 }
 
 /// Without vector instructions by name.
@@ -48,13 +42,13 @@ fn pack(outside: [u32; 8]) -> u64 {
 
 impl Kernel for Portable {
     #[inline(always)]
-    fn quads<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    fn quads<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         // A lane is a byte of the mask: two quads side by side, 4x2 pixels. Its eight bits are visited in order.
         let mut value = [[0i32; 8]; N];
         for n in 0..N {
-            let Reduced { a, b, c } = edges[n];
+            let Edge { a, b, .. } = edges[n];
             for lane in 0..8 {
-                value[n][lane] = c + a * (4 * (lane as i32 & 1)) + b * (2 * (lane as i32 >> 1));
+                value[n][lane] = c[n] + a * (4 * (lane as i32 & 1)) + b * (2 * (lane as i32 >> 1));
             }
         }
         // Steps from each position of a byte to the next: right, left and down, right, right and up, and again.
@@ -66,12 +60,12 @@ impl Kernel for Portable {
     }
 
     #[inline(always)]
-    fn rows<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    fn rows<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         // A lane is a row.
         let mut value = [[0i32; 8]; N];
         for n in 0..N {
             for lane in 0..8 {
-                value[n][lane] = edges[n].c + edges[n].b * lane as i32;
+                value[n][lane] = c[n] + edges[n].b * lane as i32;
             }
         }
         walk(value, |n, _| edges[n].a)
@@ -108,7 +102,7 @@ pub(super) struct Avx2;
 mod avx2 {
     use std::arch::x86_64::*;
 
-    use super::Reduced;
+    use super::Edge;
 
     /// The signs of `N` edges at eight steps of eight positions each: bit 31 of each lane is set where any edge is negative.
     #[inline]
@@ -131,15 +125,15 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub(super) fn quads<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    pub(super) fn quads<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         // The lower half is a quad, the upper the quad below it. Four steps of two pixels to the right cover two rows of
         // quads, and packing leaves their bits in order; the same again four pixels further down.
         let mut value = [_mm256_setzero_si256(); N];
         for n in 0..N {
-            let Reduced { a, b, c } = edges[n];
+            let Edge { a, b, .. } = edges[n];
             let right = _mm256_and_si256(_mm256_set1_epi32(a), _mm256_setr_epi32(0, -1, 0, -1, 0, -1, 0, -1));
             let down = _mm256_mullo_epi32(_mm256_set1_epi32(b), _mm256_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3));
-            value[n] = _mm256_add_epi32(_mm256_set1_epi32(c), _mm256_add_epi32(right, down));
+            value[n] = _mm256_add_epi32(_mm256_set1_epi32(c[n]), _mm256_add_epi32(right, down));
         }
         let mut mask = 0;
         for half in 0..2 {
@@ -161,12 +155,12 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub(super) fn rows<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    pub(super) fn rows<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         let mut value = [_mm256_setzero_si256(); N];
         for n in 0..N {
-            let Reduced { a, c, .. } = edges[n];
+            let Edge { a, .. } = edges[n];
             let right = _mm256_mullo_epi32(_mm256_set1_epi32(a), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
-            value[n] = _mm256_add_epi32(_mm256_set1_epi32(c), right);
+            value[n] = _mm256_add_epi32(_mm256_set1_epi32(c[n]), right);
         }
         let mut mask = 0;
         for half in 0..2 {
@@ -188,15 +182,15 @@ mod avx2 {
 #[cfg(target_arch = "x86_64")]
 impl Kernel for Avx2 {
     #[inline(always)]
-    fn quads<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    fn quads<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         // SAFETY: by the type's contract the host has AVX2; nothing else is asked for.
-        unsafe { avx2::quads(edges) }
+        unsafe { avx2::quads(edges, c) }
     }
 
     #[inline(always)]
-    fn rows<const N: usize>(edges: &[Reduced; N]) -> u64 {
+    fn rows<const N: usize>(edges: &[Edge; N], c: &[i32; N]) -> u64 {
         // SAFETY: by the type's contract the host has AVX2; nothing else is asked for.
-        unsafe { avx2::rows(edges) }
+        unsafe { avx2::rows(edges, c) }
     }
 }
 
@@ -257,12 +251,13 @@ mod tests {
                 };
                 [a, b, c]
             });
-            let edges = wide.map(|[a, b, c]| Reduced { a: a as i32, b: b as i32, c: reduce(c, shift) });
+            let edges = wide.map(|[a, b, _]| Edge { a: a as i32, b: b as i32, c: 0 });
+            let c = &wide.map(|[_, _, c]| reduce(c, shift));
             let inside = |i: i64, j: i64| wide.iter().all(|&[a, b, c]| c + ((a * i + b * j) << shift) >= 0);
-            let (quads, rows) = (Portable::quads(&edges), Portable::rows(&edges));
+            let (quads, rows) = (Portable::quads(&edges, c), Portable::rows(&edges, c));
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") {
-                assert_eq!((quads, rows), (Avx2::quads(&edges), Avx2::rows(&edges)), "{wide:?}");
+                assert_eq!((quads, rows), (Avx2::quads(&edges, c), Avx2::rows(&edges, c)), "{wide:?}");
             }
             for j in 0..8 {
                 for i in 0..8 {

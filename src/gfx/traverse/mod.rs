@@ -14,7 +14,7 @@ mod line;
 use crate::num::{Fx8, SUBPIXEL};
 
 use super::setup::{Bounds, Edge, SAMPLES_1, SAMPLES_4, Shape, Triangle};
-use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, Reduced, reduce};
+use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, reduce};
 
 /// Edge length of the largest area that one call walks, in pixels.
 pub const TILE: u16 = 64;
@@ -133,17 +133,19 @@ fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, visit: &m
     match primitive.shape {
         Shape::Triangle => {
             // A sample on an edge that is neither top nor left is outside: E > 0, that is E - 1 >= 0.
-            let edges = primitive.edges.map(|e| Edge { c: e.c - i64::from(!e.is_top_left()), ..e });
-            convex::<K, _, _>(&edges, primitive.base(), bounds, visit);
+            let [e0, e1, e2] = &primitive.edges;
+            let tie = |e: &Edge| i64::from(!e.is_top_left());
+            let ties = [tie(e0), tie(e1), tie(e2)];
+            convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, visit);
         }
         Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, visit),
-        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), primitive.base(), bounds, visit),
+        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), &[0; 4], primitive.base(), bounds, visit),
         Shape::Point if S == 1 => {
             // The bounds are the pixel.
             let (x, y) = (bounds.x0 & !7, bounds.y0 & !7);
             visit(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
         }
-        Shape::Point => convex::<K, _, _>(&line::square(primitive), primitive.base(), bounds, visit),
+        Shape::Point => convex::<K, _, _>(&line::square(primitive), &[0; 4], primitive.base(), bounds, visit),
     }
 }
 
@@ -156,10 +158,11 @@ fn rectangle_mask(bounds: Bounds, x: u16, y: u16) -> u64 {
     columns & rows
 }
 
-/// Walks the intersection of half planes `E >= 0`, whose constants hold at the centre of pixel `base`.
+/// Walks the intersection of half planes `E - tie >= 0`, whose constants hold at the centre of pixel `base`.
 #[inline(always)]
 fn convex<K: Kernel, const N: usize, const S: usize>(
     edges: &[Edge; N],
+    ties: &[i64; N],
     base: [i32; 2],
     bounds: Bounds,
     visit: &mut impl FnMut(Block<S>),
@@ -169,13 +172,13 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     let rows = (bounds.y1 - by).div_ceil(8);
     let (wx, wy) = (bounds.x0 & !1, bounds.y0 & !1);
     if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
-        return small::<K, _, _>(edges, base, [wx, wy], bounds, visit);
+        return small::<K, _, _>(edges, ties, base, [wx, wy], bounds, visit);
     }
     // The constants at the first block of this area.
     let (dx, dy) = ((i32::from(bx) - base[0]) * SUBPIXEL, (i32::from(by) - base[1]) * SUBPIXEL);
     let mut first = [0; N];
     for n in 0..N {
-        first[n] = edges[n].at(dx, dy);
+        first[n] = edges[n].at(dx, dy) - ties[n];
     }
     if columns * rows <= 4 {
         for row in 0..rows {
@@ -187,8 +190,7 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     }
     // Classify up to 8x8 blocks at once by the samples of each that are furthest in and furthest out.
     let spread = if S == 1 { 0 } else { 96 };
-    let mut touched = [Reduced::default(); N];
-    let mut inside = [Reduced::default(); N];
+    let (mut touched, mut inside) = ([0; N], [0; N]);
     for n in 0..N {
         let Edge { a, b, .. } = edges[n];
         let (wa, wb) = (i64::from(a), i64::from(b));
@@ -196,14 +198,14 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
         let samples = spread * (wa.abs() + wb.abs());
         let most = reach * (wa.max(0) + wb.max(0)) + samples;
         let least = reach * (wa.min(0) + wb.min(0)) - samples;
-        touched[n] = Reduced { a, b, c: reduce(first[n] + most, BLOCK_SHIFT) };
-        inside[n] = Reduced { a, b, c: reduce(first[n] + least, BLOCK_SHIFT) };
+        touched[n] = reduce(first[n] + most, BLOCK_SHIFT);
+        inside[n] = reduce(first[n] + least, BLOCK_SHIFT);
     }
     // Blocks that exist: `columns` in each of `rows` rows, both at most 8.
     let row_bits = (1u64 << columns) - 1;
     let exist = (row_bits * 0x0101_0101_0101_0101) & (!0 >> (64 - 8 * rows));
-    let mut left = K::rows(&touched) & exist;
-    let inside = K::rows(&inside);
+    let mut left = K::rows(edges, &touched) & exist;
+    let inside = K::rows(edges, &inside);
     while left != 0 {
         let bit = left.trailing_zeros() as u16;
         left &= left - 1;
@@ -224,13 +226,13 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
 fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
     let mut out = [0; S];
     for (s, &[x, y]) in positions::<S>().iter().enumerate() {
-        let mut reduced = [Reduced::default(); N];
+        let mut reduced = [0; N];
         for n in 0..N {
             let Edge { a, b, .. } = edges[n];
             let offset = i64::from(a) * i64::from(x) + i64::from(b) * i64::from(y);
-            reduced[n] = Reduced { a, b, c: reduce(c[n] + offset, PIXEL_SHIFT) };
+            reduced[n] = reduce(c[n] + offset, PIXEL_SHIFT);
         }
-        out[s] = K::quads(&reduced);
+        out[s] = K::quads(edges, &reduced);
     }
     out
 }
@@ -268,6 +270,7 @@ fn emit<const S: usize>(mut block: Block<S>, visit: &mut impl FnMut(Block<S>)) {
 #[inline(always)]
 fn small<K: Kernel, const N: usize, const S: usize>(
     edges: &[Edge; N],
+    ties: &[i64; N],
     base: [i32; 2],
     [wx, wy]: [u16; 2],
     bounds: Bounds,
@@ -277,7 +280,7 @@ fn small<K: Kernel, const N: usize, const S: usize>(
     let (dx, dy) = ((i32::from(wx) - base[0]) * SUBPIXEL, (i32::from(wy) - base[1]) * SUBPIXEL);
     let mut c = [0; N];
     for n in 0..N {
-        c[n] = edges[n].at(dx, dy);
+        c[n] = edges[n].at(dx, dy) - ties[n];
     }
     // The bounds lie in the window and begin in its first quad.
     let (x1, y1) = (usize::from(bounds.x1 - wx) & 15, usize::from(bounds.y1 - wy) & 15);
