@@ -81,6 +81,8 @@ pub struct Cache {
     tags: Vec<u64>,
     states: Vec<State>,
     clock: u32,
+    /// The place found or filled last: neighbours in time are mostly neighbours in memory.
+    last: u32,
     counts: CacheCounts,
 }
 
@@ -93,6 +95,7 @@ impl Cache {
             tags: vec![EMPTY; lines],
             states: vec![State::default(); lines],
             clock: 0,
+            last: 0,
             counts: CacheCounts::default(),
         }
     }
@@ -140,6 +143,9 @@ impl Cache {
     /// Where a line is, if it is: nothing is counted, and its age stays.
     #[inline(always)]
     pub fn find(&self, line: u64) -> Option<Place> {
+        if self.tags[self.last as usize] == line {
+            return Some(Place(self.last));
+        }
         let set = self.set(line);
         let tags = &self.tags[set..set + self.shape.ways as usize];
         tags.iter().position(|&tag| tag == line).map(|way| Place((set + way) as u32))
@@ -150,6 +156,7 @@ impl Cache {
     pub fn touch(&mut self, place: Place) {
         self.clock = self.clock.wrapping_add(1);
         self.states[place.0 as usize].used = self.clock;
+        self.last = place.0;
     }
 
     /// Counts a lookup.

@@ -121,6 +121,11 @@ pub struct Dram {
     taken: Places,
     writes: Places,
     next_place: u32,
+    /// How many of each there are.
+    queued_reads: u32,
+    queued_writes: u32,
+    /// The card cycle before which no command can go, found when the last of a cycle had gone and void once a request enters.
+    command_at: Cycle,
     /// Banks that are closed though somebody waits for a row of theirs.
     waiting: u64,
     /// Banks with requests to their open row.
@@ -212,6 +217,9 @@ impl Dram {
             taken: 0,
             writes: 0,
             next_place: 0,
+            queued_reads: 0,
+            queued_writes: 0,
+            command_at: 0,
             waiting: 0,
             hitting: 0,
             writing: false,
@@ -257,8 +265,7 @@ impl Dram {
     /// Chooses the direction after the window has changed. Banks whose open row only the other direction wants are closed then.
     #[inline(always)]
     fn choose_direction(&mut self, time: u64) {
-        let writes = (self.taken & self.writes).count_ones();
-        let reads = self.taken.count_ones() - writes;
+        let (reads, writes) = (self.queued_reads, self.queued_writes);
         let enough = if self.writing { self.config.write_high / 2 + 1 } else { self.config.write_high };
         let writing = writes > 0 && (reads == 0 || writes >= enough);
         if writing != self.writing {
@@ -283,13 +290,17 @@ impl Dram {
         }
     }
 
-    /// The bank that opens a row next, and when: that of the oldest request among the banks that can go first.
+    /// The bank that opens a row next, and when: that of the oldest request among the banks that can go first. Any bank, and no
+    /// later than it will be, if that is at `end` or later.
     #[inline(always)]
-    fn next_activation(&self, time: u64) -> Option<(u64, usize)> {
+    fn next_activation(&self, time: u64, end: u64) -> Option<(u64, usize)> {
         if self.waiting == 0 {
             return None;
         }
         let floor = time.max(self.activate_at);
+        if floor >= end {
+            return Some((floor, 0));
+        }
         let direction = self.direction();
         let mut ready = 0;
         let mut soonest = (NEVER, 0);
@@ -336,11 +347,18 @@ impl Dram {
         self.activate_at = (at + u64::from(self.config.t_rrd)).max(self.activations[self.turn]);
     }
 
-    /// The access that goes next, and when: the oldest among the row hits that can go first.
+    /// The access that goes next, and when: the oldest among the row hits that can go first. Any, and no later than it will be, if
+    /// that is at `end` or later.
     #[inline(always)]
-    fn next_access(&self, time: u64) -> Option<(u64, usize)> {
+    fn next_access(&self, time: u64, end: u64) -> Option<(u64, usize)> {
+        if self.hitting == 0 {
+            return None;
+        }
         let direction = self.direction();
         let bus = time.max(if self.writing { self.write_at } else { self.read_at });
+        if bus >= end {
+            return Some((bus, 0));
+        }
         let mut ready = 0;
         let mut soonest = NEVER;
         let mut soonest_hits = 0;
@@ -376,12 +394,14 @@ impl Dram {
         let end = start + length;
         self.data_end = end;
         if self.writing {
+            self.queued_writes -= 1;
             bank.ready_at = bank.ready_at.max(end + u64::from(c.t_wr));
             self.write_at = at + length;
             self.read_at = (end + u64::from(c.t_wtr)).max(self.read_at);
             self.counts.write_bytes += bytes;
             self.items += 1;
         } else {
+            self.queued_reads -= 1;
             bank.ready_at = bank.ready_at.max(at + length - u64::from(c.burst) + u64::from(c.t_rtp));
             self.read_at = at + length;
             self.write_at = (end + u64::from(c.t_rtw)).saturating_sub(u64::from(c.cwl)).max(self.write_at);
@@ -432,6 +452,36 @@ impl Dram {
         self.counts.refreshes += 1;
     }
 
+    /// Issues the commands of a card cycle in the order of their time, and finds the cycle of the next. Returns whether there were
+    /// any.
+    #[inline(always)]
+    fn command(&mut self, now: Cycle) -> bool {
+        let (begin, end) = (self.config.ticks(now), self.config.ticks(now + 1));
+        let mut any = false;
+        while self.taken != 0 {
+            if begin >= self.refresh_at {
+                self.refresh(begin);
+                any = true;
+            }
+            let activation = self.next_activation(begin, end);
+            let access = self.next_access(begin, end);
+            let next = activation.map_or(NEVER, |(at, _)| at).min(access.map_or(NEVER, |(at, _)| at));
+            if next >= end {
+                let until = next.min(self.refresh_at);
+                assert!(until != NEVER, "cycle {now}: a DRAM channel has requests and nothing to do for them");
+                self.command_at = self.config.cycle(until).max(now + 1);
+                break;
+            }
+            match (activation, access) {
+                (Some((at, bank)), _) if at == next => self.activate(bank, at),
+                (_, Some((at, place))) => self.access(place, at),
+                _ => unreachable!("one of both is next"),
+            }
+            any = true;
+        }
+        any
+    }
+
     /// A request enters the window.
     #[inline(always)]
     fn accept(&mut self, request: DramRequest, port: usize, time: u64) {
@@ -443,6 +493,12 @@ impl Dram {
         self.window[place] = Queued { row, bank: number, bursts, id: request.id, port: port as u32 };
         self.taken |= 1 << place;
         self.writes |= Places::from(request.write) << place;
+        if request.write != 0 {
+            self.queued_writes += 1;
+        } else {
+            self.queued_reads += 1;
+        }
+        self.command_at = 0;
         let bank = &mut self.banks[number as usize];
         bank.queue |= 1 << place;
         if bank.row == row {
@@ -476,33 +532,17 @@ impl<C> Unit<C> for Dram {
             did = Tick::Moved;
         }
         // 2. The commands of this cycle are issued in the order of their time.
-        let (begin, end) = (self.config.ticks(now), self.config.ticks(now + 1));
-        while self.taken != 0 {
-            if begin >= self.refresh_at {
-                self.refresh(begin);
-                did = Tick::Moved;
-            }
-            let activation = self.next_activation(begin);
-            let access = self.next_access(begin);
-            let next = activation.map_or(NEVER, |(at, _)| at).min(access.map_or(NEVER, |(at, _)| at));
-            if next >= end {
-                let until = next.min(self.refresh_at);
-                assert!(until != NEVER, "cycle {now}: a DRAM channel has requests and nothing to do for them");
-                wires.sleep_until(self.config.cycle(until));
-                break;
-            }
-            match (activation, access) {
-                (Some((at, bank)), _) if at == next => self.activate(bank, at),
-                (_, Some((at, place))) => self.access(place, at),
-                _ => unreachable!("one of both is next"),
-            }
+        if self.taken != 0 && now >= self.command_at && self.command(now) {
             did = Tick::Moved;
+        }
+        if self.taken != 0 {
+            wires.sleep_until(self.command_at);
         }
         // 3. Requests enter the window, ports in turn.
         for port in 0..self.inputs.len() {
-            while self.taken.count_ones() < self.config.window && self.taken & (1 << self.next_place) == 0 {
+            while self.queued_reads + self.queued_writes < self.config.window && self.taken & (1 << self.next_place) == 0 {
                 let Some(request) = wires.pop(&self.inputs[port]) else { break };
-                self.accept(request, port, begin);
+                self.accept(request, port, self.config.ticks(now));
                 did = Tick::Moved;
             }
         }

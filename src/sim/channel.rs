@@ -62,7 +62,8 @@ pub(super) struct Slot {
     pub data: [u64; 2],
 }
 
-/// The hot state of a channel, one cache line. Its ring lies in the slab of [`Wires`](super::Wires).
+/// The state of a channel: a cache line that every push and pop touches, and one that only some do. The ring lies in the slab of
+/// [`Wires`](super::Wires).
 ///
 /// The two questions that units ask most are answered by one comparison each: an item can be popped from `poppable` on and
 /// pushed from `pushable` on. Both are kept up to date by whoever pushes or pops; [`NEVER`] means that it takes the other end.
@@ -93,57 +94,26 @@ pub(super) struct Channel {
     pub consumer: UnitId,
     /// The producer found room, but not for as many as it wants.
     pub pressed: bool,
-    /// The width counts bytes: the [`Carrier`] says when the link is free.
-    pub by_bytes: bool,
-}
+    /// The width counts bytes.
+    by_bytes: bool,
 
-/// What a push or pop touches only in some channels, or at some times.
-#[derive(Clone, Debug)]
-pub(super) struct Carrier {
     /// Bytes of an item pushed without a size.
-    pub item_bytes: u32,
-    /// Bytes pushed less `item_bytes` an item, wrapping.
-    pub extra_bytes: u64,
+    item_bytes: u32,
     /// Bytes a cycle.
-    width: u32,
-    /// What the link carries in `cycle`, the last one in which it carries anything, possibly still to come.
-    used: u32,
-    cycle: Cycle,
+    link_width: u32,
+    /// What the link carries in `link_cycle`, the last one in which it carries anything, possibly still to come.
+    link_used: u32,
+    link_cycle: Cycle,
+    /// Bytes pushed less `item_bytes` an item, wrapping.
+    extra_bytes: u64,
     /// The cycle of the push that filled the channel last.
-    pub full_since: Cycle,
+    full_since: Cycle,
     /// Cycles at whose start the channel was full, up to the last pop from a full channel.
-    pub full_cycles: u64,
-}
-
-impl Carrier {
-    pub fn new(link: Link, item_bytes: u32) -> Carrier {
-        Carrier { item_bytes, extra_bytes: 0, width: link.width, used: 0, cycle: 0, full_since: 0, full_cycles: 0 }
-    }
-
-    /// The first cycle from `now` on in which the link can carry something.
-    #[inline(always)]
-    pub fn free(&self, now: Cycle) -> Cycle {
-        if self.cycle < now { now } else { self.cycle + Cycle::from(self.used >= self.width) }
-    }
-
-    /// Books `bytes` on the link, which is free, and returns the cycle of the last of them.
-    #[inline(always)]
-    pub fn carry(&mut self, now: Cycle, bytes: u32) -> Cycle {
-        if self.cycle < now {
-            self.cycle = now;
-            self.used = 0;
-        }
-        self.used += bytes;
-        while self.used > self.width {
-            self.used -= self.width;
-            self.cycle += 1;
-        }
-        self.cycle
-    }
+    full_cycles: u64,
 }
 
 impl Channel {
-    pub fn new(link: Link, base: u32, producer: UnitId, consumer: UnitId) -> Channel {
+    pub fn new(link: Link, item_bytes: u32, base: u32, producer: UnitId, consumer: UnitId) -> Channel {
         let narrow = |value: u32| u16::try_from(value).unwrap_or(u16::MAX);
         Channel {
             poppable: NEVER,
@@ -161,7 +131,35 @@ impl Channel {
             consumer,
             pressed: false,
             by_bytes: link.by_bytes,
+            item_bytes,
+            link_width: link.width,
+            link_used: 0,
+            link_cycle: 0,
+            extra_bytes: 0,
+            full_since: 0,
+            full_cycles: 0,
         }
+    }
+
+    /// The first cycle from `now` on in which the link can carry something.
+    #[inline(always)]
+    fn link_free(&self, now: Cycle) -> Cycle {
+        if self.link_cycle < now { now } else { self.link_cycle + Cycle::from(self.link_used >= self.link_width) }
+    }
+
+    /// Books `bytes` on the link, which is free, and returns the cycle of the last of them.
+    #[inline(always)]
+    fn carry(&mut self, now: Cycle, bytes: u32) -> Cycle {
+        if self.link_cycle < now {
+            self.link_cycle = now;
+            self.link_used = 0;
+        }
+        self.link_used += bytes;
+        while self.link_used > self.link_width {
+            self.link_used -= self.link_width;
+            self.link_cycle += 1;
+        }
+        self.link_cycle
     }
 
     /// Places that the ring takes in the slab.
@@ -198,9 +196,17 @@ impl Channel {
         slots[self.step(self.tail, (items - 1).wrapping_sub(self.capacity)) as usize].free
     }
 
-    /// Puts an item at the tail, its last part entering in cycle `entered`; returns whether the channel is now full.
+    /// Puts an item at the tail, which `pushable` allows; `bytes` is its size if it is not that of all items.
     #[inline(always)]
-    pub fn push(&mut self, now: Cycle, entered: Cycle, data: [u64; 2], slots: &mut [Slot]) -> bool {
+    pub fn push(&mut self, now: Cycle, bytes: Option<u32>, data: [u64; 2], slots: &mut [Slot]) {
+        let mut entered = now;
+        if let Some(bytes) = bytes {
+            self.extra_bytes = self.extra_bytes.wrapping_add(u64::from(bytes)).wrapping_sub(u64::from(self.item_bytes));
+        }
+        if self.by_bytes {
+            entered = self.carry(now, bytes.unwrap_or(self.item_bytes));
+            self.waited = self.waited.wrapping_add(entered - now);
+        }
         let ready = entered + Cycle::from(self.latency);
         let slot = &mut slots[self.tail as usize];
         slot.ready = ready;
@@ -211,30 +217,23 @@ impl Channel {
             self.poppable = ready;
         }
         self.len += 1;
-        let full = self.len == self.capacity;
-        self.pushable = if full {
+        self.pushable = if self.len == self.capacity {
+            self.full_since = now;
             NEVER
         } else if self.width == 1 {
             // Whatever place is next, it is free by then.
             now + 1
-        } else if slots[self.step(self.tail, 0u32.wrapping_sub(u32::from(self.width))) as usize].ready
-            == now + Cycle::from(self.latency)
-        {
+        } else if self.by_bytes {
+            self.link_free(now).max(self.room_at(1, slots))
+        } else if slots[self.step(self.tail, 0u32.wrapping_sub(u32::from(self.width))) as usize].ready == ready {
             // The item before by the width came in this cycle: the width is spent.
             now + 1
         } else {
             self.room_at(1, slots)
         };
-        full
     }
 
-    /// Counts cycles that an item spends in entering; the latency comes after.
-    #[inline(always)]
-    pub fn enter(&mut self, cycles: Cycle) {
-        self.waited = self.waited.wrapping_add(cycles);
-    }
-
-    /// Takes out the item at the head, which can be popped; returns whether the channel was full.
+    /// Takes out the item at the head, which `poppable` allows; returns whether the channel was full.
     #[inline(always)]
     pub fn pop(&mut self, now: Cycle, slots: &mut [Slot]) -> bool {
         self.waited = self.waited.wrapping_add(now - self.poppable);
@@ -242,12 +241,17 @@ impl Channel {
         self.head = self.step(self.head, 1);
         self.len -= 1;
         self.poppable = if self.len == 0 { NEVER } else { slots[self.head as usize].ready };
-        self.pushable == NEVER
+        let was_full = self.pushable == NEVER;
+        if was_full {
+            self.pushable = if self.by_bytes { self.link_free(now + 1) } else { now + 1 };
+            self.full_cycles += now - self.full_since;
+        }
+        was_full
     }
 
     /// The counts over the cycles before `now`, with the whole slab to find the items inside.
-    pub fn counts(&self, carrier: &Carrier, slots: &[Slot], now: Cycle) -> ChannelCounts {
-        let full = if self.pushable == NEVER { now.saturating_sub(carrier.full_since + 1) } else { 0 };
+    pub fn counts(&self, slots: &[Slot], now: Cycle) -> ChannelCounts {
+        let full = if self.pushable == NEVER { now.saturating_sub(self.full_since + 1) } else { 0 };
         let mut occupancy = self.waited.wrapping_add((self.pushed - u64::from(self.len)) * u64::from(self.latency));
         for number in 0..self.len {
             let entered = slots[self.step(self.head, number) as usize].ready - u64::from(self.latency);
@@ -255,8 +259,8 @@ impl Channel {
         }
         ChannelCounts {
             items: self.pushed,
-            bytes: (self.pushed * u64::from(carrier.item_bytes)).wrapping_add(carrier.extra_bytes),
-            full_cycles: carrier.full_cycles + full,
+            bytes: (self.pushed * u64::from(self.item_bytes)).wrapping_add(self.extra_bytes),
+            full_cycles: self.full_cycles + full,
             occupancy,
         }
     }

@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use super::channel::{Carrier, Channel, ChannelCounts, Link, Slot};
+use super::channel::{Channel, ChannelCounts, Link, Slot};
 use super::unit::Tick;
 use crate::num::{Cycle, NEVER};
 use crate::stats::{Account, Cycles, Group, Tree};
@@ -56,7 +56,6 @@ impl std::fmt::Display for Label {
 pub struct Wiring {
     units: Vec<Label>,
     channels: Vec<Channel>,
-    carriers: Vec<Carrier>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
     places: u32,
@@ -97,8 +96,7 @@ impl Wiring {
         assert!(sound, "{name}[{index}] is no channel: {link:?}");
         let number = self.channels.len() as u32;
         self.places = self.places.next_multiple_of(Channel::places(link.capacity));
-        self.channels.push(Channel::new(link, self.places, from, to));
-        self.carriers.push(Carrier::new(link, size_of::<T>() as u32));
+        self.channels.push(Channel::new(link, size_of::<T>() as u32, self.places, from, to));
         self.labels.push(Label { name, index });
         self.show.push(|data| format!("{:?}", unpack::<T>(data)));
         self.places += Channel::places(link.capacity);
@@ -114,7 +112,6 @@ impl Wiring {
             wake: vec![0; self.units.len()],
             accounts: vec![Account::new(0); self.units.len()],
             channels: self.channels,
-            carriers: self.carriers,
             slots: vec![Slot::default(); self.places as usize],
             units: self.units,
             labels: self.labels,
@@ -137,7 +134,6 @@ pub struct Wires {
     last_move: Cycle,
     wake: Vec<Cycle>,
     channels: Vec<Channel>,
-    carriers: Vec<Carrier>,
     slots: Vec<Slot>,
     accounts: Vec<Account>,
     units: Vec<Label>,
@@ -198,14 +194,6 @@ impl Wires {
         if was_full || channel.pressed {
             channel.pressed = false;
             let producer = channel.producer;
-            if was_full {
-                channel.pushable = now + 1;
-                let carrier = &mut self.carriers[port.0 as usize];
-                carrier.full_cycles += now - carrier.full_since;
-                if channel.by_bytes {
-                    channel.pushable = carrier.free(now + 1);
-                }
-            }
             self.wake_at(producer, now + 1);
         }
     }
@@ -247,8 +235,6 @@ impl Wires {
     /// As [`Wires::push`].
     #[inline(always)]
     pub fn push_sized<T: Token>(&mut self, port: &Out<T>, item: T, bytes: u32) {
-        let carrier = &mut self.carriers[port.0 as usize];
-        carrier.extra_bytes = carrier.extra_bytes.wrapping_add(u64::from(bytes)).wrapping_sub(u64::from(carrier.item_bytes));
         self.put(port.0 as usize, Some(bytes), pack(item));
     }
 
@@ -259,23 +245,8 @@ impl Wires {
         if channel.pushable > now {
             self.misuse(number as u32, "pushed into without asking, and it takes nothing now");
         }
-        let mut entered = now;
         let was_empty = channel.len() == 0;
-        let full;
-        if channel.by_bytes {
-            let carrier = &mut self.carriers[number];
-            entered = carrier.carry(now, bytes.unwrap_or(carrier.item_bytes));
-            channel.enter(entered - now);
-            full = channel.push(now, entered, data, &mut self.slots);
-            if !full {
-                channel.pushable = channel.pushable.max(carrier.free(now));
-            }
-        } else {
-            full = channel.push(now, entered, data, &mut self.slots);
-        }
-        if full {
-            self.carriers[number].full_since = now;
-        }
+        channel.push(now, bytes, data, &mut self.slots);
         if was_empty {
             let (consumer, ready) = (channel.consumer, channel.poppable);
             self.wake_at(consumer, ready);
@@ -383,8 +354,7 @@ impl Wires {
     }
 
     fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
-        let each = self.channels.iter().zip(&self.carriers);
-        each.map(|(channel, carrier)| channel.counts(carrier, &self.slots, self.now))
+        self.channels.iter().map(|channel| channel.counts(&self.slots, self.now))
     }
 
     /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.
