@@ -222,8 +222,7 @@ impl ClipVolume {
     pub fn outcode(&self, [x, y, z, w]: [f32; 4]) -> Outcode {
         let bit = |on: bool, code: Outcode| if on { code } else { 0 };
         let [x0, x1, y0, y1] = self.guard;
-        // Adding the components' differences with themselves gives 0 where all are finite and NaN elsewhere.
-        let finite = (x - x) + (y - y) + (z - z) + (w - w) == 0.0;
+        let finite = x.is_finite() & y.is_finite() & z.is_finite() & w.is_finite();
         bit(x < -w, LEFT)
             | bit(x > w, RIGHT)
             | bit(y < -w, BOTTOM)

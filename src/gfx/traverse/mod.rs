@@ -110,6 +110,9 @@ pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, mut visit: imp
 }
 
 /// As [`blocks`] for a caller that is itself compiled for these instructions, so that its visitor is too.
+///
+/// # Safety
+/// The host has these instructions. A caller compiled for them says so by being one; any other has to know.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 #[inline]
