@@ -1,14 +1,12 @@
 //! Colour: blending, write masks, conversion to the target's format.
 
-use super::{code_words, four, select_mask};
+use super::channels::{distinct_run, floats, lanes, limit, names_second, pack, range, unpack, write_bits};
+use super::{Colors, code_words, four, select_mask};
 use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::simd::wide;
 use crate::gfx::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
-use crate::gfx::texel::{Rgba8, decode_code, encode_code, srgb_table, unorm};
+use crate::gfx::texel::{Rgba8, decode_code, encode_code};
 use crate::num::{LANES, Lanes, QUADS};
-
-/// Colours of `N` pixels, a channel after the other.
-type Colors<const N: usize> = [[f32; N]; 4];
 
 /// What to do with a source colour; chosen once a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +33,8 @@ pub struct ColorState {
     /// Bits of a code that are written.
     bits: [u32; 4],
     whole: bool,
+    /// Whether a factor names the second source.
+    dual: bool,
     words: usize,
     constant: [f32; 4],
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
@@ -68,6 +68,7 @@ impl ColorState {
             alpha: blend.alpha,
             bits,
             whole: bits == write_bits(format, 15),
+            dual: [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second),
             words: code_words(format),
             constant: constant.map(|c| limit(c, clamp)),
             clamp,
@@ -134,7 +135,7 @@ impl ColorState {
     fn pack_batch_body(&self, src: &[Lanes; 4], out: &mut [Lanes; 4]) {
         *out = [Lanes::ZERO; 4];
         if let Some(layout) = Rgba8::of(self.format) {
-            pack(layout, &lanes(src), &mut out[0].0);
+            pack(layout, lanes(src), &mut out[0].0);
         } else {
             for i in 0..LANES {
                 let code = encode_code(self.format, std::array::from_fn(|c| src[c].0[i]));
@@ -197,7 +198,7 @@ impl ColorState {
         match self.path {
             Path::Nothing => {}
             Path::Replace8(_) => {
-                let new = self.codes8::<LANES>(&lanes(src), &lanes(src1), &[0; LANES]);
+                let new = self.codes8::<LANES>(lanes(src), lanes(src1), &[0; LANES]);
                 for q in (0..quads).filter(|q| coverage[*q] != 0) {
                     let run = &mut tile[at[q] as usize * samples * 4..][..samples * 4];
                     self.put_quad(samples, coverage[q], &four(&new, 4 * q), run);
@@ -250,7 +251,7 @@ impl ColorState {
                 old[4 * q..4 * q + 4].copy_from_slice(&four(tile, place(q)));
             }
         }
-        let new = self.codes8::<LANES>(&lanes(src), &lanes(src1), &old);
+        let new = self.codes8::<LANES>(lanes(src), lanes(src1), &old);
         for q in run {
             if mask(q) != 0 {
                 self.put(mask(q), &four(&new, 4 * q), &mut tile[place(q)..place(q) + 4]);
@@ -283,12 +284,23 @@ impl ColorState {
             Path::Replace8(layout) => pack(layout, src, &mut out),
             Path::Blend8(layout) => {
                 let dst = unpack(layout, old);
+                let (mut clamped, mut second) = ([[0.0; N]; 4], [[0.0; N]; 4]);
+                for c in 0..4 {
+                    for i in 0..N {
+                        clamped[c][i] = limit(src[c][i], [0.0, 1.0]);
+                    }
+                }
+                if self.dual {
+                    for c in 0..4 {
+                        for i in 0..N {
+                            second[c][i] = limit(src1[c][i], [0.0, 1.0]);
+                        }
+                    }
+                }
                 let mut result = [[0.0_f32; N]; 4];
-                let clamp = |x: &[f32; N]| x.map(|v| limit(v, [0.0, 1.0]));
-                let (src, src1) = (src.each_ref().map(clamp), src1.each_ref().map(clamp));
                 for c in 0..4 {
                     let blend = if c == 3 { self.alpha } else { self.color };
-                    result[c] = self.blend_channel(c, blend, &src, &src1, &dst);
+                    self.blend_channel(c, blend, &clamped, &second, &dst, &mut result[c]);
                 }
                 pack(layout, &result, &mut out);
             }
@@ -306,18 +318,41 @@ impl ColorState {
         src: &Colors<N>,
         src1: &Colors<N>,
         dst: &Colors<N>,
-    ) -> [f32; N] {
+        out: &mut [f32; N],
+    ) {
+        // Plain loops rather than array adaptors: they take on the instruction set of the function they are inlined into.
         let (s, d) = (&src[c], &dst[c]);
         match blend.op {
-            BlendOp::Min => std::array::from_fn(|i| if s[i] < d[i] { s[i] } else { d[i] }),
-            BlendOp::Max => std::array::from_fn(|i| if s[i] > d[i] { s[i] } else { d[i] }),
+            BlendOp::Min => {
+                for i in 0..N {
+                    out[i] = if s[i] < d[i] { s[i] } else { d[i] };
+                }
+            }
+            BlendOp::Max => {
+                for i in 0..N {
+                    out[i] = if s[i] > d[i] { s[i] } else { d[i] };
+                }
+            }
             _ => {
-                let a = self.weighted(blend.src, s, c, src, src1, dst);
-                let b = self.weighted(blend.dst, d, c, src, src1, dst);
+                let mut other = [0.0; N];
+                self.weigh(blend.src, s, c, src, src1, dst, out);
+                self.weigh(blend.dst, d, c, src, src1, dst, &mut other);
                 match blend.op {
-                    BlendOp::Subtract => std::array::from_fn(|i| a[i] - b[i]),
-                    BlendOp::ReverseSubtract => std::array::from_fn(|i| b[i] - a[i]),
-                    _ => std::array::from_fn(|i| a[i] + b[i]),
+                    BlendOp::Subtract => {
+                        for i in 0..N {
+                            out[i] -= other[i];
+                        }
+                    }
+                    BlendOp::ReverseSubtract => {
+                        for i in 0..N {
+                            out[i] = other[i] - out[i];
+                        }
+                    }
+                    _ => {
+                        for i in 0..N {
+                            out[i] += other[i];
+                        }
+                    }
                 }
             }
         }
@@ -325,7 +360,7 @@ impl ColorState {
 
     /// A channel times its factor. Factors 0 and 1 are exact even for infinities and NaN, as if the term were absent or bare.
     #[inline(always)]
-    fn weighted<const N: usize>(
+    fn weigh<const N: usize>(
         &self,
         factor: BlendFactor,
         x: &[f32; N],
@@ -333,38 +368,54 @@ impl ColorState {
         src: &Colors<N>,
         src1: &Colors<N>,
         dst: &Colors<N>,
-    ) -> [f32; N] {
-        #[inline(always)]
-        fn by<const N: usize>(x: &[f32; N], f: &[f32; N]) -> [f32; N] {
-            std::array::from_fn(|i| x[i] * f[i])
-        }
-        #[inline(always)]
-        fn by_rest<const N: usize>(x: &[f32; N], f: &[f32; N]) -> [f32; N] {
-            std::array::from_fn(|i| x[i] * (1.0 - f[i]))
-        }
-        let k = self.constant[c];
-        match factor {
-            BlendFactor::Zero => [0.0; N],
-            BlendFactor::One => *x,
-            BlendFactor::Src => by(x, &src[c]),
-            BlendFactor::OneMinusSrc => by_rest(x, &src[c]),
-            BlendFactor::SrcAlpha => by(x, &src[3]),
-            BlendFactor::OneMinusSrcAlpha => by_rest(x, &src[3]),
-            BlendFactor::Dst => by(x, &dst[c]),
-            BlendFactor::OneMinusDst => by_rest(x, &dst[c]),
-            BlendFactor::DstAlpha => by(x, &dst[3]),
-            BlendFactor::OneMinusDstAlpha => by_rest(x, &dst[3]),
-            BlendFactor::SrcAlphaSaturated if c == 3 => *x,
-            BlendFactor::SrcAlphaSaturated => std::array::from_fn(|i| {
-                let (a, rest) = (src[3][i], 1.0 - dst[3][i]);
-                x[i] * if a < rest { a } else { rest }
-            }),
-            BlendFactor::Constant => x.map(|v| v * k),
-            BlendFactor::OneMinusConstant => x.map(|v| v * (1.0 - k)),
-            BlendFactor::Src1 => by(x, &src1[c]),
-            BlendFactor::OneMinusSrc1 => by_rest(x, &src1[c]),
-            BlendFactor::Src1Alpha => by(x, &src1[3]),
-            BlendFactor::OneMinusSrc1Alpha => by_rest(x, &src1[3]),
+        out: &mut [f32; N],
+    ) {
+        let constant = [self.constant[c]; N];
+        let mut saturated = [0.0; N];
+        // Which numbers, and whether what they lack to 1.
+        let (numbers, rest) = match factor {
+            BlendFactor::Zero => {
+                *out = [0.0; N];
+                return;
+            }
+            BlendFactor::One => {
+                *out = *x;
+                return;
+            }
+            BlendFactor::SrcAlphaSaturated => {
+                if c == 3 {
+                    *out = *x;
+                    return;
+                }
+                for i in 0..N {
+                    let (a, rest) = (src[3][i], 1.0 - dst[3][i]);
+                    saturated[i] = if a < rest { a } else { rest };
+                }
+                (&saturated, false)
+            }
+            BlendFactor::Src => (&src[c], false),
+            BlendFactor::OneMinusSrc => (&src[c], true),
+            BlendFactor::SrcAlpha => (&src[3], false),
+            BlendFactor::OneMinusSrcAlpha => (&src[3], true),
+            BlendFactor::Dst => (&dst[c], false),
+            BlendFactor::OneMinusDst => (&dst[c], true),
+            BlendFactor::DstAlpha => (&dst[3], false),
+            BlendFactor::OneMinusDstAlpha => (&dst[3], true),
+            BlendFactor::Constant => (&constant, false),
+            BlendFactor::OneMinusConstant => (&constant, true),
+            BlendFactor::Src1 => (&src1[c], false),
+            BlendFactor::OneMinusSrc1 => (&src1[c], true),
+            BlendFactor::Src1Alpha => (&src1[3], false),
+            BlendFactor::OneMinusSrc1Alpha => (&src1[3], true),
+        };
+        if rest {
+            for i in 0..N {
+                out[i] = x[i] * (1.0 - numbers[i]);
+            }
+        } else {
+            for i in 0..N {
+                out[i] = x[i] * numbers[i];
+            }
         }
     }
 
@@ -380,7 +431,9 @@ impl ColorState {
             let (src, src1) = (one(src), one(src1));
             let channel = |c: usize| {
                 let blend = if c == 3 { self.alpha } else { self.color };
-                self.blend_channel::<1>(c, blend, &src, &src1, &dst)[0].to_bits()
+                let mut out = [0.0];
+                self.blend_channel::<1>(c, blend, &src, &src1, &dst, &mut out);
+                out[0].to_bits()
             };
             encode_code(self.format, [channel(0), channel(1), channel(2), channel(3)])
         } else {
@@ -405,116 +458,4 @@ wide! {
         tile: &mut [u32],
     ) = ColorState::blend_batch_body;
     fn pack_batch(state: &ColorState, src: &[Lanes; 4], out: &mut [Lanes; 4]) = ColorState::pack_batch_body;
-}
-
-/// The range of a fixed-point format's numbers; all numbers for a floating-point one.
-fn range(format: Format) -> [f32; 2] {
-    let name = format.name();
-    if name.contains("unorm") {
-        [0.0, 1.0]
-    } else if name.contains("snorm") {
-        [-1.0, 1.0]
-    } else {
-        [f32::NEG_INFINITY, f32::INFINITY]
-    }
-}
-
-/// Clamps to a finite range, NaN to 0; leaves numbers alone where the range is infinite.
-#[inline(always)]
-fn limit(x: f32, range: [f32; 2]) -> f32 {
-    if range[1] == f32::INFINITY {
-        return x;
-    }
-    let x = if x.is_nan() { 0.0 } else { x };
-    let x = if x > range[0] { x } else { range[0] };
-    if x < range[1] { x } else { range[1] }
-}
-
-/// The bits of a code that a channel mask writes.
-fn write_bits(format: Format, mask: u8) -> [u32; 4] {
-    let channels: [bool; 4] = std::array::from_fn(|c| mask >> c & 1 != 0);
-    if format == Format::Rgb9e5Ufloat {
-        // The exponent belongs to all channels: they are written together or not at all.
-        return if mask & 7 == 0 { [0; 4] } else { [!0, 0, 0, 0] };
-    }
-    let widths: [u32; 4] = match format {
-        Format::Rgb10a2Uint | Format::Rgb10a2Unorm => [10, 10, 10, 2],
-        Format::Rg11b10Ufloat => [11, 11, 10, 0],
-        Format::R64Uint => [64, 0, 0, 0],
-        _ => {
-            let width = format.block_bytes() * 8 / format.components();
-            std::array::from_fn(|c| if (c as u32) < format.components() { width } else { 0 })
-        }
-    };
-    // Blue is stored first in two formats.
-    let order = if Rgba8::of(format).is_some_and(|layout| layout.bgra) { [2, 1, 0, 3] } else { [0, 1, 2, 3] };
-    let mut bits = 0_u128;
-    let mut at = 0;
-    for place in 0..4 {
-        let width = widths[place];
-        if width > 0 && channels[order[place]] {
-            bits |= ((1_u128 << width) - 1) << at;
-        }
-        at += width;
-    }
-    std::array::from_fn(|word| (bits >> (32 * word)) as u32)
-}
-
-/// The first quad after `first` whose place occurred before it in the run that starts at `first`.
-#[inline(always)]
-fn distinct_run(at: &[u32; QUADS], first: usize, quads: usize) -> usize {
-    // A bloom filter of 64 bits: only a quad whose bit is taken is compared with the run.
-    let mut seen = 0_u64;
-    for q in first..quads {
-        let bit = 1_u64 << (at[q] >> 1 & 63);
-        if seen & bit != 0 && at[first..q].contains(&at[q]) {
-            return q;
-        }
-        seen |= bit;
-    }
-    quads
-}
-
-/// Decodes codes of four 8-bit channels.
-#[inline(always)]
-fn unpack<const N: usize>(layout: Rgba8, codes: &[u32; N]) -> Colors<N> {
-    let shift = if layout.bgra { [16, 8, 0, 24] } else { [0, 8, 16, 24] };
-    let mut out = [[0.0; N]; 4];
-    for c in 0..4 {
-        if layout.srgb && c < 3 {
-            let table = srgb_table();
-            out[c] = codes.map(|code| table[(code >> shift[c] & 255) as usize]);
-        } else {
-            out[c] = codes.map(|code| (code >> shift[c] & 255) as i32 as f32 / 255.0);
-        }
-    }
-    out
-}
-
-/// Encodes colours of four 8-bit channels.
-#[inline(always)]
-fn pack<const N: usize>(layout: Rgba8, color: &Colors<N>, out: &mut [u32; N]) {
-    let (first, third) = if layout.bgra { (2, 0) } else { (0, 2) };
-    let (a, b, c, d) = (&color[first], &color[1], &color[third], &color[3]);
-    if layout.srgb {
-        let encoder = crate::gfx::texel::SrgbEncoder::new();
-        for i in 0..N {
-            let low = u32::from(encoder.encode(a[i])) | u32::from(encoder.encode(b[i])) << 8;
-            out[i] = low | u32::from(encoder.encode(c[i])) << 16 | unorm(d[i], 255.0) << 24;
-        }
-    } else {
-        for i in 0..N {
-            out[i] = unorm(a[i], 255.0) | unorm(b[i], 255.0) << 8 | unorm(c[i], 255.0) << 16 | unorm(d[i], 255.0) << 24;
-        }
-    }
-}
-
-#[inline(always)]
-fn floats(bits: &[[u32; 4]; 4]) -> Colors<4> {
-    bits.map(|c| c.map(f32::from_bits))
-}
-
-#[inline(always)]
-fn lanes(color: &[Lanes; 4]) -> Colors<LANES> {
-    [*color[0].f32(), *color[1].f32(), *color[2].f32(), *color[3].f32()]
 }

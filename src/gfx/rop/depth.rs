@@ -167,9 +167,21 @@ impl DepthStencilState {
         let (depth, range) = (depth.f32(), self.range);
         match self.storage {
             Storage::None => *out = Lanes::ZERO,
-            Storage::Unorm16 => (0..LANES).for_each(|i| out.0[i] = unorm(clamp(depth[i], range), 65535.0)),
-            Storage::Unorm24 => (0..LANES).for_each(|i| out.0[i] = unorm24(clamp(depth[i], range))),
-            Storage::Float => (0..LANES).for_each(|i| out.0[i] = clamp(depth[i], range).to_bits()),
+            Storage::Unorm16 => {
+                for i in 0..LANES {
+                    out.0[i] = unorm(clamp(depth[i], range), 65535.0);
+                }
+            }
+            Storage::Unorm24 => {
+                for i in 0..LANES {
+                    out.0[i] = unorm24(clamp(depth[i], range));
+                }
+            }
+            Storage::Float => {
+                for i in 0..LANES {
+                    out.0[i] = clamp(depth[i], range).to_bits();
+                }
+            }
         }
     }
 

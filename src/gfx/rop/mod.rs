@@ -6,6 +6,7 @@
 //! units single quads; both end in the same inner functions, so that their images are equal bit for bit.
 
 mod blend;
+mod channels;
 mod depth;
 mod resolve;
 
@@ -27,6 +28,9 @@ fn four(words: &[u32], at: usize) -> [u32; 4] {
     let run = &words[at..at + 4];
     [run[0], run[1], run[2], run[3]]
 }
+
+/// Colours of `N` pixels, a channel after the other.
+type Colors<const N: usize> = [[f32; N]; 4];
 
 /// All ones where bit `p` of a quad's mask is set.
 #[inline(always)]

@@ -7,11 +7,13 @@ use super::Format;
 pub fn unorm24(depth: f32) -> u32 {
     let d = if depth > 0.0 { depth } else { 0.0 };
     let d = if d < 1.0 { d } else { 1.0 };
-    // The product has at most 24 bits before the point, so adding 2^23 and taking it away rounds it where it has a fraction
-    // that `f32` can hold, and a number from 2^23 on is an integer already.
+    // Adding 2^23 rounds a smaller product to an integer, which is then in the low bits; one from 2^23 on is an integer already,
+    // without its leading bit in the mantissa. No conversion that would have to saturate.
+    const HALF: f32 = 8_388_608.0;
     let scaled = d * 16_777_215.0;
-    let rounded = if scaled < 8_388_608.0 { (scaled + 8_388_608.0) - 8_388_608.0 } else { scaled };
-    rounded as i32 as u32
+    let small = (scaled + HALF).to_bits().wrapping_sub(HALF.to_bits());
+    let large = scaled.to_bits().wrapping_sub(HALF.to_bits()).wrapping_add(1 << 23);
+    if scaled < HALF { small } else { large }
 }
 
 /// The code that a depth format stores for a depth: unsigned normalised, or the bits of the `f32`. NaN becomes 0 in a normalised
@@ -29,8 +31,8 @@ pub fn depth_code(format: Format, depth: f32) -> u32 {
 #[inline(always)]
 pub fn depth_value(format: Format, code: u32) -> f32 {
     match format {
-        Format::Depth16Unorm => (code & 0xffff) as f32 / 65535.0,
-        Format::Depth24Plus | Format::Depth24PlusStencil8 => (code & 0x00ff_ffff) as f32 / 16_777_215.0,
+        Format::Depth16Unorm => (code & 0xffff) as i32 as f32 / 65535.0,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => (code & 0x00ff_ffff) as i32 as f32 / 16_777_215.0,
         _ => f32::from_bits(code),
     }
 }
