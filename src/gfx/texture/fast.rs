@@ -6,21 +6,19 @@
 //! 8-bit step of the exact one.
 
 use super::lod::{Selection, clamp};
+use super::record::Footprint;
 use super::view::{FIXED_ONE, Texels};
 use super::{Lod, Sample, Sampler, View};
 use crate::gfx::math::log2;
 use crate::gfx::simd::wide;
 use crate::gfx::state::{AddressMode, ViewDimension};
-use crate::num::{LANES, Lanes, QUADS};
+use crate::num::{LANES, Lanes, Mask, QUADS};
 
 /// Samples where the view, sampler and operands allow; says whether they did.
 #[inline]
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) -> bool {
     let Texels::Rgba8 { codes, linear } = &view.texels else { return false };
-    let flat = matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array);
-    let bordered = sampler.address[..2].contains(&AddressMode::ClampToBorder);
-    let filters = sampler.mag_linear && sampler.min_linear && sampler.anisotropy <= 1.0;
-    if !flat || bordered || !filters || args.compare.is_some() || args.offset != [0; 3] {
+    if !is_flat(view, sampler) || args.compare.is_some() || args.offset != [0; 3] {
         return false;
     }
     match linear {
@@ -28,6 +26,13 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mu
         Some(texels) => sample_srgb(view, texels, sampler, args, out),
     }
     true
+}
+
+/// Whether places are two-dimensional and all texels of a level are filtered, without a border.
+fn is_flat(view: &View, sampler: &Sampler) -> bool {
+    let bordered = sampler.address[..2].contains(&AddressMode::ClampToBorder);
+    let filters = sampler.mag_linear && sampler.min_linear && sampler.anisotropy <= 1.0;
+    matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array) && !bordered && filters
 }
 
 wide! {
@@ -96,6 +101,69 @@ impl Texel for u64 {
     }
 }
 
+/// Records what a linear filter reads of a flat texture of any format; says whether it could. The texels are those of
+/// [`sample`], found by the same arithmetic.
+pub(super) fn record(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) -> bool {
+    let applies = is_flat(view, sampler) && args.offset == [0; 3];
+    if applies {
+        record_wide(view, sampler, args, mask, out);
+    }
+    applies
+}
+
+wide! {
+    fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) = record_body;
+}
+
+#[inline(always)]
+fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) {
+    let (mut first, mut weight) = ([0_u32; LANES], [0_u32; LANES]);
+    let blend = choose(view, sampler, args, &mut first, &mut weight);
+    let mut at = [Corners::ZERO; 2];
+    corners(view, sampler, args, &first, &mut at[0]);
+    let mut second = first;
+    if blend {
+        for i in 0..LANES {
+            second[i] = following(view, first[i]);
+        }
+        corners(view, sampler, args, &second, &mut at[1]);
+    }
+    let last = view.layers() as i32 - 1;
+    out.fill(mask, |lane, quad| {
+        let slice = args.layer.map_or(0, |l| l.i32()[lane].clamp(0, last)) as u32;
+        quad.square(view, first[lane] as usize, at[0].x[lane], at[0].y[lane], slice);
+        if weight[lane] != 0 {
+            quad.square(view, second[lane] as usize, at[1].x[lane], at[1].y[lane], slice);
+        }
+    });
+}
+
+/// The columns and the rows of the texels about every lane's place.
+#[derive(Clone, Copy)]
+struct Corners {
+    x: [[u32; 2]; LANES],
+    y: [[u32; 2]; LANES],
+}
+
+impl Corners {
+    const ZERO: Corners = Corners { x: [[0; 2]; LANES], y: [[0; 2]; LANES] };
+}
+
+#[inline(always)]
+fn corners(view: &View, sampler: &Sampler, args: &Sample<'_>, level: &[u32; LANES], out: &mut Corners) {
+    let at = geometry(view, args, level, matches!(args.lod, Lod::Auto));
+    let (mut index, mut weight) = ([0_i32; LANES], [0_u32; LANES]);
+    for (c, size, pairs) in [(0, &at.width, &mut out.x), (1, &at.height, &mut out.y)] {
+        axis(sampler.address[c], args.coords[c].f32(), size, &mut index, &mut weight);
+        let repeats = if sampler.address[c] == AddressMode::Repeat { 0 } else { !0 };
+        for i in 0..LANES {
+            let next = index[i] + 1;
+            let next = if next < integer(size[i]) { next } else { index[i] & repeats };
+            pairs[i] = [index[i] as u32, next as u32];
+        }
+    }
+}
+
 /// A level's geometry, lane by lane.
 struct Geometry {
     width: [f32; LANES],
@@ -106,30 +174,14 @@ struct Geometry {
 
 #[inline(always)]
 fn body<T: Texel>(view: &View, texels: &[T], sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
-    let count = view.levels.len();
-    let mut first = [0_u32; LANES];
-    let mut weight = [0_u32; LANES];
-    let mut blend = 0;
-    if count > 1 {
-        let lambda = lambda(view, sampler, args);
-        let last = (count - 1) as f32;
-        let rounding = if sampler.mip_linear { 0.0 } else { 0.5 };
-        for i in 0..LANES {
-            let d = if lambda[i] > 0.0 { lambda[i] } else { 0.0 };
-            let d = if d < last { d } else { last } + rounding;
-            let whole = floor_small(d);
-            first[i] = integer(whole) as u32;
-            weight[i] = if sampler.mip_linear { fixed(d - whole) } else { 0 };
-            blend |= weight[i];
-        }
-    }
+    let (mut first, mut weight) = ([0_u32; LANES], [0_u32; LANES]);
+    let blend = choose(view, sampler, args, &mut first, &mut weight);
     let quads = matches!(args.lod, Lod::Auto);
     let mut value = Values::ZERO;
     level(texels, sampler, args, &geometry(view, args, &first, quads), &mut value);
-    if blend != 0 {
+    if blend {
         for i in 0..LANES {
-            let next = first[i] + 1;
-            first[i] = if next < count as u32 { next } else { first[i] };
+            first[i] = following(view, first[i]);
             weight[i] |= weight[i] << 16;
         }
         let mut second = Values::ZERO;
@@ -144,6 +196,35 @@ fn body<T: Texel>(view: &View, texels: &[T], sampler: &Sampler, args: &Sample<'_
         g.f32_mut()[i] = (value.ga[i] & 0xffff) as i32 as f32 * SCALE;
         a.f32_mut()[i] = (value.ga[i] >> 16) as i32 as f32 * SCALE;
     }
+}
+
+/// The first level of every lane and the weight of the following one; says whether any weight is not 0.
+#[inline(always)]
+fn choose(view: &View, sampler: &Sampler, args: &Sample<'_>, first: &mut [u32; LANES], weight: &mut [u32; LANES]) -> bool {
+    let count = view.levels.len();
+    if count == 1 {
+        return false;
+    }
+    let lambda = lambda(view, sampler, args);
+    let last = (count - 1) as f32;
+    let rounding = if sampler.mip_linear { 0.0 } else { 0.5 };
+    let mut any = 0;
+    for i in 0..LANES {
+        let d = if lambda[i] > 0.0 { lambda[i] } else { 0.0 };
+        let d = if d < last { d + rounding } else { last };
+        let whole = d.floor();
+        first[i] = integer(whole) as u32;
+        weight[i] = if sampler.mip_linear { fixed(d - whole) } else { 0 };
+        any |= weight[i];
+    }
+    any != 0
+}
+
+/// The level after another; the last one has none after it.
+#[inline(always)]
+fn following(view: &View, level: u32) -> u32 {
+    let next = level + 1;
+    if next < view.levels.len() as u32 { next } else { level }
 }
 
 /// The clamped level of detail of every lane.
@@ -268,12 +349,6 @@ fn inside(u: f32, size: f32) -> f32 {
 #[inline(always)]
 fn integer(whole: f32) -> i32 {
     (whole + 12_582_912.0).to_bits().wrapping_sub(12_582_912.0_f32.to_bits()) as i32
-}
-
-/// The floor of a number in [0, 2^22).
-#[inline(always)]
-fn floor_small(x: f32) -> f32 {
-    x.floor()
 }
 
 /// A weight in [0, 1) in 16 bits, to nearest.

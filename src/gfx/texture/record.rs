@@ -31,7 +31,8 @@ impl Footprint {
     }
 
     /// Records quads in order: `one` is called with each live lane, and adds its lines and operations.
-    fn fill(&mut self, mask: Mask, mut one: impl FnMut(usize, &mut Quad<'_>)) {
+    #[inline(always)]
+    pub(super) fn fill(&mut self, mask: Mask, mut one: impl FnMut(usize, &mut Quad<'_>)) {
         self.lines.clear();
         for q in 0..QUADS {
             let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
@@ -44,6 +45,9 @@ impl Footprint {
     }
 
     pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        if super::fast::record(view, sampler, args, mask, self) {
+            return;
+        }
         let selection = Selection::new(view, sampler, args);
         self.fill(mask, |lane, quad| {
             let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
@@ -82,7 +86,7 @@ impl Footprint {
 }
 
 /// The quad being recorded.
-struct Quad<'a> {
+pub(super) struct Quad<'a> {
     first: usize,
     lines: &'a mut Vec<u32>,
     operations: u16,
@@ -102,7 +106,26 @@ impl Quad<'_> {
         if x == BORDER {
             return;
         }
-        let line = view.line(level, x as u32, y as u32, slice as u32);
+        self.line(view.line(level, x as u32, y as u32, slice as u32));
+    }
+
+    /// Adds the lines of the four texels in two columns and two rows: one filter operation.
+    #[inline(always)]
+    pub(super) fn square(&mut self, view: &View, level: usize, x: [u32; 2], y: [u32; 2], slice: u32) {
+        self.operations += 1;
+        let corner = |x: u32, y: u32| view.line(level, x, y, slice);
+        let (first, last) = (corner(x[0], y[0]), corner(x[1], y[1]));
+        self.line(first);
+        // Equal lines at opposite corners are the common case: all four texels are there.
+        if last != first {
+            self.line(corner(x[1], y[0]));
+            self.line(corner(x[0], y[1]));
+            self.line(last);
+        }
+    }
+
+    #[inline(always)]
+    fn line(&mut self, line: u32) {
         if !self.lines[self.first..].contains(&line) {
             self.lines.push(line);
         }

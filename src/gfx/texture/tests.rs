@@ -421,3 +421,47 @@ proptest! {
         }
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn records_are_those_of_the_taps(
+        address in [addresses(), addresses()],
+        size in [1_u32..70, 1_u32..70],
+        coords in proptest::collection::vec(-2.0_f32..2.0, 2 * LANES),
+        mask in any::<u64>(),
+    ) {
+        let levels = 32 - size[0].max(size[1]).leading_zeros();
+        let view = view_of(&image([size[0], size[1], 1], levels, Format::Rgba8Unorm), ViewDimension::D2);
+        let sampler = Sampler::new(&SamplerDesc { address: [address[0], address[1], AddressMode::Repeat], ..linear() });
+        let lanes: [Lanes; 2] = std::array::from_fn(|c| Lanes(std::array::from_fn(|i| coords[2 * i + c].to_bits())));
+        let level = Lanes(std::array::from_fn(|i| (coords[2 * i] + 1.0).to_bits()));
+        let args = operands([&lanes[0], &lanes[1], &lanes[1]], Lod::Level(&level));
+        let mut footprint = Footprint::new();
+        view.record_sample(&sampler, &args, mask, &mut footprint);
+        for q in 0..16 {
+            let mut want = std::collections::BTreeSet::new();
+            let mut operations = 0;
+            for lane in (4 * q..4 * q + 4).filter(|l| mask >> l & 1 != 0) {
+                let levels = lod::Levels::new(level.f32()[lane].max(0.0), view.levels.len(), &sampler);
+                for (l, counts) in [(levels.first, true), (levels.second, levels.weight > 1e-5)] {
+                    if counts {
+                        operations += 1;
+                        let taps = taps::taps(&view, &sampler, l, true, taps::Place::new(&view, &args, lane), [0; 3]);
+                        // A tap without weight need not be read.
+                        for i in (0..taps.count).filter(|i| taps.weight[*i] > 1e-3) {
+                            let [x, y, s] = taps.texel[i];
+                            want.insert(view.line(l, x as u32, y as u32, s as u32));
+                        }
+                    }
+                }
+            }
+            let (lines, ops) = footprint.quad(q);
+            let got: std::collections::BTreeSet<u32> = lines.iter().copied().collect();
+            prop_assert_eq!(got.len(), lines.len(), "no line twice");
+            prop_assert!(want.is_subset(&got));
+            prop_assert_eq!(u32::from(ops), operations);
+        }
+    }
+}
