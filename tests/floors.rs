@@ -17,14 +17,19 @@ const TABLE: &[(&str, &[&str])] = &[
     ("render", &["num", "gfx", "trace", "shader", "work"]),
     ("unit", &["num", "gfx", "stats", "sim", "mem", "work"]),
     ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
+    ("report", &["num", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
     ("run", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "report"]),
-    ("report", &["num", "gfx", "trace", "stats", "sim", "work", "machine"]),
     ("cli", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report"]),
 ];
 
+/// Source files below a folder, those of unit tests left out.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("a source folder") {
         let path = entry.expect("an entry").path();
+        let is_test = path.file_stem().is_some_and(|stem| stem == "tests" || stem == "bench");
+        if is_test {
+            continue;
+        }
         if path.is_dir() {
             sources(&path, found);
         } else if path.extension().is_some_and(|e| e == "rs") {

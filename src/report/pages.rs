@@ -1,1 +1,134 @@
-//! Generated pages.
+//! Pages of documentation that are generated from declarations. A test compares them with the files in `docs/` and fails when one
+//! is stale; `FILLRATE_BLESS=1 cargo test --test pages` writes them anew.
+
+use crate::machine::config::documentation;
+use crate::machine::{Config, ConfigError};
+use crate::mem::{ClientCounts, DramCounts, L2Counts};
+use crate::sim::ChannelCounts;
+use crate::stats::{Cycles, Declaration, Group, page};
+use crate::unit::block_cache::BlockCounts;
+use crate::unit::core::CoreCounts;
+use crate::unit::distribute::SortCounts;
+use crate::unit::tags::CacheCounts;
+use crate::unit::texture::TextureCounts;
+use crate::work::Funnel;
+
+const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
+    Declaration { name, unit, meaning }
+}
+
+const RUN: &[Declaration] = &[
+    one("cycles", "cycles", "Cycles of the card's clock that the frame (or the run) took."),
+    one("seconds", "s", "The same at the configuration's `clock_mhz`."),
+];
+
+const UNIT: &[Declaration] =
+    &[one("items", "items", "What went through: vertices, primitives, triangles, quads, warps, requests or bursts.")];
+
+const CHANNEL: &[Declaration] = &[
+    one(
+        "mean_occupancy",
+        "items",
+        "Time integral of the items inside, by the cycles: by Little's law the items a cycle times their stay.",
+    ),
+    one("capacity", "items", "Room."),
+];
+
+const DRAM: &[Declaration] =
+    &[one("busy_cycles", "cycles", "Cycles of the card in which the data buses carried data, the sum over the channels.")];
+
+const SORT: &[Declaration] = &[
+    one("class", "", "The sort class of the machine."),
+    one("overlap", "", "Copies sent by triangles set up: how many pipelines a triangle meets on average."),
+    one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
+    one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
+];
+
+/// Places in the statistics, what they are about, and what is declared there.
+fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
+    let funnel = Funnel::NAMES.iter().zip(Funnel::MEANINGS).map(|(name, meaning)| one(name, "count", meaning)).collect();
+    let all = |own: &[Declaration], counted: &[Declaration]| {
+        let mut list = counted.to_vec();
+        list.extend(own.iter().filter(|d| counted.iter().all(|c| c.name != d.name)));
+        list
+    };
+    let dram: Vec<Declaration> = DramCounts::DECLARATIONS.iter().copied().filter(|d| d.name != "bus_cycles").collect();
+    vec![
+        ("", "Time.", RUN.to_vec()),
+        (
+            "funnel",
+            "What went in, and where it was thrown away. Under `--fidelity functional` with full reuse of vertices.",
+            funnel,
+        ),
+        ("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.", all(Cycles::DECLARATIONS, UNIT)),
+        ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
+        (
+            "caches.NAME[i]",
+            "Caches: `vertex` (attributes), `texture`, `depth`, `color`, `l2`.",
+            CacheCounts::DECLARATIONS.to_vec(),
+        ),
+        ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
+        ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),
+        ("memory.l2[i]", "Second-level slices, beside their caches.", L2Counts::DECLARATIONS.to_vec()),
+        ("rop.NAME[i]", "What the depth and colour caches of the ROPs moved.", BlockCounts::DECLARATIONS.to_vec()),
+        ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
+        ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
+        ("sort", "What redistribution costs.", all(SORT, SortCounts::DECLARATIONS)),
+    ]
+}
+
+/// Whether the page explains a statistic, given by its path in `stats.json`, such as `units.setup[2].busy`.
+pub fn explains(path: &str) -> bool {
+    let (place, name) = path.rsplit_once('.').unwrap_or(("", path));
+    places().iter().any(|(pattern, _, declarations)| {
+        let mut steps = place.split('.').filter(|s| !s.is_empty());
+        let mut wanted = pattern.split('.').filter(|s| !s.is_empty());
+        let fits = loop {
+            match (steps.next(), wanted.next()) {
+                (None, None) => break true,
+                (Some(step), Some(pattern)) => {
+                    let (step, index) = step.split_once('[').map_or((step, false), |(step, _)| (step, true));
+                    let (pattern, many) = pattern.strip_suffix("[i]").map_or((pattern, false), |pattern| (pattern, true));
+                    if index != many || pattern != "NAME" && pattern != step {
+                        break false;
+                    }
+                }
+                _ => break false,
+            }
+        };
+        fits && declarations.iter().any(|d| d.name == name)
+    })
+}
+
+/// `docs/statistics.md`
+pub fn statistics() -> String {
+    let mut text = String::from(
+        "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test pages` checks it.\n\n\
+         `stats.json` holds `total` and, for each frame, an entry of `frames` with these names (and `frame`, its number). `stats.csv` \
+         has a row a frame and a column a path, such as `units.setup[2].busy`. Functional runs have the funnel only.\n\n",
+    );
+    for (place, about, declarations) in places() {
+        text.push_str(&page(if place.is_empty() { "(top)" } else { place }, about, &declarations));
+        text.push('\n');
+    }
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    text
+}
+
+/// `docs/configuration.md`
+///
+/// # Errors
+/// If the built-in baseline is wrong.
+pub fn configuration() -> Result<String, ConfigError> {
+    let mut text = String::from(
+        "# Configuration\n\nGenerated from the declarations in the code; `cargo test --test pages` checks it.\n\n\
+         A configuration is RON with comments. `extends: \"baseline\"` takes every knob that is not named from there; an unknown key or \
+         a value outside its range is an error. `--set memory.dram.clock=2000` sets one knob from the command line, \
+         `fillrate configs NAME` prints a configuration with every knob.\n\n",
+    );
+    text.push_str(&documentation(&Config::built_in("baseline")?));
+    text.truncate(text.trim_end().len());
+    text.push('\n');
+    Ok(text)
+}

@@ -1,0 +1,211 @@
+//! The command line, as scripts use it: files, exit codes, messages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+
+fn fillrate() -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("fillrate"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// Runs and answers exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = fillrate().args(arguments).output().expect("the program starts");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+    (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
+}
+
+/// Runs bad input: exit code 2, one `error:`, no panic; answers the message.
+fn refused(arguments: &[&str]) -> String {
+    let (code, _, message) = run(arguments);
+    assert_eq!(code, 2, "{arguments:?}: {message}");
+    assert!(message.starts_with("error:"), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+    message
+}
+
+/// A copy of the triangle trace, to be damaged.
+fn damaged(folder: &Path, change: impl FnOnce(&Path, String) -> String) -> String {
+    for entry in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("the trace is there") {
+        let path = entry.expect("an entry").path();
+        fs::copy(&path, folder.join(path.file_name().expect("a name"))).expect("a copy");
+    }
+    let file = folder.join("trace.ron");
+    let text = change(folder, fs::read_to_string(&file).expect("text"));
+    fs::write(&file, text).expect("written");
+    folder.display().to_string()
+}
+
+fn blob_of(folder: &Path, extension: &str) -> PathBuf {
+    let mut found: Vec<PathBuf> = fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    found.sort();
+    found.into_iter().find(|p| p.extension().is_some_and(|e| e == extension)).expect("a blob")
+}
+
+#[test]
+fn replay_leaves_image_statistics_and_configuration() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let (code, report, message) = run(&["replay", "traces/triangle", "--config", "tiny", "--out", &folder]);
+    assert_eq!(code, 0, "{message}");
+    for part in ["triangles set up", "Busiest:", "DRAM", "frames a second"] {
+        assert!(report.contains(part), "no `{part}` in\n{report}");
+    }
+    let image = image::open(out.path().join("frame-0000.png")).expect("a picture");
+    assert!(image.width() > 0);
+    let text = fs::read_to_string(out.path().join("stats.json")).expect("statistics");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert!(json["total"]["cycles"].as_u64().expect("cycles") > 1000);
+    assert_eq!(json["frames"].as_array().expect("frames").len(), 1);
+    assert_eq!(json["total"]["sort"]["wrong_pixels"], 0);
+    assert_eq!(fs::read_to_string(out.path().join("stats.csv")).expect("a table").lines().count(), 2);
+    let config = out.path().join("config.ron").display().to_string();
+    let (code, _, message) = run(&["replay", "traces/triangle", "--config", &config]);
+    assert_eq!(code, 0, "the resolved configuration can be used again: {message}");
+}
+
+#[test]
+fn threads_and_clocks_change_no_byte() {
+    let mut seen: Option<Vec<Vec<u8>>> = None;
+    for (threads, clock) in [("1", "skip-idle"), ("2", "skip-idle"), ("8", "every-cycle")] {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().display().to_string();
+        let (code, _, message) =
+            run(&["replay", "traces/cube", "--config", "tiny", "--threads", threads, "--clock", clock, "--out", &folder]);
+        assert_eq!(code, 0, "{message}");
+        let files = ["frame-0000.png", "stats.json", "stats.csv", "config.ron"]
+            .map(|name| fs::read(out.path().join(name)).expect("a file"))
+            .to_vec();
+        match &seen {
+            None => seen = Some(files),
+            Some(first) => assert!(*first == files, "{threads} threads, {clock}: other bytes"),
+        }
+    }
+}
+
+#[test]
+fn frames_have_the_numbers_of_the_trace() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let (code, _, message) =
+        run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "1..3", "--out", &folder]);
+    assert_eq!(code, 0, "{message}");
+    let there = |n: u32| out.path().join(format!("frame-{n:04}.png")).exists();
+    assert_eq!([0, 1, 2, 3].map(there), [false, true, true, false]);
+    assert!(refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91"));
+}
+
+#[test]
+fn help_shows_an_example_each() {
+    for command in ["replay", "import", "inspect", "configs", "compare"] {
+        let (code, text, _) = run(&[command, "--help"]);
+        assert_eq!(code, 0);
+        assert!(text.contains("Example") && text.contains(&format!("fillrate {command}")), "{text}");
+    }
+}
+
+#[test]
+fn configs_lists_and_prints() {
+    let (_, list, _) = run(&["configs"]);
+    for name in ["baseline", "tiny", "attila", "wide"] {
+        assert!(list.contains(name), "{list}");
+        let (code, text, _) = run(&["configs", name]);
+        assert_eq!(code, 0);
+        assert!(text.contains("pipelines"), "{text}");
+    }
+}
+
+#[test]
+fn wrong_knobs_are_refused_with_key_value_and_range() {
+    let message = refused(&["replay", "traces/triangle", "--set", "pipelines=0"]);
+    assert!(message.contains("pipelines") && message.contains('0'), "{message}");
+    let message = refused(&["replay", "traces/triangle", "--set", "setup.nonsense=1"]);
+    assert!(message.contains("setup.nonsense"), "{message}");
+    let message = refused(&["replay", "traces/triangle", "--config", "no-such-card"]);
+    assert!(message.contains("no-such-card") && message.contains("baseline"), "{message}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("mine.ron");
+    fs::write(&file, "(\n    extends: \"baseline\",\n    pipelnes: 2,\n)\n").expect("written");
+    let message = refused(&["replay", "traces/triangle", "--config", &file.display().to_string()]);
+    assert!(message.contains("mine.ron") && message.contains("pipelnes"), "{message}");
+}
+
+#[test]
+fn damaged_traces_are_refused_with_file_place_and_reason() {
+    let folder = || tempfile::tempdir().expect("a folder");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text[..text.len() / 2].to_owned());
+    assert!(refused(&["replay", &trace]).contains("trace.ron"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |folder, text| {
+        fs::remove_file(blob_of(folder, "bin")).expect("removed");
+        text
+    });
+    assert!(refused(&["replay", &trace]).contains(".bin"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |folder, text| {
+        let blob = blob_of(folder, "bin");
+        let mut bytes = fs::read(&blob).expect("bytes");
+        bytes[0] ^= 1;
+        fs::write(blob, bytes).expect("written");
+        text
+    });
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("hash") && message.contains(".bin"), "{message}");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("vertices: 3", "vertices: 3000", 1));
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("command") && message.contains("3000"), "{message}");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("version: 1", "version: 99", 1));
+    assert!(refused(&["replay", &trace]).contains("99"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("Draw(", "Drow(", 1));
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("Drow"), "{message}");
+
+    assert!(refused(&["replay", "no/such/trace"]).contains("no/such/trace"));
+    assert!(refused(&["inspect", "Cargo.toml"]).contains("Cargo.toml"));
+}
+
+#[test]
+fn compare_tells_equal_from_different() {
+    let out = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let black = image::RgbaImage::from_pixel(4, 4, image::Rgba([0, 0, 0, 255]));
+    let mut other = black.clone();
+    other.put_pixel(1, 2, image::Rgba([9, 0, 0, 255]));
+    black.save(path("a.png")).expect("saved");
+    other.save(path("b.png")).expect("saved");
+    assert_eq!(run(&["compare", &path("a.png"), &path("a.png")]).0, 0);
+    let (code, text, _) = run(&["compare", &path("a.png"), &path("b.png"), "--difference", &path("d.png")]);
+    assert_eq!(code, 1);
+    assert!(text.contains("1 off by more than 2"), "{text}");
+    assert!(out.path().join("d.png").exists());
+    assert_eq!(run(&["compare", &path("a.png"), &path("b.png"), "--allow", "10"]).0, 0);
+    fs::write(path("a.json"), r#"{"total":{"cycles":1}}"#).expect("written");
+    fs::write(path("b.json"), r#"{"total":{"cycles":2}}"#).expect("written");
+    let (code, text, _) = run(&["compare", &path("a.json"), &path("b.json")]);
+    assert_eq!(code, 1);
+    assert!(text.contains("total.cycles"), "{text}");
+}
+
+#[test]
+fn inspect_and_import_round_trip() {
+    let out = tempfile::tempdir().expect("a folder");
+    let copy = out.path().join("copy").display().to_string();
+    assert_eq!(run(&["import", "traces/triangle", "--out", &copy]).0, 0);
+    let (_, a, _) = run(&["inspect", "traces/triangle", "--json"]);
+    let (_, b, _) = run(&["inspect", &copy, "--json"]);
+    assert_eq!(a, b);
+    assert!(refused(&["import", "traces/triangle", "--out", &copy]).contains("not empty"));
+}
