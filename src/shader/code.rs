@@ -157,12 +157,41 @@ pub(super) mod eval {
         p(0) + p(8) + p(16) + p(24)
     }
 
+    /// As `x as i32`, in a form of selects, of which the compiler makes vector instructions.
+    #[inline(always)]
+    pub fn to_s(x: f32) -> i32 {
+        const LIMIT: f32 = 2_147_483_648.0;
+        let inside = if x.abs() < LIMIT { x } else { 0.0 };
+        // SAFETY: the magnitude is below 2^31 and it is not NaN, so the truncated value is an `i32`. (85 vector instructions for
+        // 64 lanes instead of 468 scalar ones.)
+        let n = unsafe { inside.to_int_unchecked::<i32>() };
+        let bound = if x > 0.0 {
+            i32::MAX
+        } else if x < 0.0 {
+            i32::MIN
+        } else {
+            0
+        };
+        if x.abs() < LIMIT { n } else { bound }
+    }
+
+    /// As `x as u32`, by shifting the significand: the compiler makes vector instructions of it.
+    #[inline(always)]
+    pub fn to_u(x: f32) -> u32 {
+        let exponent = (x.to_bits() >> 23 & 255) as i32 - 150;
+        let significand = x.to_bits() & 0x7f_ffff | 0x80_0000;
+        let (right, left) = ((-exponent).clamp(0, 31) as u32, exponent.clamp(0, 8) as u32);
+        let n = if exponent >= 0 { significand << left } else { significand >> right };
+        let bound = if x > 0.0 { u32::MAX } else { 0 };
+        if x > 0.0 && x < 4_294_967_296.0 { n } else { bound }
+    }
+
     /// Nearest integer to `x` clamped to [low, high], scaled; NaN as the lower bound.
     #[inline(always)]
     pub fn to_norm(x: f32, low: f32, scale: f32) -> u32 {
         let x = if x > low { x } else { low };
         let x = if x < 1.0 { x } else { 1.0 };
-        (0.5 + x * scale).floor() as i32 as u32
+        to_s((0.5 + x * scale).floor()) as u32
     }
 
     pub use math::*;
@@ -309,8 +338,8 @@ codes! {
         ToUnorm16 Float |x| eval::to_norm(f(x), 0.0, 65535.0) & 0xffff;
         FrexpFraction Float |x| u(eval::frexp_fraction(f(x)));
         FrexpExponent Integer |x| eval::frexp_exponent(f(x)) as u32;
-        FToS Float |x| f(x) as i32 as u32;
-        FToU Float |x| f(x) as u32;
+        FToS Float |x| eval::to_s(f(x)) as u32;
+        FToU Float |x| eval::to_u(f(x));
         SToF Float |x| u(x as i32 as f32);
         UToF Float |x| u(x as f32);
         FToBool Float |x| u32::from(f(x) != 0.0);
@@ -320,7 +349,7 @@ codes! {
         INot Integer |x| !x;
         BNot Integer |x| x ^ 1;
         IAbs Integer |x| (x as i32).wrapping_abs() as u32;
-        ISign Integer |x| (x as i32).signum() as u32;
+        ISign Integer |x| u32::from(x as i32 > 0).wrapping_sub(x >> 31);
         Clz Integer |x| x.leading_zeros();
         Ctz Integer |x| x.trailing_zeros();
         PopCount Integer |x| x.count_ones();

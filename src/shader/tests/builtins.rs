@@ -251,3 +251,18 @@ fn half_conversions_are_exact() {
     assert_eq!(to_half(65_520.0), 0x7c00);
     assert_eq!(to_half(1e-9), 0);
 }
+
+#[test]
+fn conversions_to_integers_saturate() {
+    use crate::shader::code::eval::{to_s, to_u};
+    let special = [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 1.5, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 1e-40];
+    let powers = (0..64).flat_map(|e| {
+        let p = 2f32.powi(e - 4);
+        [p, -p, f32::from_bits(p.to_bits() - 1), f32::from_bits(p.to_bits() + 1), -f32::from_bits(p.to_bits() - 1)]
+    });
+    let random = (0..100_000u32).map(|i| f32::from_bits(i.wrapping_mul(0x9e37_79b9)));
+    for x in special.into_iter().chain(powers).chain(random) {
+        assert_eq!(to_s(x), x as i32, "{x}");
+        assert_eq!(to_u(x), x as u32, "{x}");
+    }
+}
