@@ -8,7 +8,7 @@ use crate::gfx::texel;
 use crate::num::{QuerySetId, TextureId};
 use crate::shader;
 use crate::trace::command::*;
-use crate::work::{Attachment, Contents, Event, Funnel, Load, Pass, Surface};
+use crate::work::{Attachment, Contents, Event, Funnel, Load, Pass, Segment, Surface};
 
 use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass};
@@ -413,6 +413,10 @@ impl ActivePass {
             }
         })?;
         stopped?;
+        if !renderer.recording() {
+            // Without recorded work the funnel is all that there is to hand on.
+            renderer.emit(Event::Segment(Arc::new(Segment { funnel: outcome.funnel, ..Segment::default() })))?;
+        }
         if let Some((_, passed)) = &mut self.open_occlusion {
             *passed += outcome.samples_passed;
         }
