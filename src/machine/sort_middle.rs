@@ -93,11 +93,14 @@ fn quads(queue: u32, quads: u32, latency: u32) -> Link {
     Link::bytes(queue, quads * bytes::QUAD, latency)
 }
 
+/// Names of memory clients, and the number of ports of each.
+pub type Clients = Vec<(&'static str, usize)>;
+
 /// The machine of a configuration, and the names of its memory clients.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub fn build(config: &Config) -> Result<(SortMiddle, Vec<(&'static str, usize)>), String> {
+pub fn build(config: &Config) -> Result<(SortMiddle, Clients), String> {
     let pipelines = config.card.pipelines as usize;
     let geometry = config.card.geometry_units as usize;
     let per_pipeline = config.core.per_pipeline as usize;

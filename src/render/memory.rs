@@ -66,8 +66,8 @@ mod tests {
         let b = space.buffer(0);
         let t = space.texture(5000);
         let u = space.texture(1);
-        assert!(a >= TEXTURE_ALIGN && a % BUFFER_ALIGN == 0);
-        assert!(b >= a + 10 && t >= b && t % TEXTURE_ALIGN == 0);
+        assert!(a >= TEXTURE_ALIGN && a.is_multiple_of(BUFFER_ALIGN));
+        assert!(b >= a + 10 && t >= b && t.is_multiple_of(TEXTURE_ALIGN));
         assert_eq!(u, t + 8192);
     }
 }

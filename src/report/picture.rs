@@ -30,7 +30,7 @@ pub fn picture(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
     if bytes.len() != pixels * size {
         return Err(format!("{} bytes are not {} x {} pixels of {size}", bytes.len(), surface.width, surface.height));
     }
-    let stored: Option<fn(&[u8]) -> [u8; 4]> = match format {
+    let stored: Option<Stored> = match format {
         Format::Rgba8Unorm | Format::Rgba8UnormSrgb | Format::Rgba8Uint => Some(|t| [t[0], t[1], t[2], t[3]]),
         Format::Bgra8Unorm | Format::Bgra8UnormSrgb => Some(|t| [t[2], t[1], t[0], t[3]]),
         Format::Rg8Unorm | Format::Rg8Uint => Some(|t| [t[0], t[1], 0, 255]),
@@ -46,6 +46,9 @@ pub fn picture(surface: &Surface, bytes: &[u8]) -> Result<RgbaImage, String> {
     }
     Ok(RgbaImage::from_raw(surface.width, surface.height, out).expect("four bytes a pixel"))
 }
+
+/// Puts the stored bytes of a texel in order.
+type Stored = fn(&[u8]) -> [u8; 4];
 
 fn decoded(format: Format, texel: &[u8]) -> [u8; 4] {
     let value = texel::decode(format, texel);

@@ -92,7 +92,7 @@ impl BlockCache {
 
     /// Requests waiting or in flight.
     pub fn resident(&self) -> u64 {
-        self.outbox.len() as u64 + u64::from(self.misses.len())
+        self.outbox.len() as u64 + u64::from(self.misses.in_flight())
     }
 
     /// Takes answers and sends requests; true if anything moved.

@@ -35,7 +35,7 @@ impl Misses {
     }
 
     /// Misses in flight or back out of turn.
-    pub fn len(&self) -> u32 {
+    pub fn in_flight(&self) -> u32 {
         self.issued.wrapping_sub(self.frontier)
     }
 

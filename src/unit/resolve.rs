@@ -203,6 +203,6 @@ impl Unit<Card> for Resolve {
     }
 
     fn resident(&self) -> u64 {
-        self.waiting.len() as u64 + u64::from(self.misses.len())
+        self.waiting.len() as u64 + u64::from(self.misses.in_flight())
     }
 }

@@ -41,7 +41,7 @@ impl Stream {
 
     /// Reads in flight.
     pub fn resident(&self) -> u64 {
-        u64::from(self.misses.len())
+        u64::from(self.misses.in_flight())
     }
 
     /// The end of the request that begins `at` bytes into a run at an address.

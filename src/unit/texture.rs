@@ -333,6 +333,6 @@ impl Unit<Card> for Texture {
     }
 
     fn resident(&self) -> u64 {
-        self.fifo.len() as u64 + u64::from(self.misses.len())
+        self.fifo.len() as u64 + u64::from(self.misses.in_flight())
     }
 }

@@ -111,7 +111,7 @@ impl Scene {
             scissor: None,
             viewport: None,
             reference: 0,
-            draws: vec![0..n],
+            draws: std::iter::once(0..n).collect(),
         }
     }
 
