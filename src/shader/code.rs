@@ -396,9 +396,9 @@ codes! {
         ISub Integer |a, b| a.wrapping_sub(b);
         IMul Integer |a, b| a.wrapping_mul(b);
         SDiv Special |a, b| eval::div_s(a as i32, b as i32) as u32;
-        UDiv Special |a, b| if b == 0 { a } else { a / b };
+        UDiv Special |a, b| a.checked_div(b).unwrap_or(a);
         SRem Special |a, b| eval::rem_s(a as i32, b as i32) as u32;
-        URem Special |a, b| if b == 0 { 0 } else { a % b };
+        URem Special |a, b| a.checked_rem(b).unwrap_or(0);
         And Integer |a, b| a & b;
         Or Integer |a, b| a | b;
         Xor Integer |a, b| a ^ b;

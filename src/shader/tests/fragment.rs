@@ -101,7 +101,7 @@ fn textures_are_sampled_loaded_and_asked() {
     let words = Words::new(4 * 32 * 4);
     for y in 0..4u32 {
         for x in 0..32u32 {
-            words.store((y * 32 + x) as usize, x * 7 | (y * 50 + x) << 8 | 255 << 24);
+            words.store((y * 32 + x) as usize, (x * 7) | ((y * 50 + x) << 8) | (255 << 24));
         }
     }
     let image =

@@ -5,6 +5,7 @@ mod control;
 mod fragment;
 mod memory;
 mod modules;
+mod random;
 mod special;
 
 use super::*;

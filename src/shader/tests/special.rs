@@ -94,7 +94,7 @@ fn storage_textures_are_stored_and_loaded() {
     for i in 0..48u32 {
         assert_eq!(b.load(i as usize), i * 5 + 1);
         assert_eq!(a.load(i as usize), 0, "layer 0 is not written");
-        assert_eq!(a.load(48 + i as usize), i * 5 | 128 << 8 | 255 << 16);
+        assert_eq!(a.load(48 + i as usize), (i * 5) | (128 << 8) | (255 << 16));
     }
 }
 
