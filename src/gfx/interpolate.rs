@@ -308,6 +308,25 @@ widest! {
 }
 
 widest! {
+    /// One attribute component of a batch in which the quads of a primitive follow each other; same bits as [`attribute`].
+    /// Primitive `i` has quads `ends[i - 1]..ends[i]` and the values `values[i]` at its vertices.
+    pub fn attribute_runs(weights: &Weights, ends: &[u8], values: &[[f32; 3]; QUADS], out: &mut Lanes) {
+        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
+        let mut start = 0;
+        for (&end, &values) in ends.iter().zip(values) {
+            let (k, end) = (coefficients(values), usize::from(end).min(QUADS));
+            for q in start..end {
+                for p in 0..4 {
+                    let lane = 4 * q + p;
+                    out[lane] = combine(k, one[lane], two[lane]);
+                }
+            }
+            start = end;
+        }
+    }
+}
+
+widest! {
     /// One attribute component of a batch whose quads are all of one primitive; same bits as [`attribute`].
     pub fn attribute_uniform(weights: &Weights, values: [f32; 3], out: &mut Lanes) {
         let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());

@@ -229,6 +229,18 @@ impl TileSurface {
         })
     }
 
+    /// One tile, to draw into.
+    pub fn tile_mut(&mut self, index: usize) -> TileMut<'_> {
+        let n = self.shape.tile_words();
+        let blocks = if self.depth.is_empty() { 0..0 } else { index * TILE_BLOCKS..(index + 1) * TILE_BLOCKS };
+        TileMut {
+            codes: &mut self.codes[index * n..(index + 1) * n],
+            clear: &mut self.clear[index],
+            depth: &mut self.depth[blocks],
+            value: self.value,
+        }
+    }
+
     fn par_tiles(&mut self) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
         let tiles: Vec<_> = self.tiles_mut().enumerate().collect();
         tiles.into_par_iter()

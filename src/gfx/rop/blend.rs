@@ -1,7 +1,7 @@
 //! Colour: blending, write masks, conversion to the target's format.
 
 use super::channels::{distinct_run, floats, lanes, limit, names_second, pack, range, unpack, write_bits};
-use super::{Colors, code_words, four, select_mask};
+use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::simd::wide;
 use crate::gfx::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
@@ -113,7 +113,7 @@ impl ColorState {
             match self.path {
                 Path::Nothing => {}
                 Path::Replace8(_) | Path::Blend8(_) => {
-                    let new = self.codes8::<4>(&floats(src), &floats(src1), &four(stored, 0));
+                    let new = self.codes8::<4>(floats(src).each_ref(), floats(src1).each_ref(), &four(stored, 0));
                     self.put(mask, &new, stored);
                 }
                 Path::Replace | Path::Blend => {
@@ -127,12 +127,12 @@ impl ColorState {
 
     /// The codes that a colour has in the target's format, word by word: for targets that do not blend, what remains to be
     /// stored with [`ColorState::put_quad`]. Words beyond [`code_words`] are zero.
-    pub fn pack_batch(&self, src: &[Lanes; 4], out: &mut [Lanes; 4]) {
+    pub fn pack_batch(&self, src: [&Lanes; 4], out: &mut [Lanes; 4]) {
         pack_batch(self, src, out);
     }
 
     #[inline(always)]
-    fn pack_batch_body(&self, src: &[Lanes; 4], out: &mut [Lanes; 4]) {
+    fn pack_batch_body(&self, src: [&Lanes; 4], out: &mut [Lanes; 4]) {
         *out = [Lanes::ZERO; 4];
         if let Some(layout) = Rgba8::of(self.format) {
             pack(layout, lanes(src), &mut out[0].0);
@@ -175,8 +175,8 @@ impl ColorState {
         quads: usize,
         at: &[u32; QUADS],
         coverage: &[u16; QUADS],
-        src: &[Lanes; 4],
-        src1: &[Lanes; 4],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
         blend_batch(self, samples, quads, at, coverage, src, src1, tile);
@@ -189,8 +189,8 @@ impl ColorState {
         quads: usize,
         at: &[u32; QUADS],
         coverage: &[u16; QUADS],
-        src: &[Lanes; 4],
-        src1: &[Lanes; 4],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
         let quads = quads.min(QUADS);
@@ -221,7 +221,7 @@ impl ColorState {
                         let mask = coverage[q] >> (4 * s) & 15;
                         for p in (0..4).filter(|p| mask >> p & 1 != 0) {
                             let lane = 4 * q + p;
-                            let color = |src: &[Lanes; 4]| std::array::from_fn(|c| src[c].0[lane]);
+                            let color = |src: [&Lanes; 4]| std::array::from_fn(|c| src[c].0[lane]);
                             self.pixel(p, color(src), color(src1), &mut run[s * size..(s + 1) * size]);
                         }
                     }
@@ -239,8 +239,8 @@ impl ColorState {
         run: std::ops::Range<usize>,
         at: &[u32; QUADS],
         coverage: &[u16; QUADS],
-        src: &[Lanes; 4],
-        src1: &[Lanes; 4],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
         tile: &mut [u32],
     ) {
         let mask = |q: usize| (coverage[q] >> (4 * sample)) as u8 & 15;
@@ -278,7 +278,7 @@ impl ColorState {
 
     /// The codes of `N` pixels of a format with four 8-bit channels; `old` matters to blending only.
     #[inline(always)]
-    fn codes8<const N: usize>(&self, src: &Colors<N>, src1: &Colors<N>, old: &[u32; N]) -> [u32; N] {
+    fn codes8<const N: usize>(&self, src: ColorRefs<'_, N>, src1: ColorRefs<'_, N>, old: &[u32; N]) -> [u32; N] {
         let mut out = [0_u32; N];
         match self.path {
             Path::Replace8(layout) => pack(layout, src, &mut out),
@@ -302,7 +302,7 @@ impl ColorState {
                     let blend = if c == 3 { self.alpha } else { self.color };
                     self.blend_channel(c, blend, &clamped, &second, &dst, &mut result[c]);
                 }
-                pack(layout, &result, &mut out);
+                pack(layout, result.each_ref(), &mut out);
             }
             _ => {}
         }
@@ -453,9 +453,9 @@ wide! {
         quads: usize,
         at: &[u32; QUADS],
         coverage: &[u16; QUADS],
-        src: &[Lanes; 4],
-        src1: &[Lanes; 4],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
         tile: &mut [u32],
     ) = ColorState::blend_batch_body;
-    fn pack_batch(state: &ColorState, src: &[Lanes; 4], out: &mut [Lanes; 4]) = ColorState::pack_batch_body;
+    fn pack_batch(state: &ColorState, src: [&Lanes; 4], out: &mut [Lanes; 4]) = ColorState::pack_batch_body;
 }

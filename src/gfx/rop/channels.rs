@@ -1,6 +1,6 @@
 //! Colour formats as blending sees them: their range, the bits of their channels, and four 8-bit channels over many pixels.
 
-use super::Colors;
+use super::{ColorRefs, Colors};
 use crate::gfx::format::Format;
 use crate::gfx::state::BlendFactor;
 use crate::gfx::texel::{Rgba8, SrgbEncoder, srgb_table, unorm};
@@ -101,9 +101,9 @@ pub(super) fn unpack<const N: usize>(layout: Rgba8, codes: &[u32; N]) -> Colors<
 
 /// Encodes colours of four 8-bit channels.
 #[inline(always)]
-pub(super) fn pack<const N: usize>(layout: Rgba8, color: &Colors<N>, out: &mut [u32; N]) {
+pub(super) fn pack<const N: usize>(layout: Rgba8, color: ColorRefs<'_, N>, out: &mut [u32; N]) {
     let (first, third) = if layout.bgra { (2, 0) } else { (0, 2) };
-    let (a, b, c, d) = (&color[first], &color[1], &color[third], &color[3]);
+    let (a, b, c, d) = (color[first], color[1], color[third], color[3]);
     if layout.srgb {
         let encoder = SrgbEncoder::new();
         for i in 0..N {
@@ -123,6 +123,6 @@ pub(super) fn floats(bits: &[[u32; 4]; 4]) -> Colors<4> {
 }
 
 #[inline(always)]
-pub(super) fn lanes(color: &[Lanes; 4]) -> &Colors<LANES> {
-    bytemuck::cast_ref(color)
+pub(super) fn lanes(color: [&Lanes; 4]) -> ColorRefs<'_, LANES> {
+    [color[0].f32(), color[1].f32(), color[2].f32(), color[3].f32()]
 }

@@ -32,6 +32,9 @@ fn four(words: &[u32], at: usize) -> [u32; 4] {
 /// Colours of `N` pixels, a channel after the other.
 type Colors<const N: usize> = [[f32; N]; 4];
 
+/// The same, the channels where they are.
+type ColorRefs<'a, const N: usize> = [&'a [f32; N]; 4];
+
 /// All ones where bit `p` of a quad's mask is set.
 #[inline(always)]
 fn select_mask(mask: u8) -> [u32; 4] {

@@ -349,9 +349,9 @@ proptest! {
         let coverage: [u16; QUADS] = std::array::from_fn(|_| noise(&mut seed) as u16 & if four { !0 } else { 15 });
         let tile: Vec<u32> = (0..20 * size).map(|_| noise(&mut seed)).collect();
         let (mut batch, mut single, mut packed) = (tile.clone(), tile.clone(), tile);
-        state.blend_batch(samples, QUADS, &at, &coverage, &src, &src1, &mut batch);
+        state.blend_batch(samples, QUADS, &at, &coverage, src.each_ref(), src1.each_ref(), &mut batch);
         let mut codes = [Lanes::ZERO; 4];
-        state.pack_batch(&src, &mut codes);
+        state.pack_batch(src.each_ref(), &mut codes);
         for q in 0..QUADS {
             let quad = |c: &[Lanes; 4]| c.each_ref().map(|c| [c.0[4 * q], c.0[4 * q + 1], c.0[4 * q + 2], c.0[4 * q + 3]]);
             let range = at[q] as usize * size..(at[q] as usize + 1) * size;

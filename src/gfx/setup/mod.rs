@@ -289,12 +289,12 @@ pub fn facing(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<bool, Culled>
     if state.culls(front) { Err(Culled::Face) } else { Ok(front) }
 }
 
-/// Sets a triangle up.
+/// The first half of [`triangle`]: whether it is drawn at all, and the bounds it will have.
 ///
 /// # Errors
 /// Why it is not drawn.
 #[inline(always)]
-pub fn triangle(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Triangle, Culled> {
+pub fn bounds(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Bounds, Culled> {
     let signed = signed_area(v);
     if signed == 0 {
         return Err(Culled::Degenerate);
@@ -306,7 +306,25 @@ pub fn triangle(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Triangle, C
     let [v0, v1, v2] = v;
     let min = [v0.x.min(v1.x).min(v2.x), v0.y.min(v1.y).min(v2.y)];
     let max = [v0.x.max(v1.x).max(v2.x), v0.y.max(v1.y).max(v2.y)];
-    let bounds = state.scissored(state.pixels(min, max))?;
+    state.scissored(state.pixels(min, max))
+}
+
+/// Sets a triangle up.
+///
+/// # Errors
+/// Why it is not drawn.
+#[inline(always)]
+pub fn triangle(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Triangle, Culled> {
+    let bounds = bounds(state, v)?;
+    Ok(within(state, v, bounds))
+}
+
+/// The second half of [`triangle`], given the bounds that the first half has found.
+#[inline(always)]
+pub fn within(state: &SetupState, v: &[ScreenVertex; 3], bounds: Bounds) -> Triangle {
+    let signed = signed_area(v);
+    let front = (signed > 0) == (state.front_face == FrontFace::Cw);
+    let [v0, v1, v2] = v;
     let base = [i32::from(bounds.x0 & !7), i32::from(bounds.y0 & !7)];
     let center = base.map(|v| v * SUBPIXEL + SUBPIXEL / 2);
     // Either winding gets edges that are positive inside.
@@ -323,7 +341,7 @@ pub fn triangle(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Triangle, C
         (f64::from(edges[1].a) * d1 + f64::from(edges[2].a) * d2) * inv_area,
         (f64::from(edges[1].b) * d1 + f64::from(edges[2].b) * d2) * inv_area,
     ];
-    Ok(Triangle {
+    Triangle {
         edges,
         inv_area,
         inv_w: [v0.inv_w, v1.inv_w, v2.inv_w],
@@ -332,7 +350,7 @@ pub fn triangle(state: &SetupState, v: &[ScreenVertex; 3]) -> Result<Triangle, C
         start: [v0.x, v0.y],
         shape: Shape::Triangle,
         front,
-    })
+    }
 }
 
 /// Sets a line of width 1 up. `front` is what the fragment stage sees: true but for edges of a polygon that faces back.

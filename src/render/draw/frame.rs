@@ -76,6 +76,8 @@ pub struct Frame<'a> {
     /// The fragment program, where one has to run.
     pub fragment: Option<&'a Program>,
     pub classes: Vec<VaryingClass>,
+    /// All varyings are flat.
+    pub only_flat: bool,
     pub fragment_builtins: Vec<(usize, BuiltIn)>,
     /// 1/w or perspective weights are needed.
     pub per_sample: bool,
@@ -83,7 +85,8 @@ pub struct Frame<'a> {
     pub tiles_in_order: bool,
     /// Samples that may be written.
     pub sample_mask: u32,
-    pub alpha_to_coverage: bool,
+    /// Output slot whose alpha turns into coverage.
+    pub alpha_output: Option<usize>,
     pub frag_depth: Option<usize>,
     pub mask_output: Option<usize>,
     /// Coverage may shrink in the fragment stage.
@@ -143,8 +146,10 @@ impl<'a> Frame<'a> {
         let side_effects = interface.is_some_and(|i| i.side_effects);
         let shrinks = interface.is_some_and(|i| i.discards || i.writes_sample_mask) || pipeline.alpha_to_coverage;
         // Without a target, a test to change or a side effect there is nothing that shading could do.
-        let needed = !targets.is_empty() || side_effects || !early || shrinks && call.count_samples || call.record;
+        let needed = !targets.is_empty() || side_effects || !early || shrinks && call.count_samples;
         let fragment = fragment.filter(|_| needed);
+        let first_target = pipeline.targets.first().and_then(Option::as_ref);
+        let alpha_output = first_target.filter(|t| t.components == 4).and_then(|t| t.output);
         let plain = targets.iter().all(|t| !t.state.reads());
         let setup = SetupState::new(
             (width, height),
@@ -185,13 +190,14 @@ impl<'a> Frame<'a> {
                 && depth_state.is_some_and(|d| !d.uses_stencil() && d.reads_depth() && depth_format.has_depth()),
             early,
             classes: fragment.map_or_else(Vec::new, |_| classes(pipeline, samples)),
+            only_flat: pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat),
             fragment_builtins: fragment.map_or_else(Vec::new, |p| builtins(&p.interface().inputs)),
             per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
             helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
             tiles_in_order: fragment.is_some() && side_effects,
             fragment,
             sample_mask: pipeline.sample_mask & ((1 << samples) - 1),
-            alpha_to_coverage: pipeline.alpha_to_coverage,
+            alpha_output: alpha_output.filter(|_| pipeline.alpha_to_coverage),
             frag_depth,
             mask_output,
             shrinks,
@@ -354,6 +360,14 @@ impl Workers {
         }
         (funnel, passed)
     }
+}
+
+/// Whether the host has AVX2 and what came with it.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn has_avx2() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
 }
 
 const _: () = assert!(LANES == 64, "masks of blocks are lane masks");

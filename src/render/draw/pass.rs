@@ -12,7 +12,7 @@ use crate::work::{Event, Funnel, Segment};
 use super::frame::{Frame, Workers};
 use super::plan::{Piece, Planner};
 use super::primitive::{self, Batch};
-use super::record::{self, TileRecord};
+use super::record;
 use super::stream::{Stream, StreamSource};
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
 use super::vertex::Vertices;
@@ -55,7 +55,20 @@ struct Scratch {
     stream: Stream,
     vertices: Vertices,
     batches: Vec<Batch>,
+    /// How many of the batches the current segment has.
+    batches_used: usize,
     pieces: Vec<Piece>,
+}
+
+/// Tiles that are not worth other threads.
+const FEW_TILES: usize = 2;
+
+/// Does something with every item, on this thread alone where there is only one.
+fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
+    match items {
+        [item] => work(item),
+        items => items.par_iter_mut().for_each(work),
+    }
 }
 
 /// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
@@ -69,6 +82,7 @@ impl Scratch {
             stream: Stream::default(),
             vertices: Vertices::default(),
             batches: Vec::new(),
+            batches_used: 0,
             pieces: Vec::new(),
         })
     }
@@ -194,13 +208,22 @@ impl RenderPass {
         let shaded = vertices.shade(frame, workers, stream, call.record.then_some(&mut segment))?;
         let n = primitive::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
-        let input = primitive::Input { frame, stream, vertices, tiles: (tiles[0], tiles[0] * tiles[1]), record: call.record };
-        batches[..n].par_iter_mut().for_each(|batch| workers.with(|worker| batch.run(&input, worker)));
+        let input = primitive::Input {
+            frame,
+            stream,
+            vertices,
+            tiles: (tiles[0], tiles[0] * tiles[1]),
+            record: call.record,
+            late_setup: primitive::late_setup(frame, call.record),
+        };
+        each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
         batches.truncate(n.max(64));
         let repeated = |p: &Piece| p.repeated;
         segment.funnel.vertices_in = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(repeated(p))).sum::<u64>();
         segment.funnel.vertices_shaded = shaded;
-        Ok((segment, batches[..n].iter().map(|b| b.quads_estimate).sum()))
+        scratch.batches_used = n;
+        let quads = scratch.batches[..n].iter().map(|b| b.quads_estimate).sum();
+        Ok((segment, quads))
     }
 
     /// The fragment half of a segment: all tiles with something in them.
@@ -215,27 +238,33 @@ impl RenderPass {
         sink: &mut dyn FnMut(Event),
     ) -> Result<Funnel, DrawError> {
         let tiles = self.tiles();
-        let n = pieces.iter().map(|p| p.primitives.div_ceil(primitive::BATCH) as usize).sum::<usize>();
-        let batches = &mut scratch.batches[..n];
-        let mut jobs = self.jobs(frame, tiles, batches);
-        let input = SegmentInput { frame, batches, vertices: &scratch.vertices };
+        let batches = &mut scratch.batches[..scratch.batches_used];
+        let touched: Vec<usize> =
+            (0..(tiles[0] * tiles[1]) as usize).filter(|t| batches.iter().any(|b| b.touches(*t))).collect();
+        let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices };
         let workers = &scratch.workers;
         let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
-        let results: Vec<Result<(), ShaderFault>> = if frame.tiles_in_order {
-            jobs.iter_mut().map(one).collect()
-        } else {
-            jobs.par_iter_mut().with_max_len(1).map(one).collect()
+        let mut recorded = Vec::new();
+        let mut keep = |mut jobs: Vec<TileJob<'_>>| {
+            if call.record {
+                recorded.extend(jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))));
+            }
         };
-        results.into_iter().collect::<Result<(), ShaderFault>>()?;
+        if frame.tiles_in_order || touched.len() <= FEW_TILES {
+            for index in touched {
+                let mut job = self.job(frame, tiles, index);
+                one(&mut job)?;
+                keep(vec![job]);
+            }
+        } else {
+            let mut jobs = self.jobs(frame, tiles, &touched);
+            let results: Vec<Result<(), ShaderFault>> = jobs.par_iter_mut().with_max_len(1).map(one).collect();
+            results.into_iter().collect::<Result<(), ShaderFault>>()?;
+            keep(jobs);
+        }
         let (counts, passed) = workers.take_counts();
         *samples_passed += passed;
-        let recorded: Vec<(u32, u32, TileRecord)> = if call.record {
-            jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))).collect()
-        } else {
-            Vec::new()
-        };
-        drop(jobs);
-        batches.par_iter_mut().for_each(Batch::count_uncovered);
+        each(batches, Batch::count_uncovered);
         let mut funnel = segment.funnel;
         funnel += counts;
         for batch in batches.iter() {
@@ -249,27 +278,37 @@ impl RenderPass {
         Ok(funnel)
     }
 
-    /// The tiles that batches touch, with their parts of the attachments.
-    fn jobs(&mut self, frame: &Frame<'_>, tiles: [u32; 2], batches: &[Batch]) -> Vec<TileJob<'_>> {
+    /// One tile with its parts of the attachments.
+    fn job(&mut self, frame: &Frame<'_>, tiles: [u32; 2], index: usize) -> TileJob<'_> {
+        let mut job = TileJob::new(index, tiles[0]);
+        let mut locations: [Option<&mut TileSurface>; MAX_COLORS] = Default::default();
+        for (location, color) in locations.iter_mut().zip(&mut self.color) {
+            *location = color.as_mut().map(|(surface, _)| surface);
+        }
+        for (tile, target) in job.colors.iter_mut().zip(&frame.targets) {
+            *tile = locations[target.location].take().map(|surface| surface.tile_mut(index));
+        }
+        job.depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(|surface| surface.tile_mut(index));
+        job
+    }
+
+    /// Some tiles, in order, with their parts of the attachments.
+    fn jobs(&mut self, frame: &Frame<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut())).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
         let mut depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(TileSurface::tiles_mut);
-        let mut jobs = Vec::new();
-        for index in 0..(tiles[0] * tiles[1]) as usize {
-            let mut job = TileJob {
-                index,
-                at: [index as u32 % tiles[0], index as u32 / tiles[0]],
-                colors: Default::default(),
-                depth: depth.as_mut().and_then(Iterator::next),
-                record: TileRecord::default(),
-            };
+        let mut jobs = Vec::with_capacity(indices.len());
+        let mut next = 0;
+        for &index in indices {
+            let skipped = index - next;
+            next = index + 1;
+            let mut job = TileJob::new(index, tiles[0]);
             for (tile, surface) in job.colors.iter_mut().zip(&mut colors) {
-                *tile = surface.as_mut().and_then(Iterator::next);
+                *tile = surface.as_mut().and_then(|tiles| tiles.nth(skipped));
             }
-            if batches.iter().any(|b| b.touches(index)) {
-                jobs.push(job);
-            }
+            job.depth = depth.as_mut().and_then(|tiles| tiles.nth(skipped));
+            jobs.push(job);
         }
         jobs
     }

@@ -23,6 +23,8 @@ pub struct Piece {
     pub first_primitive: u32,
     /// Primitives.
     pub primitives: u32,
+    /// Primitives of its instance before it.
+    pub first_index: u32,
     /// Entries that an earlier segment has read already (a strip or fan that was cut).
     pub repeated: u32,
     /// A strip restart precedes it.
@@ -60,6 +62,8 @@ pub struct Planner {
     last_instance: u64,
     run: usize,
     primitive: u32,
+    /// Primitives of the instance handed out.
+    done: u32,
 }
 
 /// Where a walk stands.
@@ -68,6 +72,7 @@ pub struct Place {
     instance: u64,
     run: usize,
     primitive: u32,
+    done: u32,
 }
 
 impl Planner {
@@ -95,7 +100,7 @@ impl Planner {
             _ => runs.push((0, count, false)),
         }
         runs.retain(|&(_, len, _)| primitive_count(topology, u64::from(len)) > 0);
-        Planner { topology, runs, instance: instances.start, last_instance: instances.end, run: 0, primitive: 0 }
+        Planner { topology, runs, instance: instances.start, last_instance: instances.end, run: 0, primitive: 0, done: 0 }
     }
 
     /// The next segment of at most `limit` primitives (at least 2), or nothing at the draw's end. A segment holds parts of one
@@ -123,6 +128,7 @@ impl Planner {
                 stream,
                 first_primitive: primitives,
                 primitives: count,
+                first_index: self.done,
                 repeated,
                 restart: broken && self.primitive == 0,
             };
@@ -130,12 +136,14 @@ impl Planner {
             primitives += count;
             pieces.push(piece);
             self.primitive += count;
+            self.done += count;
             if self.primitive == all {
                 self.primitive = 0;
                 self.run += 1;
                 if self.run == self.runs.len() {
                     self.run = 0;
                     self.instance += 1;
+                    self.done = 0;
                     let whole = pieces[0].start == self.runs[0].0 && pieces[0].repeated == 0;
                     if !whole || u64::from(primitives) + self.instance_primitives() > u64::from(limit) {
                         break;
@@ -148,12 +156,12 @@ impl Planner {
 
     /// Where the walk stands, to come back to.
     pub fn place(&self) -> Place {
-        Place { instance: self.instance, run: self.run, primitive: self.primitive }
+        Place { instance: self.instance, run: self.run, primitive: self.primitive, done: self.done }
     }
 
     /// Goes back to a place.
     pub fn go_back(&mut self, place: Place) {
-        (self.instance, self.run, self.primitive) = (place.instance, place.run, place.primitive);
+        (self.instance, self.run, self.primitive, self.done) = (place.instance, place.run, place.primitive, place.done);
     }
 
     fn instance_primitives(&self) -> u64 {

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use crate::gfx::assemble::{Assembler, PrimitiveKind, provoking};
 use crate::gfx::clip::{ClipVolume, Clipped, Polygon};
-use crate::gfx::setup::{self, Culled, ScreenVertex, Shape, Triangle};
+use crate::gfx::setup::{self, Bounds, Culled, ScreenVertex, Shape, Triangle};
 use crate::gfx::state::{PolygonMode, Topology};
 use crate::num::SUBPIXEL;
 use crate::work::{Funnel, Outcome, TILE};
@@ -23,6 +23,9 @@ pub const MADE: u32 = 1 << 31;
 
 /// Marks a reference to a triangle that covers its tile whole.
 pub const WHOLE: u32 = 1 << 31;
+
+/// Greatest distance of a sample from its pixel's centre along an axis, in 1/256 pixel.
+const SAMPLE_REACH: i32 = 96;
 
 /// Where a triangle's attributes are: numbers of its vertices, and of the one that flat attributes come from.
 #[derive(Clone, Copy, Debug)]
@@ -43,18 +46,23 @@ pub struct Ended {
     pub outcome: Outcome,
 }
 
-/// Consecutive primitives and what becomes of them. Memory is kept from segment to segment.
-#[derive(Default)]
-pub struct Batch {
-    /// Entries of the segment's stream.
+/// Consecutive entries of a segment's stream: of a list, or of one strip.
+#[derive(Clone, Copy, Debug)]
+struct Part {
     start: u32,
     len: u32,
     hub: Option<u32>,
+}
+
+/// Consecutive primitives and what becomes of them. Memory is kept from segment to segment.
+#[derive(Default)]
+pub struct Batch {
+    /// What of the segment's stream it takes.
+    parts: Vec<Part>,
     /// Primitives before this batch in the segment.
     pub first_primitive: u32,
-    /// Primitives before this batch in its instance.
-    pub first_index: u32,
     primitives: u32,
+    /// The triangles as set up; empty where setup is left to the tiles ([`Input::late_setup`]).
     pub triangles: Vec<Triangle>,
     pub corners: Vec<Corners>,
     /// Number in the batch of the primitive that each triangle belongs to.
@@ -63,6 +71,8 @@ pub struct Batch {
     pub covered: Vec<AtomicU8>,
     /// Varyings of vertices that clipping made.
     pub made: Vec<u32>,
+    /// Window positions of vertices that clipping made.
+    made_screen: Vec<ScreenVertex>,
     /// How each primitive ended, where work is recorded.
     pub ended: Vec<Ended>,
     /// First reference of each tile, and one more.
@@ -73,32 +83,40 @@ pub struct Batch {
     pub funnel: Funnel,
 }
 
-/// Cuts the pieces of a segment into batches.
+/// Cuts the pieces of a segment into batches; returns their number.
 pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> usize {
-    let mut n = 0;
-    let mut first_index = 0;
-    let mut instance = None;
+    let (mut n, mut room) = (0, 0);
     for piece in pieces {
-        if instance != Some(piece.instance) {
-            (instance, first_index) = (Some(piece.instance), 0);
-        }
-        for first in (0..piece.primitives).step_by(BATCH as usize) {
-            let count = BATCH.min(piece.primitives - first);
+        let mut first = 0;
+        while first < piece.primitives {
+            if room == 0 {
+                if batches.len() == n {
+                    batches.push(Batch::default());
+                }
+                let batch = &mut batches[n];
+                batch.parts.clear();
+                (batch.first_primitive, batch.primitives) = (piece.first_primitive + first, 0);
+                (n, room) = (n + 1, BATCH);
+            }
+            let batch = &mut batches[n - 1];
+            // Even, so that a strip is cut where its winding starts again.
+            let count = if piece.primitives - first <= room { piece.primitives - first } else { room & !1 };
+            if count == 0 {
+                room = 0;
+                continue;
+            }
             // A piece of a fan without its start has the hub as its first entry, so it is a fan itself.
             let (start, len, needs_hub) = entries_of(topology, first, count);
-            if batches.len() == n {
-                batches.push(Batch::default());
+            let part = Part { start: piece.stream + start, len, hub: needs_hub.then_some(piece.stream) };
+            match batch.parts.last_mut() {
+                // Lists have no state from one primitive to the next.
+                Some(last) if !topology.is_strip() && last.start + last.len == part.start => last.len += len,
+                _ => batch.parts.push(part),
             }
-            let batch = &mut batches[n];
-            batch.start = piece.stream + start;
-            batch.len = len;
-            batch.hub = needs_hub.then_some(piece.stream);
-            batch.first_primitive = piece.first_primitive + first;
-            batch.first_index = first_index + first;
-            batch.primitives = count;
-            n += 1;
+            batch.primitives += count;
+            room -= count;
+            first += count;
         }
-        first_index += piece.primitives;
     }
     n
 }
@@ -112,6 +130,15 @@ pub struct Input<'a, 'f> {
     pub tiles: (u32, u32),
     /// Whether `ended` is wanted.
     pub record: bool,
+    /// Only the bounds of triangles are found here, and the tiles set them up: what is set up is eight times as large as its
+    /// vertices' numbers, and writing and reading it back costs more than doing it again in the few tiles it touches.
+    pub late_setup: bool,
+}
+
+/// Whether setup may be left to the tiles.
+pub fn late_setup(frame: &Frame<'_>, record: bool) -> bool {
+    let triangles = PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle;
+    triangles && frame.pipeline.primitive.polygon_mode == PolygonMode::Fill && !record
 }
 
 impl Batch {
@@ -127,27 +154,65 @@ impl Batch {
         self.tile_start[tile] != self.tile_start[tile + 1]
     }
 
+    /// Asks for the data of a triangle.
+    #[inline(always)]
+    pub fn prefetch(&self, number: usize) {
+        if let Some(triangle) = self.triangles.get(number) {
+            prefetch(triangle);
+        }
+        prefetch(&self.corners[number]);
+    }
+
+    /// Asks for a triangle's vertices.
+    #[inline(always)]
+    pub fn prefetch_vertices(&self, number: usize, vertices: &Vertices) {
+        for v in self.corners[number].vertices {
+            if let (Some(screen), Some(word)) =
+                (vertices.screen.get(v as usize), vertices.varyings.get(v as usize * vertices.varying_stride))
+            {
+                prefetch(screen);
+                prefetch(word);
+            }
+        }
+    }
+
     /// Assembles, clips, culls, sets up and sorts.
     pub fn run(&mut self, input: &Input<'_, '_>, worker: &mut Worker) {
         self.triangles.clear();
         self.corners.clear();
         self.primitive.clear();
         self.made.clear();
+        self.made_screen.clear();
         self.ended.clear();
         self.quads_estimate = 0;
         self.funnel = Funnel::default();
         worker.pairs.clear();
         self.assemble(input, &mut worker.pairs);
         self.funnel.primitives_in = u64::from(self.primitives);
-        self.funnel.triangles_setup = self.triangles.len() as u64;
+        self.funnel.triangles_setup = self.corners.len() as u64;
         self.covered.clear();
-        self.covered.resize_with(self.triangles.len(), AtomicU8::default);
+        self.covered.resize_with(self.corners.len(), AtomicU8::default);
         self.sort(&worker.pairs, input.tiles.1 as usize);
     }
 
     fn assemble(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+            fn wide(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+                batch.assemble_here(input, pairs);
+            }
+            if super::frame::has_avx2() {
+                // SAFETY: the host has every instruction set that the function is compiled for.
+                return unsafe { wide(self, input, pairs) };
+            }
+        }
+        self.assemble_here(input, pairs);
+    }
+
+    #[inline(always)]
+    fn assemble_here(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
         let frame = input.frame;
-        let entries = &input.stream.entries[self.start as usize..][..self.len as usize];
         let primitive = &frame.pipeline.primitive;
         let kind = PrimitiveKind::of(frame.topology);
         let plain = kind == PrimitiveKind::Triangle
@@ -155,41 +220,63 @@ impl Batch {
             && input.vertices.distance_stride == 0
             && !input.record;
         let flat = provoking(kind, primitive.provoking_last);
-        if plain && frame.topology == Topology::TriangleList {
-            // The case that matters: no assembler, and the cull reasons only counted.
-            for (number, v) in entries.chunks_exact(3).enumerate() {
-                self.triangle(input, number as u32, [v[0], v[1], v[2]], flat, pairs);
-            }
-            return;
-        }
-        let mut assembler = Assembler::new(frame.topology, primitive.provoking_last);
         let mut number = 0;
-        let hub = self.hub.map(|at| input.stream.entries[at as usize]);
-        let before = self.start;
+        let parts = std::mem::take(&mut self.parts);
+        for part in &parts {
+            let entries = &input.stream.entries[part.start as usize..][..part.len as usize];
+            if plain && frame.topology == Topology::TriangleList {
+                // The case that matters: no assembler, and the cull reasons only counted.
+                for v in entries.chunks_exact(3) {
+                    self.triangle(input, number, [v[0], v[1], v[2]], flat, pairs);
+                    number += 1;
+                }
+            } else {
+                self.assemble_part(input, part, entries, &mut number, (kind, plain, flat), pairs);
+            }
+        }
+        self.parts = parts;
+    }
+
+    /// One part, whatever its topology.
+    #[inline(never)]
+    fn assemble_part(
+        &mut self,
+        input: &Input<'_, '_>,
+        part: &Part,
+        entries: &[u32],
+        number: &mut u32,
+        (kind, plain, flat): (PrimitiveKind, bool, usize),
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let primitive = &input.frame.pipeline.primitive;
+        let mut assembler = Assembler::new(input.frame.topology, primitive.provoking_last);
+        let hub = part.hub.map(|at| input.stream.entries[at as usize]);
+        let before = part.start;
         let mut polygon = Polygon::EMPTY;
         for (at, vertex) in hub.iter().copied().map(|v| (0, v)).chain((1..).zip(entries.iter().copied())) {
+            let number = &mut *number;
             assembler.push(vertex, &mut |v| {
-                let first = self.triangles.len();
+                let first = self.corners.len();
                 let (outcome, clipped) = match (kind, primitive.polygon_mode) {
-                    (PrimitiveKind::Triangle, PolygonMode::Fill) if plain => self.triangle(input, number, v, flat, pairs),
+                    (PrimitiveKind::Triangle, PolygonMode::Fill) if plain => self.triangle(input, *number, v, flat, pairs),
                     (PrimitiveKind::Triangle, PolygonMode::Fill) => {
-                        self.general_triangle(input, number, v, flat, &mut polygon, pairs)
+                        self.general_triangle(input, *number, v, flat, &mut polygon, pairs)
                     }
-                    (PrimitiveKind::Triangle, mode) => self.outline(input, number, v, flat, mode, &mut polygon, pairs),
-                    (PrimitiveKind::Line, _) => self.line(input, number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
-                    (PrimitiveKind::Point, _) => self.point(input, number, v[0], v[0], true, pairs),
+                    (PrimitiveKind::Triangle, mode) => self.outline(input, *number, v, flat, mode, &mut polygon, pairs),
+                    (PrimitiveKind::Line, _) => self.line(input, *number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
+                    (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
                 };
                 if input.record {
                     self.ended.push(Ended {
                         vertices: v,
                         stream_end: before + at,
                         first_triangle: first as u32,
-                        triangles: (self.triangles.len() - first) as u8,
+                        triangles: (self.corners.len() - first) as u8,
                         clipped,
                         outcome,
                     });
                 }
-                number += 1;
+                *number += 1;
             });
         }
     }
@@ -205,15 +292,15 @@ impl Batch {
         pairs: &mut Vec<(u32, u32)>,
     ) -> (Outcome, bool) {
         let vertices = input.vertices;
-        let at = v.map(|v| v as usize);
-        let codes = at.map(|v| vertices.codes[v]);
+        let [a, b, c] = [v[0] as usize, v[1] as usize, v[2] as usize];
+        let codes = [vertices.codes[a], vertices.codes[b], vertices.codes[c]];
         match ClipVolume::trivial(&codes) {
             Some(Clipped::Rejected) => (self.end(Outcome::Frustum), false),
             Some(_) => {
-                let screen = at.map(|v| vertices.screen[v]);
-                match setup::triangle(&input.frame.setup, &screen) {
-                    Ok(triangle) => {
-                        self.put(input, number, triangle, Corners { vertices: v, flat: v[flat] }, pairs);
+                let screen = [vertices.screen[a], vertices.screen[b], vertices.screen[c]];
+                match setup::bounds(&input.frame.setup, &screen) {
+                    Ok(bounds) => {
+                        self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
                         (Outcome::Drawn, false)
                     }
                     Err(reason) => (self.end(outcome_of(reason)), false),
@@ -246,9 +333,9 @@ impl Batch {
             Clipped::Rejected => (self.end(Outcome::Frustum), false),
             Clipped::Whole => {
                 let screen = at.map(|v| vertices.screen[v]);
-                match setup::triangle(&frame.setup, &screen) {
-                    Ok(triangle) => {
-                        self.put(input, number, triangle, Corners { vertices: v, flat: v[flat] }, pairs);
+                match setup::bounds(&frame.setup, &screen) {
+                    Ok(bounds) => {
+                        self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
                         (Outcome::Drawn, false)
                     }
                     Err(reason) => (self.end(outcome_of(reason)), false),
@@ -256,31 +343,33 @@ impl Batch {
             }
             Clipped::Cut => {
                 self.funnel.clipped += 1;
-                let first = self.triangles.len();
-                let screen: Vec<ScreenVertex> = polygon.vertices().iter().map(|p| frame.screen.vertex(p.position)).collect();
+                let first = self.corners.len();
                 let made = self.make_vertices(input, v, polygon);
+                let screen = |i: usize| frame.screen.vertex(polygon.vertices()[i].position);
                 // Of the reasons for which no part is drawn the one that is furthest down the pipeline is the primitive's.
                 let mut reason = Outcome::Degenerate;
                 for [a, b, c] in polygon.triangles() {
-                    match setup::triangle(&frame.setup, &[screen[a], screen[b], screen[c]]) {
-                        Ok(triangle) => {
+                    let screen = [screen(a), screen(b), screen(c)];
+                    match setup::bounds(&frame.setup, &screen) {
+                        Ok(bounds) => {
                             let vertices = [a, b, c].map(|i| made + i as u32);
-                            self.put(input, number, triangle, Corners { vertices, flat: v[flat] }, pairs);
+                            self.put_bounds(input, number, &screen, bounds, Corners { vertices, flat: v[flat] }, pairs);
                         }
                         Err(why) => reason = further(reason, outcome_of(why)),
                     }
                 }
-                if self.triangles.len() > first { (Outcome::Drawn, true) } else { (self.end(reason), true) }
+                if self.corners.len() > first { (Outcome::Drawn, true) } else { (self.end(reason), true) }
             }
         }
     }
 
-    /// The varyings of a polygon's vertices, from those of the original ones. Returns the number of the first.
+    /// Keeps a polygon's vertices, with their varyings from those of the original ones. Returns the number of the first.
     fn make_vertices(&mut self, input: &Input<'_, '_>, v: [u32; 3], polygon: &Polygon) -> u32 {
         let vertices = input.vertices;
         let stride = vertices.varying_stride;
-        let first = if stride == 0 { 0 } else { self.made.len() / stride };
+        let first = self.made_screen.len();
         for vertex in polygon.vertices() {
+            self.made_screen.push(input.frame.screen.vertex(vertex.position));
             for word in 0..stride {
                 let original = v.map(|v| f32::from_bits(vertices.varyings[v as usize * stride + word]));
                 self.made.push(vertex.combine(original).to_bits());
@@ -321,7 +410,7 @@ impl Batch {
             Ok(front) => front,
             Err(reason) => return (self.end(outcome_of(reason)), false),
         };
-        let first = self.triangles.len();
+        let first = self.corners.len();
         let before = self.funnel;
         let (mut reason, mut clipped) = (Outcome::Degenerate, false);
         for i in 0..3 {
@@ -336,7 +425,7 @@ impl Batch {
         // The parts counted themselves; the primitive counts once.
         self.funnel = before;
         self.funnel.clipped += u64::from(clipped);
-        if self.triangles.len() > first { (Outcome::Drawn, clipped) } else { (self.end(reason), clipped) }
+        if self.corners.len() > first { (Outcome::Drawn, clipped) } else { (self.end(reason), clipped) }
     }
 
     #[inline(never)]
@@ -417,13 +506,36 @@ impl Batch {
         outcome
     }
 
-    /// Keeps a triangle that setup let through, and notes the tiles it may touch.
+    /// Keeps a triangle that is drawn, set up now or later.
     #[inline(always)]
+    fn put_bounds(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        screen: &[ScreenVertex; 3],
+        bounds: Bounds,
+        corners: Corners,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        if !input.late_setup {
+            return self.put(input, number, setup::within(&input.frame.setup, screen, bounds), corners, pairs);
+        }
+        let reference = self.corners.len() as u32;
+        let tiles = tiles_of(&bounds);
+        let [x0, y0, x1, y1] = tiles;
+        if x0 == x1 && y0 == y1 {
+            pairs.push((y0 * input.tiles.0 + x0, reference));
+        } else {
+            spread(input, &setup::within(&input.frame.setup, screen, bounds), reference, tiles, pairs);
+        }
+        self.corners.push(corners);
+        self.primitive.push(number);
+    }
+
+    /// Keeps a primitive that setup let through, and notes the tiles it may touch.
     fn put(&mut self, input: &Input<'_, '_>, number: u32, triangle: Triangle, corners: Corners, pairs: &mut Vec<(u32, u32)>) {
         let reference = self.triangles.len() as u32;
         let b = triangle.bounds;
-        let tile = TILE as u16;
-        let [x0, y0, x1, y1] = [b.x0 / tile, b.y0 / tile, (b.x1 - 1) / tile, (b.y1 - 1) / tile].map(u32::from);
         if input.record {
             let (w, h) = (u64::from(b.x1 - b.x0), u64::from(b.y1 - b.y0));
             self.quads_estimate += match triangle.shape {
@@ -432,14 +544,31 @@ impl Batch {
                 _ => w + h + 1,
             };
         }
+        let tiles = tiles_of(&b);
+        let [x0, y0, x1, y1] = tiles;
         if x0 == x1 && y0 == y1 {
             pairs.push((y0 * input.tiles.0 + x0, reference));
         } else {
-            spread(input, &triangle, reference, [x0, y0, x1, y1], pairs);
+            spread(input, &triangle, reference, tiles, pairs);
         }
         self.triangles.push(triangle);
         self.corners.push(corners);
         self.primitive.push(number);
+    }
+
+    /// A triangle, set up here where that was left to the tiles.
+    #[inline(always)]
+    pub fn set_up(&self, number: usize, frame: &Frame<'_>, vertices: &Vertices) -> Triangle {
+        if let Some(triangle) = self.triangles.get(number) {
+            return *triangle;
+        }
+        let [a, b, c] = self.corners[number].vertices;
+        let screen = |v: u32| {
+            if v & MADE == 0 { vertices.screen[v as usize] } else { self.made_screen[(v & !MADE) as usize] }
+        };
+        let screen = [screen(a), screen(b), screen(c)];
+        // The bounds were not empty when the triangle was kept.
+        setup::within(&frame.setup, &screen, setup::bounds(&frame.setup, &screen).unwrap_or_default())
     }
 
     /// Sorts the references by tile; those of a tile stay in order.
@@ -466,16 +595,36 @@ impl Batch {
     /// Counts the primitives that covered no sample; tiles have been drawn.
     pub fn count_uncovered(&mut self) {
         let mut at = 0;
-        while at < self.triangles.len() {
+        while at < self.corners.len() {
             let primitive = self.primitive[at];
             let mut covered = false;
-            while at < self.triangles.len() && self.primitive[at] == primitive {
+            while at < self.corners.len() && self.primitive[at] == primitive {
                 covered |= self.covered[at].load(Relaxed) != 0;
                 at += 1;
             }
             self.funnel.culled_no_sample += u64::from(!covered);
         }
     }
+}
+
+/// Asks for the cache lines of a value.
+#[inline(always)]
+fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    for line in (0..size_of::<T>()).step_by(64) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch changes nothing but what is cached, whatever the address; this one is inside the value.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>((&raw const *value).cast::<i8>().wrapping_add(line)) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
+/// First and last column and row of the tiles that hold some of the pixels: x0, y0, x1, y1.
+#[inline(always)]
+fn tiles_of(b: &Bounds) -> [u32; 4] {
+    let tile = TILE as u16;
+    [u32::from(b.x0 / tile), u32::from(b.y0 / tile), u32::from((b.x1 - 1) / tile), u32::from((b.y1 - 1) / tile)]
 }
 
 /// Notes the tiles of a triangle that spans several.
@@ -487,20 +636,20 @@ fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x
         for tx in x0..=x1 {
             let mut whole = 0;
             if test {
-                // The rectangle of the tile's pixels, from the left edge of the first to the right one of the last.
+                // The rectangle of the tile's samples.
                 let (px0, py0) = ((tx * TILE) as i32, (ty * TILE) as i32);
                 let px1 = (px0 + TILE as i32).min(frame.width as i32);
                 let py1 = (py0 + TILE as i32).min(frame.height as i32);
-                let half = SUBPIXEL / 2;
-                let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL - half;
-                let (left, right) = (at(px0, base[0]), at(px1, base[0]));
-                let (top, bottom) = (at(py0, base[1]), at(py1, base[1]));
+                let reach = if frame.samples == 1 { 0 } else { SAMPLE_REACH };
+                let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL;
+                let (left, right) = (at(px0, base[0]) - reach, at(px1 - 1, base[0]) + reach);
+                let (top, bottom) = (at(py0, base[1]) - reach, at(py1 - 1, base[1]) + reach);
                 let (mut touched, mut covered) = (true, true);
                 for edge in &triangle.edges {
                     let (xi, xo) = if edge.a >= 0 { (right, left) } else { (left, right) };
                     let (yi, yo) = if edge.b >= 0 { (bottom, top) } else { (top, bottom) };
                     touched &= edge.at(xi, yi) >= 0;
-                    covered &= edge.at(xo, yo) > 0;
+                    covered &= edge.at(xo, yo) >= i64::from(!edge.is_top_left());
                 }
                 if !touched {
                     continue;

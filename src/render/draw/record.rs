@@ -170,12 +170,12 @@ pub fn assemble(
     let mut first_triangle = Vec::with_capacity(batches.len());
     let mut piece = 0;
     for batch in batches {
-        while pieces.get(piece + 1).is_some_and(|p| p.first_primitive <= batch.first_primitive) {
-            piece += 1;
-        }
         let triangles = segment.triangles.len() as u32;
         first_triangle.push(triangles);
-        for ended in &batch.ended {
+        for (number, ended) in (batch.first_primitive..).zip(&batch.ended) {
+            while pieces.get(piece + 1).is_some_and(|p| p.first_primitive <= number) {
+                piece += 1;
+            }
             segment.primitives.push(Primitive {
                 vertices: ended.vertices,
                 stream_end: ended.stream_end + shifts[piece],

@@ -32,6 +32,8 @@ pub struct Pending {
     triangles: Vec<Triangle>,
     /// Batch and number there of each.
     names: Vec<(u32, u32)>,
+    /// One past the last quad of each.
+    ends: [u8; QUADS],
 }
 
 impl Pending {
@@ -73,6 +75,7 @@ impl Pending {
         self.sample[n] = sample;
         self.record[n] = record;
         self.back |= u16::from(!front) << n;
+        self.ends[slot as usize & (QUADS - 1)] = n as u8 + 1;
         self.n = n + 1;
         self.n == QUADS
     }
@@ -167,10 +170,10 @@ impl TileRun<'_, '_, '_> {
             let color = colors(bound, target.output);
             let at = &self.pending.at;
             match target.second {
-                None => target.state.blend_batch(S, n, at, kept, &color, &color, tile.codes),
+                None => target.state.blend_batch(S, n, at, kept, color, color, tile.codes),
                 Some(second) => {
                     let second = colors(bound, second);
-                    target.state.blend_batch(S, n, at, kept, &color, &second, tile.codes);
+                    target.state.blend_batch(S, n, at, kept, color, second, tile.codes);
                 }
             }
         }
@@ -181,9 +184,7 @@ impl TileRun<'_, '_, '_> {
         let frame = self.frame;
         let Some(bound) = &self.bound else { return };
         let mask = frame.mask_output.map(|slot| bound.output(slot, 0));
-        let first = frame.targets.iter().find(|t| t.location == 0).map(|t| t.output);
-        let alpha = first.filter(|(_, components)| frame.alpha_to_coverage && *components == 4);
-        let alpha = alpha.map(|(slot, _)| bound.output(slot, 3));
+        let alpha = frame.alpha_output.map(|slot| bound.output(slot, 3));
         for q in 0..self.pending.n {
             let before = kept[q];
             let mut allowed = 0_u16;
@@ -233,6 +234,7 @@ impl TileRun<'_, '_, '_> {
         let n = pending.n;
         let sites = &pending.sites[..n];
         let triangles = pending.triangles.as_slice();
+        let ends = &pending.ends[..triangles.len()];
         let Some(bound) = &mut self.bound else { return };
         // Place of every lane for what is evaluated at samples, where the program runs once a sample.
         let mut at_sample = [0_u8; LANES];
@@ -257,18 +259,26 @@ impl TileRun<'_, '_, '_> {
                     };
                     &from[v * stride..(v + 1) * stride]
                 };
-                *record = Records { vertices: vertices.map(words), flat: words(flat) };
+                let [a, b, c] = vertices;
+                *record = if frame.only_flat {
+                    Records { vertices: [NONE; 3], flat: words(flat) }
+                } else {
+                    Records { vertices: [words(a), words(b), words(c)], flat: words(flat) }
+                };
             }
             for class in &frame.classes {
                 if class.interpolation == Interpolation::Flat {
                     for varying in &class.varyings {
                         for c in 0..varying.components {
                             if let Some(input) = bound.input_mut(varying.input, c) {
-                                let mut values = [0; QUADS];
-                                for q in 0..n {
-                                    values[q] = records[sites[q].triangle as usize & (QUADS - 1)].flat[varying.word + c];
+                                let mut start = 0;
+                                for (record, &end) in records.iter().zip(ends) {
+                                    let value = record.flat[varying.word + c];
+                                    for quad in input.0[start..4 * usize::from(end)].as_chunks_mut::<4>().0 {
+                                        *quad = [value; 4];
+                                    }
+                                    start = 4 * usize::from(end);
                                 }
-                                interpolate::flat(&values, input);
                             }
                         }
                     }
@@ -301,14 +311,12 @@ impl TileRun<'_, '_, '_> {
                             let values = records[0].vertices.map(|v| f32::from_bits(v[word]));
                             interpolate::attribute_uniform(&weights, values, input);
                         } else {
-                            let mut values = [[0.0; QUADS]; 3];
-                            for q in 0..n {
-                                let record = &records[sites[q].triangle as usize & (QUADS - 1)];
-                                for i in 0..3 {
-                                    values[i][q] = f32::from_bits(record.vertices[i][word]);
-                                }
+                            let mut values = [[0.0; 3]; QUADS];
+                            for (values, record) in values.iter_mut().zip(&records[..triangles.len()]) {
+                                let [a, b, c] = record.vertices;
+                                *values = [a[word], b[word], c[word]].map(f32::from_bits);
                             }
-                            interpolate::attribute(&weights, &values, input);
+                            interpolate::attribute_runs(&weights, ends, &values, input);
                         }
                     }
                 }
@@ -373,7 +381,11 @@ impl TileRun<'_, '_, '_> {
                             BuiltIn::PrimitiveIndex => {
                                 let (batch, number) = pending.names[site.triangle as usize];
                                 let batch = &self.input.batches[batch as usize];
-                                batch.first_index + batch.primitive[number as usize]
+                                let primitive = batch.first_primitive + batch.primitive[number as usize];
+                                let pieces = self.input.pieces;
+                                let after = pieces.partition_point(|p| p.first_primitive <= primitive);
+                                let piece = &pieces[after - 1];
+                                piece.first_index + (primitive - piece.first_primitive)
                             }
                             BuiltIn::SubgroupSize => LANES as u32,
                             BuiltIn::PointCoord => 0.5_f32.to_bits(),
@@ -440,28 +452,29 @@ fn payload<const S: usize>(frame: &Frame<'_>, bound: &Bound<'_>, pending: &Pendi
         let color = colors(bound, target.output);
         if target.packed {
             let mut packed = [Lanes::ZERO; 4];
-            target.state.pack_batch(&color, &mut packed);
+            target.state.pack_batch(color, &mut packed);
             (0..target.payload_words).for_each(|w| put(target.payload + w, &packed[w]));
         } else {
-            (0..4).for_each(|w| put(target.payload + w, &color[w]));
+            (0..4).for_each(|w| put(target.payload + w, color[w]));
         }
         if let (Some(second), Some(word)) = (target.second, target.payload_second) {
             let color = colors(bound, second);
-            (0..4).for_each(|w| put(word + w, &color[w]));
+            (0..4).for_each(|w| put(word + w, color[w]));
         }
     }
 }
 
+/// Zeros and ones for what a program does not write.
+static ZERO: Lanes = Lanes::ZERO;
+static ONE: Lanes = Lanes([0x3f80_0000; LANES]);
+
 /// A colour output; components that the program does not write are 0, alpha is 1.
 #[inline(always)]
-fn colors(bound: &Bound<'_>, (slot, components): (usize, usize)) -> [Lanes; 4] {
-    std::array::from_fn(|c| {
-        if c < components {
-            *bound.output(slot, c)
-        } else if c == 3 {
-            Lanes::splat_f32(1.0)
-        } else {
-            Lanes::ZERO
-        }
-    })
+fn colors<'a>(bound: &'a Bound<'_>, (slot, components): (usize, usize)) -> [&'a Lanes; 4] {
+    let one = |c: usize| match c {
+        c if c < components => bound.output(slot, c),
+        3 => &ONE,
+        _ => &ZERO,
+    };
+    [one(0), one(1), one(2), one(3)]
 }

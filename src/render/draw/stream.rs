@@ -110,7 +110,9 @@ impl Stream {
             }
             read(piece.start, &mut out[hub..]);
         };
-        if let [piece] = pieces {
+        if let [piece] = pieces
+            && piece.entries() as usize > TASK
+        {
             let hub = piece.hub.is_some();
             self.entries.par_chunks_mut(TASK).enumerate().for_each(|(task, out)| {
                 let at = piece.start + (task * TASK) as u32;
@@ -123,11 +125,11 @@ impl Stream {
             return;
         }
         let mut rest = self.entries.as_mut_slice();
-        for piece in pieces {
-            let (out, tail) = rest.split_at_mut(piece.entries() as usize);
-            whole(piece, out);
-            rest = tail;
-        }
+        let parts = pieces.iter().map(|piece| {
+            let out = rest.split_off_mut(..piece.entries() as usize).expect("entries for every piece");
+            (piece, out)
+        });
+        each(parts.collect(), pieces, |(piece, out)| whole(piece, out));
     }
 
     /// Least and greatest index of each instance; begins the groups.
@@ -135,10 +137,13 @@ impl Stream {
         let mut ranges: Vec<(u32, u32)> = Vec::new();
         for piece in pieces {
             let entries = &self.entries[piece.stream as usize..][..piece.entries() as usize];
-            let (lo, hi) = entries
-                .par_chunks(TASK)
-                .map(|chunk| chunk.iter().fold((u32::MAX, 0), |(lo, hi), &i| (i.min(lo), i.max(hi))))
-                .reduce(|| (u32::MAX, 0), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+            let bounds = |chunk: &[u32]| chunk.iter().fold((u32::MAX, 0), |(lo, hi), &i| (i.min(lo), i.max(hi)));
+            let (lo, hi) = if entries.len() <= TASK {
+                bounds(entries)
+            } else {
+                let wider = |a: (u32, u32), b: (u32, u32)| (a.0.min(b.0), a.1.max(b.1));
+                entries.par_chunks(TASK).map(bounds).reduce(|| (u32::MAX, 0), wider)
+            };
             if self.groups.last().is_some_and(|g| g.instance == piece.instance) {
                 let range = ranges.last_mut().expect("a range a group");
                 *range = (range.0.min(lo), range.1.max(hi));
@@ -169,20 +174,22 @@ impl Stream {
             }
         };
         let mut rest = self.entries.as_mut_slice();
-        let mut groups = self.groups.iter();
-        let mut group = groups.next();
-        for piece in pieces {
-            while group.is_some_and(|g| g.instance != piece.instance) {
-                group = groups.next();
+        let (mut group, groups) = (0, &self.groups);
+        let parts = pieces.iter().map(|piece| {
+            while groups[group].instance != piece.instance {
+                group += 1;
             }
-            let group = group.expect("a group for each piece");
-            let (entries, tail) = rest.split_at_mut(piece.entries() as usize);
-            rest = tail;
-            if entries.len() <= TASK {
-                number(group, entries);
-            } else {
+            let entries = rest.split_off_mut(..piece.entries() as usize).expect("entries for every piece");
+            (&groups[group], entries)
+        });
+        let parts: Vec<_> = parts.collect();
+        let total = pieces.last().map_or(0, |p| p.stream + p.entries()) as usize;
+        if pieces.len() == 1 && total > TASK {
+            for (group, entries) in parts {
                 entries.par_chunks_mut(TASK).for_each(|chunk| number(group, chunk));
             }
+        } else {
+            each(parts, pieces, |(group, entries)| number(group, entries));
         }
     }
 
@@ -199,6 +206,17 @@ impl Stream {
             }
         }
         self.vertices = self.indices.len();
+    }
+}
+
+/// Does something for every part of a stream: on all threads if it is long enough, several short parts at a time.
+fn each<T: Send>(parts: Vec<T>, pieces: &[Piece], work: impl Fn(T) + Sync + Send) {
+    let total = pieces.last().map_or(0, |p| p.stream + p.entries()) as usize;
+    if total <= TASK {
+        parts.into_iter().for_each(work);
+    } else {
+        let together = (parts.len() * TASK / total).max(1);
+        parts.into_par_iter().with_min_len(together).for_each(work);
     }
 }
 

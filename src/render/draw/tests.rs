@@ -647,6 +647,71 @@ fn built_in_values_are_right() {
 }
 
 #[test]
+fn primitives_are_numbered_in_their_instance() {
+    // Strips and lists, cut into segments in the middle, in two instances that draw side by side.
+    for topology in [Topology::TriangleList, Topology::TriangleStrip] {
+        let columns = 70_000_u32;
+        let place = |i: u32| -1.0 + 2.0 * (i % 64) as f32 / 64.0;
+        let mut vertices = Vec::new();
+        if topology == Topology::TriangleList {
+            for i in 0..columns {
+                let x = place(i);
+                vertices.extend([v(x, -1.0, 0.5, RED), v(x + 0.1, -1.0, 0.5, RED), v(x, 1.0, 0.5, RED)]);
+            }
+        } else {
+            vertices.extend((0..columns + 2).map(|i| v(place(i / 2), if i % 2 == 0 { -1.0 } else { 1.0 }, 0.5, RED)));
+        }
+        let mut scene = Scene::new(vertices);
+        scene.state.primitive.topology = topology;
+        scene.instances = 2;
+        scene.extent = (64, 16);
+        scene.format = Format::R32Uint;
+        *scene.target() = ColorTarget { format: Format::R32Uint, blend: None, write_mask: 15 };
+        scene.source = "
+            enable primitive_index;
+            @vertex fn vs(@location(0) p: vec4<f32>, @builtin(instance_index) i: u32) -> @builtin(position) vec4<f32> {
+                return vec4<f32>(p.x, p.y * 0.5 + f32(i) - 0.5, p.z, 1.0);
+            }
+            @fragment fn fs(@builtin(primitive_index) i: u32) -> @location(0) u32 { return i; }
+        "
+        .into();
+        let image = scene.draw();
+        // (The strip jumps back behind its last column but one.)
+        for x in 0..62 {
+            let (upper, lower) = (code(&image, x, 4), code(&image, x, 12));
+            assert_eq!(upper, lower, "{topology:?} {x}: both instances count from 0");
+            assert!(lower > columns - 300 && lower < columns, "{topology:?} {x}: {lower}");
+        }
+        let recorded = scene.draw_as(How { record: true, ..USUAL });
+        same("numbers", "when recorded", &image, &recorded);
+    }
+}
+
+#[test]
+fn many_small_instances_are_drawn_like_few_large_ones() {
+    let mut scene = Scene::new(rectangle([-0.01, -0.01, 0.01, 0.01], 0.5, RED));
+    scene.instances = 5_000;
+    scene.source = "
+        struct V { @builtin(position) p: vec4<f32>, @location(0) @interpolate(flat) c: vec4<f32> }
+        @vertex fn vs(@location(0) p: vec4<f32>, @builtin(instance_index) i: u32) -> V {
+            let at = vec2<f32>(f32(i % 100u) + 0.5, f32(i / 100u) + 0.5) / 50.0 - vec2<f32>(1.0);
+            return V(vec4<f32>(p.xy + at, p.zw), vec4<f32>(f32(i % 256u) / 255.0, f32(i / 256u) / 255.0, 0.0, 1.0));
+        }
+        @fragment fn fs(v: V) -> @location(0) vec4<f32> { return v.c; }
+    "
+    .into();
+    scene.extent = (100, 100);
+    let image = scene.draw();
+    for i in 0..5_000 {
+        let (x, y) = (i % 100, 99 - i / 100);
+        assert_eq!(code(&image, x, y), 0xff00_0000 | i / 256 << 8 | i % 256, "{i}");
+    }
+    assert_eq!(image.drawn.funnel.primitives_in, 10_000);
+    assert_eq!(image.drawn.funnel.vertices_shaded, 30_000);
+    same("instances", "when recorded", &image, &scene.draw_as(How { record: true, ..USUAL }));
+}
+
+#[test]
 fn clip_distances_cut() {
     let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
     scene.source = "

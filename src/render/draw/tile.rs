@@ -7,11 +7,12 @@ use crate::gfx::setup::{Bounds, SAMPLES_4, Triangle};
 use crate::gfx::state::Compare;
 use crate::gfx::traverse::{self, Block};
 use crate::num::{LANES, Lanes, SUBPIXEL};
-use crate::render::surface::{BlockDepth, TileMut, depth_key};
+use crate::render::surface::{BlockDepth, TILE_BLOCKS, TileMut, depth_key};
 use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
 
 use super::frame::{Frame, Worker};
+use super::plan::Piece;
 use super::primitive::{Batch, WHOLE};
 use super::record::TileRecord;
 use super::shade::Pending;
@@ -22,6 +23,9 @@ pub const MAX_COLORS: usize = 8;
 
 /// Quads of a block from which on hierarchical Z and whole-block tests pay.
 const LARGE: u32 = 4;
+
+/// Triangles of a tile's list between a request for their data and its use.
+const AHEAD: usize = 8;
 
 /// A tile to be drawn.
 pub struct TileJob<'a> {
@@ -37,9 +41,23 @@ pub struct TileJob<'a> {
     pub record: TileRecord,
 }
 
+impl TileJob<'_> {
+    /// A tile of a picture of `across` tiles a row, without attachments.
+    pub fn new(index: usize, across: u32) -> Self {
+        TileJob {
+            index,
+            at: [index as u32 % across, index as u32 / across],
+            colors: Default::default(),
+            depth: None,
+            record: TileRecord::default(),
+        }
+    }
+}
+
 /// What all tiles of a segment share.
 pub struct SegmentInput<'a, 'f> {
     pub frame: &'a Frame<'f>,
+    pub pieces: &'a [Piece],
     pub batches: &'a [Batch],
     pub vertices: &'a Vertices,
 }
@@ -90,8 +108,7 @@ fn dispatch<const S: usize, const RECORD: bool>(
         ) -> Result<(), ShaderFault> {
             run::<S, RECORD, true>(input, worker, job)
         }
-        use std::arch::is_x86_feature_detected as has;
-        if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
+        if super::frame::has_avx2() {
             // SAFETY: the host has every instruction set that the function is compiled for.
             return unsafe { wide::<S, RECORD>(input, worker, job) };
         }
@@ -131,29 +148,48 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         triangle: 0,
         slot: u32::MAX,
     };
+    let mut blocks = [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS];
+    let references = &mut worker.pairs;
+    references.clear();
     for (b, batch) in input.batches.iter().enumerate().skip(start.0) {
-        let references = batch.in_tile(tile);
-        let references = if b == start.0 { &references[start.1..] } else { references };
-        for &reference in references {
-            let number = reference & !WHOLE;
-            let triangle = &batch.triangles[number as usize];
-            (run.batch, run.triangle, run.slot) = (b as u32, number, u32::MAX);
-            let mut covered = false;
-            let mut visit = |block| covered |= run.block::<S, RECORD>(triangle, block);
-            #[cfg(target_arch = "x86_64")]
-            if WIDE {
-                // SAFETY: `dispatch` has found the instruction sets on this host.
-                unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut visit) };
-            } else {
-                traverse::blocks_portable::<S>(triangle, area, &mut visit);
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            traverse::blocks_portable::<S>(triangle, area, &mut visit);
-            if covered {
-                batch.covered[number as usize].store(1, Relaxed);
-                if RECORD {
-                    run.job.record.end_visit(b as u32, number);
-                }
+        let of_batch = batch.in_tile(tile);
+        let of_batch = if b == start.0 { &of_batch[start.1..] } else { of_batch };
+        references.extend(of_batch.iter().map(|r| (b as u32, r & !WHOLE)));
+    }
+    for (i, &(b, number)) in references.iter().enumerate() {
+        // The lists jump through the segment's triangles, which are more than the nearer caches hold.
+        if let Some(&(b, number)) = references.get(i + AHEAD) {
+            input.batches[b as usize].prefetch(number as usize);
+        }
+        if let Some(&(b, number)) = references.get(i + AHEAD / 2) {
+            input.batches[b as usize].prefetch_vertices(number as usize, input.vertices);
+        }
+        let batch = &input.batches[b as usize];
+        let triangle = &batch.set_up(number as usize, frame, input.vertices);
+        (run.batch, run.triangle, run.slot) = (b, number, u32::MAX);
+        // Traversal only collects: the work on a block is then compiled once, in here, for this function's instructions.
+        let mut n = 0;
+        let mut collect = |block| {
+            blocks[n & (TILE_BLOCKS - 1)] = block;
+            n += 1;
+        };
+        #[cfg(target_arch = "x86_64")]
+        if WIDE {
+            // SAFETY: `dispatch` has found the instruction sets on this host.
+            unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut collect) };
+        } else {
+            traverse::blocks_portable::<S>(triangle, area, &mut collect);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        traverse::blocks_portable::<S>(triangle, area, &mut collect);
+        let mut covered = false;
+        for block in &blocks[..n] {
+            covered |= run.block::<S, RECORD>(triangle, *block);
+        }
+        if covered {
+            batch.covered[number as usize].store(1, Relaxed);
+            if RECORD {
+                run.job.record.end_visit(b, number);
             }
         }
         if run.fault.is_some() {

@@ -93,7 +93,7 @@ impl Vertices {
         let one = |(number, mut task): (usize, Task<'_>)| {
             workers.with(|w| shade_task(frame, &mut w.vertex, stream, number * TASK, &mut task, None))
         };
-        if frame.vertex_in_order {
+        if frame.vertex_in_order || room == TASK {
             let tasks: Vec<_> = tasks.collect();
             return tasks.into_iter().map(one).sum();
         }
