@@ -1,11 +1,14 @@
 //! Colour: blending, write masks, conversion to the target's format.
 
-use super::channels::{distinct_run, floats, lanes, limit, names_second, pack, range, unpack, write_bits};
+use super::channels::{
+    blends_codes, distinct_run, floats, join, lanes, limit, names_second, pack, quantize, range, split, unpack, write_bits,
+};
+use super::number::Number;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::simd::wide;
 use crate::gfx::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
-use crate::gfx::texel::{Rgba8, decode_code, encode_code};
+use crate::gfx::texel::{Rgba8, decode_code, encode_code, unorm};
 use crate::num::{LANES, Lanes, QUADS};
 
 /// What to do with a source colour; chosen once a draw.
@@ -15,10 +18,12 @@ enum Path {
     Nothing,
     /// Four 8-bit channels, the source replaces what is stored.
     Replace8(Rgba8),
-    /// Four 8-bit channels, blended.
+    /// Four 8-bit channels, blended: in codes, or in linear light with sRGB.
     Blend8(Rgba8),
     /// Any format, the source replaces what is stored.
     Replace,
+    /// One or two 8-bit channels, blended in codes.
+    BlendCodes,
     /// Any format, blended.
     Blend,
 }
@@ -37,6 +42,8 @@ pub struct ColorState {
     dual: bool,
     words: usize,
     constant: [f32; 4],
+    /// The constant in 8-bit codes.
+    constant_codes: [u16; 4],
     /// Range that source colours and constants are clamped to before blending (fixed-point formats).
     clamp: [f32; 2],
 }
@@ -57,6 +64,7 @@ impl ColorState {
             (None, Some(layout)) => Path::Replace8(layout),
             (Some(_), Some(layout)) => Path::Blend8(layout),
             (None, None) => Path::Replace,
+            (Some(_), None) if blends_codes(format) => Path::BlendCodes,
             (Some(_), None) => Path::Blend,
         };
         let blend = blend.unwrap_or_default();
@@ -71,6 +79,7 @@ impl ColorState {
             dual: [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second),
             words: code_words(format),
             constant: constant.map(|c| limit(c, clamp)),
+            constant_codes: constant.map(|c| unorm(c, 255.0) as u16),
             clamp,
         }
     }
@@ -87,12 +96,12 @@ impl ColorState {
 
     /// Whether the source is combined with the stored colour by an equation; if not, it is converted and replaces it.
     pub fn blends(&self) -> bool {
-        matches!(self.path, Path::Blend | Path::Blend8(_))
+        matches!(self.path, Path::Blend | Path::BlendCodes | Path::Blend8(_))
     }
 
     /// Whether the stored colour is needed: blending, or a write mask that keeps some channels.
     pub fn reads(&self) -> bool {
-        !self.is_idle() && (!self.whole || matches!(self.path, Path::Blend | Path::Blend8(_)))
+        !self.is_idle() && (!self.whole || self.blends())
     }
 
     /// Blends a quad into its stored codes (one run, see [`super`]).
@@ -116,7 +125,7 @@ impl ColorState {
                     let new = self.codes8::<4>(floats(src).each_ref(), floats(src1).each_ref(), &four(stored, 0));
                     self.put(mask, &new, stored);
                 }
-                Path::Replace | Path::Blend => {
+                Path::Replace | Path::BlendCodes | Path::Blend => {
                     for p in (0..4).filter(|p| mask >> p & 1 != 0) {
                         self.pixel(p, src.map(|c| c[p]), src1.map(|c| c[p]), stored);
                     }
@@ -214,7 +223,7 @@ impl ColorState {
                     first = end;
                 }
             }
-            Path::Replace | Path::Blend => {
+            Path::Replace | Path::BlendCodes | Path::Blend => {
                 for q in (0..quads).filter(|q| coverage[*q] != 0) {
                     let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
                     for s in 0..samples {
@@ -282,6 +291,15 @@ impl ColorState {
         let mut out = [0_u32; N];
         match self.path {
             Path::Replace8(layout) => pack(layout, src, &mut out),
+            Path::Blend8(layout) if !layout.srgb => {
+                let (mut first, mut second) = ([[0; N]; 4], [[0; N]; 4]);
+                quantize(src, &mut first);
+                if self.dual {
+                    quantize(src1, &mut second);
+                }
+                let result = self.blend_colors(&self.constant_codes, &first, &second, &split(layout.bgra, old));
+                join(layout.bgra, &result, &mut out);
+            }
             Path::Blend8(layout) => {
                 let dst = unpack(layout, old);
                 let (mut clamped, mut second) = ([[0.0; N]; 4], [[0.0; N]; 4]);
@@ -297,11 +315,7 @@ impl ColorState {
                         }
                     }
                 }
-                let mut result = [[0.0_f32; N]; 4];
-                for c in 0..4 {
-                    let blend = if c == 3 { self.alpha } else { self.color };
-                    self.blend_channel(c, blend, &clamped, &second, &dst, &mut result[c]);
-                }
+                let result = self.blend_colors(&self.constant, &clamped, &second, &dst);
                 pack(layout, result.each_ref(), &mut out);
             }
             _ => {}
@@ -309,139 +323,158 @@ impl ColorState {
         out
     }
 
-    /// One channel of the blend equation for `N` pixels.
+    /// The blend equation for `N` pixels.
     #[inline(always)]
-    fn blend_channel<const N: usize>(
+    fn blend_colors<T: Number, const N: usize>(
         &self,
-        c: usize,
-        blend: BlendComponent,
-        src: &Colors<N>,
-        src1: &Colors<N>,
-        dst: &Colors<N>,
-        out: &mut [f32; N],
-    ) {
-        // Plain loops rather than array adaptors: they take on the instruction set of the function they are inlined into.
-        let (s, d) = (&src[c], &dst[c]);
-        match blend.op {
-            BlendOp::Min => {
-                for i in 0..N {
-                    out[i] = if s[i] < d[i] { s[i] } else { d[i] };
-                }
-            }
-            BlendOp::Max => {
-                for i in 0..N {
-                    out[i] = if s[i] > d[i] { s[i] } else { d[i] };
-                }
-            }
-            _ => {
-                let mut other = [0.0; N];
-                self.weigh(blend.src, s, c, src, src1, dst, out);
-                self.weigh(blend.dst, d, c, src, src1, dst, &mut other);
-                match blend.op {
-                    BlendOp::Subtract => {
-                        for i in 0..N {
-                            out[i] -= other[i];
-                        }
-                    }
-                    BlendOp::ReverseSubtract => {
-                        for i in 0..N {
-                            out[i] = other[i] - out[i];
-                        }
-                    }
-                    _ => {
-                        for i in 0..N {
-                            out[i] += other[i];
-                        }
-                    }
-                }
-            }
+        constant: &[T; 4],
+        src: &Colors<N, T>,
+        src1: &Colors<N, T>,
+        dst: &Colors<N, T>,
+    ) -> Colors<N, T> {
+        let mut out = [[T::ZERO; N]; 4];
+        for c in 0..4 {
+            let blend = if c == 3 { self.alpha } else { self.color };
+            blend_channel(c, blend, constant, src, src1, dst, &mut out[c]);
         }
-    }
-
-    /// A channel times its factor. Factors 0 and 1 are exact even for infinities and NaN, as if the term were absent or bare.
-    #[inline(always)]
-    fn weigh<const N: usize>(
-        &self,
-        factor: BlendFactor,
-        x: &[f32; N],
-        c: usize,
-        src: &Colors<N>,
-        src1: &Colors<N>,
-        dst: &Colors<N>,
-        out: &mut [f32; N],
-    ) {
-        let constant = [self.constant[c]; N];
-        let mut saturated = [0.0; N];
-        // Which numbers, and whether what they lack to 1.
-        let (numbers, rest) = match factor {
-            BlendFactor::Zero => {
-                *out = [0.0; N];
-                return;
-            }
-            BlendFactor::One => {
-                *out = *x;
-                return;
-            }
-            BlendFactor::SrcAlphaSaturated => {
-                if c == 3 {
-                    *out = *x;
-                    return;
-                }
-                for i in 0..N {
-                    let (a, rest) = (src[3][i], 1.0 - dst[3][i]);
-                    saturated[i] = if a < rest { a } else { rest };
-                }
-                (&saturated, false)
-            }
-            BlendFactor::Src => (&src[c], false),
-            BlendFactor::OneMinusSrc => (&src[c], true),
-            BlendFactor::SrcAlpha => (&src[3], false),
-            BlendFactor::OneMinusSrcAlpha => (&src[3], true),
-            BlendFactor::Dst => (&dst[c], false),
-            BlendFactor::OneMinusDst => (&dst[c], true),
-            BlendFactor::DstAlpha => (&dst[3], false),
-            BlendFactor::OneMinusDstAlpha => (&dst[3], true),
-            BlendFactor::Constant => (&constant, false),
-            BlendFactor::OneMinusConstant => (&constant, true),
-            BlendFactor::Src1 => (&src1[c], false),
-            BlendFactor::OneMinusSrc1 => (&src1[c], true),
-            BlendFactor::Src1Alpha => (&src1[3], false),
-            BlendFactor::OneMinusSrc1Alpha => (&src1[3], true),
-        };
-        if rest {
-            for i in 0..N {
-                out[i] = x[i] * (1.0 - numbers[i]);
-            }
-        } else {
-            for i in 0..N {
-                out[i] = x[i] * numbers[i];
-            }
-        }
+        out
     }
 
     /// Pixel `p` of one sample of a quad, of any format.
     fn pixel(&self, p: usize, src: [u32; 4], src1: [u32; 4], stored: &mut [u32]) {
-        let new = if self.path == Path::Blend {
+        let new = if self.path == Path::BlendCodes {
+            let one = |t: [u32; 4]| t.map(|b| [unorm(f32::from_bits(b), 255.0) as u16]);
+            // Channels that the format has not: blue is 0 and alpha 1, so that factors of the target's alpha are right.
+            let dst = split(false, &[stored[p] & 0xffff | 0xff00_0000]);
+            let result = self.blend_colors(&self.constant_codes, &one(src), &one(src1), &dst);
+            let mut word = [0];
+            join(false, &result, &mut word);
+            [word[0], 0, 0, 0]
+        } else if self.path == Path::Blend {
             let one = |t: [u32; 4]| t.map(|b| [limit(f32::from_bits(b), self.clamp)]);
             let mut code = [0; 4];
             for w in 0..self.words {
                 code[w] = stored[4 * w + p];
             }
             let dst = decode_code(self.format, &code).map(|b| [f32::from_bits(b)]);
-            let (src, src1) = (one(src), one(src1));
-            let channel = |c: usize| {
-                let blend = if c == 3 { self.alpha } else { self.color };
-                let mut out = [0.0];
-                self.blend_channel::<1>(c, blend, &src, &src1, &dst, &mut out);
-                out[0].to_bits()
-            };
-            encode_code(self.format, [channel(0), channel(1), channel(2), channel(3)])
+            let result = self.blend_colors(&self.constant, &one(src), &one(src1), &dst);
+            encode_code(self.format, result.map(|c| c[0].to_bits()))
         } else {
             encode_code(self.format, src)
         };
         for w in 0..self.words {
             let word = &mut stored[4 * w + p];
             *word = *word & !self.bits[w] | new[w] & self.bits[w];
+        }
+    }
+}
+
+/// One channel of the blend equation for `N` pixels.
+#[inline(always)]
+fn blend_channel<T: Number, const N: usize>(
+    c: usize,
+    blend: BlendComponent,
+    constant: &[T; 4],
+    src: &Colors<N, T>,
+    src1: &Colors<N, T>,
+    dst: &Colors<N, T>,
+    out: &mut [T; N],
+) {
+    // Plain loops rather than array adaptors: they take on the instruction set of the function they are inlined into.
+    let (s, d) = (&src[c], &dst[c]);
+    match blend.op {
+        BlendOp::Min => {
+            for i in 0..N {
+                out[i] = if s[i] < d[i] { s[i] } else { d[i] };
+            }
+        }
+        BlendOp::Max => {
+            for i in 0..N {
+                out[i] = if s[i] > d[i] { s[i] } else { d[i] };
+            }
+        }
+        _ => {
+            let mut other = [T::ZERO; N];
+            weigh(blend.src, s, c, constant, src, src1, dst, out);
+            weigh(blend.dst, d, c, constant, src, src1, dst, &mut other);
+            match blend.op {
+                BlendOp::Subtract => {
+                    for i in 0..N {
+                        out[i] = out[i].minus(other[i]);
+                    }
+                }
+                BlendOp::ReverseSubtract => {
+                    for i in 0..N {
+                        out[i] = other[i].minus(out[i]);
+                    }
+                }
+                _ => {
+                    for i in 0..N {
+                        out[i] = out[i].plus(other[i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A channel times its factor. Factors 0 and 1 are exact even for infinities and NaN, as if the term were absent or bare.
+#[inline(always)]
+fn weigh<T: Number, const N: usize>(
+    factor: BlendFactor,
+    x: &[T; N],
+    c: usize,
+    constant: &[T; 4],
+    src: &Colors<N, T>,
+    src1: &Colors<N, T>,
+    dst: &Colors<N, T>,
+    out: &mut [T; N],
+) {
+    let constant = [constant[c]; N];
+    let mut saturated = [T::ZERO; N];
+    // Which numbers, and whether what they lack to 1.
+    let (numbers, rest) = match factor {
+        BlendFactor::Zero => {
+            *out = [T::ZERO; N];
+            return;
+        }
+        BlendFactor::One => {
+            *out = *x;
+            return;
+        }
+        BlendFactor::SrcAlphaSaturated => {
+            if c == 3 {
+                *out = *x;
+                return;
+            }
+            for i in 0..N {
+                let (a, rest) = (src[3][i], dst[3][i].complement());
+                saturated[i] = if a < rest { a } else { rest };
+            }
+            (&saturated, false)
+        }
+        BlendFactor::Src => (&src[c], false),
+        BlendFactor::OneMinusSrc => (&src[c], true),
+        BlendFactor::SrcAlpha => (&src[3], false),
+        BlendFactor::OneMinusSrcAlpha => (&src[3], true),
+        BlendFactor::Dst => (&dst[c], false),
+        BlendFactor::OneMinusDst => (&dst[c], true),
+        BlendFactor::DstAlpha => (&dst[3], false),
+        BlendFactor::OneMinusDstAlpha => (&dst[3], true),
+        BlendFactor::Constant => (&constant, false),
+        BlendFactor::OneMinusConstant => (&constant, true),
+        BlendFactor::Src1 => (&src1[c], false),
+        BlendFactor::OneMinusSrc1 => (&src1[c], true),
+        BlendFactor::Src1Alpha => (&src1[3], false),
+        BlendFactor::OneMinusSrc1Alpha => (&src1[3], true),
+    };
+    if rest {
+        for i in 0..N {
+            out[i] = x[i].times(numbers[i].complement());
+        }
+    } else {
+        for i in 0..N {
+            out[i] = x[i].times(numbers[i]);
         }
     }
 }

@@ -117,6 +117,44 @@ pub(super) fn pack<const N: usize>(layout: Rgba8, color: ColorRefs<'_, N>, out: 
     }
 }
 
+/// Whether blending is in 8-bit codes ([`super::number`]).
+pub(super) fn blends_codes(format: Format) -> bool {
+    matches!(format, Format::R8Unorm | Format::Rg8Unorm | Format::Rgba8Unorm | Format::Bgra8Unorm)
+}
+
+/// Colours as 8-bit codes: clamped, to the nearest, ties to even; NaN is 0.
+#[inline(always)]
+pub(super) fn quantize<const N: usize>(color: ColorRefs<'_, N>, out: &mut Colors<N, u16>) {
+    for c in 0..4 {
+        for i in 0..N {
+            out[c][i] = unorm(color[c][i], 255.0) as u16;
+        }
+    }
+}
+
+/// Takes words of four 8-bit codes apart.
+#[inline(always)]
+pub(super) fn split<const N: usize>(bgra: bool, words: &[u32; N]) -> Colors<N, u16> {
+    let shift = if bgra { [16, 8, 0, 24] } else { [0, 8, 16, 24] };
+    let mut out = [[0; N]; 4];
+    for c in 0..4 {
+        for i in 0..N {
+            out[c][i] = (words[i] >> shift[c] & 255) as u16;
+        }
+    }
+    out
+}
+
+/// Puts words of four 8-bit codes together.
+#[inline(always)]
+pub(super) fn join<const N: usize>(bgra: bool, color: &Colors<N, u16>, out: &mut [u32; N]) {
+    let (first, third) = if bgra { (2, 0) } else { (0, 2) };
+    let (a, b, c, d) = (&color[first], &color[1], &color[third], &color[3]);
+    for i in 0..N {
+        out[i] = u32::from(a[i] | b[i] << 8) | u32::from(c[i] | d[i] << 8) << 16;
+    }
+}
+
 #[inline(always)]
 pub(super) fn floats(bits: &[[u32; 4]; 4]) -> Colors<4> {
     bits.map(|c| c.map(f32::from_bits))

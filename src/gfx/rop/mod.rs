@@ -8,6 +8,7 @@
 mod blend;
 mod channels;
 mod depth;
+mod number;
 mod resolve;
 
 #[cfg(test)]
@@ -30,7 +31,7 @@ fn four(words: &[u32], at: usize) -> [u32; 4] {
 }
 
 /// Colours of `N` pixels, a channel after the other.
-type Colors<const N: usize> = [[f32; N]; 4];
+type Colors<const N: usize, T = f32> = [[T; N]; 4];
 
 /// The same, the channels where they are.
 type ColorRefs<'a, const N: usize> = [&'a [f32; N]; 4];

@@ -55,15 +55,17 @@ fn colour(seed: &mut u32) -> f32 {
 #[test]
 fn every_factor_and_operation_agrees_with_f64() {
     let mut seed = 1;
-    // Bounds in the target's own steps: half a step of rounding and a little for arithmetic.
+    // Bounds in the target's own steps: half a step of rounding and a little for arithmetic. Targets that blend in 8-bit codes
+    // round two sources, two factors and two products: up to half a step each.
+    const CODES: f64 = 255.0 / 6.0;
     let formats = [
-        (Format::Rgba8Unorm, 255.0),
-        (Format::Bgra8Unorm, 255.0),
+        (Format::Rgba8Unorm, CODES),
+        (Format::Bgra8Unorm, CODES),
         (Format::Rgb10a2Unorm, 3.0),
         (Format::Rgba16Unorm, 65535.0),
         (Format::Rgba32Float, 1e6),
         (Format::Rgba8UnormSrgb, 100.0),
-        (Format::R8Unorm, 255.0),
+        (Format::R8Unorm, CODES),
     ];
     for (format, steps) in formats {
         for &src in BlendFactor::ALL {
@@ -99,6 +101,75 @@ fn every_factor_and_operation_agrees_with_f64() {
                             let error = (got[c] - want).abs();
                             assert!(error <= 0.51 / steps, "{format:?} {component:?} channel {c}: {} for {want}", got[c]);
                         }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn codes_blend_by_whole_numbers() {
+    // Sources that are codes themselves: what remains is one rounding a product, in whole numbers here.
+    let product = |a: i32, b: i32| (2 * a * b + 255).div_euclid(510);
+    let mut seed = 9;
+    for (format, shifts) in [
+        (Format::Rgba8Unorm, [0, 8, 16, 24]),
+        (Format::Bgra8Unorm, [16, 8, 0, 24]),
+        (Format::Rg8Unorm, [0, 8, 32, 32]),
+        (Format::R8Unorm, [0, 32, 32, 32]),
+    ] {
+        for &src in BlendFactor::ALL {
+            for &dst in BlendFactor::ALL {
+                for &op in BlendOp::ALL {
+                    let component = BlendComponent { src, dst, op };
+                    let target =
+                        ColorTarget { format, blend: Some(Blend { color: component, alpha: component }), write_mask: 15 };
+                    let mut color = || -> [i32; 4] { std::array::from_fn(|_| (noise(&mut seed) & 255) as i32) };
+                    let (s, s1, k, mut d) = (color(), color(), color(), color());
+                    let floats = |t: [i32; 4]| t.map(|c| c as f32 / 255.0);
+                    let lanes = |t: [i32; 4]| floats(t).map(|c| [c.to_bits(); 4]);
+                    let mut stored = 0;
+                    for c in 0..4 {
+                        if shifts[c] < 32 {
+                            stored |= (d[c] as u32) << shifts[c];
+                        } else {
+                            d[c] = if c == 3 { 255 } else { 0 };
+                        }
+                    }
+                    let mut run = [stored; 4];
+                    ColorState::new(&target, floats(k)).blend_quad(1, 15, &lanes(s), &lanes(s1), &mut run);
+                    for c in (0..4).filter(|c| shifts[*c] < 32) {
+                        let term = |f: BlendFactor, x: i32| match f {
+                            BlendFactor::Zero => 0,
+                            BlendFactor::One => x,
+                            BlendFactor::Src => product(x, s[c]),
+                            BlendFactor::OneMinusSrc => product(x, 255 - s[c]),
+                            BlendFactor::SrcAlpha => product(x, s[3]),
+                            BlendFactor::OneMinusSrcAlpha => product(x, 255 - s[3]),
+                            BlendFactor::Dst => product(x, d[c]),
+                            BlendFactor::OneMinusDst => product(x, 255 - d[c]),
+                            BlendFactor::DstAlpha => product(x, d[3]),
+                            BlendFactor::OneMinusDstAlpha => product(x, 255 - d[3]),
+                            BlendFactor::SrcAlphaSaturated if c == 3 => x,
+                            BlendFactor::SrcAlphaSaturated => product(x, s[3].min(255 - d[3])),
+                            BlendFactor::Constant => product(x, k[c]),
+                            BlendFactor::OneMinusConstant => product(x, 255 - k[c]),
+                            BlendFactor::Src1 => product(x, s1[c]),
+                            BlendFactor::OneMinusSrc1 => product(x, 255 - s1[c]),
+                            BlendFactor::Src1Alpha => product(x, s1[3]),
+                            BlendFactor::OneMinusSrc1Alpha => product(x, 255 - s1[3]),
+                        };
+                        let (a, b) = (term(src, s[c]), term(dst, d[c]));
+                        let want = match op {
+                            BlendOp::Add => (a + b).min(255),
+                            BlendOp::Subtract => (a - b).max(0),
+                            BlendOp::ReverseSubtract => (b - a).max(0),
+                            BlendOp::Min => s[c].min(d[c]),
+                            BlendOp::Max => s[c].max(d[c]),
+                        };
+                        let got = run[1] >> shifts[c] & 255;
+                        assert_eq!(got as i32, want, "{format:?} {component:?} channel {c}");
                     }
                 }
             }
@@ -327,14 +398,14 @@ proptest! {
     fn batches_blend_as_single_quads(
         blend in any_blend(),
         write_mask in 0_u8..16,
-        pick in 0_usize..8,
+        pick in 0_usize..9,
         four in any::<bool>(),
         seed in any::<u32>(),
         wild in any::<bool>(),
     ) {
         let format = [
             Format::Rgba8Unorm, Format::Bgra8UnormSrgb, Format::Rgba16Float, Format::Rgba32Float, Format::Rgb10a2Unorm,
-            Format::Rg11b10Ufloat, Format::Rgba8Uint, Format::Rg16Sint,
+            Format::Rg11b10Ufloat, Format::Rgba8Uint, Format::Rg16Sint, Format::Rg8Unorm,
         ][pick];
         let samples = if four { 4 } else { 1 };
         let mut seed = seed;
@@ -347,7 +418,9 @@ proptest! {
         // Few places, so that some quads meet.
         let at: [u32; QUADS] = std::array::from_fn(|_| noise(&mut seed) % 20);
         let coverage: [u16; QUADS] = std::array::from_fn(|_| noise(&mut seed) as u16 & if four { !0 } else { 15 });
-        let tile: Vec<u32> = (0..20 * size).map(|_| noise(&mut seed)).collect();
+        // The unused bits of a code are zero.
+        let used = if format == Format::Rg8Unorm { 0xffff } else { !0 };
+        let tile: Vec<u32> = (0..20 * size).map(|_| noise(&mut seed) & used).collect();
         let (mut batch, mut single, mut packed) = (tile.clone(), tile.clone(), tile);
         state.blend_batch(samples, QUADS, &at, &coverage, src.each_ref(), src1.each_ref(), &mut batch);
         let mut codes = [Lanes::ZERO; 4];
