@@ -4,7 +4,7 @@ use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, Taps, gather_taps, taps};
 use super::view::Texels;
-use super::{Sample, Sampler, View};
+use super::{Sample, Sampler, View, ellipse};
 use crate::gfx::texel::srgb_table;
 use crate::num::{Lanes, Mask};
 
@@ -90,6 +90,9 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Ma
 }
 
 fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    if ellipse::applies(view, sampler, args) {
+        return average(view, source, sampler, args, mask, out);
+    }
     let selection = Selection::new(view, sampler, args);
     for lane in lanes_of(mask) {
         let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
@@ -124,6 +127,32 @@ fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Samp
             out[c].f32_mut()[lane] = value[c];
         }
     }
+}
+
+/// Samples by elliptical weighted averages.
+fn average<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    ellipse::each(view, sampler, args, mask, |lane, footprint, place| {
+        let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
+        let (mut sum, mut total) = ([0.0_f32; 4], 0.0);
+        footprint.texels(view, sampler, place, args.offset, |texel, weight| {
+            let value =
+                if texel.contains(&BORDER) { sampler.border } else { source.texel(place_of(view, footprint.level, texel)) };
+            total += weight;
+            match reference {
+                None => {
+                    for c in 0..4 {
+                        sum[c] += value[c] * weight;
+                    }
+                }
+                Some(r) => sum[0] += if sampler.compare.test(r, value[0]) { weight } else { 0.0 },
+            }
+        });
+        let value = sum.map(|s| s / total);
+        let value = if reference.is_some() { [value[0], 0.0, 0.0, 1.0] } else { value };
+        for c in 0..4 {
+            out[c].f32_mut()[lane] = value[c];
+        }
+    });
 }
 
 /// A comparison's reference value, clamped where the stored depths are fixed-point.

@@ -7,7 +7,7 @@ use crate::gfx::state::ViewDimension;
 use crate::num::{LANES, QUADS};
 
 /// Range of a shader's level-of-detail bias (WGSL).
-const BIAS: (f32, f32) = (-16.0, 15.99);
+pub(super) const BIAS: (f32, f32) = (-16.0, 15.99);
 
 /// What a sample reads, lane by lane.
 pub(super) struct Selection {
@@ -72,12 +72,18 @@ impl Selection {
     }
 }
 
-/// Clamps levels of detail to the sampler's range; NaN becomes the lower bound.
+/// Clamps a level of detail to the sampler's range; NaN becomes the lower bound.
+#[inline(always)]
+pub(super) fn clamp_one(lambda: f32, sampler: &Sampler) -> f32 {
+    let lambda = if lambda > sampler.lod_min { lambda } else { sampler.lod_min };
+    if lambda < sampler.lod_max { lambda } else { sampler.lod_max }
+}
+
+/// Clamps levels of detail, as [`clamp_one`].
 #[inline(always)]
 pub(super) fn clamp(lambda: &mut [f32; LANES], sampler: &Sampler) {
     for l in lambda {
-        let x = if *l > sampler.lod_min { *l } else { sampler.lod_min };
-        *l = if x < sampler.lod_max { x } else { sampler.lod_max };
+        *l = clamp_one(*l, sampler);
     }
 }
 
@@ -100,7 +106,8 @@ fn measure(view: &View, sampler: &Sampler, at: [f32; 3], dx: [f32; 3], dy: [f32;
     let squared = |g: [f32; 3]| (g[0] * w) * (g[0] * w) + (g[1] * h) * (g[1] * h) + (g[2] * d) * (g[2] * d);
     let (x, y) = (squared(gx), squared(gy));
     let (most, least, major) = if x > y { (x, y, gx) } else { (y, x, gy) };
-    if sampler.anisotropy <= 1.0 || view.dimension == ViewDimension::D3 || !most.is_finite() || most <= 0.0 {
+    // In two dimensions anisotropy is that of [`super::ellipse`].
+    if sampler.anisotropy <= 1.0 || !view.is_cube() || !most.is_finite() || most <= 0.0 {
         return Footprint { lambda: 0.5 * log2(most), probes: 1, major: [0.0; 2] };
     }
     // The ratio of the axes, at most the sampler's; an infinite one where the minor axis vanishes.

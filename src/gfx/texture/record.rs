@@ -4,7 +4,7 @@ use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, gather_taps, taps};
-use super::{Sample, Sampler, View};
+use super::{Sample, Sampler, View, ellipse};
 use crate::num::{Lanes, Mask, QUADS};
 
 /// Lines and operations of one texture instruction of a batch.
@@ -23,8 +23,8 @@ impl Footprint {
     }
 
     /// The distinct lines (address / 64) that a quad reads, in order of first use, and its bilinear filter operations: one a
-    /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices, times the probes of
-    /// anisotropy.
+    /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices; with anisotropy one for
+    /// four texels of the footprint, or on cubes times the probes.
     pub fn quad(&self, quad: usize) -> (&[u32], u16) {
         let first = if quad == 0 { 0 } else { self.ends[quad - 1] };
         (&self.lines[first as usize..self.ends[quad] as usize], self.operations[quad])
@@ -48,6 +48,9 @@ impl Footprint {
         if super::fast::record(view, sampler, args, mask, self) {
             return;
         }
+        if ellipse::applies(view, sampler, args) {
+            return self.average(view, sampler, args, mask);
+        }
         let selection = Selection::new(view, sampler, args);
         self.fill(mask, |lane, quad| {
             let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
@@ -63,6 +66,20 @@ impl Footprint {
                     quad.level(view, sampler, args, levels.second, levels.linear, at);
                 }
             }
+        });
+    }
+
+    fn average(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        self.fill(mask, |lane, quad| {
+            ellipse::each(view, sampler, args, 1 << lane, |_, footprint, place| {
+                let mut count = 0_u16;
+                footprint.texels(view, sampler, place, args.offset, |texel, _| {
+                    count += 1;
+                    let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
+                    quad.texel(view, footprint.level, texel);
+                });
+                quad.operations += count.div_ceil(4);
+            });
         });
     }
 

@@ -17,8 +17,10 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Prepares a sampler. A level range of the wrong order, or with NaN, is that of its lower bound (0 for NaN).
+    /// Prepares a sampler. A level range of the wrong order, or with NaN, is that of its lower bound (0 for NaN). Anisotropy
+    /// counts with linear filters only.
     pub fn new(desc: &SamplerDesc) -> Sampler {
+        let linear = desc.mag == FilterMode::Linear && desc.min == FilterMode::Linear;
         let lod_min = if desc.lod_min.is_nan() { 0.0 } else { desc.lod_min };
         Sampler {
             address: desc.address,
@@ -28,7 +30,7 @@ impl Sampler {
             lod_min,
             lod_max: if desc.lod_max > lod_min { desc.lod_max } else { lod_min },
             compare: desc.compare.unwrap_or(Compare::Always),
-            anisotropy: f32::from(desc.anisotropy.clamp(1, 16)),
+            anisotropy: if linear { f32::from(desc.anisotropy.clamp(1, 16)) } else { 1.0 },
             border: match desc.border {
                 BorderColor::TransparentBlack => [0.0; 4],
                 BorderColor::OpaqueBlack => [0.0, 0.0, 0.0, 1.0],
@@ -52,7 +54,7 @@ pub(super) struct Axis {
 /// A coordinate brought to a range in which it can be scaled and floored without loss or overflow: the fraction of a period for
 /// repeating modes, the neighbourhood of the texture for clamping ones. NaN becomes 0.
 #[inline(always)]
-fn fold(mode: AddressMode, u: f32) -> f32 {
+pub(super) fn fold(mode: AddressMode, u: f32) -> f32 {
     let folded = match mode {
         AddressMode::Repeat => u - u.floor(),
         AddressMode::MirrorRepeat => u - 2.0 * (u * 0.5).floor(),
@@ -64,7 +66,11 @@ fn fold(mode: AddressMode, u: f32) -> f32 {
 
 /// The texel index of an integer place, any number of periods away.
 #[inline(always)]
-fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
+pub(super) fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
+    // Most places are inside, and a division takes longer than all else here.
+    if (0..n).contains(&i) {
+        return i;
+    }
     match mode {
         AddressMode::ClampToEdge => i.clamp(0, n - 1),
         AddressMode::Repeat => i.rem_euclid(n),

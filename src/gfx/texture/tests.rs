@@ -20,17 +20,17 @@ fn noise(image: &ImageDesc, seed: u32) -> Words {
     words
 }
 
-fn image(size: [u32; 3], levels: u32, format: Format) -> ImageDesc {
+pub(super) fn image(size: [u32; 3], levels: u32, format: Format) -> ImageDesc {
     ImageDesc { dimension: TextureDimension::D2, size, levels, samples: 1, format }
 }
 
-fn whole(image: &ImageDesc, dimension: ViewDimension) -> ViewRange {
+pub(super) fn whole(image: &ImageDesc, dimension: ViewDimension) -> ViewRange {
     let layers = if dimension == ViewDimension::D3 { 1 } else { image.size[2] };
     let (format, levels) = (image.format, image.levels);
     ViewRange { dimension, format, aspect: Aspect::All, base_level: 0, levels, base_layer: 0, layers }
 }
 
-fn view_of(image: &ImageDesc, dimension: ViewDimension) -> View {
+pub(super) fn view_of(image: &ImageDesc, dimension: ViewDimension) -> View {
     View::new(&noise(image, 1), image, &whole(image, dimension), 0).expect("a valid view")
 }
 

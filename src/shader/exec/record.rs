@@ -146,7 +146,7 @@ impl Scratch {
     }
 
     fn finish_request(&mut self, q: usize, kind: RequestKind, first: usize, operations: u32) {
-        // A quad touches at most 4 lanes x 16 probes x 8 texels; more than 255 distinct lines are cut off.
+        // A quad touches at most 4 lanes x 320 texels of a level, neighbours; more than 255 distinct lines are cut off.
         let lines = (self.staged_lines.len() - first).min(255);
         self.staged_lines.truncate(first + lines);
         self.step(q, kind);
