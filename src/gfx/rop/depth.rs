@@ -157,6 +157,23 @@ impl DepthStencilState {
         }
     }
 
+    /// [`DepthStencilState::code`] of a quad.
+    #[inline(always)]
+    pub fn code_quad(&self, depth: [f32; 4]) -> [u32; 4] {
+        let mut clamped = depth;
+        for p in 0..4 {
+            clamped[p] = clamp(depth[p], self.range);
+        }
+        let mut out = [0; 4];
+        match self.storage {
+            Storage::None => {}
+            Storage::Unorm16 => (0..4).for_each(|p| out[p] = unorm(clamped[p], 65535.0)),
+            Storage::Unorm24 => (0..4).for_each(|p| out[p] = unorm24(clamped[p])),
+            Storage::Float => (0..4).for_each(|p| out[p] = clamped[p].to_bits()),
+        }
+        out
+    }
+
     /// [`DepthStencilState::code`] of every lane.
     pub fn codes(&self, depth: &Lanes, out: &mut Lanes) {
         codes(self, depth, out);

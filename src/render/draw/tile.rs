@@ -377,7 +377,11 @@ impl TileRun<'_, '_, '_> {
             let q = left.trailing_zeros() as usize / 4;
             left &= left - 1;
             let (x, y) = (i32::from(block.x) + 2 * (q as i32 % 4), i32::from(block.y) + 2 * (q as i32 / 4));
-            let codes = depths::<S>(triangle, x, y).map(|quad| quad.map(|z| state.code(z)));
+            let depths = depths::<S>(triangle, x, y);
+            let mut codes = [[0; 4]; S];
+            for s in 0..S {
+                codes[s] = state.code_quad(depths[s]);
+            }
             let run = &mut tile.codes[(at * 16 + q) * size..][..size];
             let passed = state.test_quad(S, !triangle.front, block.quad_mask(q), &codes, run);
             for s in 0..S {
@@ -398,10 +402,8 @@ fn depths<const S: usize>(triangle: &Triangle, x: i32, y: i32) -> [[f32; 4]; S] 
     }
     for s in 0..S {
         let [dx, dy] = SAMPLES_4[s % 4].map(|v| v as f32 / SUBPIXEL as f32);
-        for p in 0..4 {
-            let (px, py) = (x as f32 + 0.5 + (p & 1) as f32, y as f32 + 0.5 + (p >> 1) as f32);
-            out[s][p] = triangle.depth.at(px + dx, py + dy);
-        }
+        let (x0, y0) = (x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
+        out[s] = triangle.depth.at4([x0, x0 + 1.0, x0, x0 + 1.0], [y0, y0, y0 + 1.0, y0 + 1.0]);
     }
     out
 }
