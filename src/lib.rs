@@ -7,7 +7,7 @@
 //! | 0 | [`num`] |
 //! | 1 | [`gfx`], [`trace`], [`stats`], [`sim`] |
 //! | 2 | [`shader`], [`mem`], [`work`], [`import`] |
-//! | 3 | [`render`], [`unit`] |
+//! | 3 | [`render`], [`mod@unit`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
 //! | 6 | [`cli`] |

@@ -386,7 +386,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
     })
 }
 
-/// Sets a point of size 1 up. `front` as for [`line`].
+/// Sets a point of size 1 up. `front` as for [`fn@line`].
 ///
 /// # Errors
 /// Why it is not drawn.

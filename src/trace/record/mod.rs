@@ -25,7 +25,7 @@
 //! assert_eq!(trace.blob_names().collect::<Vec<_>>(), ["triangle.wgsl"]);
 //! ```
 //!
-//! Contents given twice are kept once. The recorder checks nothing: [`crate::trace::check`] does.
+//! Contents given twice are kept once. The recorder checks nothing: [`crate::trace::check()`] does.
 
 mod desc;
 mod pass;
