@@ -195,10 +195,10 @@ impl State {
                 Stmt::Bump(v, e) => {
                     let e = self.eval(e);
                     let old = self.v[*v];
-                    self.v[*v] = if e % 2 == 0 { old.wrapping_add(1) } else { old.wrapping_mul(3).wrapping_add(e) };
+                    self.v[*v] = if e.is_multiple_of(2) { old.wrapping_add(1) } else { old.wrapping_mul(3).wrapping_add(e) };
                 }
                 Stmt::If(c, t, e) => {
-                    let flow = if self.eval(c) % 3 == 0 { self.run(t) } else { self.run(e) };
+                    let flow = if self.eval(c).is_multiple_of(3) { self.run(t) } else { self.run(e) };
                     if !matches!(flow, Flow::Next) {
                         return flow;
                     }
