@@ -27,6 +27,10 @@ impl Wanted {
     }
 
     fn is(&self, defs: &[Def], v: V) -> bool {
+        // A result that does not exist, such as that of an atomic operation used for its effect, is wanted by nobody.
+        if v == NONE {
+            return false;
+        }
         match defs[v as usize] {
             Def::Version(class) => self.classes[class as usize],
             Def::Element(range, _) => self.ranges[range as usize],
