@@ -44,7 +44,9 @@ impl Selection {
                     let (dx, dy) = (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
                     let footprint = measure(view, sampler, a, dx, dy);
                     for p in 0..4 {
-                        out.set(4 * q + p, footprint);
+                        // On a cube the same change of direction moves each pixel differently, and maybe on another face.
+                        let own = if view.is_cube() { measure(view, sampler, lane(p), dx, dy) } else { footprint };
+                        out.set(4 * q + p, own);
                     }
                 }
                 if let Lod::Bias(bias) = args.lod {

@@ -1,0 +1,221 @@
+//! Images: against references that another renderer made, and the machine's own against the renderer's, bit for bit.
+//!
+//! References are Mesa 22.3.6 lavapipe's (`tests/references`, `tests/import/*/ref.png`, and the visible wgpu traces where
+//! `FILLRATE_PEERS` names the folder that holds `wgpu/`). A failure leaves the image and its difference from the reference in
+//! the folder for temporary files of the build (`target/tmp`), and names both. Run with `--nocapture` for the table.
+
+use std::path::{Path, PathBuf};
+
+use fillrate::import;
+use fillrate::machine::Config;
+use fillrate::report::compare;
+use fillrate::report::picture::picture;
+use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
+use fillrate::sim::Clock;
+use image::RgbaImage;
+
+/// What an image may differ from its reference: per cent of pixels with a channel off by more than 2, and the least PSNR in dB.
+type Limit = (f64, f64);
+
+/// The rule.
+const USUAL: Limit = (0.5, 40.0);
+
+/// Where conforming cards differ: lines, sample resolve, anisotropy.
+const LOOSE: Limit = (3.0, 32.0);
+
+/// Up to some hundred layers blended in 8 bits: a source colour next to the middle between two codes may be rounded to either,
+/// and the differences of the layers add up like a random walk (of mean zero, at most 6 codes).
+const LAYERED: Limit = (2.0, 45.0);
+
+/// The renderer of the references takes a polynomial of degree 1 for the logarithm in the level of detail, up to 0.04 levels
+/// beside the exact one, and `deferred` shades with high powers of what it samples. With that logarithm in place of ours it
+/// differs in 0.66 % of pixels and by 56 dB.
+const LEVELS: Limit = (1.5, 40.0);
+
+/// Half the cells read the nearest texel at places of which some lie exactly on the border of two. There our coordinates are
+/// exact and choose the upper texel, as the specification says; the references' are an ulp off, and whole lines of 30 pixels
+/// have the other texel.
+const BORDERS: Limit = (5.5, 24.0);
+
+/// A trace with the reference of some of its frames.
+struct Case {
+    name: String,
+    trace: PathBuf,
+    /// The reference of the n-th frame shown, where there is one.
+    references: Vec<PathBuf>,
+    limit: Limit,
+}
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    paths.sort();
+    paths
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().expect("a name").to_string_lossy().into_owned()
+}
+
+/// The scenes kept in `traces/`.
+fn scenes() -> Vec<Case> {
+    let references = entries(&here("tests/references"));
+    entries(&here("traces"))
+        .into_iter()
+        .map(|trace| {
+            let name = stem(&trace);
+            let start = format!("{name}-");
+            let own = |path: &&PathBuf| stem(path).strip_prefix(&start).is_some_and(|frame| frame.parse::<u32>().is_ok());
+            let references: Vec<PathBuf> = references.iter().filter(own).cloned().collect();
+            assert!(!references.is_empty(), "{name} has no reference in tests/references");
+            let limit = if name == "sprites" { LAYERED } else { USUAL };
+            Case { name, trace, references, limit }
+        })
+        .collect()
+}
+
+/// The programs recorded for the tests of the importer.
+fn fixtures() -> Vec<Case> {
+    let limits = [("culling", USUAL), ("deferred", LEVELS), ("formats", BORDERS)];
+    limits
+        .into_iter()
+        .map(|(name, limit)| {
+            let trace = here("tests/import").join(name);
+            Case { name: name.into(), references: vec![trace.join("ref.png")], trace, limit }
+        })
+        .collect()
+}
+
+/// The visible wgpu traces, where they are.
+fn peers() -> Vec<Case> {
+    let Some(root) = std::env::var_os("FILLRATE_PEERS") else {
+        eprintln!("left out: FILLRATE_PEERS is not set, so there are no recorded wgpu traces to compare");
+        return Vec::new();
+    };
+    let folders = entries(&Path::new(&root).join("wgpu")).into_iter().filter(|path| path.is_dir());
+    let cases: Vec<Case> = folders
+        .map(|trace| {
+            let name = stem(&trace);
+            let limit = if matches!(name.as_str(), "msaa-thin" | "aniso-floor") { LOOSE } else { USUAL };
+            Case { name, references: vec![trace.join("ref.png")], trace, limit }
+        })
+        .collect();
+    assert!(!cases.is_empty(), "no traces in FILLRATE_PEERS/wgpu");
+    cases
+}
+
+/// A built-in configuration, with room for the largest workgroups of the programs: `tiny` has too few warps and registers for them.
+fn config(name: &str) -> Config {
+    let mut config = Config::built_in(name).expect("a built-in configuration");
+    if name == "tiny" {
+        config.set("core.warps=32").expect("a setting");
+        config.set("core.registers=65536").expect("a setting");
+        config.check().expect("a valid configuration");
+    }
+    config
+}
+
+fn run(case: &Case, fidelity: Fidelity, config: Config) -> Replay {
+    let trace = import::open(&case.trace).unwrap_or_else(|error| panic!("{error}"));
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+    replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{}: {error:#}", case.name))
+}
+
+fn image_of(case: &Case, frame: &Frame) -> RgbaImage {
+    let (surface, bytes) = frame.shown.as_ref().unwrap_or_else(|| panic!("{} shows nothing", case.name));
+    picture(surface, bytes).unwrap_or_else(|error| panic!("{}: {error}", case.name))
+}
+
+/// Compares the frames of a replay with the references; what is beyond the limits.
+fn differences(case: &Case, replay: &Replay) -> Vec<String> {
+    let mut failures = Vec::new();
+    // A trace that shows several frames but has one reference is compared at its last.
+    let skip = replay.frames.len().saturating_sub(case.references.len());
+    assert_eq!(replay.frames.len() - skip, case.references.len(), "{}: frames with references", case.name);
+    for (frame, path) in replay.frames[skip..].iter().zip(&case.references) {
+        let ours = image_of(case, frame);
+        let reference = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgba8();
+        let d = compare::images(&ours, &reference).unwrap_or_else(|error| panic!("{}: {error}", case.name));
+        let (off, psnr) = (100.0 * d.off_share(), d.psnr);
+        let name = format!("{}-{:04}", case.name, frame.number);
+        let numbers = format!(
+            "{name:<20} {:>8} pixels, {:>7} off by more than {} ({off:.4} %), at most {:>3}, PSNR {psnr:.2} dB",
+            d.pixels,
+            d.off,
+            compare::TOLERANCE,
+            d.largest
+        );
+        println!("{numbers}");
+        if off > case.limit.0 || psnr < case.limit.1 {
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+            let (image, difference) = (folder.join(format!("{name}.png")), folder.join(format!("{name}-difference.png")));
+            ours.save(&image).expect("a file for the image");
+            d.picture.save(&difference).expect("a file for the difference");
+            let ([share, least], files) = ([case.limit.0, case.limit.1], [image.display(), difference.display()]);
+            failures.push(format!(
+                "{numbers}\n  allowed: {share} %, {least} dB; the image is {}, the difference {}",
+                files[0], files[1]
+            ));
+        }
+    }
+    failures
+}
+
+fn compare_all(cases: &[Case]) {
+    let failures: Vec<String> =
+        cases.iter().flat_map(|case| differences(case, &run(case, Fidelity::Functional, config("baseline")))).collect();
+    assert!(failures.is_empty(), "images beyond their limits:\n{}", failures.join("\n"));
+}
+
+/// The card's own image is the renderer's on every machine.
+fn machines_agree(cases: &[Case]) {
+    for case in cases {
+        let functional = run(case, Fidelity::Functional, config("baseline"));
+        for card in ["baseline", "tiny"] {
+            let cycle = run(case, Fidelity::Cycle, config(card));
+            assert_eq!(cycle.frames.len(), functional.frames.len(), "{} on {card}: frames", case.name);
+            for (a, b) in functional.frames.iter().zip(&cycle.frames) {
+                assert_eq!(a.number, b.number, "{} on {card}", case.name);
+                let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
+                assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
+            }
+            let json = cycle.total.json();
+            let wrong = json.pointer("/sort/wrong_pixels").and_then(serde_json::Value::as_u64);
+            assert_eq!(wrong, Some(0), "{} on {card}: wrong pixels", case.name);
+        }
+    }
+}
+
+#[test]
+fn scenes_are_near_their_references() {
+    compare_all(&scenes());
+}
+
+#[test]
+fn fixtures_are_near_their_references() {
+    compare_all(&fixtures());
+}
+
+#[test]
+fn visible_traces_are_near_their_references() {
+    compare_all(&peers());
+}
+
+#[test]
+fn machines_draw_the_scenes_as_the_renderer_does() {
+    machines_agree(&scenes());
+}
+
+#[test]
+fn machines_draw_the_fixtures_as_the_renderer_does() {
+    machines_agree(&fixtures());
+}
+
+#[test]
+fn machines_draw_the_visible_traces_as_the_renderer_does() {
+    machines_agree(&peers());
+}
