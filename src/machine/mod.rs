@@ -4,18 +4,15 @@ pub mod config;
 mod report;
 pub mod sort_middle;
 
-use std::collections::VecDeque;
-
 pub use config::{Config, ConfigError};
 pub use report::{FrameReport, MachineReport, Picture};
 
 use crate::sim::{self, Circuit, Clock, Stuck};
 use crate::unit::Fault;
 use crate::unit::card::{Card, Pool};
-use crate::unit::frame::Frame;
 use crate::unit::interleave::Interleave;
 use crate::unit::warp::Warps;
-use crate::work::{Event, Funnel};
+use crate::work::Event;
 use report::Readings;
 use sort_middle::SortMiddle;
 
@@ -54,20 +51,12 @@ impl Machine {
         let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
         let (circuit, clients) = sort_middle::build(config).map_err(rule)?;
         let pipelines = config.card.pipelines as usize;
-        let card = Card {
-            work: vec![None; config.command.segments as usize],
-            compute: vec![None; config.command.workgroup_runs as usize],
-            groups: vec![Pool::default(); pipelines],
-            warps: vec![Warps::default(); pipelines + 1],
-            pass: None,
-            frame: Frame::default(),
-            interleave: Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
-            funnel: Funnel::default(),
-            events: VecDeque::new(),
-            closed: false,
-            epoch: 0,
-            fault: None,
-        };
+        let card = Card::new(
+            pipelines,
+            config.command.segments as usize,
+            config.command.workgroup_runs as usize,
+            Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
+        );
         Ok(Machine { config: config.clone(), circuit, card, clients })
     }
 

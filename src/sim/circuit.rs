@@ -76,9 +76,21 @@ impl<C, U: Unit<C>> Bank<C> for Vec<U> {
 
     #[inline(always)]
     fn tick_due<const ALL: bool>(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
-        for (index, unit) in self.iter_mut().enumerate() {
-            if ALL || wires.due(base + index) {
+        if ALL {
+            for (index, unit) in self.iter_mut().enumerate() {
                 tick(unit, base + index, wires, context);
+            }
+            return;
+        }
+        for (row, units) in self.chunks_mut(64).enumerate() {
+            let base = base + 64 * row;
+            let mut candidates = wires.candidates(base, units.len());
+            while candidates != 0 {
+                let index = candidates.trailing_zeros() as usize;
+                candidates &= candidates - 1;
+                if wires.due(base + index) {
+                    tick(&mut units[index], base + index, wires, context);
+                }
             }
         }
     }

@@ -42,6 +42,7 @@ pub fn run<K: Circuit>(
     // An earlier run may have ended long after the last move: patience counts from here.
     let start = machine.wires().now();
     while !done(machine, context) {
+        machine.wires_mut().begin_cycle();
         let next = match clock {
             Clock::EveryCycle => {
                 machine.cycle::<true>(context);

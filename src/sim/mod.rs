@@ -43,6 +43,7 @@
 //! nothing. A unit trait object per tick was not pursued: it forbids inlining, and a machine's units are known when it is
 //! compiled.
 
+mod agenda;
 mod budget;
 mod channel;
 mod circuit;

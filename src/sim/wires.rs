@@ -2,6 +2,7 @@
 
 use std::marker::PhantomData;
 
+use super::agenda::Agenda;
 use super::channel::{Channel, ChannelCounts, Link, Slot};
 use super::unit::Tick;
 use crate::num::{Cycle, NEVER};
@@ -109,7 +110,7 @@ impl Wiring {
             now: 0,
             next: NEVER,
             last_move: 0,
-            wake: vec![0; self.units.len()],
+            agenda: Agenda::new(self.units.len()),
             accounts: vec![Account::new(0); self.units.len()],
             channels: self.channels,
             slots: vec![Slot::default(); self.places as usize],
@@ -132,7 +133,7 @@ pub struct Wires {
     next: Cycle,
     /// The last cycle in which a unit moved something.
     last_move: Cycle,
-    wake: Vec<Cycle>,
+    agenda: Agenda,
     channels: Vec<Channel>,
     slots: Vec<Slot>,
     accounts: Vec<Account>,
@@ -271,14 +272,25 @@ impl Wires {
 
     #[inline(always)]
     fn wake_at(&mut self, unit: UnitId, cycle: Cycle) {
-        let wake = &mut self.wake[unit.0 as usize];
-        *wake = (*wake).min(cycle);
+        self.agenda.wake(unit.0 as usize, cycle, self.now);
+    }
+
+    /// The cycle begins.
+    #[inline(always)]
+    pub(super) fn begin_cycle(&mut self) {
+        self.agenda.begin(self.now);
+    }
+
+    /// Of `count` units (at most 64) from `base` on those that may be due in this cycle, a bit each.
+    #[inline(always)]
+    pub(super) fn candidates(&self, base: usize, count: usize) -> u64 {
+        self.agenda.candidates(base, count)
     }
 
     /// Whether the unit wakes in this cycle or before.
     #[inline(always)]
     pub(super) fn due(&self, unit: usize) -> bool {
-        self.wake[unit] <= self.now
+        self.agenda.due(unit, self.now)
     }
 
     #[inline(always)]
@@ -295,7 +307,7 @@ impl Wires {
         } else {
             self.next.max(now + 1)
         };
-        self.wake[unit] = wake;
+        self.agenda.set(unit, wake, now);
         self.accounts[unit].note(now, tick.why());
     }
 
@@ -303,7 +315,7 @@ impl Wires {
     /// ticks again, and who asks whether the run is done wants to ask then.
     #[inline(always)]
     pub(super) fn next_event(&self) -> Cycle {
-        if self.last_move == self.now { self.now + 1 } else { self.wake.iter().copied().fold(NEVER, Cycle::min) }
+        if self.last_move == self.now { self.now + 1 } else { self.agenda.next(self.now) }
     }
 
     #[inline(always)]
@@ -326,7 +338,7 @@ impl Wires {
 
     /// Wakes every unit in the next cycle that is ticked: the context has changed from outside, as when new work has come.
     pub fn wake_all(&mut self) {
-        self.wake.fill(self.now);
+        self.agenda.wake_all(self.now);
     }
 
     /// Items in all channels.

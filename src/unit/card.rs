@@ -236,6 +236,25 @@ pub struct Card {
 }
 
 impl Card {
+    /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups.
+    pub fn new(pipelines: usize, segments: usize, runs: usize, interleave: Interleave) -> Card {
+        Card {
+            work: vec![None; segments],
+            compute: vec![None; runs],
+            groups: vec![Pool::default(); pipelines],
+            // One cluster a pipeline, and one for vertex cores.
+            warps: vec![Warps::default(); pipelines + 1],
+            pass: None,
+            frame: Frame::default(),
+            interleave,
+            funnel: Funnel::default(),
+            events: VecDeque::new(),
+            closed: false,
+            epoch: 0,
+            fault: None,
+        }
+    }
+
     /// The work in a slot.
     ///
     /// # Panics

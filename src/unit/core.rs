@@ -57,6 +57,9 @@ crate::knobs! {
         special_latency: u32 ["cycles", Allowed::Range(1, 63), "about 20 (Jia et al. 2018)"],
         /// Cycles from a warp's branch to its next instruction.
         control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
+        /// Instructions of one class that a warp may issue at one turn; its next turn comes after as many latencies. 1 is exact;
+        /// more take the scheduler less host time, and leave rates and latencies as they are.
+        run: u32 ["instructions", Allowed::Range(1, 8), "measured: docs/performance.md has the difference"],
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"],
         /// Shaded warps queued behind each core.
@@ -76,8 +79,8 @@ pub struct CorePorts {
     pub texture: (Out<WarpToken>, In<WarpToken>),
 }
 
-/// Length of the wheel of latencies.
-const WHEEL: usize = 64;
+/// Length of the wheel of latencies: the longest run of the longest latency fits.
+const WHEEL: usize = 512;
 
 /// A warp in the core.
 #[derive(Clone, Copy, Debug, Default)]
@@ -108,12 +111,16 @@ pub struct Core {
     asking: u64,
     finished: u64,
     barrier: u64,
+    /// Places whose step ends when their last run's latencies are over.
+    ending: u64,
     /// Places with instructions of a class left.
     has: [u64; Class::COUNT],
-    /// Places that become ready at a cycle, modulo the wheel; and whether any is on it.
-    wheel: [u64; WHEEL],
-    turning: u64,
+    /// Places that become ready at a cycle, modulo the wheel; and the cycles with any, a bit each.
+    wheel: Box<[u64; WHEEL]>,
+    turning: [u64; WHEEL / 64],
     wheel_at: Cycle,
+    /// When the schedulers are free, in cycles times instructions a cycle.
+    issue_at: u64,
     /// When each class's lanes are free, in cycles times lanes.
     free_at: [u64; Class::COUNT],
     lanes: [u64; Class::COUNT],
@@ -170,10 +177,12 @@ impl Core {
             asking: 0,
             finished: 0,
             barrier: 0,
+            ending: 0,
             has: [0; Class::COUNT],
-            wheel: [0; WHEEL],
-            turning: 0,
+            wheel: Box::new([0; WHEEL]),
+            turning: [0; WHEEL / 64],
             wheel_at: 0,
+            issue_at: 0,
             free_at: [0; Class::COUNT],
             lanes,
             latency,
@@ -195,22 +204,36 @@ impl Core {
         CoreCounts { float, integer, special, control }
     }
 
+    /// The first cycle after `from` in which a warp becomes ready.
+    #[inline(always)]
+    fn next_ready(&self, from: Cycle) -> Option<Cycle> {
+        let start = (from + 1) as usize % WHEEL;
+        for ahead in 0..=self.turning.len() {
+            let word = (start / 64 + ahead) % self.turning.len();
+            let mut bits = self.turning[word];
+            if ahead == 0 {
+                bits &= u64::MAX << (start % 64);
+            } else if ahead == self.turning.len() {
+                bits &= !(u64::MAX << (start % 64));
+            }
+            if bits != 0 {
+                let slot = word * 64 + bits.trailing_zeros() as usize;
+                return Some(from + 1 + ((slot + WHEEL - start) % WHEEL) as u64);
+            }
+        }
+        None
+    }
+
     /// Brings the wheel up to `now`.
     #[inline(always)]
     fn turn(&mut self, now: Cycle) {
-        if self.turning != 0 {
-            if now - self.wheel_at >= WHEEL as u64 {
-                self.ready |= self.turning;
-                self.wheel = [0; WHEEL];
-                self.turning = 0;
-            } else {
-                let mut due = 0;
-                for at in self.wheel_at + 1..=now {
-                    due |= std::mem::take(&mut self.wheel[at as usize % WHEEL]);
-                }
-                self.ready |= due;
-                self.turning &= !due;
-            }
+        while let Some(at) = self.next_ready(self.wheel_at)
+            && at <= now
+        {
+            let slot = at as usize % WHEEL;
+            self.ready |= std::mem::take(&mut self.wheel[slot]);
+            self.turning[slot / 64] &= !(1 << (slot % 64));
+            self.wheel_at = at;
         }
         self.wheel_at = now;
     }
@@ -368,11 +391,12 @@ impl Core {
         }
     }
 
-    /// Issues up to a cycle's instructions.
+    /// Issues what schedulers and lanes of this cycle take.
     #[inline(always)]
     fn issue(&mut self, now: Cycle, card: &Card) -> bool {
         let mut moved = false;
-        for _ in 0..self.config.issue {
+        let rate = u64::from(self.config.issue);
+        while self.issue_at < (now + 1) * rate {
             let mut open = 0;
             let mut candidates = 0;
             for class in 0..Class::COUNT {
@@ -397,37 +421,43 @@ impl Core {
                     (class, most) = (c, n);
                 }
             }
-            left[class] -= 1;
+            let run = most.min(self.config.run);
+            left[class] -= run;
             if left[class] == 0 {
                 self.has[class] &= !bit;
             }
             let over = left.iter().all(|&n| n == 0);
-            self.free_at[class] = self.free_at[class].max(now * self.lanes[class]) + u64::from(self.config.warp_width);
-            self.issued[class] += 1;
-            self.items += 1;
+            self.free_at[class] = self.free_at[class].max(now * self.lanes[class]) + u64::from(run * self.config.warp_width);
+            self.issue_at = self.issue_at.max(now * rate) + u64::from(run);
+            self.issued[class] += u64::from(run);
+            self.items += u64::from(run);
             self.ready &= !bit;
             moved = true;
-            if over {
+            // The last instruction of a step waits for nothing; those before it waited for each other.
+            let latency = u64::from(self.latency[class]);
+            let wait = if over { u64::from(run - 1) * latency } else { u64::from(run) * latency };
+            if wait == 0 {
                 self.end_step(card, place);
             } else {
-                self.wheel[(now + u64::from(self.latency[class])) as usize % WHEEL] |= bit;
-                self.turning |= bit;
+                let slot = (now + wait) as usize % WHEEL;
+                self.wheel[slot] |= bit;
+                self.turning[slot / 64] |= 1 << (slot % 64);
+                if over {
+                    self.ending |= bit;
+                }
             }
         }
         moved
     }
 
-    /// When a warp that only waits for lanes or latency can issue next.
+    /// When a warp that only waits for lanes or latency can go on next.
     #[inline(always)]
     fn next_issue(&self, now: Cycle) -> Option<Cycle> {
-        let mut next: Option<Cycle> = None;
-        if self.turning != 0 {
-            let ahead = (1..WHEEL as u64).find(|ahead| self.wheel[(now + ahead) as usize % WHEEL] != 0);
-            next = ahead.map(|ahead| now + ahead);
-        }
+        let mut next = self.next_ready(now);
+        let issue = self.issue_at / u64::from(self.config.issue);
         for class in 0..Class::COUNT {
             if self.has[class] & self.ready != 0 {
-                let at = (self.free_at[class] / self.lanes[class]).max(now + 1);
+                let at = (self.free_at[class] / self.lanes[class]).max(issue).max(now + 1);
                 next = Some(next.map_or(at, |next| next.min(at)));
             }
         }
@@ -473,8 +503,17 @@ impl Unit<Card> for Core {
             did = Tick::Moved;
         }
 
-        // 3. Warps whose latency is over are ready; the core issues.
+        // 3. Warps whose latency is over are ready, or at the end of their step; the core issues.
         self.turn(now);
+        let over = self.ready & self.ending;
+        if over != 0 {
+            self.ending &= !over;
+            self.ready &= !over;
+            for place in bits(over) {
+                self.end_step(card, place);
+            }
+            did = Tick::Moved;
+        }
         if self.issue(now, card) {
             did = Tick::Moved;
         }

@@ -198,18 +198,17 @@ impl Fetch {
         moved
     }
 
-    /// Whether the index at the current position has come.
+    /// The first entry of the stream whose index has not come.
     #[inline(always)]
-    fn index_here(&self, work: &Work) -> bool {
-        let Some(start) = work.segment.index_address else { return true };
-        let bytes = u64::from(work.segment.index_bytes);
-        let end = start + (u64::from(self.position) + 1) * bytes - 1;
-        let line = end / LINE - start / LINE;
-        // The misses of this segment are the last `index_next` issued.
-        line < self.index_next && {
-            let number = self.index_misses.issued().wrapping_sub(self.index_next as u32).wrapping_add(line as u32 + 1);
-            self.index_misses.reached(number)
-        }
+    fn indices_here(&self, work: &Work) -> u32 {
+        let length = work.segment.stream.len() as u32;
+        let Some(start) = work.segment.index_address else { return length };
+        // The misses of this segment are the last `index_next` issued; those before the frontier are back.
+        let away = self.index_misses.in_flight().min(self.index_next as u32);
+        let lines = self.index_next - u64::from(away);
+        let bytes = (lines * LINE).saturating_sub(start % LINE);
+        // A draw with indices of no bytes reads none.
+        (bytes / u64::from(work.segment.index_bytes.max(1))).min(u64::from(length)) as u32
     }
 
     /// Looks up the lines of the current vertex's attributes.
@@ -360,6 +359,7 @@ impl Fetch {
                 did = Tick::Moved;
             }
             let length = work.segment.stream.len() as u32;
+            let here = self.indices_here(work);
             loop {
                 // 1. The attributes of the vertex at hand.
                 if self.vertex_open {
@@ -384,7 +384,7 @@ impl Fetch {
                     return did.or(Tick::Blocked);
                 }
                 // 3. The next index.
-                if !self.index_here(work) {
+                if self.position >= here {
                     return did.or(Tick::Memory);
                 }
                 if indices == 0 {

@@ -34,3 +34,6 @@ pub mod traverse;
 pub mod warp;
 
 pub use card::{Card, Fault};
+
+#[cfg(test)]
+mod tests;
