@@ -23,8 +23,8 @@ pub struct Ideal {
     turn: usize,
     /// When the memory is free, in cycles times bytes a cycle.
     free_at: u64,
-    /// By client, what is under way: when it is there, and its tag.
-    flight: Vec<VecDeque<(Cycle, u32)>>,
+    /// By client, what is under way: when it is there, its tag and its bytes.
+    flight: Vec<VecDeque<(Cycle, u32, u16)>>,
     items: u64,
     resident: u64,
     counts: Vec<ClientCounts>,
@@ -70,15 +70,16 @@ impl<C> Unit<C> for Ideal {
         let mut did = if self.resident > 0 { Tick::Working } else { Tick::Starved };
         // 1. What has waited for the latency is answered.
         for (client, flight) in self.flight.iter_mut().enumerate() {
-            while let Some(&(at, tag)) = flight.front() {
+            while let Some(&(at, tag, bytes)) = flight.front() {
                 if at > now {
                     wires.sleep_until(at);
                     break;
                 }
-                if !wires.try_push(&self.outputs[client], Answer { tag }) {
+                if !wires.can_push(&self.outputs[client]) {
                     did = did.or(Tick::Blocked);
                     break;
                 }
+                wires.push_sized(&self.outputs[client], Answer { tag }, u32::from(bytes));
                 flight.pop_front();
                 self.resident -= 1;
                 self.items += 1;
@@ -106,7 +107,7 @@ impl<C> Unit<C> for Ideal {
                 self.counts[client].count(&request);
                 if request.kind().is_answered() {
                     let there = self.free_at.div_ceil(rate) - 1 + Cycle::from(self.config.latency);
-                    self.flight[client].push_back((there, request.tag));
+                    self.flight[client].push_back((there, request.tag, request.bytes));
                     self.resident += 1;
                 } else {
                     self.items += 1;

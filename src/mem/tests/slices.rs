@@ -191,7 +191,7 @@ fn the_ideal_memory_has_its_latency_and_its_bandwidth() {
     let machine = go(ideal, vec![vec![Order::read(0, 0, 32), Order::read(500, 0, 128)]]);
     // Links of two cycles each way around the latency; 128 bytes take three cycles more at 32 a cycle and one more on a link of 64.
     assert_eq!(machine.client[0].latency(0), 2 + 100 + 2);
-    assert_eq!(machine.client[0].latency(1), 2 + 3 + 100 + 2);
+    assert_eq!(machine.client[0].latency(1), 2 + 3 + 100 + 1 + 2);
     let orders: Vec<Order> = (0..500).map(|i| Order::read(0, i * 64, 64)).collect();
     let machine = go(ideal, vec![orders.clone(), orders]);
     let cycles = machine.wires().now();
