@@ -80,6 +80,8 @@ pub struct Depth {
     late: VecDeque<Entry>,
     /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
     away: u32,
+    /// When the testers are free, in cycles times `quads_per_cycle`.
+    free_at: u64,
     /// Bounds to be sent.
     bounds: VecDeque<DepthBounds>,
     items: u64,
@@ -94,6 +96,7 @@ impl Depth {
             early: VecDeque::with_capacity(config.fifo as usize),
             late: VecDeque::with_capacity(config.fifo as usize),
             away: 0,
+            free_at: 0,
             bounds: VecDeque::with_capacity(4),
             items: 0,
             config,
@@ -187,8 +190,9 @@ impl Depth {
 
     /// Tests what is ready at the head of one of the queues.
     #[inline(always)]
-    fn drain(&mut self, wires: &mut Wires, card: &mut Card, late: bool, budget: &mut u32) -> Tick {
+    fn drain(&mut self, wires: &mut Wires, card: &mut Card, late: bool) -> Tick {
         let mut did = Tick::Starved;
+        let rate = u64::from(self.config.quads_per_cycle);
         loop {
             let queue = if late { &self.late } else { &self.early };
             let Some(&entry) = queue.front() else { return did };
@@ -201,9 +205,10 @@ impl Depth {
             {
                 return did.or(Tick::Memory);
             }
-            let quads = u32::from(entry.token.quads).max(1);
-            if *budget < quads && *budget < self.config.quads_per_cycle {
-                return Tick::Moved;
+            // The testers are at work on what came before.
+            if self.free_at >= (wires.now() + 1) * rate {
+                wires.sleep_until(self.free_at / rate);
+                return did.or(Tick::Working);
             }
             if self.bounds.len() >= 3 {
                 return did.or(Tick::Blocked);
@@ -212,7 +217,9 @@ impl Depth {
             if !wires.can_push(output) {
                 return did.or(Tick::Blocked);
             }
-            *budget = budget.saturating_sub(quads);
+            if entry.token.kind == Kind::DATA {
+                self.free_at = self.free_at.max(wires.now() * rate) + u64::from(entry.token.quads.max(1));
+            }
             if late {
                 self.late.pop_front()
             } else {
@@ -382,9 +389,8 @@ impl Unit<Card> for Depth {
         }
 
         // 3. Test, late before early: what is nearer the end makes room.
-        let mut budget = self.config.quads_per_cycle;
-        did = did.or(self.drain(wires, card, true, &mut budget));
-        did = did.or(self.drain(wires, card, false, &mut budget));
+        did = did.or(self.drain(wires, card, true));
+        did = did.or(self.drain(wires, card, false));
 
         // 4. Look the next ones up.
         did = did.or(self.accept_late(wires, card));
