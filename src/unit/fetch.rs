@@ -20,7 +20,7 @@ crate::knobs! {
     pub struct FetchConfig {
         /// Indices read a cycle.
         indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini STREAMER IndicesCycle = 2; three make a triangle"],
-        /// Lines of indices requested ahead.
+        /// Lines of indices held or on their way: the index buffer.
         index_lines: u32 ["lines", Allowed::Range(1, 64), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
         /// Vertices that are remembered as shaded, first in first out.
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
@@ -30,7 +30,7 @@ crate::knobs! {
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"],
-        /// Requests to memory in flight, indices and attributes each.
+        /// Requests for lines of attributes in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Batches of vertices in flight, from the first index to the last primitive assembled.
         batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
@@ -188,8 +188,11 @@ impl Fetch {
             return false;
         }
         let (first, last) = (start / LINE, (start + bytes - 1) / LINE);
+        // The line of the next index is the first that still takes a place of the index buffer.
+        let used = (start % LINE + u64::from(self.position) * u64::from(work.segment.index_bytes)) / LINE;
+        let end = used + u64::from(self.config.index_lines);
         let mut moved = false;
-        while first + self.index_next <= last && self.index_misses.room() > 0 && self.ports.index.can_send(wires) {
+        while first + self.index_next <= last && self.index_next < end && self.ports.index.can_send(wires) {
             let tag = self.index_misses.issue();
             self.ports.index.read(wires, (first + self.index_next) * LINE, LINE as u32, tag);
             self.index_next += 1;
