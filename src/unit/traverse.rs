@@ -1,7 +1,7 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
-use super::card::{Card, Group};
+use super::card::{Card, Group, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
 use crate::sim::{In, Out, Tick, Unit, Wires};
@@ -23,7 +23,8 @@ crate::knobs! {
     pub struct TraverseConfig {
         /// Blocks with coverage a cycle.
         blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 a cycle"],
-        /// Blocks of the bounding box found empty a cycle.
+        /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
+        /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
         /// Quads sent on a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
@@ -145,27 +146,37 @@ impl Traverse {
             self.hierarchical.max_valid &= !raises;
             self.hierarchical.min_valid &= !lowers;
         }
-        let mut empty = 0;
+        let empty = self.empty_blocks(card, work, triangle);
+        self.place = Place { active: true, slot: token.slot, triangle: token.triangle, empty, ..Place::default() };
+    }
+
+    /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
+    /// to be tested, one.
+    fn empty_blocks(&self, card: &Card, work: &Work, triangle: &Triangle) -> u32 {
         let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+        let (mut inside, mut covered) = (0, 0);
         for visit in work.visits(triangle) {
-            let mine = match work.owners.get(visit.tile as usize) {
-                Some(&owner) => owner == self.pipeline,
-                None => true,
-            };
-            if mine {
-                let tile = &work.segment.tiles[visit.tile as usize];
-                let side = TILE / BLOCK;
-                let (tx, ty) = (u32::from(tile.x) * side, u32::from(tile.y) * side);
-                let width = x1.min(tx + side).saturating_sub(x0.max(tx));
-                let height = y1.min(ty + side).saturating_sub(y0.max(ty));
-                empty += (width * height).saturating_sub(visit.blocks);
+            let tile = &work.segment.tiles[visit.tile as usize];
+            let side = TILE / BLOCK;
+            let (tx, ty) = (u32::from(tile.x) * side, u32::from(tile.y) * side);
+            let (left, right) = (x0.max(tx), x1.min(tx + side));
+            let (top, bottom) = (y0.max(ty), y1.min(ty + side));
+            match work.owners.get(visit.tile as usize) {
+                Some(&owner) if owner == self.pipeline => {
+                    inside += right.saturating_sub(left) * bottom.saturating_sub(top);
+                    covered += visit.blocks;
+                }
+                Some(_) => {}
+                // Several pipelines share the tile.
+                None => {
+                    let mine = |x: u32, y: u32| u32::from(card.interleave.owner(x, y) == self.pipeline);
+                    inside += (top..bottom).map(|y| (left..right).map(|x| mine(x, y)).sum::<u32>()).sum::<u32>();
+                    let blocks = &tile.blocks[visit.first_block as usize..][..visit.blocks as usize];
+                    covered += blocks.iter().map(|block| mine(block.x.into(), block.y.into())).sum::<u32>();
+                }
             }
         }
-        // With tiles smaller than those of the work the others share the tests.
-        if work.owners.is_empty() {
-            empty /= card.groups.len() as u32;
-        }
-        self.place = Place { active: true, slot: token.slot, triangle: token.triangle, empty, ..Place::default() };
+        inside.saturating_sub(covered).max(u32::from(covered == 0))
     }
 
     /// Whether hierarchical Z hides a block.
@@ -202,6 +213,8 @@ impl Unit<Card> for Traverse {
         let mut blocks = self.config.blocks_per_cycle;
         let mut quads = self.config.quads_per_cycle;
         let mut tests = self.config.tests_per_cycle;
+        // Tests that covered blocks leave: the testers run ahead with them and find empty blocks.
+        let mut spare = tests.saturating_sub(blocks);
         loop {
             // 2. The next triangle.
             if !self.place.active {
@@ -220,13 +233,18 @@ impl Unit<Card> for Traverse {
                 self.begin(card, token);
                 moved = true;
             }
+            let ahead = self.place.empty.min(spare).min(tests);
+            self.place.empty -= ahead;
+            spare -= ahead;
+            tests -= ahead;
+            moved |= ahead > 0;
 
             // 3. The next block of this pipeline.
             let work = card.work[usize::from(self.place.slot)].as_ref().expect("a triangle's segment is in flight");
             let triangle = &work.segment.triangles[self.place.triangle as usize];
             let visits = work.visits(triangle);
             let Some(visit) = visits.get(self.place.visit as usize) else {
-                // 4. All blocks are done; the empty ones of the bounding box take their time too.
+                // 4. All covered blocks are done; what is left of the empty ones takes all tests.
                 let found = self.place.empty.min(tests);
                 self.place.empty -= found;
                 tests -= found;
@@ -254,10 +272,11 @@ impl Unit<Card> for Traverse {
 
             // 5. Test it, once.
             if !self.place.tested {
-                if blocks == 0 {
+                if blocks == 0 || tests == 0 {
                     return Tick::Moved;
                 }
                 blocks -= 1;
+                tests -= 1;
                 moved = true;
                 self.items += u64::from(block.quads);
                 let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
