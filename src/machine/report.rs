@@ -53,7 +53,6 @@ struct Reading {
     /// Quads by pipeline, of which the imbalance is computed.
     quads: Vec<u64>,
     sort: SortCounts,
-    funnel: Funnel,
 }
 
 /// Readings so far.
@@ -125,7 +124,7 @@ fn read(machine: &mut Machine) -> Reading {
         sort += unit.counts();
     }
     let quads = circuit.traverse.iter().map(crate::sim::Unit::<Card>::items).collect();
-    Reading { tree, cycles, quads, sort, funnel: machine.card.funnel }
+    Reading { tree, cycles, quads, sort }
 }
 
 /// The statistics between two readings.
@@ -140,14 +139,11 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u6
     let sort = now.sort.since(&earlier.sort);
     let quads: Vec<u64> = now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect();
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
-    let set_up = now.funnel.triangles_setup - earlier.funnel.triangles_setup;
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
     let leaves = tree.child("sort");
     leaves.text("class", "sort-middle");
-    leaves.count("redistributed_items", sort.redistributed_items);
-    leaves.count("redistributed_bytes", sort.redistributed_bytes);
-    leaves.count("marks", sort.marks);
-    leaves.real("overlap", quotient(sort.redistributed_items as f64, set_up as f64));
+    leaves.extend(sort.tree());
+    leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
     leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
     leaves.count("wrong_pixels", wrong_pixels);
     tree

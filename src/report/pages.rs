@@ -39,7 +39,11 @@ const DRAM: &[Declaration] =
 
 const SORT: &[Declaration] = &[
     one("class", "", "The sort class of the machine."),
-    one("overlap", "", "Copies sent by triangles set up: how many pipelines a triangle meets on average."),
+    one(
+        "overlap",
+        "",
+        "Copies sent by triangles sent at all (`redistributed_items` by `sent`): how many pipelines the average triangle meets that meets any. At least 1 where there is one.",
+    ),
     one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];

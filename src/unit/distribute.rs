@@ -40,8 +40,10 @@ crate::knobs! {
 crate::counters! {
     /// What redistribution costs.
     pub struct SortCounts {
-        /// Triangles routed.
+        /// Triangles routed, those that no rasteriser needs included.
         triangles: "triangles",
+        /// Triangles sent to at least one rasteriser.
+        sent: "triangles",
         /// Triangles sent to rasterisers, each copy counted.
         redistributed_items: "triangles",
         /// Their bytes.
@@ -79,11 +81,11 @@ impl Distribute {
     /// The rasterisers of a triangle; none if it covers no sample, which is seen here by the time its receivers are sought.
     #[inline(always)]
     fn receivers(&self, card: &Card, slot: u16, triangle: u32) -> u64 {
-        if self.outputs.len() == 1 {
-            return 1;
-        }
         let work = card.work(slot);
         let triangle = &work.segment.triangles[triangle as usize];
+        if self.outputs.len() == 1 && self.config.overlap == Overlap::Exact {
+            return u64::from(triangle.visits > 0);
+        }
         let all = u64::MAX >> (64 - self.outputs.len());
         let mut mask = 0;
         match self.config.overlap {
@@ -168,6 +170,7 @@ impl Unit<Card> for Distribute {
                     Kind::DATA => self.receivers(card, run.slot, triangle),
                     _ => u64::MAX >> (64 - self.outputs.len()),
                 };
+                self.counts.sent += u64::from(data && self.pending != 0);
                 moved = true;
             }
             let token = TriangleToken { slot: run.slot, kind: run.kind, sequence: run.sequence, triangle };
