@@ -13,6 +13,20 @@ pub enum Clock {
     /// Units that cannot move sleep, and cycles in which all sleep are skipped.
     #[default]
     SkipIdle,
+    /// Every unit ticks in every cycle, in an order that is drawn anew for each cycle from this seed: for tests, which look for
+    /// a unit that sees what another one does in the same cycle.
+    Shuffled(u64),
+}
+
+/// Puts the numbers of all units in an order that depends on seed and cycle.
+fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycle) {
+    order.clear();
+    order.extend(0..units);
+    let mut state = seed ^ now.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    for left in (1..units).rev() {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        order.swap(left, ((state >> 33) % (left as u64 + 1)) as usize);
+    }
 }
 
 /// A machine that has stopped moving before it was done.
@@ -41,6 +55,8 @@ pub fn run<K: Circuit>(
 ) -> Result<(), Stuck> {
     // An earlier run may have ended long after the last move: patience counts from here.
     let start = machine.wires().now();
+    let units = machine.wires().unit_labels().len();
+    let mut order = Vec::new();
     while !done(machine, context) {
         machine.wires_mut().begin_cycle();
         let next = match clock {
@@ -51,6 +67,11 @@ pub fn run<K: Circuit>(
             Clock::SkipIdle => {
                 machine.cycle::<false>(context);
                 machine.wires().next_event()
+            }
+            Clock::Shuffled(seed) => {
+                shuffle(&mut order, units, seed, machine.wires().now());
+                machine.cycle_in(&order, context);
+                machine.wires().now() + 1
             }
         };
         let since = machine.wires().last_move().max(start);

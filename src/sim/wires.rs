@@ -346,6 +346,11 @@ impl Wires {
         self.channels.iter().map(|channel| u64::from(channel.len())).sum()
     }
 
+    /// Items in each channel, in the order of declaration.
+    pub fn fills(&self) -> impl Iterator<Item = u32> {
+        self.channels.iter().map(Channel::len)
+    }
+
     /// A line for each channel that holds something: fill, when its head can be popped, and the head.
     pub(super) fn contents(&self) -> Vec<String> {
         let mut lines = Vec::new();
