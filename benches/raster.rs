@@ -99,8 +99,8 @@ fn vertices(c: &mut Criterion) {
     });
     let mut screens = [ScreenVertex::default(); LANES];
     let mut codes = [0; LANES];
-    group.bench_function("screen", |b| b.iter(|| screen.vertices(black_box(&position), &mut screens)));
-    group.bench_function("outcodes", |b| b.iter(|| volume.outcodes(black_box(&position), &mut codes)));
+    group.bench_function("screen", |b| b.iter(|| screen.vertices(black_box(position.each_ref()), &mut screens)));
+    group.bench_function("outcodes", |b| b.iter(|| volume.outcodes(black_box(position.each_ref()), &mut codes)));
     group.finish();
 }
 

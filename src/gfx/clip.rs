@@ -240,8 +240,8 @@ impl ClipVolume {
 
     /// The outcodes of a batch of positions (x, y, z, w).
     #[inline(always)]
-    pub fn outcodes(&self, position: &[Lanes; 4], out: &mut [Outcode; LANES]) {
-        let [x, y, z, w] = position.each_ref().map(Lanes::f32);
+    pub fn outcodes(&self, position: [&Lanes; 4], out: &mut [Outcode; LANES]) {
+        let [x, y, z, w] = position.map(Lanes::f32);
         for i in 0..LANES {
             out[i] = self.outcode([x[i], y[i], z[i], w[i]]);
         }

@@ -73,8 +73,8 @@ impl Screen {
 
     /// Transforms a batch of positions (x, y, z, w). Lanes whose vertex has to be clipped hold nothing of use.
     #[inline(always)]
-    pub fn vertices(&self, position: &[Lanes; 4], out: &mut [ScreenVertex; LANES]) {
-        let [x, y, z, w] = position.each_ref().map(Lanes::f32);
+    pub fn vertices(&self, position: [&Lanes; 4], out: &mut [ScreenVertex; LANES]) {
+        let [x, y, z, w] = position.map(Lanes::f32);
         for i in 0..LANES {
             out[i] = self.vertex([x[i], y[i], z[i], w[i]]);
         }

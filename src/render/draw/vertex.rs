@@ -82,16 +82,21 @@ impl Vertices {
             let mut recorder = Recorder::new();
             let tasks: Vec<_> = tasks.collect();
             let mut shaded = 0;
+            // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.
+            let alone = !frame.pipeline.vertex().interface().bindings.is_empty();
             for (number, mut task) in tasks {
-                shaded += workers.with(|w| {
-                    shade_task(frame, &mut w.vertex, stream, number * TASK, &mut task, Some((&mut recorder, segment)))
+                let start = number * TASK;
+                let mut record = Some((&mut recorder, &mut *segment));
+                shaded += workers.with(|w| match alone {
+                    true => shade_task::<4>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
+                    false => shade_task::<1>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
                 })?;
             }
             (segment.costs, segment.requests, segment.lines) = recorder.take();
             return Ok(shaded);
         }
         let one = |(number, mut task): (usize, Task<'_>)| {
-            workers.with(|w| shade_task(frame, &mut w.vertex, stream, number * TASK, &mut task, None))
+            workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
         };
         if frame.vertex_in_order || room == TASK {
             let tasks: Vec<_> = tasks.collect();
@@ -101,27 +106,37 @@ impl Vertices {
     }
 }
 
-fn shade_task(
+/// Shades the vertices of a task, `LANES / SPREAD` at a time: vertex `i` of a batch is lane `SPREAD * i`.
+fn shade_task<const SPREAD: usize>(
     frame: &Frame<'_>,
     executor: &mut Executor,
     stream: &Stream,
     start: usize,
     task: &mut Task<'_>,
-    mut record: Option<(&mut Recorder, &mut work::Segment)>,
+    record: &mut Option<(&mut Recorder, &mut work::Segment)>,
 ) -> Result<u64, ShaderFault> {
     let pipeline = frame.pipeline;
     let program = pipeline.vertex();
     let mut bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
     let (mut index, mut instance) = ([0; LANES], [0; LANES]);
     let mut fetched = [Lanes::ZERO; 4];
+    let mut codes = [0; LANES];
+    let mut screen = [ScreenVertex::default(); LANES];
     let mut shaded = 0;
-    for first in (start..stream.vertices.min(start + TASK)).step_by(LANES) {
-        let mask: Mask = stream.used(first);
+    let step = LANES / SPREAD;
+    for first in (start..stream.vertices.min(start + TASK)).step_by(step) {
+        let mut mask: Mask = stream.used(first);
+        stream.identify(first, &mut index[..step], &mut instance[..step]);
+        if SPREAD > 1 {
+            mask = (0..step).fold(0, |wide, i| wide | (mask >> i & 1) << (SPREAD * i));
+            for i in (0..LANES).rev() {
+                (index[i], instance[i]) = (index[i / SPREAD], instance[i / SPREAD]);
+            }
+        }
         if mask == 0 {
             continue;
         }
         shaded += u64::from(mask.count_ones());
-        stream.identify(first, &mut index, &mut instance);
         for (attribute, source) in pipeline.attributes.iter().zip(&frame.attribute_sources) {
             let by = match attribute.step {
                 StepMode::Vertex => &index,
@@ -147,7 +162,7 @@ fn shade_task(
                 _ => {}
             }
         }
-        match &mut record {
+        match record {
             None => drop(bound.run(mask, 0)?),
             Some((recorder, segment)) => {
                 bound.run_recorded(mask, 0, recorder)?;
@@ -162,20 +177,21 @@ fn shade_task(
                 }
             }
         }
-        let position: [Lanes; 4] = std::array::from_fn(|c| *bound.output(pipeline.position, c));
         let at = first - start;
-        let here = at..at + LANES;
-        let codes: &mut [Outcode; LANES] = (&mut task.codes[here.clone()]).try_into().expect("64 vertices");
-        let screen: &mut [ScreenVertex; LANES] = (&mut task.screen[here.clone()]).try_into().expect("64 vertices");
-        frame.clip.outcodes(&position, codes);
-        frame.screen.vertices(&position, screen);
-        for (i, clip) in task.clip[here].iter_mut().enumerate() {
-            *clip = std::array::from_fn(|c| position[c].f32()[i]);
+        let position: [&Lanes; 4] = std::array::from_fn(|c| bound.output(pipeline.position, c));
+        frame.clip.outcodes(position, &mut codes);
+        frame.screen.vertices(position, &mut screen);
+        let [x, y, z, w] = position.map(Lanes::f32);
+        for i in 0..step {
+            let lane = SPREAD * i;
+            task.codes[at + i] = codes[lane];
+            task.screen[at + i] = screen[lane];
+            task.clip[at + i] = [x[lane], y[lane], z[lane], w[lane]];
         }
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
             for c in 0..varying.components {
-                let value = &bound.output(varying.output, c).0;
+                let value = bound.output(varying.output, c).0.iter().step_by(SPREAD);
                 let words = &mut task.varyings[at * stride + varying.word + c..];
                 for (word, value) in words.iter_mut().step_by(stride).zip(value) {
                     *word = *value;
@@ -185,8 +201,8 @@ fn shade_task(
         if let Some((slot, n)) = pipeline.clip_distances {
             for c in 0..n {
                 let value = bound.output(slot, c).f32();
-                for i in 0..LANES {
-                    task.distances[(at + i) * n + c] = value[i];
+                for i in 0..step {
+                    task.distances[(at + i) * n + c] = value[SPREAD * i];
                 }
             }
         }
