@@ -2,10 +2,12 @@
 //!
 //! A draw is cut into segments of whole primitives ([`plan`]), so that memory is bounded. Each goes through four stages with all
 //! threads in each: the stream of vertices ([`stream`]), vertex shading ([`vertex`]), assembly to setup and sorting into tiles
-//! ([`primitive`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
+//! ([`primitive`], [`batch`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
 //! every primitive of the segment in API order. What a thread computes never depends on which thread it is.
 
+mod batch;
 mod clip_distance;
+mod early;
 mod frame;
 mod pass;
 mod plan;

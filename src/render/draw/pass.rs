@@ -9,9 +9,9 @@ use crate::render::surface::{Shape, TileSurface};
 use crate::shader::ShaderFault;
 use crate::work::{Event, Funnel, Segment};
 
+use super::batch::{self, Batch};
 use super::frame::{Frame, Workers};
 use super::plan::{Piece, Planner};
-use super::primitive::{self, Batch};
 use super::record;
 use super::stream::{Stream, StreamSource};
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
@@ -206,15 +206,15 @@ impl RenderPass {
         stream.read(source, pieces, call.record);
         let mut segment = Segment::default();
         let shaded = vertices.shade(frame, workers, stream, call.record.then_some(&mut segment))?;
-        let n = primitive::cut(frame.topology, pieces, batches);
+        let n = batch::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
-        let input = primitive::Input {
+        let input = batch::Input {
             frame,
             stream,
             vertices,
             tiles: (tiles[0], tiles[0] * tiles[1]),
             record: call.record,
-            late_setup: primitive::late_setup(frame, call.record),
+            late_setup: batch::late_setup(frame, call.record),
         };
         each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
         batches.truncate(n.max(64));

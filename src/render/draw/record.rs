@@ -5,9 +5,9 @@ use crate::shader::{Program, Recorder};
 use crate::work::{self, AttributeFetch, CostId, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
 
 use super::DrawCall;
+use super::batch::Batch;
 use super::frame::Frame;
 use super::plan::Piece;
-use super::primitive::Batch;
 use super::stream::Stream;
 
 /// What is recorded of a tile.

@@ -6,8 +6,8 @@ use crate::gfx::setup::Triangle;
 use crate::num::{LANES, Lanes, QUADS};
 use crate::shader::{Bound, BuiltIn, Interpolation, Sampling};
 
+use super::batch::{Corners, MADE};
 use super::frame::Frame;
-use super::primitive::{Corners, MADE};
 use super::tile::TileRun;
 
 /// Quads that wait to be shaded, in API order.
