@@ -42,7 +42,7 @@ fn check(format: Format, samples: usize, codes: &[u32]) -> u32 {
 
 fn noise(seed: &mut u32) -> u32 {
     *seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let x = (*seed >> (*seed >> 28) + 4 ^ *seed).wrapping_mul(277_803_737);
+    let x = (*seed >> ((*seed >> 28) + 4) ^ *seed).wrapping_mul(277_803_737);
     x >> 22 ^ x
 }
 

@@ -76,7 +76,7 @@ fn log_parts(x: f32) -> (f32, f32, f32) {
     p = p * r - 1.666_805_8e-1;
     p = p * r + 2.000_071_5e-1;
     p = p * r - 2.499_999_4e-1;
-    p = p * r + 3.333_333_1e-1;
+    p = p * r + 3.333_333e-1;
     let square = r * r;
     let tail = p * r * square - 0.5 * square;
     (r, tail, e as f32)

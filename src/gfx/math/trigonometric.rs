@@ -87,7 +87,7 @@ pub fn tan(x: f32) -> f32 {
 #[inline(always)]
 fn asin_kernel(a: f32, z: f32) -> f32 {
     let mut p = 4.216_32e-2_f32;
-    p = p * z + 2.418_131_1e-2;
+    p = p * z + 2.418_131e-2;
     p = p * z + 4.547_002_6e-2;
     p = p * z + 7.495_300_3e-2;
     p = p * z + 1.666_675_2e-1;

@@ -367,7 +367,7 @@ fn mix(a: &mut [u32; LANES], b: &[u32; LANES], weight: &[u32; LANES]) {
         let difference = b[i].wrapping_sub(a[i]);
         // The high half of a signed product is one instruction for 16 values on x86. A weight from a half on is negative as a
         // signed number, 1 too small: the difference is added back for it.
-        let high = (i32::from(difference) * i32::from(w[i]) >> 16) as i16;
+        let high = ((i32::from(difference) * i32::from(w[i])) >> 16) as i16;
         a[i] = a[i].wrapping_add(difference & w[i] >> 15).wrapping_add(high);
     }
 }
