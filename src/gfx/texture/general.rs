@@ -16,7 +16,7 @@ pub(super) trait Source: Copy {
 
 /// Four 8-bit channels.
 #[derive(Clone, Copy)]
-struct Unorm<'a>(&'a [u32]);
+struct Unorm<'a>(&'a [u64]);
 
 /// Four 8-bit channels, three of them sRGB.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ struct Float<'a>(&'a [[f32; 4]]);
 impl Source for Unorm<'_> {
     #[inline(always)]
     fn texel(self, place: usize) -> [f32; 4] {
-        self.0[place].to_le_bytes().map(|c| f32::from(c) / 255.0)
+        (self.0[place] as u32).to_le_bytes().map(|c| f32::from(c) / 255.0)
     }
 }
 
@@ -81,8 +81,8 @@ fn place_of(view: &View, level: usize, [x, y, slice]: [i32; 3]) -> usize {
 /// Samples the lanes of a mask; integer texels, which do not filter, give zeros.
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
     match &view.texels {
-        Texels::Rgba8 { codes, linear: None } => sample_from(view, Unorm(codes), sampler, args, mask, out),
-        Texels::Rgba8 { codes, linear: Some(_) } => sample_from(view, Srgb(codes, srgb_table()), sampler, args, mask, out),
+        Texels::Unorm8(pairs) => sample_from(view, Unorm(pairs), sampler, args, mask, out),
+        Texels::Srgb8 { codes, .. } => sample_from(view, Srgb(codes, srgb_table()), sampler, args, mask, out),
         Texels::F32(texels) => sample_from(view, Single(texels), sampler, args, mask, out),
         Texels::F32x4(texels) => sample_from(view, Float(texels), sampler, args, mask, out),
         Texels::U32x4(_) => *out = [Lanes::ZERO; 4],
@@ -189,8 +189,8 @@ fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, ta
 #[inline(always)]
 pub(super) fn bits(view: &View, place: usize) -> [u32; 4] {
     match &view.texels {
-        Texels::Rgba8 { codes, linear: None } => Unorm(codes).texel(place).map(f32::to_bits),
-        Texels::Rgba8 { codes, linear: Some(_) } => Srgb(codes, srgb_table()).texel(place).map(f32::to_bits),
+        Texels::Unorm8(pairs) => Unorm(pairs).texel(place).map(f32::to_bits),
+        Texels::Srgb8 { codes, .. } => Srgb(codes, srgb_table()).texel(place).map(f32::to_bits),
         Texels::F32(texels) => Single(texels).texel(place).map(f32::to_bits),
         Texels::F32x4(texels) => texels[place].map(f32::to_bits),
         Texels::U32x4(texels) => texels[place],

@@ -38,16 +38,11 @@ impl Selection {
             Lod::Zero => {}
             Lod::Level(level) => out.lambda = *level.f32(),
             Lod::Auto | Lod::Bias(_) => {
-                for q in 0..QUADS {
-                    let lane = |p: usize| args.coords.map(|c| c.f32()[4 * q + p]);
-                    let (a, b, c) = (lane(0), lane(1), lane(2));
-                    let (dx, dy) = (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
-                    let footprint = measure(view, sampler, a, dx, dy);
-                    for p in 0..4 {
-                        // On a cube the same change of direction moves each pixel differently, and maybe on another face.
-                        let own = if view.is_cube() { measure(view, sampler, lane(p), dx, dy) } else { footprint };
-                        out.set(4 * q + p, own);
-                    }
+                let flat = matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array);
+                if flat && sampler.anisotropy <= 1.0 {
+                    flat_lambda(view, args, &mut out.lambda);
+                } else {
+                    out.measure_quads(view, sampler, args);
                 }
                 if let Lod::Bias(bias) = args.lod {
                     for (lambda, bias) in out.lambda.iter_mut().zip(bias.f32()) {
@@ -66,11 +61,47 @@ impl Selection {
         out
     }
 
+    /// Measures the footprint of every quad from the differences of its coordinates.
+    fn measure_quads(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>) {
+        for q in 0..QUADS {
+            let lane = |p: usize| args.coords.map(|c| c.f32()[4 * q + p]);
+            let (a, b, c) = (lane(0), lane(1), lane(2));
+            let (dx, dy) = (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
+            let footprint = measure(view, sampler, a, dx, dy);
+            for p in 0..4 {
+                // On a cube the same change of direction moves each pixel differently, and maybe on another face.
+                let own = if view.is_cube() { measure(view, sampler, lane(p), dx, dy) } else { footprint };
+                self.set(4 * q + p, own);
+            }
+        }
+    }
+
     fn set(&mut self, lane: usize, footprint: Footprint) {
         self.lambda[lane] = footprint.lambda;
         self.probes[lane] = footprint.probes;
         self.major[0][lane] = footprint.major[0];
         self.major[1][lane] = footprint.major[1];
+    }
+}
+
+/// The level of detail of every quad of a flat texture without anisotropy, not yet clamped: [`measure`] without its choices.
+#[inline(always)]
+pub(super) fn flat_lambda(view: &View, args: &Sample<'_>, out: &mut [f32; LANES]) {
+    let (u, v) = (args.coords[0].f32(), args.coords[1].f32());
+    let (w, h) = (view.levels[0].size[0] as f32, view.levels[0].size[1] as f32);
+    let mut rho = [0.0_f32; QUADS];
+    for q in 0..QUADS {
+        let (x, y) = (&u[4 * q..4 * q + 4], &v[4 * q..4 * q + 4]);
+        let (ux, uy) = ((x[1] - x[0]) * w, (x[2] - x[0]) * w);
+        let (vx, vy) = ((y[1] - y[0]) * h, (y[2] - y[0]) * h);
+        let (dx, dy) = (ux * ux + vx * vx, uy * uy + vy * vy);
+        rho[q] = if dx > dy { dx } else { dy };
+    }
+    for r in &mut rho {
+        *r = 0.5 * log2(*r);
+    }
+    for i in 0..LANES {
+        out[i] = rho[i / 4];
     }
 }
 

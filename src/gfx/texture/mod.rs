@@ -8,11 +8,12 @@
 //! The rules are Vulkan's ("Image Operations"), where that leaves freedom: exact scale factors, unrounded level weights, sRGB
 //! decoded before filtering, seamless cubes with the missing corner texel's weight given to the other three, comparison of each
 //! texel before filtering, anisotropy by elliptical weighted averages ([`ellipse`]; on cubes, where an ellipse could leave its
-//! face, by equally spaced probes along the major axis). The fast path's weights have 16 bits.
+//! face, by equally spaced probes along the major axis). The fast path's weights have 15 bits.
 
 mod cube;
 mod ellipse;
 mod fast;
+mod fixed;
 mod general;
 mod lod;
 mod record;

@@ -365,11 +365,35 @@ proptest! {
         let (mut fast, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
         prop_assert!(fast::sample(&view, &sampler, &args, &mut fast));
         general::sample(&view, &sampler, &args, !0, &mut exact);
+        let mut scalar = [Lanes::ZERO; 4];
+        fixed::sample_lanes_of(&view, &sampler, &args, &mut scalar);
+        prop_assert!(scalar == fast, "both forms of the fixed-point filter have the same bits");
         for c in 0..4 {
             for i in 0..LANES {
                 let (a, b) = (fast[c].f32()[i], exact[c].f32()[i]);
                 prop_assert!((a - b).abs() < 0.06 / 255.0 + 1e-5, "channel {c} lane {i}: {a} {b}");
             }
+        }
+    }
+
+    #[test]
+    fn fast_comparison_agrees_with_the_general_one(
+        address in [addresses(), addresses()],
+        size in [1_u32..40, 1_u32..40],
+        compare in proptest::option::of(proptest::sample::select(Compare::ALL.to_vec())),
+        coords in proptest::collection::vec(-3.0_f32..3.0, 2 * LANES),
+    ) {
+        let view = view_of(&image([size[0], size[1], 1], 1, Format::Depth32Float), ViewDimension::D2);
+        let sampler = Sampler::new(&SamplerDesc { address: [address[0], address[1], AddressMode::Repeat], compare, ..linear() });
+        let lanes: [Lanes; 2] = std::array::from_fn(|c| Lanes(std::array::from_fn(|i| coords[2 * i + c].to_bits())));
+        let third = Lanes::splat_f32(0.7);
+        let args = Sample { compare: compare.map(|_| &third), ..operands([&lanes[0], &lanes[1], &lanes[1]], Lod::Zero) };
+        let (mut fast, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
+        prop_assert!(fast::sample(&view, &sampler, &args, &mut fast));
+        general::sample(&view, &sampler, &args, !0, &mut exact);
+        for i in 0..LANES {
+            let (a, b) = (fast[0].f32()[i], exact[0].f32()[i]);
+            prop_assert!((a - b).abs() < 1e-4, "lane {i}: {a} {b}");
         }
     }
 

@@ -85,9 +85,12 @@ pub(super) struct Level {
 /// The texels of a view.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Texels {
-    /// Four 8-bit channels, red in the low byte. For sRGB also the same texels in linear light: 16 bits a
-    /// channel, 32640 is 1; red, blue, green, alpha from the low end.
-    Rgba8 { codes: Vec<u32>, linear: Option<Vec<u64>> },
+    /// Four 8-bit channels, red in the low byte: in the low word a texel, in the high word the one below it (below the last row
+    /// the first), so that two neighbours are the four texels of a bilinear filter.
+    Unorm8(Vec<u64>),
+    /// Four 8-bit channels, three of them sRGB; and the same texels in linear light, 16 bits a channel, 32640 is 1; red, blue,
+    /// green, alpha from the low end.
+    Srgb8 { codes: Vec<u32>, linear: Vec<u64> },
     /// One number: depth, or a red channel of 32 bits.
     F32(Vec<f32>),
     /// Four numbers.
@@ -251,7 +254,7 @@ impl Reader<'_> {
         }
         if let Some(layout) = Rgba8::of(view) {
             let codes = self.codes(layout.bgra);
-            return with_linear(codes, layout.srgb);
+            return self.four_channels(codes, layout.srgb);
         }
         match view {
             Format::Bc1RgbaUnorm
@@ -261,13 +264,17 @@ impl Reader<'_> {
             | Format::Bc3RgbaUnorm
             | Format::Bc3RgbaUnormSrgb
             | Format::Bc7RgbaUnorm
-            | Format::Bc7RgbaUnormSrgb => with_linear(self.blocks(0, |block| decode_block_rgba8(view, block)), view.is_srgb()),
+            | Format::Bc7RgbaUnormSrgb => {
+                self.four_channels(self.blocks(0, |block| decode_block_rgba8(view, block)), view.is_srgb())
+            }
             _ if view.is_compressed() => {
                 let block = |block: &[u8]| decode_block(view, block).map(|t| t.map(f32::from_bits));
                 Texels::F32x4(self.blocks([0.0; 4], block))
             }
-            Format::R8Unorm => with_linear(self.texels(0, |b| u32::from(b[0]) | 0xff00_0000), false),
-            Format::Rg8Unorm => with_linear(self.texels(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8 | 0xff00_0000), false),
+            Format::R8Unorm => self.four_channels(self.texels(0, |b| u32::from(b[0]) | 0xff00_0000), false),
+            Format::Rg8Unorm => {
+                self.four_channels(self.texels(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8 | 0xff00_0000), false)
+            }
             Format::R32Float | Format::Depth32Float => Texels::F32(self.words_as(f32::from_bits)),
             Format::Depth24Plus | Format::Depth24PlusStencil8 => Texels::F32(self.words_as(|code| depth_value(view, code))),
             _ if view.has_depth() => Texels::F32(self.texels(0.0, |bytes| f32::from_bits(decode(view, bytes)[0]))),
@@ -366,17 +373,34 @@ impl Reader<'_> {
         });
         out
     }
+
+    /// The store of texels of four 8-bit channels.
+    fn four_channels(&self, codes: Vec<u32>, srgb: bool) -> Texels {
+        if srgb {
+            return Texels::Srgb8 { linear: linear_light(&codes), codes };
+        }
+        let mut pairs = vec![0_u64; codes.len()];
+        for level in self.levels {
+            let (slice, stride) = (level.slice as usize, level.stride as usize);
+            for index in 0..level.size[2] as usize {
+                let first = level.offset as usize + index * slice;
+                let (codes, pairs) = (&codes[first..first + slice], &mut pairs[first..first + slice]);
+                let below = codes[stride..].iter().chain(&codes[..stride]);
+                for (pair, (code, below)) in pairs.iter_mut().zip(codes.iter().zip(below)) {
+                    *pair = u64::from(*code) | u64::from(*below) << 32;
+                }
+            }
+        }
+        Texels::Unorm8(pairs)
+    }
 }
 
-/// Adds the linear form of sRGB texels.
-fn with_linear(codes: Vec<u32>, srgb: bool) -> Texels {
-    let linear = srgb.then(|| {
-        let table: [u64; 256] = std::array::from_fn(|code| (decode_srgb8(code as u8) * FIXED_ONE + 0.5) as u64);
-        let one = |code: u32| {
-            let [r, g, b, a] = code.to_le_bytes();
-            table[usize::from(r)] | table[usize::from(b)] << 16 | table[usize::from(g)] << 32 | u64::from(a) << (48 + 7)
-        };
-        codes.iter().map(|code| one(*code)).collect()
-    });
-    Texels::Rgba8 { codes, linear }
+/// sRGB texels in linear light.
+fn linear_light(codes: &[u32]) -> Vec<u64> {
+    let table: [u64; 256] = std::array::from_fn(|code| (decode_srgb8(code as u8) * FIXED_ONE + 0.5) as u64);
+    let one = |code: &u32| {
+        let [r, g, b, a] = code.to_le_bytes();
+        table[usize::from(r)] | table[usize::from(b)] << 16 | table[usize::from(g)] << 32 | u64::from(a) << (48 + 7)
+    };
+    codes.iter().map(one).collect()
 }
