@@ -343,8 +343,9 @@ fn clipped_triangles_keep_their_attributes_and_depth() {
             continue;
         }
         let vertices = polygon.vertices();
-        for [a, b, c] in polygon.triangles() {
-            let v = [a, b, c].map(|i| screen.vertex(vertices[i].position));
+        let snapped: Vec<_> = vertices.iter().map(|v| screen.vertex(v.position)).collect();
+        for [a, b, c] in setup::fan(&snapped) {
+            let v = [a, b, c].map(|i| snapped[i]);
             let Ok(t) = setup::triangle(&state, &v) else { continue };
             if t.area() < 65536 * 40 {
                 continue;

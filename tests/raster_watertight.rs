@@ -240,7 +240,7 @@ fn extreme_positions_are_ordinary() {
             _ => random.range(0.0, 3.0),
         }
     };
-    let [mut cut, mut whole, mut covered, mut overlaps] = [0; 4];
+    let [mut cut, mut whole, mut covered] = [0; 3];
     for case in 0..60_000 {
         // Some wild components among tame ones.
         let wild = random.below(13);
@@ -265,8 +265,7 @@ fn extreme_positions_are_ordinary() {
         if position.iter().flatten().any(|v| !v.is_finite()) {
             assert_eq!(clipped, Clipped::Rejected, "{position:?}");
         }
-        // Snapping may bend a nearly straight corner of a cut polygon inwards: the fan then overlaps itself by a sliver.
-        overlaps += u32::from(hits.iter().any(|&h| h > 1));
+        assert!(hits.iter().all(|&h| h <= 1), "a double hit: {position:?}");
         cut += u32::from(clipped == Clipped::Cut);
         whole += u32::from(clipped == Clipped::Whole);
         covered += hits.iter().sum::<u32>();
@@ -275,5 +274,4 @@ fn extreme_positions_are_ordinary() {
         }
     }
     assert!(cut > 5000 && whole > 1000 && covered > 100_000, "{cut} {whole} {covered}");
-    assert!(overlaps * 1000 < cut, "{overlaps} of {cut}");
 }

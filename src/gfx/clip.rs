@@ -161,13 +161,6 @@ impl Polygon {
     pub fn vertices(&self) -> &[ClipVertex] {
         &self.vertices[..self.len]
     }
-
-    /// The fan: index triples into [`Polygon::vertices`], in the winding of the original. To be drawn, snapped vertices go
-    /// through [`super::setup::fan`], which knows what snapping does to it.
-    #[inline]
-    pub fn triangles(&self) -> impl Iterator<Item = [usize; 3]> + use<> {
-        (2..self.len).map(|i| [0, i - 1, i])
-    }
 }
 
 /// What clipping did.
@@ -317,13 +310,15 @@ impl ClipVolume {
         // Original vertices lie where their outcodes, computed in f32, say; in f64 they may lie a hair beyond.
         let inside = self.distance(plane, from.p).max(0.0);
         let outside = self.distance(plane, to.p).min(0.0);
-        let t = if inside > 0.0 { inside / (inside - outside) } else { 0.0 };
+        // Two weights: with one alone, a vertex that is very much farther away would swallow the other's part.
+        let sum = inside - outside;
+        let (f, t) = if inside > 0.0 { (-outside / sum, inside / sum) } else { (1.0, 0.0) };
         let mut v = *from;
         for k in 0..4 {
-            v.p[k] += t * (to.p[k] - from.p[k]);
+            v.p[k] = f * from.p[k] + t * to.p[k];
         }
         for k in 0..3 {
-            v.b[k] += t * (to.b[k] - from.b[k]);
+            v.b[k] = f * from.b[k] + t * to.b[k];
         }
         self.pin(plane, &mut v.p);
         v.code = 0;

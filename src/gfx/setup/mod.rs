@@ -4,9 +4,11 @@
 //! bits (|v| <= 2^23), a difference of two 25 bits with sign (|d| < 2^24), an edge function the sum of two products of
 //! differences (|E| < 2^49). All of these are exact in i64 and, below 2^53, in f64 as well, which interpolation uses.
 
+mod fan;
 mod plane;
 mod screen;
 
+pub use fan::fan;
 pub use plane::{BiasUnit, DepthBias, DepthPlane};
 pub use screen::{Screen, ScreenVertex};
 
@@ -265,17 +267,6 @@ fn cross(ax: i32, ay: i32, bx: i32, by: i32) -> i64 {
 #[inline(always)]
 fn signed_area(v: &[ScreenVertex; 3]) -> i64 {
     cross(v[1].x - v[0].x, v[1].y - v[0].y, v[2].x - v[0].x, v[2].y - v[0].y)
-}
-
-/// The fan of a clipped polygon's snapped vertices: index triples in the polygon's winding.
-///
-/// Snapping may bend a nearly straight corner inwards. The fan's triangle there turns over, and the one beside it covers its
-/// place already: it is left out, or samples of the polygon would be drawn twice and with the wrong facing.
-pub fn fan(v: &[ScreenVertex]) -> impl Iterator<Item = [usize; 3]> {
-    let area = |[a, b, c]: [usize; 3]| signed_area(&[v[a], v[b], v[c]]);
-    let triples = (2..v.len()).map(|i| [0, i - 1, i]);
-    let whole: i64 = triples.clone().map(area).sum();
-    triples.filter(move |&t| area(t).signum() == whole.signum())
 }
 
 /// Facing of a triangle that is drawn as lines or points: whether it faces front, or why it is not drawn.

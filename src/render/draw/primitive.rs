@@ -1,8 +1,8 @@
 //! From vertices to triangles: assembly, clipping, culling, setup.
 
 use crate::gfx::assemble::{Assembler, PrimitiveKind, provoking};
-use crate::gfx::clip::{ClipVolume, Clipped, Polygon};
-use crate::gfx::setup::{self, Culled};
+use crate::gfx::clip::{ClipVolume, Clipped, MAX_VERTICES, Polygon};
+use crate::gfx::setup::{self, Culled, ScreenVertex};
 use crate::gfx::state::{PolygonMode, Topology};
 use crate::work::Outcome;
 
@@ -161,14 +161,13 @@ impl Batch {
                 self.funnel.clipped += 1;
                 let first = self.corners.len();
                 let made = self.make_vertices(input, v, polygon);
-                let screen = |i: usize| frame.screen.vertex(polygon.vertices()[i].position);
                 // Of the reasons for which no part is drawn the one that is furthest down the pipeline is the primitive's.
                 let mut reason = Outcome::Degenerate;
-                for [a, b, c] in polygon.triangles() {
-                    let screen = [screen(a), screen(b), screen(c)];
+                for corners in setup::fan(&self.made_screen[(made & !MADE) as usize..]) {
+                    let screen = corners.map(|i| self.made_screen[(made & !MADE) as usize + i]);
                     match setup::bounds(&frame.setup, &screen) {
                         Ok(bounds) => {
-                            let vertices = [a, b, c].map(|i| made + i as u32);
+                            let vertices = corners.map(|i| made + i as u32);
                             self.put_bounds(input, number, &screen, bounds, Corners { vertices, flat: v[flat] }, pairs);
                         }
                         Err(why) => reason = further(reason, outcome_of(why)),
@@ -214,12 +213,13 @@ impl Batch {
             Clipped::Rejected => return (self.end(Outcome::Frustum), false),
             Clipped::Whole => setup::facing(&frame.setup, &at.map(|v| vertices.screen[v])),
             Clipped::Cut => {
-                let screen = |i: usize| frame.screen.vertex(polygon.vertices()[i].position);
-                polygon
-                    .triangles()
-                    .map(|t| setup::facing(&frame.setup, &t.map(screen)))
-                    .find(|f| *f != Err(Culled::Degenerate))
-                    .unwrap_or(Err(Culled::Degenerate))
+                let vertices = polygon.vertices();
+                let mut screen = [ScreenVertex::default(); MAX_VERTICES];
+                for (screen, vertex) in screen.iter_mut().zip(vertices) {
+                    *screen = frame.screen.vertex(vertex.position);
+                }
+                let facing = |t: [usize; 3]| setup::facing(&frame.setup, &t.map(|i| screen[i]));
+                setup::fan(&screen[..vertices.len()]).next().map_or(Err(Culled::Degenerate), facing)
             }
         };
         let front = match facing {

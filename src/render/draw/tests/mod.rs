@@ -1,5 +1,6 @@
 //! Small pipelines drawn whole and compared: with expected pixels, and one way of drawing with another.
 
+mod coverage;
 mod images;
 mod ways;
 
@@ -143,8 +144,15 @@ impl Scene {
     }
 
     fn draw_here(&self, how: How) -> Result<Image, String> {
+        self.draw_with(&self.pipeline()?, how)
+    }
+
+    fn pipeline(&self) -> Result<RenderPipeline, String> {
         let module = Module::new("scene", Source::Wgsl(&self.source)).unwrap_or_else(|e| panic!("{e}"));
-        let pipeline = RenderPipeline::new(&self.state, &module, Some(&module), "scene")?;
+        RenderPipeline::new(&self.state, &module, Some(&module), "scene")
+    }
+
+    fn draw_with(&self, pipeline: &RenderPipeline, how: How) -> Result<Image, String> {
         let bytes: Vec<u8> = self.vertices.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let buffers = [Some(range_of(&bytes))];
         let index = self.indices.as_ref().map(|indices| {
@@ -166,7 +174,7 @@ impl Scene {
         for range in &self.draws {
             let call = DrawCall {
                 number: 0,
-                pipeline: &pipeline,
+                pipeline,
                 vertex_buffers: &buffers,
                 index: index.as_ref(),
                 range: Range {
