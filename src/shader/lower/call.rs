@@ -72,6 +72,7 @@ impl<'a> Lowerer<'a> {
             info,
             args,
             exprs: vec![None; function.expressions.len()],
+            kept: None,
             locals: Vec::new(),
             results,
             returned: None,

@@ -3,9 +3,9 @@
 use naga::{Block, Expression, Handle, Statement, SwitchCase, SwitchValue};
 
 use super::writes::{breaks_early, continues};
-use super::{Flow, Lowerer, Region, RegionKind, Result, Stop, Val};
+use super::{Flow, Kept, Lowerer, Place, Region, RegionKind, Result, Stop, Val};
 use crate::shader::code::Code;
-use crate::shader::ir::{Def, V};
+use crate::shader::ir::{Def, NONE, V};
 use crate::shader::module::place_of;
 
 /// Branches of at most this many cheap instructions are computed by all lanes, without a mask.
@@ -199,17 +199,21 @@ impl<'a> Lowerer<'a> {
         let region = self.regions.len();
         self.regions.push(Region { kind: RegionKind::Loop, slot, depth: self.depth, merge });
         self.take_merged(region);
+        let continued = continues(body);
+        let kept = continued.then(|| Kept { depth: self.depth, values: Vec::new() });
+        let outer = std::mem::replace(&mut self.frame_mut().kept, kept);
         let mut flow = self.block(body)?;
-        if continues(body) {
+        let kept = std::mem::replace(&mut self.frame_mut().kept, outer);
+        if continued {
             if flow == Flow::Next {
-                self.keep_cached(region);
                 self.flush(region);
-            } else {
-                self.keep_cached(region);
             }
             self.b.leave(scope);
             self.b.control(Code::Continuing, vec![], 0, [slot, 0, 0]);
             self.take_merged(region);
+            for (expression, value) in kept.into_iter().flat_map(|k| k.values) {
+                self.frame_mut().exprs[expression] = Some(value);
+            }
             flow = Flow::Next;
         }
         let mut condition = None;
@@ -242,17 +246,29 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Copies the values of expressions that are nothing but the present contents of registers about to be written: the
-    /// continuing block may still want them.
-    fn keep_cached(&mut self, region: usize) {
-        let classes: Vec<u32> = self.regions[region].merge.iter().map(|m| m.1).collect();
-        for k in 0..self.frame().exprs.len() {
-            let Some(Val::Data(d)) = self.frame().exprs[k].clone() else { continue };
-            let stale = |s: &Self, v: V| matches!(s.b.defs[v as usize], Def::Version(c) if classes.contains(&c));
-            if d.iter().any(|&v| stale(self, v)) {
-                let kept: Vec<V> = d.iter().map(|&v| if stale(self, v) { self.copy(v) } else { v }).collect();
-                self.frame_mut().exprs[k] = Some(Val::Data(kept.into()));
+    /// Copies what of a value may not outlive a `continue`, if it is computed where the continuing block can see it.
+    pub fn keep(&mut self, h: Handle<Expression>, value: &Val) {
+        if self.frame().kept.as_ref().is_none_or(|k| k.depth != self.depth) {
+            return;
+        }
+        let stale = |s: &Self, v: V| v != NONE && matches!(s.b.defs[v as usize], Def::Version(_));
+        let lasting = |s: &mut Self, v: V| if stale(s, v) { s.copy(v) } else { v };
+        let copy = match value {
+            Val::Data(d) if d.iter().any(|&v| stale(self, v)) => Val::Data(d.iter().map(|&v| lasting(self, v)).collect()),
+            Val::Place(p) => {
+                let mut place = Place::clone(p);
+                place.address = place.address.map(|v| lasting(self, v));
+                place.element = place.element.map(|v| lasting(self, v));
+                for choice in &mut place.choices {
+                    choice.index = lasting(self, choice.index);
+                }
+                Val::Place(place.into())
             }
+            Val::Opaque(g, Some(element)) if stale(self, *element) => Val::Opaque(*g, Some(self.copy(*element))),
+            Val::Data(_) | Val::Opaque(..) => return,
+        };
+        if let Some(kept) = &mut self.frame_mut().kept {
+            kept.values.push((h.index(), copy));
         }
     }
 
@@ -262,6 +278,7 @@ impl<'a> Lowerer<'a> {
         let state = self.state.clone();
         let exprs = self.frame().exprs.clone();
         let (range_top, loops) = (self.range_top, self.b.loops.len());
+        let kept = self.frame().kept.as_ref().map_or(0, |k| k.values.len());
         let start = self.b.insts.len();
         let region = self.regions.len();
         let depth = self.depth;
@@ -292,6 +309,9 @@ impl<'a> Lowerer<'a> {
                 self.state = state;
                 self.frames.truncate(frames);
                 self.frame_mut().exprs = exprs;
+                if let Some(k) = &mut self.frame_mut().kept {
+                    k.values.truncate(kept);
+                }
                 self.range_top = range_top;
                 self.depth = depth;
                 self.slot = slot;

@@ -73,12 +73,23 @@ pub(super) enum Results {
     },
 }
 
+/// Values of a loop's body for its continuing block. A value that is nothing but the present contents of a mutable register is
+/// gone once a `continue` has written that register, so a copy is taken where the value is computed; copies that the continuing
+/// block does not want are dead code.
+pub(super) struct Kept {
+    /// Depth of masks of the body: only what is computed there can be seen from the continuing block.
+    pub depth: u32,
+    /// Expression and the value that stays.
+    pub values: Vec<(usize, Val)>,
+}
+
 /// A function being inlined.
 pub(super) struct Frame<'a> {
     pub function: &'a Function,
     pub info: &'a FunctionInfo,
     pub args: Vec<Val>,
     pub exprs: Vec<Option<Val>>,
+    pub kept: Option<Kept>,
     pub locals: Vec<Var>,
     pub results: Results,
     pub returned: Option<Val>,

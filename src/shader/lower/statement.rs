@@ -27,6 +27,7 @@ impl<'a> Lowerer<'a> {
                 for h in range.clone() {
                     // An emitted expression is computed now, also if a loop comes here again.
                     let value = self.compute(h)?;
+                    self.keep(h, &value);
                     self.frame_mut().exprs[h.index()] = Some(value);
                 }
             }

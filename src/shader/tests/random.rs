@@ -27,7 +27,7 @@ enum Stmt {
     /// Calls `bump(&v, e)`, which returns early for even `e`.
     Bump(usize, Expr),
     If(Expr, Vec<Stmt>, Vec<Stmt>),
-    /// `for` with this many rounds at most, and `v += counter` in the continuing block through a value of the body.
+    /// `for` with this many rounds at most, and an addition in the continuing block of what `v` was when the round began.
     For(u32, bool, usize, Vec<Stmt>),
     Switch(Expr, Vec<Vec<Stmt>>),
     Break,
@@ -128,8 +128,7 @@ fn show(block: &[Stmt], out: &mut String, counter: &mut u32) {
                 let k = *counter;
                 // Without a fixed bound it depends on the invocation, and the loop cannot be unrolled.
                 let bound = if *fixed { format!("{n}u") } else { format!("{n}u + (x & 1u)") };
-                writeln!(out, "var k{k} = 0u; loop {{ if (k{k} >= {bound}) {{ break; }} let old{k} = k{k} + v{v};")
-                    .expect("text");
+                writeln!(out, "var k{k} = 0u; loop {{ if (k{k} >= {bound}) {{ break; }} let old{k} = v{v};").expect("text");
                 show(body, out, counter);
                 writeln!(out, "continuing {{ k{k} += 1u; v{v} += old{k} & 3u; }} }}")
             }
@@ -206,7 +205,7 @@ impl State {
                 Stmt::For(n, fixed, v, body) => {
                     let mut k = 0;
                     while k < n + if *fixed { 0 } else { self.x & 1 } {
-                        let old = self.v[*v].wrapping_add(k);
+                        let old = self.v[*v];
                         match self.run(body) {
                             Flow::Break => break,
                             Flow::Return(r) => return Flow::Return(r),
