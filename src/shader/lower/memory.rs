@@ -293,15 +293,19 @@ impl<'a> Lowerer<'a> {
             }
             return Ok(out);
         }
+        // The registers are read here and never again: what comes after may have them.
+        let range_top = self.range_top;
         let var = self.variable(true, d)?;
         let ty = crate::shader::types::Ty::Scalar(naga::Scalar::U32);
         let mut place = self.variable_place(var, ty);
         place.choices.push(Choice { index, count, stride: size as u32 });
-        Ok((0..size as u32)
+        let chosen = (0..size as u32)
             .flat_map(|c| {
                 place.offset = c;
                 self.load_variable(var, &place, 1)
             })
-            .collect())
+            .collect();
+        self.range_top = range_top;
+        Ok(chosen)
     }
 }

@@ -214,3 +214,27 @@ fn pipeline_constants_replace_overrides() {
     let unknown = options(&[("7".into(), 1.0), ("nobody".into(), 1.0)]).expect_err("unknown").to_string();
     assert!(unknown.contains("nobody"), "{unknown}");
 }
+
+#[test]
+fn arrays_that_are_values_are_indexed_again_and_again() {
+    // A hundred vectors at once would need more registers than a program may have; one after the other they need few.
+    let source = "
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @group(0) @binding(1) var<storage, read> input: array<u32>;
+        fn three(x: u32, k: u32) -> array<vec4u, 100> {
+            var a: array<vec4u, 100>;
+            a[0] = vec4u(x); a[1] = vec4u(k); a[2] = vec4u(x + k);
+            return a;
+        }
+        @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+            let x = input[id.x];
+            var r = 0u;
+            for (var k = 0u; k < 60u; k += 1u) {
+                let a = three(x, k);
+                r += a[(x + k) % 100u].z;
+            }
+            result[id.x] = r;
+        }";
+    let expected = |x: u32| (0..60).map(|k| [x, k, x + k].get(((x + k) % 100) as usize).copied().unwrap_or(0)).sum::<u32>();
+    assert_eq!(each(source, |i| i), (0..64).map(expected).collect::<Vec<_>>());
+}
