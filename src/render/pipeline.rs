@@ -258,6 +258,10 @@ fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, us
         else {
             continue;
         };
+        // What the fragment program does not read, the vertex program was compiled without.
+        if !used {
+            continue;
+        }
         let output = vertex
             .output_location(location)
             .ok_or_else(|| format!("the fragment stage reads @location({location}), which the vertex stage does not write"))?;
@@ -268,11 +272,9 @@ fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, us
                 from.scalar, from.components
             ));
         }
-        if used {
-            let components = components as usize;
-            varyings.push(Varying { output, input, word: words, components, interpolation, sampling });
-            words += components;
-        }
+        let components = components as usize;
+        varyings.push(Varying { output, input, word: words, components, interpolation, sampling });
+        words += components;
     }
     Ok((varyings, words))
 }

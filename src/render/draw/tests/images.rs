@@ -263,6 +263,20 @@ fn mistakes_are_named() {
     scene.target().format = Format::Rgba8Uint;
     assert!(fail(&scene).contains("target 0 is rgba8uint and the fragment stage writes Float"), "{}", fail(&scene));
     let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
-    scene.source = PLAIN.replace("fs(v: V)", "fs(v: V, @location(3) x: f32)");
+    let reading = PLAIN.replace("fs(v: V)", "fs(v: V, @location(3) x: f32)");
+    scene.source = reading.replace("return v.c;", "return v.c * x;");
     assert!(fail(&scene).contains("reads @location(3)"), "{}", fail(&scene));
+}
+
+#[test]
+fn varyings_that_nobody_reads_are_passed_over() {
+    let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
+    scene.source = "
+        struct V { @builtin(position) p: vec4f, @location(0) unread: vec3f, @location(1) c: vec4f, @location(5) more: f32 }
+        @vertex fn vs(@location(0) p: vec4f, @location(1) c: vec4f) -> V { return V(p, p.xyz, c, p.x); }
+        @fragment fn fs(v: V) -> @location(0) vec4f { return v.c; }
+    "
+    .into();
+    let plain = Scene::new(rectangle(ALL, 0.5, RED)).draw();
+    same("unread varyings", "with and without", &scene.draw(), &plain);
 }
