@@ -91,7 +91,7 @@ struct Resident {
     left: [u32; Class::COUNT],
     /// Registers it holds.
     registers: u32,
-    /// Workgroup memory that its end frees.
+    /// Workgroup memory that it holds for its group.
     shared: u32,
     program: Program,
     /// Number of its workgroup or batch.
@@ -132,8 +132,8 @@ pub struct Core {
     /// Age order of places, for oldest-first.
     age: [u64; 64],
     born: u64,
-    /// The workgroup whose warps are being taken in, and how many are still to come.
-    taking: Option<(u32, u32)>,
+    /// The workgroup whose warps are being taken in, how many are still to come, and workgroup memory that none of it holds.
+    taking: Option<(u32, u32, u32)>,
     items: u64,
     issued: [u64; Class::COUNT],
 }
@@ -288,7 +288,7 @@ impl Core {
             // Warps of the group that have ended do not hold the others up.
             let ended = self
                 .taking
-                .is_none_or(|(taking, _)| taking != number)
+                .is_none_or(|(taking, ..)| taking != number)
                 .then(|| siblings - bits(self.held).filter(|&p| self.is_of_group(p, number)).count() as u32);
             if ended.is_some_and(|ended| group.count_ones() + ended == siblings) {
                 self.barrier &= !group;
@@ -300,6 +300,17 @@ impl Core {
             }
         }
         released
+    }
+
+    /// The memory of a workgroup is held as long as any of its warps is there or still to come.
+    #[cold]
+    fn hand_on(&mut self, from: Resident) {
+        let sibling = bits(self.held).find(|&place| self.is_of_group(place, from.number));
+        match (sibling, &mut self.taking) {
+            (Some(place), _) => self.resident[place as usize].shared = from.shared,
+            (None, Some((number, _, shared))) if *number == from.number => *shared = from.shared,
+            _ => self.shared += from.shared,
+        }
     }
 
     fn is_of_group(&self, place: u32, number: u32) -> bool {
@@ -357,6 +368,9 @@ impl Core {
             let place = free.trailing_zeros();
             self.registers -= held;
             self.shared -= shared;
+            if let (Program::Compute, Some((.., left))) = (program, self.taking) {
+                shared += left;
+            }
             self.resident[place as usize] = Resident {
                 warp: token.warp,
                 left: [0; Class::COUNT],
@@ -367,8 +381,8 @@ impl Core {
                 siblings: warp.siblings,
             };
             if program == Program::Compute {
-                let left = self.taking.map_or(warp.siblings, |(_, left)| left) - 1;
-                self.taking = (left > 0).then_some((warp.number, left));
+                let left = self.taking.map_or(warp.siblings, |(_, left, _)| left) - 1;
+                self.taking = (left > 0).then_some((warp.number, left, 0));
             }
             self.held |= 1 << place;
             self.age[place as usize] = self.born;
@@ -490,7 +504,9 @@ impl Unit<Card> for Core {
                 self.finished &= !(1 << place);
                 self.held &= !(1 << place);
                 self.registers += resident.registers;
-                self.shared += resident.shared;
+                if resident.shared > 0 {
+                    self.hand_on(resident);
+                }
                 did = Tick::Moved;
             }
         }
