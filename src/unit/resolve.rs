@@ -154,7 +154,7 @@ impl Unit<Card> for Resolve {
 
         // 3. Resolve the next block whose samples are there.
         if let Some(&needs) = self.waiting.front() {
-            if !self.reads.is_empty() || !self.misses.reached(needs) {
+            if !self.misses.reached(needs) {
                 did = did.or(Tick::Memory);
             } else if self.free_at > wires.now() {
                 wires.sleep_until(self.free_at);
