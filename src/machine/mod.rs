@@ -100,15 +100,17 @@ impl Machine {
             // 2. Run until events are short, a frame is over, or all is done.
             self.circuit.wires_mut().wake_all();
             let patience = u64::from(self.config.card.watchdog);
-            sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
+            let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
                 let done = card.events.is_empty() && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
                 card.fault.is_some() || circuit.command.frame_over() && quiet() || done && (!card.closed || quiet())
-            })?;
+            });
+            // A machine with a fault may well be stuck; the fault is why.
             if let Some(fault) = self.card.fault.take() {
                 return Err(fault.into());
             }
+            ran?;
 
             // 3. A frame is over: read everything.
             if self.circuit.command.frame_over() {
