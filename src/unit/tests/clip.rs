@@ -1,0 +1,51 @@
+//! Clip and cull: the rate of tests, and what holds the clipper.
+
+use std::sync::Arc;
+
+use super::kit::{FREE, Sink, Source, settle};
+use super::scenery::{card, draw, primitive};
+use crate::sim::{Link, One, Unit, Wiring};
+use crate::unit::Card;
+use crate::unit::clip::{Clip, ClipConfig};
+use crate::unit::token::{Kind, Run};
+use crate::work::{Outcome, Segment};
+
+crate::circuit! {
+    struct ClipCircuit for Card {
+        source: One<Source<Run>>,
+        clip: One<Clip>,
+        sink: One<Sink<Run>>,
+    }
+}
+
+#[test]
+fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
+    let kinds = [
+        primitive(0, 0, 1, false, Outcome::Drawn),
+        primitive(0, 1, 0, false, Outcome::Backface),
+        primitive(0, 1, 2, true, Outcome::Drawn),
+        primitive(0, 3, 1, false, Outcome::Drawn),
+        primitive(0, 4, 0, false, Outcome::Frustum),
+        primitive(0, 4, 0, false, Outcome::Degenerate),
+    ];
+    let (log, funnel) = settle(
+        || {
+            let mut wiring = Wiring::new();
+            let (a, b, c) = (wiring.unit("source", 0), wiring.unit("clip", 0), wiring.unit("sink", 0));
+            let (output, into) = wiring.channel("in", 0, FREE, a, b);
+            let (out, input) = wiring.channel("out", 0, Link::items(64, 1, 1), b, c);
+            let mut card = card(1);
+            let segment = Segment { primitives: kinds.to_vec(), ..Segment::default() };
+            card.install(0, Arc::new(segment), Arc::new(draw()), 0);
+            let items = vec![(0, Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count: 6 })];
+            let config = ClipConfig { primitives_per_cycle: 2, clip_cycles: 7, latency: 1, queue: 64 };
+            let (source, sink) = (One(Source::new(items, output)), One(Sink::new(input)));
+            (ClipCircuit::new(wiring, source, One(Clip::new(config, into, out)), sink), card)
+        },
+        |c, _| c.clip.items() == 6 && c.sink.got.len() == 3,
+        |c, card| (c.sink.log(|run| (run.first, run.count)), card.funnel),
+    );
+    // Cycle 1: one survivor, one culled. Cycle 2: the cut one, which holds the unit to 9. Then the rest.
+    assert_eq!(log, vec![(2, (0, 1)), (3, (1, 2)), (10, (3, 1))]);
+    assert_eq!((funnel.culled_backface, funnel.culled_frustum, funnel.culled_degenerate, funnel.clipped), (1, 1, 1, 1));
+}

@@ -1,0 +1,23 @@
+//! Units in tiny circuits: a source, the unit, a sink. Times are exact: not a cycle before, not a cycle after. What is expected is
+//! worked out from the configuration, in a comment; every circuit runs under both clocks and in several orders of ticks.
+//!
+//! A source pushes in cycle 0 over a channel of latency 1, so that a unit sees its first item in cycle 1. What a unit pushes in
+//! cycle t over a channel of latency l a sink gets in t + l.
+
+mod assembly;
+mod clip;
+mod color;
+mod command;
+mod compute;
+mod core;
+mod depth;
+mod dispatch;
+mod distribute;
+mod fetch;
+mod interpolate;
+mod kit;
+mod resolve;
+mod scenery;
+mod setup;
+mod texture;
+mod traverse;

@@ -1,0 +1,73 @@
+//! Triangle setup: its rate, and the order of sequence numbers.
+
+use super::kit::{FREE, Sink, Source, settle};
+use super::scenery::{card, triangle};
+use crate::num::Cycle;
+use crate::sim::{Link, One, Wiring};
+use crate::unit::setup::{Setup, SetupConfig};
+use crate::unit::token::{Kind, TriangleToken};
+
+crate::circuit! {
+    struct SetupCircuit for crate::unit::Card {
+        source: Vec<Source<TriangleToken>>,
+        setup: One<Setup>,
+        sink: One<Sink<TriangleToken>>,
+    }
+}
+
+/// When triangles come out of a setup unit whose geometry units send them as listed.
+fn set_up(config: &SetupConfig, inputs: &[Vec<(Cycle, TriangleToken)>]) -> Vec<(Cycle, u32)> {
+    let wanted = inputs.iter().flatten().filter(|(_, token)| token.kind == Kind::DATA).count();
+    settle(
+        || {
+            let mut wiring = Wiring::new();
+            let sources = wiring.bank("source", inputs.len());
+            let (setup, sink) = (wiring.unit("setup", 0), wiring.unit("sink", 0));
+            let (mut source, mut into) = (Vec::new(), Vec::new());
+            for (index, items) in inputs.iter().enumerate() {
+                let (output, input) = wiring.channel("in", index, FREE, sources[index], setup);
+                source.push(Source::new(items.clone(), output));
+                into.push(input);
+            }
+            let link = Link::items(config.queue, config.triangles_per_cycle, config.latency);
+            let (output, input) = wiring.channel("out", 0, link, setup, sink);
+            let unit = Setup::new(config.clone(), into, output);
+            (SetupCircuit::new(wiring, source, One(unit), One(Sink::new(input))), card(1))
+        },
+        |c, _| c.sink.got.len() == wanted,
+        |c, _| c.sink.log(|token| token.triangle),
+    )
+}
+
+const CONFIG: SetupConfig = SetupConfig { triangles_per_cycle: 1, interval: 1, latency: 10, queue: 16 };
+
+#[test]
+fn a_triangle_takes_the_interval_and_the_latency() {
+    let items: Vec<_> = (0..4).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
+    // In the unit's hands from cycle 1; one every 3 cycles; 10 on the way.
+    let config = SetupConfig { interval: 3, ..CONFIG };
+    assert_eq!(set_up(&config, &[items.clone()]), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
+    let config = SetupConfig { triangles_per_cycle: 2, ..CONFIG };
+    assert_eq!(set_up(&config, &[items]), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
+}
+
+#[test]
+fn the_order_of_sequence_numbers_is_restored() {
+    let inputs = [
+        vec![(9, triangle(Kind::DATA, 0, 0)), (9, triangle(Kind::END, 0, 0)), (9, triangle(Kind::DATA, 2, 3))],
+        vec![(0, triangle(Kind::DATA, 1, 1)), (0, triangle(Kind::DATA, 1, 2)), (5, triangle(Kind::END, 1, 0))],
+    ];
+    // Everything waits for sequence number 0, which comes late. Without the merge triangle 1 would be first.
+    let config = SetupConfig { latency: 1, ..CONFIG };
+    assert_eq!(set_up(&config, &inputs), vec![(11, 0), (12, 1), (13, 2), (14, 3)]);
+}
+
+#[test]
+fn a_full_queue_holds_setup_up() {
+    // Two places and a latency of 5: two triangles in every 6 cycles, the places being free again in the cycle after the sink has
+    // taken what was in them.
+    let items: Vec<_> = (0..6).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
+    let config = SetupConfig { latency: 5, queue: 2, ..CONFIG };
+    let times: Vec<_> = set_up(&config, &[items]).iter().map(|&(at, _)| at).collect();
+    assert_eq!(times, [6, 7, 12, 13, 18, 19]);
+}

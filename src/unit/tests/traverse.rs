@@ -1,0 +1,211 @@
+//! Traversal: the longest of covered blocks, tests and quads; hierarchical Z.
+
+use std::sync::Arc;
+
+use super::kit::{FREE, Sink, Source, settle};
+use super::scenery::{attachment, begin_pass, card, card_of_tiles, depth_test, draw, pass, row_of_tiles, surface, triangle};
+use crate::gfx::format::Format;
+use crate::gfx::hierarchical::depth_key;
+use crate::gfx::setup::DepthPlane;
+use crate::gfx::state::Compare;
+use crate::num::Cycle;
+use crate::sim::{Link, One, Unit, Wiring};
+use crate::unit::Card;
+use crate::unit::card::DepthStart;
+use crate::unit::token::{DepthBounds, GroupToken, Kind, TriangleToken};
+use crate::unit::traverse::{Traverse, TraverseConfig};
+use crate::work::{Draw, Funnel, Segment};
+
+crate::circuit! {
+    struct TraverseCircuit for Card {
+        source: One<Source<TriangleToken>>,
+        bounds: One<Source<DepthBounds>>,
+        traverse: One<Traverse>,
+        sink: One<Sink<GroupToken>>,
+    }
+}
+
+fn config() -> TraverseConfig {
+    TraverseConfig {
+        blocks_per_cycle: 1,
+        tests_per_cycle: 4,
+        quads_per_cycle: 4,
+        latency: 1,
+        queue: 4096,
+        hierarchical_z: true,
+        hierarchical_latency: 1,
+        hierarchical_queue: 16,
+        ..TraverseConfig::default()
+    }
+}
+
+/// When groups and the mark behind them leave the traversal of pipeline 0, for all triangles of a segment; with `prepare` doing
+/// what is to be done to the card first.
+fn traversed(
+    config: &TraverseConfig,
+    segment: &Segment,
+    updates: &[(Cycle, DepthBounds)],
+    prepare: impl Fn(&mut Card),
+) -> (Vec<(Cycle, Kind)>, Funnel) {
+    settle(
+        || {
+            let mut wiring = Wiring::new();
+            let names = ["source", "bounds", "traverse", "sink"];
+            let ids = names.map(|name| wiring.unit(name, 0));
+            let (output, into) = wiring.channel("in", 0, FREE, ids[0], ids[2]);
+            let (bounds_out, told) = wiring.channel("updates", 0, FREE, ids[1], ids[2]);
+            // As wide as can be, so that what is measured is the unit's own.
+            let link = Link::items(config.queue, 4096, config.latency);
+            let (out, input) = wiring.channel("out", 0, link, ids[2], ids[3]);
+            let mut card = card(1);
+            prepare(&mut card);
+            if card.work[0].is_none() {
+                card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
+            }
+            let triangles = (0..segment.triangles.len()).map(|t| (0, triangle(Kind::DATA, 0, t as u32)));
+            let items = triangles.chain([(0, triangle(Kind::SEGMENT, 0, 0))]).collect();
+            let circuit = TraverseCircuit::new(
+                wiring,
+                One(Source::new(items, output)),
+                One(Source::new(updates.to_vec(), bounds_out)),
+                One(Traverse::new(config.clone(), 0, into, told, out)),
+                One(Sink::new(input)),
+            );
+            (circuit, card)
+        },
+        |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
+        |c, card| {
+            assert_eq!(c.traverse.items(), card.funnel.quads_rasterized);
+            (c.sink.log(|token| token.kind), card.funnel)
+        },
+    )
+}
+
+/// Cycles from the first triangle in the unit's hands to the mark behind the last: what all triangles take. (The mark leaves in
+/// the cycle in which the last triangle ends, which counts, and is a cycle on the way.)
+fn cycles(config: &TraverseConfig, segment: &Segment) -> Cycle {
+    let (log, _) = traversed(config, segment, &[], |_| ());
+    log.last().expect("a mark").0 - 1
+}
+
+/// A segment of so many triangles, each of `blocks` blocks of `quads` quads and `empty` blocks more in its bounding box.
+fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
+    let mut segment = row_of_tiles(1, blocks, quads, 0);
+    // One row of blocks, or two that the bounding box has but the triangle does not.
+    let row = segment.triangles[0];
+    segment.triangles[0].bounds = [0, 0, blocks as u16 + empty, 1];
+    assert!(blocks as u16 + empty <= 8 && row.visits == 1);
+    segment.triangles = vec![segment.triangles[0]; count];
+    segment
+}
+
+#[test]
+fn a_triangle_takes_the_longest_of_blocks_tests_and_quads() {
+    // 8 blocks of 3 quads at a block a cycle; 8 blocks of 16 quads at 4 quads a cycle.
+    for (quads, each) in [(3, 8), (16, 32)] {
+        let segment = triangles(2, 8, quads, 0);
+        assert_eq!(cycles(&config(), &segment), 2 * each, "{quads} quads a block");
+        let (log, funnel) = traversed(&config(), &segment, &[], |_| ());
+        assert_eq!(log.len(), 2 * 8 * usize::from(quads).div_ceil(4) + 1);
+        assert_eq!((funnel.tiles_visited, funnel.quads_rasterized), (16, 16 * u64::from(quads)));
+        assert_eq!(funnel.fragments_covered, 64 * u64::from(quads));
+    }
+    let two = TraverseConfig { blocks_per_cycle: 2, ..config() };
+    assert_eq!(cycles(&two, &triangles(2, 8, 2, 0)), 2 * 4);
+}
+
+#[test]
+fn empty_blocks_take_tests_and_the_testers_run_ahead() {
+    // One covered block and seven empty ones, 4 tests a cycle: 2 cycles a triangle.
+    assert_eq!(cycles(&config(), &triangles(1, 1, 4, 7)), 2);
+    assert_eq!(cycles(&config(), &triangles(5, 1, 4, 7)), 5 * 2);
+    // One and eight would be 9 tests: 2 1/4 cycles. Here with one test a cycle, which is no more than a covered block takes.
+    let slow = TraverseConfig { tests_per_cycle: 1, ..config() };
+    assert_eq!(cycles(&slow, &triangles(3, 3, 4, 5)), 3 * 8);
+    // Two tests a cycle: 8 tests are 4 cycles, more than the 3 covered blocks take.
+    let two = TraverseConfig { tests_per_cycle: 2, ..config() };
+    assert_eq!(cycles(&two, &triangles(3, 3, 4, 5)), 3 * 4);
+    // Six covered blocks take longer than the tests: the two empty ones cost nothing. Eight rows of eight empty ones do: 72 tests.
+    assert_eq!(cycles(&two, &triangles(3, 6, 4, 2)), 3 * 6);
+    let mut tall = row_of_tiles(1, 8, 4, 7);
+    assert_eq!(cycles(&config(), &tall), 16, "64 tests at 4 a cycle");
+    // Quads that take longer than all tests hide them: 8 blocks of 16 quads.
+    tall = row_of_tiles(1, 8, 16, 7);
+    assert_eq!(cycles(&config(), &tall), 32);
+}
+
+#[test]
+fn a_triangle_that_covers_nothing_here_takes_a_test() {
+    let mut segment = row_of_tiles(1, 8, 4, 0);
+    segment.triangles[0].visits = 0;
+    segment.triangles = vec![segment.triangles[0]; 12];
+    assert_eq!(cycles(&config(), &segment), 3);
+}
+
+#[test]
+fn only_own_blocks_are_tested() {
+    // Tiles of one block, dealt to two pipelines in turn: of 8 covered blocks and 56 empty ones half are pipeline 0's.
+    let segment = row_of_tiles(1, 8, 4, 7);
+    let share = |card: &mut Card| {
+        *card = card_of_tiles(2, 8);
+        card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
+    };
+    let (log, funnel) = traversed(&config(), &segment, &[], share);
+    assert_eq!(log.last().unwrap().0 - 1, 32 / 4);
+    assert_eq!((funnel.tiles_visited, log.len()), (4, 4 + 1));
+}
+
+#[test]
+fn a_full_link_holds_traversal_up() {
+    // Four places and a latency of 7: four groups in every 8 cycles.
+    let config = TraverseConfig { queue: 4, latency: 7, ..config() };
+    let (log, _) = traversed(&config, &triangles(1, 8, 4, 0), &[], |_| ());
+    let times: Vec<_> = log.iter().map(|&(at, _)| at).collect();
+    assert_eq!(times, [8, 9, 10, 11, 16, 17, 18, 19, 24]);
+}
+
+/// A depth attachment whose hierarchical Z starts at 0.5, under triangles of depth 0.75.
+fn hidden(segment: &Segment, cleared_to: Option<f32>) -> impl Fn(&mut Card) {
+    let segment = segment.clone();
+    move |card| {
+        let surface = surface(1, Format::Depth32Float, 8, 1);
+        begin_pass(card, pass(vec![], Some(attachment(surface))), true);
+        let key = |depth: f32| depth_key(Format::Depth32Float, depth.to_bits());
+        let bounds = cleared_to.map_or((0, u32::MAX), |depth| (key(depth), key(depth)));
+        card.pass.as_mut().unwrap().depth_start = Some(DepthStart { bounds: Some(bounds) });
+        let draw = Draw { depth_stencil: Some(depth_test(Compare::Less)), ..draw() };
+        card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
+    }
+}
+
+#[test]
+fn hidden_blocks_take_a_test_and_no_quads() {
+    let mut segment = triangles(2, 8, 16, 0);
+    for triangle in &mut segment.triangles {
+        triangle.depth = DepthPlane::constant(0.75);
+    }
+    // All hidden: a block a cycle instead of one in four.
+    let (log, funnel) = traversed(&config(), &segment, &[], hidden(&segment, Some(0.5)));
+    assert_eq!(log, [(16 + 1, Kind::SEGMENT)]);
+    assert_eq!((funnel.tiles_visited, funnel.tiles_hiz_culled, funnel.quads_early_culled), (16, 16, 256));
+    // Nothing known of the depths, or the culling switched off: all are sent.
+    for (known, switch) in [(None, true), (Some(0.5), false)] {
+        let config = TraverseConfig { hierarchical_z: switch, ..config() };
+        let (log, funnel) = traversed(&config, &segment, &[], hidden(&segment, known));
+        assert_eq!((log.last().unwrap().0, funnel.tiles_hiz_culled), (64 + 1, 0), "{known:?}");
+    }
+}
+
+#[test]
+fn an_update_hides_from_the_cycle_on_in_which_it_comes() {
+    let mut segment = triangles(1, 8, 4, 0);
+    segment.triangles[0].depth = DepthPlane::constant(0.75);
+    let key = depth_key(Format::Depth32Float, 0.5_f32.to_bits());
+    // Block n is tested in cycle 1 + n. What the source sends in cycle 3 comes in 4, in time for block 3 but not for block 2; a
+    // word from another pass means nothing.
+    let tell = |block, pass| (3, DepthBounds { block, min: key, max: key, pass });
+    let (log, funnel) = traversed(&config(), &segment, &[tell(2, 0), tell(3, 0), tell(4, 9)], hidden(&segment, None));
+    assert_eq!(funnel.tiles_hiz_culled, 1);
+    let times: Vec<_> = log.iter().map(|&(at, _)| at).collect();
+    assert_eq!(times, [2, 3, 4, 6, 7, 8, 9, 9]);
+}
