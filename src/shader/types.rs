@@ -1,5 +1,6 @@
 //! Types as the compiler sees them: flat sequences of 32-bit components, and where each lies in memory.
 
+use naga::proc::IndexableLength;
 use naga::{Handle, Scalar, ScalarKind, TypeInner, VectorSize};
 
 use super::program::Width;
@@ -57,14 +58,19 @@ impl<'a> Types<'a> {
             TypeInner::Vector { size, scalar } => Shape::Vector(size as u32, scalar),
             TypeInner::Matrix { columns, rows, scalar } => Shape::Matrix(columns as u32, rows, scalar),
             TypeInner::Array { base, size, stride } => {
-                let n = match size {
-                    naga::ArraySize::Constant(n) => Some(n.get()),
-                    _ => None,
-                };
+                let n = self.length(size);
                 Shape::Array(base, n, stride)
             }
             TypeInner::Struct { ref members, .. } => Shape::Struct(members),
             _ => Shape::Other,
+        }
+    }
+
+    /// Elements of an array; none: as many as memory holds. A length that is a pipeline constant is known by now.
+    pub fn length(&self, size: naga::ArraySize) -> Option<u32> {
+        match size.resolve(self.module.to_ctx()) {
+            Ok(IndexableLength::Known(n)) => Some(n),
+            _ => None,
         }
     }
 

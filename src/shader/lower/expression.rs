@@ -186,7 +186,10 @@ impl<'a> Lowerer<'a> {
         Ok(match *self.inner(h) {
             TypeInner::Vector { size, .. } => size as u32,
             TypeInner::Matrix { columns, .. } => columns as u32,
-            TypeInner::Array { size: naga::ArraySize::Constant(n), .. } => n.get(),
+            TypeInner::Array { size, .. } => match self.types.length(size) {
+                Some(n) => n,
+                None => return self.refuse("a value without a fixed length is indexed"),
+            },
             _ => return self.refuse("this value cannot be indexed at run time"),
         })
     }

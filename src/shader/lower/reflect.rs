@@ -116,10 +116,7 @@ impl<'a> Lowerer<'a> {
             self.span = self.module.global_variables.get_span(h);
             let (ty, count) = match self.module.types[g.ty].inner {
                 TypeInner::BindingArray { base, size } => {
-                    let n = match size {
-                        ArraySize::Constant(n) => n.get(),
-                        _ => 0,
-                    };
+                    let n = self.types.length(size).unwrap_or(0);
                     (base, Some(n))
                 }
                 _ => (g.ty, None),
@@ -156,7 +153,15 @@ impl<'a> Lowerer<'a> {
                 }
                 _ => u64::from(span),
             },
-            ref inner => u64::from(inner.size(self.module.to_ctx())),
+            ref inner => inner.try_size(self.module.to_ctx()).map_or(u64::MAX, u64::from),
+        }
+    }
+
+    /// Bytes of a type of fixed size.
+    fn byte_size(&self, ty: Handle<naga::Type>) -> Result<u32> {
+        match self.module.types[ty].inner.try_size(self.module.to_ctx()) {
+            Some(bytes) => Ok(bytes),
+            None => self.refuse("this type is too large"),
         }
     }
 
@@ -185,7 +190,7 @@ impl<'a> Lowerer<'a> {
                     Val::Place(Rc::new(self.variable_place(var, ty)))
                 }
                 AddressSpace::WorkGroup => {
-                    let bytes = self.module.types[g.ty].inner.size(self.module.to_ctx());
+                    let bytes = self.byte_size(g.ty)?;
                     workgroup_bytes = workgroup_bytes.next_multiple_of(16).saturating_add(bytes);
                     let offset = self.shared_bytes;
                     let size = self.types.components(ty).saturating_mul(4);
@@ -196,7 +201,7 @@ impl<'a> Lowerer<'a> {
                     Val::Place(Rc::new(memory(Space::Shared, false, offset)))
                 }
                 AddressSpace::Immediate => {
-                    self.immediate_size = self.module.types[g.ty].inner.size(self.module.to_ctx());
+                    self.immediate_size = self.byte_size(g.ty)?;
                     Val::Place(Rc::new(memory(Space::Immediate, true, 0)))
                 }
                 AddressSpace::Handle => Val::Opaque(h, None),
