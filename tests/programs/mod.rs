@@ -168,3 +168,30 @@ pub fn run(source: &str, groups: [u32; 3], results: u64, inputs: &[&[u32]]) -> V
     lab.dispatch(pipeline, groups, resources);
     lab.read(result, results)
 }
+
+/// A vertex stage that covers the target with one triangle.
+pub const COVER: &str = "
+    @vertex fn cover(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+        return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.5, 1.0);
+    }
+";
+
+/// Runs a fragment stage once for each pixel of a target, with these resources as group 0; the target's words.
+pub fn paint(lab: Lab, source: &str, size: [u32; 2], format: Format, resources: Vec<BoundResource>) -> Vec<u32> {
+    let mut lab = lab;
+    let target = lab.card.create_texture("target", record::texture_2d(size[0], size[1], format));
+    let view = lab.card.create_view(target);
+    let shader = lab.card.create_shader("program", &format!("{source}{COVER}"));
+    let pipeline = lab.card.create_render_pipeline("program", record::render_pipeline(shader, format));
+    let group = (!resources.is_empty()).then(|| lab.group(AnyPipeline::Render(pipeline), 0, resources));
+    {
+        let mut pass = lab.card.begin_render_pass([record::clear(view, [0.0; 4])], None);
+        pass.set_pipeline(pipeline);
+        if let Some(group) = group {
+            pass.set_bind_group(0, group);
+        }
+        pass.draw(3, 1);
+    }
+    lab.card.present(target);
+    lab.last_frame()
+}
