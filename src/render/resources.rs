@@ -348,7 +348,9 @@ impl QuerySet {
         let QueryKind::PipelineStatistics(mask) = self.kind else {
             return Err("a pipeline statistics query in a set of another kind".into());
         };
-        let all = [funnel.vertices_shaded, funnel.primitives_in, funnel.triangles_setup, funnel.fragments_shaded, compute];
+        // What is inside the view volume leaves the clipper, also where culling throws it away afterwards.
+        let clipped = funnel.primitives_in - funnel.culled_frustum;
+        let all = [funnel.vertices_shaded, funnel.primitives_in, clipped, funnel.fragments_shaded, compute];
         let chosen = (0..all.len()).filter(|bit| mask >> bit & 1 != 0).map(|bit| all[bit]);
         for (slot, value) in self.slot(index)?.iter_mut().zip(chosen) {
             *slot = value;
