@@ -199,7 +199,7 @@ fn reuse_on_a_grid_is_that_of_a_fifo() {
     }
     let shaded = |reuse| {
         let config = FetchConfig { reuse, indices_per_cycle: 32, batches: 1024, ..config() };
-        u64::from(fetched(&config, 1, &[], &[reading(stream.clone(), 0)], &[]).shaded)
+        fetched(&config, 1, &[], &[reading(stream.clone(), 0)], &[]).shaded
     };
     for places in 0..26 {
         assert_eq!(shaded(places), fifo(&stream, places as usize), "a FIFO of {places}");
@@ -214,7 +214,7 @@ fn indices_come_from_memory_line_by_line() {
     // 32 indices of 4 bytes are two lines. Both are asked for in cycle 1 and here a miss later.
     let segment = Segment { index_address: Some(1 << 20), index_bytes: 4, ..fresh(32) };
     let first = 1 + MISS;
-    let got = fetched(&config(), 1, &[], &[segment.clone()], &[]);
+    let got = fetched(&config(), 1, &[], std::slice::from_ref(&segment), &[]);
     assert_eq!(got.warps, [(0..8).map(|k| first + 1 + 2 * k + 2).collect::<Vec<_>>()]);
     assert_eq!(got.requests, 2);
     // With a buffer of one line the second is asked for in the cycle after the last index of the first was read.

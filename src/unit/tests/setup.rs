@@ -46,9 +46,10 @@ fn a_triangle_takes_the_interval_and_the_latency() {
     let items: Vec<_> = (0..4).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
     // In the unit's hands from cycle 1; one every 3 cycles; 10 on the way.
     let config = SetupConfig { interval: 3, ..CONFIG };
-    assert_eq!(set_up(&config, &[items.clone()]), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
+    let inputs = [items];
+    assert_eq!(set_up(&config, &inputs), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
     let config = SetupConfig { triangles_per_cycle: 2, ..CONFIG };
-    assert_eq!(set_up(&config, &[items]), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
+    assert_eq!(set_up(&config, &inputs), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
 }
 
 #[test]

@@ -52,14 +52,17 @@ struct Textured {
     requests: u64,
 }
 
-/// Answers warps that are all there from the beginning; each is a list of quads, each quad a list of lines, and so many operations.
-fn textured(config: &TextureConfig, kind: RequestKind, warps: &[(Vec<Vec<u32>>, u8)]) -> Textured {
+/// A warp: its quads, each a list of lines, and the operations of each.
+type Quads = (Vec<Vec<u32>>, u8);
+
+/// Answers warps that are all there from the beginning.
+fn textured(config: &TextureConfig, kind: RequestKind, warps: &[Quads]) -> Textured {
     let from: Vec<_> = warps.iter().map(|warp| (0, warp.clone())).collect();
     textured_from(config, kind, &from)
 }
 
 /// The same for warps that come at their cycles.
-fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, (Vec<Vec<u32>>, u8))]) -> Textured {
+fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Quads)]) -> Textured {
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -127,10 +130,10 @@ fn lines_are_looked_up_at_their_rate() {
     // Eight quads of four lines each, two of them lines of the quad before. One lookup a cycle: the last of 32 in cycle 32, by which
     // time its line, which is new, is asked for.
     let quads: Vec<Vec<u32>> = (0..8).map(|quad| (0..4).map(|line| 2 * quad + line).collect()).collect();
-    let warp = (quads, 4);
+    let warp = [(quads, 4)];
     for (lookups, last) in [(1, 32), (4, 8), (8, 4), (32, 1)] {
         let config = TextureConfig { lookups_per_cycle: lookups, ..config() };
-        let got = textured(&config, RequestKind::Texture, &[warp.clone()]);
+        let got = textured(&config, RequestKind::Texture, &warp);
         // Eighteen lines are asked for; eight requests a cycle are what the port takes, and a line a cycle what it brings back.
         let sent = last.max(18_u64.div_ceil(8));
         let brought = (1 + 2 + 50 + 17 + 2).max(sent + MISS);
