@@ -228,19 +228,23 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
     let group = |quads: u32| quads.div_ceil(4).max(1);
     // Key of the queue, its capacity, tokens that it should carry a cycle, latency.
     let channels = [
+        ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
         ("assembly.queue", config.assembly.queue, 1, config.assembly.latency),
         ("clip.queue", config.clip.queue, 1, config.clip.latency),
         ("distribute.queue", config.distribute.queue, config.distribute.link_width, config.distribute.latency),
         ("setup.queue", config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
         ("traverse.queue", config.traverse.queue, group(config.traverse.quads_per_cycle), config.traverse.latency),
+        ("traverse.hierarchical_queue", config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),
         ("depth.output_queue", config.depth.output_queue, group(config.depth.quads_per_cycle), config.depth.output_latency),
         ("interpolate.queue", config.interpolate.queue, group(config.interpolate.quads_per_cycle), config.interpolate.latency),
+        ("dispatch.queue", config.dispatch.queue, 1, config.dispatch.latency),
         (
             "dispatch.output_queue",
             config.dispatch.output_queue,
             group(config.dispatch.output_quads),
             config.dispatch.output_latency,
         ),
+        ("compute.queue", config.compute.queue, 1, config.compute.latency),
         ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency),
     ];
     let short = channels.iter().filter(|&&(_, capacity, rate, latency)| capacity < rate * (latency + 1));

@@ -1,4 +1,6 @@
+use super::read::join;
 use super::*;
+use crate::unit::knob::{Allowed, Knob, Setting};
 
 /// `UPDATE_BASELINE=1 cargo test --lib config` writes the comments anew.
 #[test]
@@ -73,4 +75,131 @@ fn overrides_change_one_knob() {
     let mut short = Config::built_in("baseline").unwrap();
     short.set("setup.queue=3").unwrap();
     assert_eq!(short.warnings().len(), 1, "{:?}", short.warnings());
+}
+
+/// All knobs with their paths.
+fn all() -> Vec<(String, Knob)> {
+    let config = Config::default();
+    let of = |(section, knobs): (&'static str, &dyn Section)| {
+        knobs.knobs().iter().map(|knob| (join(section, knob.name), *knob)).collect::<Vec<_>>()
+    };
+    config.sections().into_iter().flat_map(of).collect()
+}
+
+/// A configuration that changes one knob of the baseline.
+fn changing(path: &str, value: &str) -> String {
+    let mut text = value.to_owned();
+    for step in path.rsplit('.') {
+        text = format!("({step}: {text})");
+    }
+    format!("(extends: \"baseline\", {}", &text[1..])
+}
+
+/// Values at the ends of what a knob takes, and beyond them, as they are written.
+fn ends(allowed: Allowed) -> (Vec<String>, Vec<String>) {
+    let numbers = |list: &[u64]| list.iter().map(u64::to_string).collect::<Vec<_>>();
+    let words = |list: &[&str]| list.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
+    match allowed {
+        Allowed::Range(low, high) => {
+            let below = low.checked_sub(1).map_or("-1".to_owned(), |below| below.to_string());
+            let beyond = [vec![below], numbers(&[high + 1, 1 << 32, u64::MAX >> 12]), words(&["1.5", "true", "\"many\""])];
+            (numbers(&[low, high]), beyond.concat())
+        }
+        Allowed::PowerOfTwo(low, high) => {
+            // Below the least, above the greatest, and between the powers.
+            let beyond = [numbers(&[low / 2, high * 2, high + 1, 3 * high / 4]), words(&["-1", "false", "\"big\""])];
+            (numbers(&[low, high]), beyond.concat())
+        }
+        Allowed::Switch => (words(&["true", "false"]), words(&["0", "1", "\"yes\""])),
+        Allowed::Choice(names) => {
+            (names.iter().map(|name| format!("\"{name}\"")).collect(), words(&["0", "true", "\"\"", "\"another\""]))
+        }
+    }
+}
+
+#[test]
+fn every_knob_takes_its_ends_and_refuses_what_is_beyond_by_key_value_and_range() {
+    let mut refused = 0;
+    for (path, knob) in all() {
+        let (taken, beyond) = ends(knob.allowed);
+        for value in taken {
+            // Rules between knobs may still forbid it; they are another matter.
+            let assignment = format!("{path}={value}");
+            let mut config = Config::built_in("baseline").unwrap();
+            config.set(&assignment).unwrap_or_else(|error| panic!("{assignment}: {error}"));
+            let (section, _) = path.rsplit_once('.').unwrap_or(("", &path));
+            let (_, section) = config.sections().into_iter().find(|(known, _)| *known == section).unwrap();
+            assert_eq!(section.get(knob.name).unwrap().to_string(), value, "{path}");
+            match Config::parse("mine.ron", &changing(&path, &value)) {
+                Ok(parsed) => assert_eq!(parsed, Config { name: "mine.ron".into(), ..config }, "{path}"),
+                Err(error) => assert!(matches!(error, ConfigError::Rule { .. }), "{path} is {value}: {error}"),
+            }
+        }
+        for value in beyond {
+            let bare = value.trim_matches('"');
+            let told = if matches!(knob.allowed, Allowed::Choice(_)) { value.as_str() } else { bare };
+            let rest = format!("{path} is {told}, and must be {}", knob.allowed);
+            let mut config = Config::built_in("baseline").unwrap();
+            let error = config.set(&format!("{path}={value}")).unwrap_err().to_string();
+            assert_eq!(error, format!("--set: {rest}"));
+            assert_eq!(config, Config::built_in("baseline").unwrap(), "{path} has changed all the same");
+            assert_eq!(message(&changing(&path, &value)), format!("mine.ron: {rest}"));
+            refused += 1;
+        }
+    }
+    assert!(refused > 600, "{refused}");
+}
+
+#[test]
+fn the_ends_of_a_knob_are_where_its_declaration_says() {
+    // What the test before calls beyond is beyond, and what is within is within: the declaration and the check are one.
+    assert!(Allowed::Range(1, 8).admits(&Setting::Number(8)) && !Allowed::Range(1, 8).admits(&Setting::Number(9)));
+    assert!(
+        Allowed::PowerOfTwo(4, 64).admits(&Setting::Number(64)) && !Allowed::PowerOfTwo(4, 64).admits(&Setting::Number(48))
+    );
+    // The baseline is within, and so is what it is made of.
+    let baseline = Config::built_in("baseline").unwrap();
+    for (section, knobs) in baseline.sections() {
+        for knob in knobs.knobs() {
+            let value = knobs.get(knob.name).unwrap();
+            assert!(knob.allowed.admits(&value), "{} is {value}", join(section, knob.name));
+        }
+    }
+}
+
+#[test]
+fn a_queue_too_short_for_its_latency_is_warned_of() {
+    // A place for each cycle on the way and one more, for each that is to be carried a cycle.
+    for (queue, latency, rate) in [
+        ("fetch.queue", "fetch.latency", 1),
+        ("assembly.queue", "assembly.latency", 1),
+        ("clip.queue", "clip.latency", 1),
+        ("distribute.queue", "distribute.latency", 1),
+        ("setup.queue", "setup.latency", 1),
+        ("traverse.queue", "traverse.latency", 1),
+        ("traverse.hierarchical_queue", "traverse.hierarchical_latency", 1),
+        ("depth.output_queue", "depth.output_latency", 1),
+        ("interpolate.queue", "interpolate.latency", 1),
+        ("dispatch.queue", "dispatch.latency", 1),
+        ("dispatch.output_queue", "dispatch.output_latency", 1),
+        ("compute.queue", "compute.latency", 1),
+        ("memory.port_queue", "memory.port_latency", 1),
+    ] {
+        for (places, warned) in [(rate * 11, false), (rate * 11 - 1, true)] {
+            let mut config = Config::built_in("baseline").unwrap();
+            config.set(&format!("{latency}=10")).unwrap();
+            config.set(&format!("{queue}={places}")).unwrap();
+            let expected = format!(
+                "{queue} is {places}: a channel of latency 10 that carries {rate} a cycle needs {} places to do so",
+                rate * 11
+            );
+            assert_eq!(config.warnings(), if warned { vec![expected] } else { Vec::new() }, "{queue}");
+        }
+    }
+    let mut config = Config::built_in("baseline").unwrap();
+    for change in ["setup.triangles_per_cycle=3", "setup.latency=10", "setup.queue=32"] {
+        config.set(change).unwrap();
+    }
+    let expected = "setup.queue is 32: a channel of latency 10 that carries 3 a cycle needs 33 places to do so";
+    assert_eq!(config.warnings(), [expected]);
 }
