@@ -19,7 +19,7 @@ pub enum Clock {
 }
 
 /// Puts the numbers of all units in an order that depends on seed and cycle.
-fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycle) {
+pub(super) fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycle) {
     order.clear();
     order.extend(0..units);
     let mut state = seed ^ now.wrapping_mul(0x9e37_79b9_7f4a_7c15);

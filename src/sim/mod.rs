@@ -59,4 +59,4 @@ pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wires, Wiring};
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

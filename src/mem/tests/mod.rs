@@ -3,4 +3,5 @@
 mod caches;
 mod client;
 mod dram;
+mod order;
 mod slices;

@@ -10,7 +10,7 @@ use crate::num::Cycle;
 use crate::sim::{Circuit, Clock, Wiring, run};
 
 crate::circuit! {
-    struct Rig for () {
+    pub(super) struct Rig for () {
         client: Vec<Client>,
         crossbar: Option<Crossbar>,
         l2: Vec<L2Slice>,
@@ -24,12 +24,12 @@ fn l2() -> L2Config {
     L2Config { shape: CacheShape::new(256, 8, 64, 32).unwrap(), lookups_per_cycle: 1, misses: 16, waiting: 32, entries: 32 }
 }
 
-fn dram_memory(slices: u32, channels: u32) -> MemoryConfig {
+pub(super) fn dram_memory(slices: u32, channels: u32) -> MemoryConfig {
     let dram = DramConfig { t_refi: 0, ..ddr4() };
     MemoryConfig::Dram { slices, interleave: 256, l2: l2(), slice_width: 64, slice_latency: 4, channels, dram }
 }
 
-fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
+pub(super) fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
     let mut wiring = Wiring::new();
     let ids = wiring.bank("client", orders.len());
     let mut plan = MemoryPlan::declare(config, &mut wiring).unwrap();
@@ -43,7 +43,7 @@ fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
     Rig::new(wiring, clients, memory.crossbar, memory.l2, memory.dram, memory.return_path, memory.ideal)
 }
 
-fn is_done(machine: &Rig) -> bool {
+pub(super) fn is_done(machine: &Rig) -> bool {
     machine.client.iter().all(Client::done)
         && machine.wires().resident() == 0
         && machine.tally().1.iter().all(|&resident| resident == 0)
@@ -52,11 +52,15 @@ fn is_done(machine: &Rig) -> bool {
 fn go(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
     let mut every = rig(config, orders.clone());
     run(&mut every, &mut (), Clock::EveryCycle, 10_000, |m, _| is_done(m)).unwrap();
-    let mut machine = rig(config, orders);
+    let mut machine = rig(config, orders.clone());
     run(&mut machine, &mut (), Clock::SkipIdle, 10_000, |m, _| is_done(m)).unwrap();
     machine.wires_mut().settle();
     every.wires_mut().settle();
     assert_eq!(machine.tree().json(), every.tree().json(), "the clocks differ");
+    let mut shuffled = rig(config, orders);
+    run(&mut shuffled, &mut (), Clock::Shuffled(1), 10_000, |m, _| is_done(m)).unwrap();
+    shuffled.wires_mut().settle();
+    assert_eq!(machine.tree().json(), shuffled.tree().json(), "the order of ticks matters");
     for unit in machine.wires().reading().units {
         assert_eq!(unit.total(), machine.wires().now(), "the account adds up");
     }

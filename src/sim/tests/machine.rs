@@ -1,7 +1,7 @@
 //! The watchdog, the statistics tree and the checks on wiring.
 
 use super::units::{Item, Sink, Source};
-use crate::sim::{Circuit, Clock, Link, One, Wiring, run};
+use crate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 crate::circuit! {
     struct Pair for () {
@@ -30,6 +30,82 @@ fn a_stuck_machine_is_stopped_and_shows_its_queues() {
         assert!(text.contains("unit source[0]: blocked, 5 inside"), "{text}");
         let queue = "channel items[0] (source[0] to sink[0]): 4 of 4, head Item { number: 1, pushed: 1 } from cycle 2";
         assert!(text.contains(queue), "{text}");
+    }
+}
+
+/// Gives its own items before it takes those of its neighbour.
+struct Giver {
+    own: u64,
+    taken: u64,
+    input: In<Item>,
+    output: Out<Item>,
+}
+
+impl Unit<()> for Giver {
+    fn tick(&mut self, wires: &mut Wires, _: &mut ()) -> Tick {
+        if self.own > 0 {
+            if !wires.try_push(&self.output, Item { number: self.own, pushed: wires.now() }) {
+                return Tick::Blocked;
+            }
+            self.own -= 1;
+            return Tick::Moved;
+        }
+        let Some(_) = wires.pop(&self.input) else { return Tick::Starved };
+        self.taken += 1;
+        Tick::Moved
+    }
+
+    fn items(&self) -> u64 {
+        self.taken
+    }
+
+    fn resident(&self) -> u64 {
+        self.own
+    }
+}
+
+crate::circuit! {
+    struct Ring for () {
+        giver: Vec<Giver>,
+    }
+}
+
+/// So many givers in a ring, each with that many items of its own, over channels of three places.
+fn ring(givers: usize, own: u64) -> Ring {
+    let mut wiring = Wiring::new();
+    let ids = wiring.bank("giver", givers);
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for index in 0..givers {
+        let link = Link::items(3, 1, 1);
+        let (output, input) = wiring.channel::<Item>("gifts", index, link, ids[index], ids[(index + 1) % givers]);
+        outputs.push(output);
+        inputs.push(input);
+    }
+    inputs.rotate_right(1);
+    let giver = |(output, input)| Giver { own, taken: 0, input, output };
+    Ring::new(wiring, outputs.into_iter().zip(inputs).map(giver).collect())
+}
+
+#[test]
+fn a_ring_that_waits_for_itself_is_stopped_and_shows_every_queue() {
+    for clock in [Clock::SkipIdle, Clock::EveryCycle, Clock::Shuffled(3)] {
+        // Three items fit on the way to each neighbour: all is taken.
+        let mut machine = ring(4, 3);
+        run(&mut machine, &mut (), clock, 50, |m, _| m.giver.iter().all(|giver| giver.taken == 3)).unwrap();
+        // A fourth does not, and nobody takes before he has given. The last push was in cycle 2.
+        let mut machine = ring(4, 4);
+        let stuck = run(&mut machine, &mut (), clock, 50, |m, _| m.giver.iter().all(|giver| giver.taken == 4)).unwrap_err();
+        assert_eq!(stuck.since, 2);
+        let text = stuck.to_string();
+        for giver in 0..4 {
+            let next = (giver + 1) % 4;
+            assert!(text.contains(&format!("\nunit giver[{giver}]: blocked, 1 inside\n")), "{text}");
+            let queue = format!(
+                "\nchannel gifts[{giver}] (giver[{giver}] to giver[{next}]): 3 of 3, head Item {{ number: 4, pushed: 0 }} from cycle 1\n"
+            );
+            assert!(text.contains(&queue), "{text}");
+        }
+        assert_eq!(text.lines().count(), 1 + 4 + 4, "{text}");
     }
 }
 

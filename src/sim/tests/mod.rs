@@ -2,6 +2,6 @@
 
 mod channel;
 mod machine;
-mod order;
+pub(crate) mod order;
 mod pipeline;
 mod units;

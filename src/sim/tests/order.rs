@@ -2,6 +2,7 @@
 
 use super::units::{Item, Merge, Source, Split, Worker};
 use crate::num::Cycle;
+use crate::sim::clock::shuffle;
 use crate::sim::{Circuit, Clock, Link, One, Reading, Wiring, run};
 
 crate::circuit! {
@@ -53,7 +54,8 @@ fn outcome(mut machine: Diamond) -> Outcome {
     (std::mem::take(&mut machine.merge.log), machine.wires().reading(), items)
 }
 
-fn permutations(n: usize) -> Vec<Vec<usize>> {
+/// All orders of so many units.
+pub(crate) fn permutations(n: usize) -> Vec<Vec<usize>> {
     if n == 0 {
         return vec![Vec::new()];
     }
@@ -66,6 +68,13 @@ fn permutations(n: usize) -> Vec<Vec<usize>> {
         }
     }
     all
+}
+
+/// A cycle in which all units tick in a given order.
+pub(crate) fn step<K: Circuit>(machine: &mut K, order: &[usize], context: &mut K::Context) {
+    machine.cycle_in(order, context);
+    let now = machine.wires().now();
+    machine.wires_mut().advance(now + 1);
 }
 
 const SHAPES: [[(u32, u32, u32); 5]; 4] = [
@@ -93,9 +102,7 @@ fn all_120_orders_and_both_clocks_give_one_outcome() {
             for order in &orders {
                 let mut machine = diamond(shape, service);
                 while !done(&machine) {
-                    machine.cycle_in(order, &mut ());
-                    let now = machine.wires().now();
-                    machine.wires_mut().advance(now + 1);
+                    step(&mut machine, order, &mut ());
                 }
                 assert_eq!(outcome(machine), expected, "order {order:?} differs for {shape:?}, {service:?}");
             }
@@ -114,10 +121,31 @@ fn orders_that_change_from_cycle_to_cycle_change_nothing() {
         let mut state = 1u64;
         while !done(&machine) {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            machine.cycle_in(&orders[(state >> 33) as usize % orders.len()], &mut ());
-            let now = machine.wires().now();
-            machine.wires_mut().advance(now + 1);
+            step(&mut machine, &orders[(state >> 33) as usize % orders.len()], &mut ());
         }
         assert_eq!(outcome(machine), expected);
     }
+}
+
+#[test]
+fn the_shuffling_clock_draws_orders_of_all_units() {
+    // Every unit ticks once a cycle, and over some cycles every unit comes first and last; the outcome is that of the other clocks.
+    let mut skipping = diamond(SHAPES[1], [2, 5]);
+    run(&mut skipping, &mut (), Clock::SkipIdle, 100, |m, _| done(m)).unwrap();
+    let expected = outcome(skipping);
+    for seed in 0..50 {
+        let mut machine = diamond(SHAPES[1], [2, 5]);
+        run(&mut machine, &mut (), Clock::Shuffled(seed), 100, |m, _| done(m)).unwrap();
+        assert_eq!(outcome(machine), expected, "seed {seed}");
+    }
+    let (mut first, mut last) = ([0; 5], [0; 5]);
+    for cycle in 0..1000 {
+        let mut order = Vec::new();
+        shuffle(&mut order, 5, 1, cycle);
+        first[order[0]] += 1;
+        last[order[4]] += 1;
+        order.sort_unstable();
+        assert_eq!(order, [0, 1, 2, 3, 4]);
+    }
+    assert!(first.iter().chain(&last).all(|&count| (120..280).contains(&count)), "{first:?} {last:?}");
 }
