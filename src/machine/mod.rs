@@ -4,6 +4,9 @@ pub mod config;
 mod report;
 pub mod sort_middle;
 
+#[cfg(test)]
+mod tests;
+
 pub use config::{Config, ConfigError};
 pub use report::{FrameReport, MachineReport, Picture};
 

@@ -167,6 +167,13 @@ impl Channel {
         capacity.next_power_of_two()
     }
 
+    /// Its shape, as far as it is kept: items wider than the capacity are not told from those as wide.
+    #[cfg(test)]
+    pub fn link(&self) -> Link {
+        let width = if self.by_bytes { self.link_width } else { u32::from(self.width) };
+        Link { capacity: self.capacity, latency: self.latency.into(), width, by_bytes: self.by_bytes }
+    }
+
     /// Items inside.
     #[inline(always)]
     pub fn len(&self) -> u32 {

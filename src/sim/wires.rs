@@ -346,6 +346,12 @@ impl Wires {
         self.channels.iter().map(|channel| u64::from(channel.len())).sum()
     }
 
+    /// The name, the number and the shape of each channel, in the order of declaration.
+    #[cfg(test)]
+    pub(crate) fn links(&self) -> impl Iterator<Item = (&'static str, usize, Link)> {
+        self.labels.iter().zip(&self.channels).map(|(label, channel)| (label.name, label.index, channel.link()))
+    }
+
     /// Items in each channel, in the order of declaration.
     pub fn fills(&self) -> impl Iterator<Item = u32> {
         self.channels.iter().map(Channel::len)

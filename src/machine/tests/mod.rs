@@ -1,0 +1,4 @@
+//! What can only be seen from inside a machine: each channel in each cycle, and how channels are wired.
+
+mod little;
+mod wiring;

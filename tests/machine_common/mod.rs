@@ -1,0 +1,275 @@
+//! What must hold of the statistics of every run, whatever the machine and the scene; and small work to run.
+
+#![allow(dead_code)]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use fillrate::machine::{Config, Machine, MachineReport};
+use fillrate::render;
+use fillrate::sim::Clock;
+use fillrate::stats::{Leaf, Node, Tree};
+use fillrate::trace::Trace;
+use fillrate::work::*;
+
+/// A built-in configuration with changes.
+pub fn config(name: &str, changes: &[&str]) -> Config {
+    let mut config = Config::built_in(name).expect("a built-in configuration");
+    for change in changes {
+        config.set(change).unwrap_or_else(|error| panic!("{error}"));
+    }
+    config.check().unwrap_or_else(|error| panic!("{error}"));
+    config
+}
+
+/// The work of a scene kept in `traces/`.
+pub fn rendered(name: &str) -> Vec<Event> {
+    let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name)).expect("a scene");
+    let mut events = Vec::new();
+    let options = render::Options { record: true, ..render::Options::default() };
+    let mut keep = |event| {
+        events.push(event);
+        Ok(())
+    };
+    render::render(&trace, &options, &mut keep).unwrap_or_else(|error| panic!("{name}: {error}"));
+    events
+}
+
+/// Runs work from cycle 0 to its end.
+pub fn run(config: &Config, events: &[Event], clock: Clock) -> MachineReport {
+    let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));
+    machine.run(events.iter().cloned(), clock).unwrap_or_else(|error| panic!("{}, {clock:?}: {error}", config.name))
+}
+
+/// All statistics of a run, frame by frame, and its pictures.
+pub fn everything(report: &MachineReport) -> String {
+    let mut text = report.total.json().to_string();
+    for frame in &report.frames {
+        text.push_str(&frame.tree.json().to_string());
+        text.push_str(&frame.number.to_string());
+        if let Some(picture) = &frame.picture {
+            text.push_str(&format!("{:?} {}", picture.surface, picture.wrong_pixels));
+        }
+    }
+    text
+}
+
+/// A dispatch of so many workgroups of 64 invocations, which load, meet at a barrier, and store.
+pub fn dispatch(groups: u32) -> Vec<Event> {
+    let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
+    let dispatch =
+        Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 64, shared_bytes: 512 };
+    let step = |instructions, then| Step { instructions, then };
+    let steps = vec![
+        step([2, 4, 0, 1], RequestKind::Load),
+        step([3, 1, 1, 1], RequestKind::Barrier),
+        step([5, 1, 0, 0], RequestKind::Store),
+        step([0, 1, 0, 0], RequestKind::Atomic),
+        step([0, 0, 0, 1], RequestKind::End),
+    ];
+    let mut work = Groups { groups, costs: CostTable { costs: vec![Cost { steps }] }, ..Groups::default() };
+    for packet in 0..groups * 16 {
+        work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32 });
+        for place in 0..3 {
+            work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4 });
+            work.lines.push((1 << 21) + place * 4096 + packet / 4);
+        }
+    }
+    vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))]
+}
+
+/// A run's statistics, to be asked by path.
+pub struct Figures<'a>(pub &'a Tree);
+
+impl Figures<'_> {
+    /// The figure at a path.
+    pub fn at(&self, path: &str) -> u64 {
+        let value = self.0.number(path).unwrap_or_else(|| panic!("there is no {path}"));
+        assert!(value >= 0.0 && value.fract() == 0.0, "{path} is {value}");
+        value as u64
+    }
+
+    /// The subtrees of a list such as `units.setup`, none where there is no such list.
+    pub fn list(&self, path: &str) -> &[Tree] {
+        match self.0.get(path) {
+            Some(Node::List(list)) => list,
+            _ => &[],
+        }
+    }
+
+    /// The sum of one leaf over a list.
+    pub fn sum(&self, path: &str, leaf: &str) -> u64 {
+        self.list(path).iter().map(|tree| Figures(tree).at(leaf)).sum()
+    }
+
+    fn funnel(&self, name: &str) -> u64 {
+        self.at(&format!("funnel.{name}"))
+    }
+}
+
+/// Every unit's account adds up to the cycles of the run, and every frame's to the frame's.
+pub fn accounts_add_up(tree: &Tree) {
+    let cycles = Figures(tree).at("cycles");
+    let Some(Node::Tree(units)) = tree.get("units") else { panic!("units") };
+    let mut checked = 0;
+    for (name, node) in units.entries() {
+        let Node::List(list) = node else { panic!("{name}") };
+        for (index, unit) in list.iter().enumerate() {
+            let of = |reason: &str| Figures(unit).at(reason);
+            let sum = of("busy") + of("starved") + of("blocked") + of("memory") + of("idle");
+            assert_eq!(sum, cycles, "the account of {name}[{index}]");
+            checked += 1;
+        }
+    }
+    assert!(checked > 15, "{checked} units");
+}
+
+/// Counters of the frames add up to those of the run.
+pub fn frames_add_up(report: &MachineReport) {
+    let mut sums = std::collections::BTreeMap::<String, u64>::new();
+    for frame in &report.frames {
+        accounts_add_up(&frame.tree);
+        frame.tree.leaves(&mut |path, leaf| {
+            if let Leaf::Count(value) = leaf {
+                *sums.entry(path.to_owned()).or_default() += value;
+            }
+        });
+    }
+    let mut checked = 0;
+    report.total.leaves(&mut |path, leaf| {
+        if let Leaf::Count(value) = leaf {
+            assert_eq!(sums.get(path), Some(value), "{path} of the frames");
+            checked += 1;
+        }
+    });
+    assert!(checked > 200, "{checked} counters");
+}
+
+/// What comes into each unit leaves it, or is counted as thrown away there. `fragments` says that every draw has a fragment stage.
+pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
+    let f = Figures(tree);
+    let (units, channels) = (
+        |name: &str| f.sum(&format!("units.{name}"), "items"),
+        |name: &str, leaf: &str| f.sum(&format!("channels.{name}"), leaf),
+    );
+    let items = |name: &str| channels(name, "items");
+
+    // Vertices: batches that are shaded come back, and are given up when they are assembled.
+    assert_eq!(units("fetch"), f.funnel("vertices_in"));
+    assert_eq!(items("vertex_warps"), items("vertices_shaded"));
+    assert_eq!(items("vertex_warps"), items("vertices_retired"));
+    assert!(f.funnel("vertices_shaded") <= f.funnel("vertices_in"));
+
+    // Primitives: culled for one reason, or triangles to be set up.
+    assert_eq!(units("assembly"), f.funnel("primitives_in"));
+    assert_eq!(units("clip"), f.funnel("primitives_in"));
+    let thrown = ["degenerate", "backface", "frustum", "scissor"].map(|why| f.funnel(&format!("culled_{why}")));
+    let left = f.funnel("primitives_in") - thrown.iter().sum::<u64>();
+    if f.funnel("clipped") == 0 {
+        assert_eq!(f.funnel("triangles_setup"), left);
+    }
+    assert_eq!(units("distribute"), f.funnel("triangles_setup"));
+    assert_eq!(f.at("sort.triangles"), f.funnel("triangles_setup"));
+    assert!(f.at("sort.sent") <= f.at("sort.triangles"));
+
+    // The sort: what is sent arrives, and its bytes are those of triangles and marks.
+    assert_eq!(items("sorted"), f.at("sort.redistributed_items") + f.at("sort.marks"));
+    assert_eq!(channels("sorted", "bytes"), f.at("sort.redistributed_bytes") + 4 * f.at("sort.marks"));
+    assert_eq!(f.at("sort.redistributed_bytes"), 144 * f.at("sort.redistributed_items"));
+    assert_eq!(units("setup"), f.at("sort.redistributed_items"));
+    if f.at("sort.sent") > 0 {
+        let overlap = tree.number("sort.overlap").expect("an overlap");
+        assert!((1.0..=f64::from(config.card.pipelines)).contains(&overlap), "{overlap}");
+        assert_eq!(overlap, f.at("sort.redistributed_items") as f64 / f.at("sort.sent") as f64);
+    }
+
+    // Quads: culled early, or shaded (or done, where there is no fragment stage).
+    assert_eq!(units("traverse"), f.funnel("quads_rasterized"));
+    assert!(f.funnel("tiles_hiz_culled") <= f.funnel("tiles_visited"));
+    let kept = f.funnel("quads_rasterized") - f.funnel("quads_early_culled");
+    assert_eq!(units("interpolate"), f.funnel("quads_shaded"));
+    assert_eq!(units("dispatch"), f.funnel("quads_shaded"));
+    let lost = f.funnel("fragments_discarded") + f.funnel("fragments_late_failed");
+    if fragments {
+        assert_eq!(kept, f.funnel("quads_shaded"));
+        assert_eq!(f.funnel("fragments_shaded"), f.funnel("fragments_written") + lost);
+    } else {
+        assert!(kept >= f.funnel("quads_shaded"));
+        assert!(f.funnel("fragments_shaded") <= f.funnel("fragments_written") + lost);
+    }
+    assert_eq!(f.funnel("fragments_shaded") + f.funnel("helper_fragments"), 4 * f.funnel("quads_shaded"));
+    assert!(f.funnel("fragments_covered") >= f.funnel("fragments_shaded"));
+
+    // Warps: as many come back as are sent; requests are answered.
+    assert_eq!(items("fragment_warps"), items("fragments_shaded"));
+    assert_eq!(items("compute_warps"), items("computed"));
+    assert_eq!(units("compute"), items("computed"));
+    assert_eq!(items("texture_requests"), items("texture_answers"));
+    assert_eq!(items("vertex_texture_requests"), items("vertex_texture_answers"));
+    for (core, counts) in f.list("units.core").iter().zip(f.list("shading.core")) {
+        let sum: u64 = ["float", "integer", "special", "control"].iter().map(|class| Figures(counts).at(class)).sum();
+        assert_eq!(Figures(core).at("items"), sum);
+    }
+
+    // Control: tasks are answered.
+    for (task, answer) in [("workgroups", "workgroups_done"), ("resolves", "resolved"), ("shown", "scanned")] {
+        assert_eq!(items(task), items(answer), "{task}");
+    }
+    assert_eq!(items("pass_ends") % u64::from(config.card.pipelines), 0);
+
+    caches_are_conserved(tree);
+    memory_is_conserved(tree);
+}
+
+fn caches_are_conserved(tree: &Tree) {
+    let f = Figures(tree);
+    for name in ["vertex", "texture", "depth", "color", "l2"] {
+        for cache in f.list(&format!("caches.{name}")) {
+            let of = |leaf: &str| Figures(cache).at(leaf);
+            assert_eq!(of("accesses"), of("hits") + of("misses"), "{name}");
+            assert!(of("evictions") <= of("misses"), "{name}");
+        }
+    }
+    for (cache, rop) in [("depth", "depth"), ("color", "color")] {
+        for (cache, rop) in f.list(&format!("caches.{cache}")).iter().zip(f.list(&format!("rop.{rop}"))) {
+            assert_eq!(Figures(cache).at("misses"), Figures(rop).at("fills") + Figures(rop).at("cleared_fills"));
+        }
+    }
+}
+
+/// Bytes that clients ask for are those that the memory serves.
+fn memory_is_conserved(tree: &Tree) {
+    let f = Figures(tree);
+    let Some(Node::Tree(clients)) = tree.get("memory.clients") else { panic!("clients") };
+    let all = |leaf: &str| clients.entries().map(|(name, _)| f.at(&format!("memory.clients.{name}.{leaf}"))).sum::<u64>();
+    assert_eq!(f.sum("channels.memory_requests", "items"), all("requests"));
+    let line = 64;
+    assert_eq!(f.at("memory.clients.vertex.read_bytes"), line * f.sum("caches.vertex", "misses"));
+    // What the texture units ask for beside the lines that miss are atomics and stores.
+    let lines = line * f.sum("caches.texture", "misses");
+    let atomics = f.at("memory.clients.texture.read_bytes") - lines;
+    assert_eq!(atomics % 4, 0);
+    assert!(f.at("memory.clients.texture.write_bytes") >= atomics);
+    for (client, own) in [("depth", "depth"), ("color", "color")] {
+        let (reads, writes) = ("read_bytes", "write_bytes");
+        let blocks = |leaf: &str| f.sum(&format!("rop.{own}"), leaf);
+        assert_eq!(blocks("fills") == 0, f.at(&format!("memory.clients.{client}.{reads}")) == 0, "{client}");
+        assert_eq!(blocks("write_backs") == 0, f.at(&format!("memory.clients.{client}.{writes}")) == 0, "{client}");
+    }
+    if f.list("memory.l2").is_empty() {
+        // An ideal memory serves what it is asked for.
+        assert_eq!(f.at("memory.dram.read_bytes"), all("read_bytes"));
+        assert_eq!(f.at("memory.dram.write_bytes"), all("write_bytes"));
+        return;
+    }
+    assert_eq!(f.sum("memory.l2", "read_bytes"), all("read_bytes"));
+    assert_eq!(f.sum("memory.l2", "write_bytes"), all("write_bytes"));
+    assert_eq!(f.sum("units.l2", "items"), all("requests"));
+    assert_eq!(f.at("units.crossbar[0].items"), all("requests"));
+    assert_eq!(f.at("units.return_path[0].items"), f.sum("channels.memory_answers", "items"));
+    // DRAM moves whole bursts.
+    assert!(f.at("memory.dram.read_bytes") >= f.sum("memory.l2", "fetched_bytes"));
+    assert!(f.at("memory.dram.write_bytes") >= f.sum("memory.l2", "written_back_bytes"));
+    let moved = f.sum("memory.l2", "fetched_bytes") + f.sum("memory.l2", "written_back_bytes");
+    assert_eq!(f.sum("channels.dram_requests", "bytes"), moved);
+}
