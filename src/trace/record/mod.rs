@@ -188,6 +188,22 @@ impl Recorder {
         id
     }
 
+    /// A shader module from a SPIR-V binary.
+    pub fn create_shader_spirv(&mut self, label: &str, binary: &[u8]) -> ShaderId {
+        let id = ShaderId(take(&mut self.next.shader));
+        let source = ShaderSource::SpirV(self.keep(label, "spv", binary));
+        self.push(Command::CreateShader { id, source, label: some_label(label) });
+        id
+    }
+
+    /// A shader module from naga's own form, as RON.
+    pub fn create_shader_naga_ir(&mut self, label: &str, ron: &str) -> ShaderId {
+        let id = ShaderId(take(&mut self.next.shader));
+        let source = ShaderSource::NagaIr(self.keep(label, "ron", ron.as_bytes()));
+        self.push(Command::CreateShader { id, source, label: some_label(label) });
+        id
+    }
+
     /// A bind group layout: kinds by binding number.
     pub fn create_bind_group_layout(&mut self, entries: impl IntoIterator<Item = (u32, BindingKind)>) -> BindGroupLayoutId {
         let id = BindGroupLayoutId(take(&mut self.next.bind_group_layout));
