@@ -1,6 +1,6 @@
 //! Images: against references that another renderer made, and the machine's own against the renderer's, bit for bit.
 //!
-//! References are Mesa 22.3.6 lavapipe's (`tests/references`, `tests/import/*/ref.png`, and the visible wgpu traces where
+//! References are Mesa 22.3.6 lavapipe's (`tests/references`, `tests/import/*/ref*.png`, and the visible wgpu traces where
 //! `FILLRATE_PEERS` names the folder that holds `wgpu/`). A failure leaves the image and its difference from the reference in
 //! the folder for temporary files of the build (`target/tmp`), and names both. Run with `--nocapture` for the table.
 
@@ -80,12 +80,14 @@ fn scenes() -> Vec<Case> {
 
 /// The programs recorded for the tests of the importer.
 fn fixtures() -> Vec<Case> {
-    let limits = [("culling", USUAL), ("deferred", LEVELS), ("formats", BORDERS)];
+    let limits = [("culling", USUAL), ("deferred", LEVELS), ("formats", BORDERS), ("window", USUAL)];
     limits
         .into_iter()
         .map(|(name, limit)| {
             let trace = here("tests/import").join(name);
-            Case { name: name.into(), references: vec![trace.join("ref.png")], trace, limit }
+            let is_reference = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "png");
+            let references = entries(&trace).into_iter().filter(is_reference).collect();
+            Case { name: name.into(), references, trace, limit }
         })
         .collect()
 }

@@ -47,7 +47,7 @@ fn compile_all(folder: &Path) -> usize {
 
 #[test]
 fn kept_programs_compile() {
-    for (name, stages) in [("culling", 8), ("deferred", 9), ("formats", 24)] {
+    for (name, stages) in [("culling", 8), ("deferred", 9), ("formats", 24), ("window", 4)] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/import").join(name);
         assert_eq!(compile_all(&folder), stages, "{name}");
     }
