@@ -84,5 +84,5 @@ pub fn wide_line_covers(from: Position, to: Position, sample: Position) -> bool 
 
 /// Whether the square of side 1 about a point covers a sample.
 pub fn wide_point_covers(point: Position, sample: Position) -> bool {
-    (0..2).all(|i| sample[i] > point[i] - 128 && sample[i] <= point[i] + 128)
+    (0..2).all(|i| sample[i] >= point[i] - 128 && sample[i] < point[i] + 128)
 }

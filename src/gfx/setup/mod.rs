@@ -383,14 +383,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
 /// Why it is not drawn.
 pub fn point(state: &SetupState, v: &ScreenVertex, front: bool) -> Result<Triangle, Culled> {
     let half = SUBPIXEL / 2;
-    let pixels = if state.samples == 1 {
-        let [x, y] = [v.x, v.y].map(|v| v >> SUBPIXEL_BITS);
-        [x, y, x + 1, y + 1]
-    } else {
-        // Plus one: the square holds its right and lower edges instead of its left and upper ones.
-        state.pixels([v.x - half, v.y - half], [v.x + half + 1, v.y + half + 1])
-    };
-    let bounds = state.scissored(pixels)?;
+    let bounds = state.scissored(state.pixels([v.x - half, v.y - half], [v.x + half, v.y + half]))?;
     let base = [i32::from(bounds.x0 & !7), i32::from(bounds.y0 & !7)];
     Ok(Triangle {
         edges: [Edge { a: 0, b: 0, c: 1 }, Edge::default(), Edge::default()],

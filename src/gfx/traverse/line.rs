@@ -100,16 +100,15 @@ pub(super) fn rectangle(line: &Triangle) -> [Edge; 4] {
     ]
 }
 
-/// The square of side 1 about a point, for multisampling: `p - 1/2 < s <= p + 1/2`, as a pixel holds positions from its upper
-/// left corner on.
+/// The square of side 1 about a point, for multisampling: `p - 1/2 <= s < p + 1/2`, by the top-left rule.
 #[inline]
 pub(super) fn square(point: &Triangle) -> [Edge; 4] {
     let base = point.base().map(|v| v * SUBPIXEL + SUBPIXEL / 2);
     let [x, y] = [i64::from(base[0] - point.start[0]), i64::from(base[1] - point.start[1])];
     [
-        Edge { a: 1, b: 0, c: x + HALF - 1 },
-        Edge { a: -1, b: 0, c: HALF - x },
-        Edge { a: 0, b: 1, c: y + HALF - 1 },
-        Edge { a: 0, b: -1, c: HALF - y },
+        Edge { a: 1, b: 0, c: x + HALF },
+        Edge { a: -1, b: 0, c: HALF - x - 1 },
+        Edge { a: 0, b: 1, c: y + HALF },
+        Edge { a: 0, b: -1, c: HALF - y - 1 },
     ]
 }

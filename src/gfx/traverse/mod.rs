@@ -5,8 +5,8 @@
 //! are not visited. Edge functions are exact ([`super::setup`], `kernel`), ties go by the top-left rule.
 //!
 //! Lines of width 1 follow the diamond-exit rule (`line`) with one sample a pixel. With four samples a line is a rectangle of
-//! width 1 about its segment, a point a square of side 1 about its position, whose upper and left borders are outside; with one
-//! sample a point is the pixel that holds it.
+//! width 1 about its segment. A point is a square of side 1 about its position, which, as two triangles would, holds its upper and
+//! left borders: a point on the border of two pixels belongs to the left or upper one.
 
 mod kernel;
 mod line;
