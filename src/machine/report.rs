@@ -165,8 +165,9 @@ impl Readings {
             let own = machine.card.frame.find(shown.key).filter(|_| end.drawn);
             Some(match own.map(|index| &machine.card.frame.stores[index]) {
                 Some(store) => {
-                    let wrong_pixels = store.differing(&end.reference);
-                    Picture { surface: shown, bytes: store.to_bytes(), wrong_pixels }
+                    let bytes = store.to_bytes();
+                    let wrong_pixels = store.differing(&bytes, &end.reference);
+                    Picture { surface: shown, bytes, wrong_pixels }
                 }
                 None => Picture { surface: shown, bytes: end.reference.to_vec(), wrong_pixels: 0 },
             })

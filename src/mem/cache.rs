@@ -148,7 +148,12 @@ impl Cache {
         }
         let set = self.set(line);
         let tags = &self.tags[set..set + self.shape.ways as usize];
-        tags.iter().position(|&tag| tag == line).map(|way| Place((set + way) as u32))
+        if tags.len() > 16 {
+            return tags.iter().position(|&tag| tag == line).map(|way| Place((set + way) as u32));
+        }
+        // All ways are looked at: leaving at the right one would be a branch that the host cannot foresee.
+        let found = tags.iter().rev().fold(0_u32, |found, &tag| found << 1 | u32::from(tag == line));
+        (found != 0).then(|| Place(set as u32 + found.trailing_zeros()))
     }
 
     /// Makes a line the youngest of its set.

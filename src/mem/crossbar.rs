@@ -62,8 +62,9 @@ impl Crossbar {
 impl<C> Unit<C> for Crossbar {
     #[inline]
     fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
-        let mut did = Tick::Starved;
+        let mut why = Tick::Starved;
         let mut first = None;
+        let mut more = false;
         // 1. Every client in turn sends one request, if the link to its slice takes it.
         for step in 0..self.inputs.len() {
             let client =
@@ -72,7 +73,7 @@ impl<C> Unit<C> for Crossbar {
             let (slice, address) = self.interleave.split(request.address);
             let output = &self.outputs[slice as usize];
             if !wires.can_push(output) {
-                did = did.or(Tick::Blocked);
+                why = Tick::Blocked;
                 continue;
             }
             wires.take(&self.inputs[client]);
@@ -81,13 +82,16 @@ impl<C> Unit<C> for Crossbar {
             self.counts[client].count(&request);
             self.items += 1;
             first = first.or(Some(client));
-            did = Tick::Moved;
+            more |= wires.can_pop(&self.inputs[client]);
         }
         // 2. Who was served first is asked last in the next cycle.
-        if let Some(client) = first {
-            self.turn = if client + 1 < self.inputs.len() { client + 1 } else { 0 };
+        let Some(client) = first else { return why };
+        self.turn = if client + 1 < self.inputs.len() { client + 1 } else { 0 };
+        // 3. With nothing more at hand, the next cycle would find only what blocks now.
+        if !more {
+            wires.rest(why);
         }
-        did
+        Tick::Moved
     }
 
     fn items(&self) -> u64 {
@@ -118,27 +122,30 @@ impl ReturnPath {
 impl<C> Unit<C> for ReturnPath {
     #[inline]
     fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
-        let mut did = Tick::Starved;
+        let mut why = Tick::Starved;
         let mut first = None;
+        let mut more = false;
         for step in 0..self.inputs.len() {
             let slice =
                 if self.turn + step < self.inputs.len() { self.turn + step } else { self.turn + step - self.inputs.len() };
             let Some(answer) = wires.front(&self.inputs[slice]) else { continue };
             let output = &self.outputs[usize::from(answer.client)];
             if !wires.can_push(output) {
-                did = did.or(Tick::Blocked);
+                why = Tick::Blocked;
                 continue;
             }
             wires.take(&self.inputs[slice]);
             wires.push_sized(output, Answer { tag: answer.tag }, u32::from(answer.bytes));
             self.items += 1;
             first = first.or(Some(slice));
-            did = Tick::Moved;
+            more |= wires.can_pop(&self.inputs[slice]);
         }
-        if let Some(slice) = first {
-            self.turn = if slice + 1 < self.inputs.len() { slice + 1 } else { 0 };
+        let Some(slice) = first else { return why };
+        self.turn = if slice + 1 < self.inputs.len() { slice + 1 } else { 0 };
+        if !more {
+            wires.rest(why);
         }
-        did
+        Tick::Moved
     }
 
     fn items(&self) -> u64 {

@@ -517,6 +517,7 @@ impl<C> Unit<C> for Dram {
     fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
         let now = wires.now();
         let mut did = if self.taken != 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved };
+        let mut blocked = false;
         // 1. Data that have come go back.
         while let Some(&(there, port, id)) = self.flight.front() {
             if there > now {
@@ -525,6 +526,7 @@ impl<C> Unit<C> for Dram {
             }
             if !wires.try_push(&self.outputs[port as usize], DramAnswer { id }) {
                 did = did.or(Tick::Blocked);
+                blocked = true;
                 break;
             }
             self.flight.pop_front();
@@ -545,6 +547,16 @@ impl<C> Unit<C> for Dram {
                 self.accept(request, port, self.config.ticks(now));
                 did = Tick::Moved;
             }
+        }
+        // 4. What comes next is known: data, a command, or a request.
+        if did == Tick::Moved && !blocked {
+            if let Some(&(there, ..)) = self.flight.front() {
+                wires.sleep_until(there);
+            }
+            if self.taken != 0 {
+                wires.sleep_until(self.command_at);
+            }
+            wires.rest(if self.taken != 0 || !self.flight.is_empty() { Tick::Working } else { Tick::Starved });
         }
         did
     }

@@ -297,7 +297,11 @@ impl<C> Unit<C> for L2Slice {
         did = did.or(self.fill(wires));
         did = did.or(self.send(wires));
         did = did.or(self.look_up(wires));
-        if did == Tick::Starved && (!self.misses.is_empty() || !self.outgoing.is_empty()) { Tick::Memory } else { did }
+        let starved = if self.misses.is_empty() && self.outgoing.is_empty() { Tick::Starved } else { Tick::Memory };
+        if did == Tick::Moved && self.ready.is_empty() && self.outgoing.is_empty() && !wires.can_pop(&self.input) {
+            wires.rest(starved);
+        }
+        if did == Tick::Starved { starved } else { did }
     }
 
     fn items(&self) -> u64 {

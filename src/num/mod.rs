@@ -5,11 +5,13 @@
 mod fixed;
 mod ids;
 mod lanes;
+mod prefetch;
 mod words;
 
 pub use fixed::{Fx8, snap};
 pub use ids::*;
 pub use lanes::{LANES, Lanes, Mask, QUADS};
+pub use prefetch::prefetch;
 pub use words::Words;
 
 /// A point in simulated time: clock edges of the card since the start of the replay.

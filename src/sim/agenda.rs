@@ -3,19 +3,26 @@
 //! A machine has some fifty units of which about ten tick in a cycle; looking at every unit's wake time took a tenth of all time.
 
 use crate::num::{Cycle, NEVER};
+use crate::stats::Account;
 
 /// Cycles that the wheel holds.
 const WHEEL: u64 = 64;
 
-/// Wake times of all units.
+/// What every tick of a unit touches, in one cache line of the host.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+struct Entry {
+    /// When the unit wakes: the truth. A bit on the wheel whose unit wakes later is out of date.
+    wake: Cycle,
+    account: Account,
+}
+
+/// Wake times and accounts of all units.
 #[derive(Clone, Debug)]
 pub struct Agenda {
-    /// When each unit wakes: the truth. A bit on the wheel whose unit wakes later is out of date.
-    wake: Vec<Cycle>,
-    /// Words of a set of units.
-    words: usize,
-    /// For each cycle of the wheel, the units that wake in it.
-    wheel: Vec<u64>,
+    units: Vec<Entry>,
+    /// For each 64 units and each cycle of the wheel, those that wake in it.
+    wheel: Vec<[u64; WHEEL as usize]>,
     /// Cycles of the wheel with a unit, a bit each.
     occupied: u64,
     /// No unit that is not on the wheel wakes before this.
@@ -29,9 +36,8 @@ impl Agenda {
     pub fn new(units: usize) -> Agenda {
         let words = units.div_ceil(64).max(1);
         let mut agenda = Agenda {
-            wake: vec![0; units],
-            words,
-            wheel: vec![0; words * WHEEL as usize],
+            units: vec![Entry { wake: 0, account: Account::new(0) }; units],
+            wheel: vec![[0; WHEEL as usize]; words],
             occupied: 0,
             far: NEVER,
             due: vec![0; words],
@@ -40,30 +46,47 @@ impl Agenda {
         agenda
     }
 
+    /// The account of a unit.
+    pub fn account(&self, unit: usize) -> &Account {
+        &self.units[unit].account
+    }
+
+    /// The accounts of all units.
+    pub fn accounts(&self) -> impl Iterator<Item = &Account> {
+        self.units.iter().map(|unit| &unit.account)
+    }
+
+    /// The accounts of all units.
+    pub fn accounts_mut(&mut self) -> impl Iterator<Item = &mut Account> {
+        self.units.iter_mut().map(|unit| &mut unit.account)
+    }
+
     /// Every unit wakes in cycle `now`, which has not begun.
     pub fn wake_all(&mut self, now: Cycle) {
-        for unit in 0..self.wake.len() {
+        for unit in 0..self.units.len() {
             self.set(unit, now, now);
         }
     }
 
-    /// A unit sleeps until `cycle`, which is `now` or later.
+    /// A unit sleeps until `cycle`, which is `now` or later. Returns its account.
     #[inline(always)]
-    pub fn set(&mut self, unit: usize, cycle: Cycle, now: Cycle) {
-        self.wake[unit] = cycle;
+    pub fn set(&mut self, unit: usize, cycle: Cycle, now: Cycle) -> &mut Account {
+        let entry = &mut self.units[unit];
+        entry.wake = cycle;
         if cycle < now + WHEEL {
             let slot = cycle % WHEEL;
-            self.wheel[slot as usize * self.words + unit / 64] |= 1 << (unit % 64);
+            self.wheel[unit / 64][slot as usize] |= 1 << (unit % 64);
             self.occupied |= 1 << slot;
         } else {
             self.far = self.far.min(cycle);
         }
+        &mut entry.account
     }
 
     /// A unit wakes in `cycle`, unless it does so before.
     #[inline(always)]
     pub fn wake(&mut self, unit: usize, cycle: Cycle, now: Cycle) {
-        if cycle < self.wake[unit] {
+        if cycle < self.units[unit].wake {
             self.set(unit, cycle, now);
         }
     }
@@ -75,9 +98,8 @@ impl Agenda {
             self.approach(now);
         }
         let slot = now % WHEEL;
-        let start = slot as usize * self.words;
-        for (due, units) in self.due.iter_mut().zip(&mut self.wheel[start..start + self.words]) {
-            *due = std::mem::take(units);
+        for (due, units) in self.due.iter_mut().zip(&mut self.wheel) {
+            *due = std::mem::take(&mut units[slot as usize]);
         }
         self.occupied &= !(1 << slot);
     }
@@ -86,29 +108,30 @@ impl Agenda {
     #[cold]
     fn approach(&mut self, now: Cycle) {
         self.far = NEVER;
-        for unit in 0..self.wake.len() {
-            let cycle = self.wake[unit];
+        for unit in 0..self.units.len() {
+            let cycle = self.units[unit].wake;
             if cycle >= now && cycle != NEVER {
                 self.set(unit, cycle, now);
             }
         }
     }
 
-    /// Of `count` units (at most 64) from `base` on those that may be due; [`Agenda::due`] says which are.
+    /// Words of a set of units.
     #[inline(always)]
-    pub fn candidates(&self, base: usize, count: usize) -> u64 {
-        let (word, shift) = (base / 64, base % 64);
-        let mut bits = self.due[word] >> shift;
-        if shift + count > 64 {
-            bits |= self.due[word + 1] << (64 - shift);
-        }
-        bits & (u64::MAX >> (64 - count))
+    pub fn words(&self) -> usize {
+        self.due.len()
+    }
+
+    /// Of units `64 word` and the 63 after it those that may be due, a bit each; [`Agenda::due`] says which are.
+    #[inline(always)]
+    pub fn candidates(&self, word: usize) -> u64 {
+        self.due[word]
     }
 
     /// Whether a unit wakes in `now` or before.
     #[inline(always)]
     pub fn due(&self, unit: usize, now: Cycle) -> bool {
-        self.wake[unit] <= now
+        self.units[unit].wake <= now
     }
 
     /// A cycle after `now` before which no unit wakes; [`NEVER`] if none ever does.
@@ -129,8 +152,7 @@ mod tests {
     fn units_wake_when_they_said() {
         let mut agenda = Agenda::new(130);
         agenda.begin(0);
-        assert_eq!(agenda.candidates(0, 64), u64::MAX);
-        assert_eq!(agenda.candidates(100, 30), u64::MAX >> 34);
+        assert_eq!((agenda.words(), agenda.candidates(0), agenda.candidates(2)), (3, u64::MAX, 3));
         let mut expected: Vec<Cycle> = (0..130).map(|unit| 1 + (unit * unit * 37) % 700).collect();
         for (unit, &cycle) in expected.iter().enumerate() {
             agenda.set(unit, cycle, 0);
@@ -148,7 +170,7 @@ mod tests {
             }
             agenda.begin(now);
             for unit in 0..130 {
-                if agenda.candidates(unit, 1) == 1 && agenda.due(unit, now) {
+                if agenda.candidates(unit / 64) >> (unit % 64) & 1 == 1 && agenda.due(unit, now) {
                     woken[unit] = now;
                     agenda.set(unit, NEVER, now);
                 }

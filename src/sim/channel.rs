@@ -62,11 +62,13 @@ pub(super) struct Slot {
     pub data: [u64; 2],
 }
 
-/// The state of a channel: a cache line that every push and pop touches, and one that only some do. The ring lies in the slab of
-/// [`Wires`](super::Wires).
+/// The state of a channel. The ring lies in the slab of [`Wires`](super::Wires).
 ///
 /// The two questions that units ask most are answered by one comparison each: an item can be popped from `poppable` on and
 /// pushed from `pushable` on. Both are kept up to date by whoever pushes or pops; [`NEVER`] means that it takes the other end.
+///
+/// Whether the width counts items or bytes is one rule: an item takes `cost` of what the link carries in a cycle. Pushes and pops
+/// choose by arithmetic and not by branches, which no host could foresee for a hundred channels.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Channel {
@@ -74,8 +76,6 @@ pub(super) struct Channel {
     pub poppable: Cycle,
     /// The cycle from which the next item can be pushed; [`NEVER`] when the channel is full.
     pub pushable: Cycle,
-    /// Items pushed since the start.
-    pushed: u64,
     /// Cycles that items spent beyond the latency, summed; wrapping.
     waited: u64,
     /// The place in the slab of the item at the head.
@@ -87,56 +87,58 @@ pub(super) struct Channel {
     pub capacity: u32,
     /// Places of the ring less one; the ring starts at a multiple of its places.
     mask: u32,
+    /// What the link carries in `link_cycle`.
+    link_used: u32,
+    /// The last cycle in which the link carries anything, possibly still to come.
+    link_cycle: Cycle,
+
+    /// What the link carries in a cycle: items or bytes.
+    link_width: u32,
     latency: u16,
-    /// Items a cycle, at most the capacity; for a channel that counts bytes, the capacity.
-    width: u16,
     pub producer: UnitId,
     pub consumer: UnitId,
+    /// All ones if the width counts bytes, else none.
+    byte_mask: u32,
     /// The producer found room, but not for as many as it wants.
     pub pressed: bool,
-    /// The width counts bytes.
-    by_bytes: bool,
-
-    /// Bytes of an item pushed without a size.
-    item_bytes: u32,
-    /// Bytes a cycle.
-    link_width: u32,
-    /// What the link carries in `link_cycle`, the last one in which it carries anything, possibly still to come.
-    link_used: u32,
-    link_cycle: Cycle,
-    /// Bytes pushed less `item_bytes` an item, wrapping.
-    extra_bytes: u64,
-    /// The cycle of the push that filled the channel last.
-    full_since: Cycle,
+    /// Items pushed since the start, and their bytes.
+    pushed: u64,
+    bytes: u64,
+    /// The cycle of the last push.
+    last_push: Cycle,
     /// Cycles at whose start the channel was full, up to the last pop from a full channel.
     full_cycles: u64,
 }
 
+/// [`NEVER`], which is all ones, or zero.
+#[inline(always)]
+fn never_if(condition: bool) -> Cycle {
+    const { assert!(NEVER == Cycle::MAX) };
+    0_u64.wrapping_sub(u64::from(condition))
+}
+
 impl Channel {
-    pub fn new(link: Link, item_bytes: u32, base: u32, producer: UnitId, consumer: UnitId) -> Channel {
-        let narrow = |value: u32| u16::try_from(value).unwrap_or(u16::MAX);
+    pub fn new(link: Link, base: u32, producer: UnitId, consumer: UnitId) -> Channel {
         Channel {
             poppable: NEVER,
             pushable: 0,
-            pushed: 0,
             waited: 0,
             head: base,
             tail: base,
             len: 0,
             capacity: link.capacity,
             mask: Channel::places(link.capacity) - 1,
-            latency: narrow(link.latency),
-            width: narrow(if link.by_bytes { link.capacity } else { link.width.min(link.capacity) }),
-            producer,
-            consumer,
-            pressed: false,
-            by_bytes: link.by_bytes,
-            item_bytes,
-            link_width: link.width,
             link_used: 0,
             link_cycle: 0,
-            extra_bytes: 0,
-            full_since: 0,
+            link_width: link.width,
+            latency: u16::try_from(link.latency).unwrap_or(u16::MAX),
+            producer,
+            consumer,
+            byte_mask: if link.by_bytes { u32::MAX } else { 0 },
+            pressed: false,
+            pushed: 0,
+            bytes: 0,
+            last_push: 0,
             full_cycles: 0,
         }
     }
@@ -144,22 +146,8 @@ impl Channel {
     /// The first cycle from `now` on in which the link can carry something.
     #[inline(always)]
     fn link_free(&self, now: Cycle) -> Cycle {
-        if self.link_cycle < now { now } else { self.link_cycle + Cycle::from(self.link_used >= self.link_width) }
-    }
-
-    /// Books `bytes` on the link, which is free, and returns the cycle of the last of them.
-    #[inline(always)]
-    fn carry(&mut self, now: Cycle, bytes: u32) -> Cycle {
-        if self.link_cycle < now {
-            self.link_cycle = now;
-            self.link_used = 0;
-        }
-        self.link_used += bytes;
-        while self.link_used > self.link_width {
-            self.link_used -= self.link_width;
-            self.link_cycle += 1;
-        }
-        self.link_cycle
+        let free = self.link_cycle + Cycle::from(self.link_used >= self.link_width);
+        if self.link_cycle < now { now } else { free }
     }
 
     /// Places that the ring takes in the slab.
@@ -167,11 +155,11 @@ impl Channel {
         capacity.next_power_of_two()
     }
 
-    /// Its shape, as far as it is kept: items wider than the capacity are not told from those as wide.
+    /// Its shape.
     #[cfg(test)]
     pub fn link(&self) -> Link {
-        let width = if self.by_bytes { self.link_width } else { u32::from(self.width) };
-        Link { capacity: self.capacity, latency: self.latency.into(), width, by_bytes: self.by_bytes }
+        let by_bytes = self.byte_mask != 0;
+        Link { capacity: self.capacity, latency: self.latency.into(), width: self.link_width, by_bytes }
     }
 
     /// Items inside.
@@ -203,41 +191,31 @@ impl Channel {
         slots[self.step(self.tail, (items - 1).wrapping_sub(self.capacity)) as usize].free
     }
 
-    /// Puts an item at the tail, which `pushable` allows; `bytes` is its size if it is not that of all items.
+    /// Puts an item of so many bytes at the tail, which `pushable` allows.
     #[inline(always)]
-    pub fn push(&mut self, now: Cycle, bytes: Option<u32>, data: [u64; 2], slots: &mut [Slot]) {
-        let mut entered = now;
-        if let Some(bytes) = bytes {
-            self.extra_bytes = self.extra_bytes.wrapping_add(u64::from(bytes)).wrapping_sub(u64::from(self.item_bytes));
+    pub fn push(&mut self, now: Cycle, bytes: u32, data: [u64; 2], slots: &mut [Slot]) {
+        self.pushed += 1;
+        self.bytes += u64::from(bytes);
+        let fresh = self.link_cycle < now;
+        self.link_cycle = self.link_cycle.max(now);
+        self.link_used = if fresh { 0 } else { self.link_used } + (bytes & self.byte_mask | !self.byte_mask & 1);
+        while self.link_used > self.link_width {
+            self.link_used -= self.link_width;
+            self.link_cycle += 1;
         }
-        if self.by_bytes {
-            entered = self.carry(now, bytes.unwrap_or(self.item_bytes));
-            self.waited = self.waited.wrapping_add(entered - now);
-        }
-        let ready = entered + Cycle::from(self.latency);
+        self.waited = self.waited.wrapping_add(self.link_cycle - now);
+        let ready = self.link_cycle + Cycle::from(self.latency);
         let slot = &mut slots[self.tail as usize];
         slot.ready = ready;
         slot.data = data;
         self.tail = self.step(self.tail, 1);
-        self.pushed += 1;
-        if self.len == 0 {
-            self.poppable = ready;
-        }
+        // Of an empty channel it is NEVER, and no item is ready before those ahead of it.
+        self.poppable = self.poppable.min(ready);
         self.len += 1;
-        self.pushable = if self.len == self.capacity {
-            self.full_since = now;
-            NEVER
-        } else if self.width == 1 {
-            // Whatever place is next, it is free by then.
-            now + 1
-        } else if self.by_bytes {
-            self.link_free(now).max(self.room_at(1, slots))
-        } else if slots[self.step(self.tail, 0u32.wrapping_sub(u32::from(self.width))) as usize].ready == ready {
-            // The item before by the width came in this cycle: the width is spent.
-            now + 1
-        } else {
-            self.room_at(1, slots)
-        };
+        self.last_push = now;
+        // The next item takes the place of the one that came `capacity` before it.
+        let place = slots[self.step(self.tail, 0_u32.wrapping_sub(self.capacity)) as usize].free;
+        self.pushable = self.link_free(now).max(place) | never_if(self.len == self.capacity);
     }
 
     /// Takes out the item at the head, which `poppable` allows; returns whether the channel was full.
@@ -246,29 +224,26 @@ impl Channel {
         self.waited = self.waited.wrapping_add(now - self.poppable);
         slots[self.head as usize].free = now + 1;
         self.head = self.step(self.head, 1);
+        let ready = slots[self.head as usize].ready;
         self.len -= 1;
-        self.poppable = if self.len == 0 { NEVER } else { slots[self.head as usize].ready };
+        self.poppable = ready | never_if(self.len == 0);
         let was_full = self.pushable == NEVER;
         if was_full {
-            self.pushable = if self.by_bytes { self.link_free(now + 1) } else { now + 1 };
-            self.full_cycles += now - self.full_since;
+            self.pushable = self.link_free(now + 1);
+            // The last push is the one that filled it.
+            self.full_cycles += now - self.last_push;
         }
         was_full
     }
 
     /// The counts over the cycles before `now`, with the whole slab to find the items inside.
     pub fn counts(&self, slots: &[Slot], now: Cycle) -> ChannelCounts {
-        let full = if self.pushable == NEVER { now.saturating_sub(self.full_since + 1) } else { 0 };
+        let full = if self.pushable == NEVER { now.saturating_sub(self.last_push + 1) } else { 0 };
         let mut occupancy = self.waited.wrapping_add((self.pushed - u64::from(self.len)) * u64::from(self.latency));
         for number in 0..self.len {
             let entered = slots[self.step(self.head, number) as usize].ready - u64::from(self.latency);
             occupancy = occupancy.wrapping_add(now.wrapping_sub(entered));
         }
-        ChannelCounts {
-            items: self.pushed,
-            bytes: (self.pushed * u64::from(self.item_bytes)).wrapping_add(self.extra_bytes),
-            full_cycles: self.full_cycles + full,
-            occupancy,
-        }
+        ChannelCounts { items: self.pushed, bytes: self.bytes, full_cycles: self.full_cycles + full, occupancy }
     }
 }

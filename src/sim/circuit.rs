@@ -9,11 +9,11 @@ pub trait Bank<C> {
     /// How many units.
     fn count(&self) -> usize;
 
-    /// Ticks those that are due, or all if `ALL`; the first has number `base` in the machine.
-    fn tick_due<const ALL: bool>(&mut self, base: usize, wires: &mut Wires, context: &mut C);
+    /// Ticks all; the first has number `base` in the machine.
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C);
 
-    /// Ticks unit `index`.
-    fn tick_one(&mut self, index: usize, base: usize, wires: &mut Wires, context: &mut C);
+    /// Ticks unit `index`, between [`Wires`]' taking note of its beginning and its end.
+    fn tick_one(&mut self, index: usize, wires: &mut Wires, context: &mut C) -> Tick;
 
     /// Appends the items done by each, and the items inside each.
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>);
@@ -53,14 +53,13 @@ impl<C, U: Unit<C>> Bank<C> for One<U> {
     }
 
     #[inline(always)]
-    fn tick_due<const ALL: bool>(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
-        if ALL || wires.due(base) {
-            tick(&mut self.0, base, wires, context);
-        }
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        tick(&mut self.0, base, wires, context);
     }
 
-    fn tick_one(&mut self, _: usize, base: usize, wires: &mut Wires, context: &mut C) {
-        tick(&mut self.0, base, wires, context);
+    #[inline(always)]
+    fn tick_one(&mut self, _: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self.0.tick(wires, context)
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
@@ -75,28 +74,15 @@ impl<C, U: Unit<C>> Bank<C> for Vec<U> {
     }
 
     #[inline(always)]
-    fn tick_due<const ALL: bool>(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
-        if ALL {
-            for (index, unit) in self.iter_mut().enumerate() {
-                tick(unit, base + index, wires, context);
-            }
-            return;
-        }
-        for (row, units) in self.chunks_mut(64).enumerate() {
-            let base = base + 64 * row;
-            let mut candidates = wires.candidates(base, units.len());
-            while candidates != 0 {
-                let index = candidates.trailing_zeros() as usize;
-                candidates &= candidates - 1;
-                if wires.due(base + index) {
-                    tick(&mut units[index], base + index, wires, context);
-                }
-            }
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        for (index, unit) in self.iter_mut().enumerate() {
+            tick(unit, base + index, wires, context);
         }
     }
 
-    fn tick_one(&mut self, index: usize, base: usize, wires: &mut Wires, context: &mut C) {
-        tick(&mut self[index], base + index, wires, context);
+    #[inline(always)]
+    fn tick_one(&mut self, index: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self[index].tick(wires, context)
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
@@ -111,18 +97,15 @@ impl<C, U: Unit<C>> Bank<C> for Option<U> {
     }
 
     #[inline(always)]
-    fn tick_due<const ALL: bool>(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
-        if let Some(unit) = self
-            && (ALL || wires.due(base))
-        {
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        if let Some(unit) = self {
             tick(unit, base, wires, context);
         }
     }
 
-    fn tick_one(&mut self, _: usize, base: usize, wires: &mut Wires, context: &mut C) {
-        if let Some(unit) = self {
-            tick(unit, base, wires, context);
-        }
+    #[inline(always)]
+    fn tick_one(&mut self, _: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self.as_mut().map_or(Tick::Idle, |unit| unit.tick(wires, context))
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
@@ -237,6 +220,8 @@ macro_rules! circuit {
         $(#[$meta])*
         $vis struct $name {
             wires: $crate::sim::Wires,
+            /// For each unit the number of its field, and its place in it.
+            places: Box<[(u8, u32)]>,
             $($(#[$doc])* pub $field: $bank,)*
         }
 
@@ -247,7 +232,10 @@ macro_rules! circuit {
             /// If the wiring's units are not these.
             $vis fn new(wiring: $crate::sim::Wiring, $($field: $bank),*) -> $name {
                 let fields = [$((stringify!($field), $crate::sim::Bank::<$context>::count(&$field))),*];
-                $name { wires: $crate::sim::assemble(wiring, &fields), $($field),* }
+                let places = fields.iter().enumerate().flat_map(|(field, &(_, count))| {
+                    (0..count).map(move |place| (u8::try_from(field).expect("fewer than 256 fields"), place as u32))
+                });
+                $name { places: places.collect(), wires: $crate::sim::assemble(wiring, &fields), $($field),* }
             }
         }
 
@@ -263,13 +251,42 @@ macro_rules! circuit {
             }
 
             #[inline]
-            #[allow(unused_assignments)]
+            #[allow(unused_assignments, non_upper_case_globals)]
             fn cycle<const ALL: bool>(&mut self, context: &mut $context) {
-                let mut base = 0;
-                $(
-                    $crate::sim::Bank::<$context>::tick_due::<ALL>(&mut self.$field, base, &mut self.wires, context);
-                    base += $crate::sim::Bank::<$context>::count(&self.$field);
-                )*
+                if ALL {
+                    let mut base = 0;
+                    $(
+                        $crate::sim::Bank::<$context>::tick_all(&mut self.$field, base, &mut self.wires, context);
+                        base += $crate::sim::Bank::<$context>::count(&self.$field);
+                    )*
+                    return;
+                }
+                // The numbers of the fields, by which a unit that is due is found with one jump.
+                #[repr(u8)]
+                #[allow(non_camel_case_types, clippy::upper_case_acronyms)]
+                enum Field { $($field),* }
+                $(#[allow(non_upper_case_globals)] const $field: u8 = Field::$field as u8;)*
+                for word in 0..self.wires.words() {
+                    let mut candidates = self.wires.candidates(word);
+                    while candidates != 0 {
+                        let number = word * 64 + candidates.trailing_zeros() as usize;
+                        candidates &= candidates - 1;
+                        if !self.wires.due(number) {
+                            continue;
+                        }
+                        // What surrounds a tick stands here once, not in every arm: the loop has to fit the host's
+                        // instruction cache beside the units.
+                        let (field, place) = self.places[number];
+                        self.wires.begin_tick();
+                        let done = match field {
+                            $($field => $crate::sim::Bank::<$context>::tick_one(
+                                &mut self.$field, place as usize, &mut self.wires, context,
+                            ),)*
+                            _ => $crate::sim::Tick::Idle,
+                        };
+                        self.wires.end_tick(number, done);
+                    }
+                }
             }
 
             fn cycle_in(&mut self, order: &[usize], context: &mut $context) {
@@ -278,9 +295,11 @@ macro_rules! circuit {
                     $(
                         let count = $crate::sim::Bank::<$context>::count(&self.$field);
                         if (base..base + count).contains(&number) {
-                            $crate::sim::Bank::<$context>::tick_one(
-                                &mut self.$field, number - base, base, &mut self.wires, context,
+                            self.wires.begin_tick();
+                            let done = $crate::sim::Bank::<$context>::tick_one(
+                                &mut self.$field, number - base, &mut self.wires, context,
                             );
+                            self.wires.end_tick(number, done);
                         }
                         base += count;
                     )*

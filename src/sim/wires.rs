@@ -97,7 +97,7 @@ impl Wiring {
         assert!(sound, "{name}[{index}] is no channel: {link:?}");
         let number = self.channels.len() as u32;
         self.places = self.places.next_multiple_of(Channel::places(link.capacity));
-        self.channels.push(Channel::new(link, size_of::<T>() as u32, self.places, from, to));
+        self.channels.push(Channel::new(link, self.places, from, to));
         self.labels.push(Label { name, index });
         self.show.push(|data| format!("{:?}", unpack::<T>(data)));
         self.places += Channel::places(link.capacity);
@@ -109,9 +109,9 @@ impl Wiring {
         Wires {
             now: 0,
             next: NEVER,
+            rest: Tick::Moved,
             last_move: 0,
             agenda: Agenda::new(self.units.len()),
-            accounts: vec![Account::new(0); self.units.len()],
             channels: self.channels,
             slots: vec![Slot::default(); self.places as usize],
             units: self.units,
@@ -131,12 +131,13 @@ pub struct Wires {
     now: Cycle,
     /// The earliest cycle at which the ticking unit could move, as far as it has asked.
     next: Cycle,
+    /// What the ticking unit does from the next cycle on if it moves in this one; [`Tick::Moved`] if it has not said.
+    rest: Tick,
     /// The last cycle in which a unit moved something.
     last_move: Cycle,
     agenda: Agenda,
     channels: Vec<Channel>,
     slots: Vec<Slot>,
-    accounts: Vec<Account>,
     units: Vec<Label>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
@@ -153,6 +154,25 @@ impl Wires {
     #[inline(always)]
     pub fn sleep_until(&mut self, cycle: Cycle) {
         self.next = self.next.min(cycle);
+    }
+
+    /// The ticking unit moves in this cycle, and knows that ticks after it would move nothing and give the reason `why` until
+    /// something that it has asked about changes. It then sleeps from the next cycle on, as after such a tick.
+    ///
+    /// The unit must have asked after its last move: an item that it pushed or popped since makes what it asked before stale.
+    #[inline(always)]
+    pub fn rest(&mut self, why: Tick) {
+        self.rest = why;
+    }
+
+    /// How a unit of one stage ends its tick where it stands before `why`, which it has just asked about: if it has moved before,
+    /// it rests.
+    #[inline(always)]
+    pub fn stop(&mut self, did: Tick, why: Tick) -> Tick {
+        if did == Tick::Moved {
+            self.rest = why;
+        }
+        did.or(why)
     }
 
     /// The item at the head, if one can be popped in this cycle.
@@ -186,10 +206,16 @@ impl Wires {
     /// If there is none that can be popped: the unit is wrong.
     #[inline(always)]
     pub fn take<T: Token>(&mut self, port: &In<T>) {
+        self.drop_head(port.0);
+    }
+
+    // Not inlined, as [`Wires::put`].
+    #[inline(never)]
+    fn drop_head(&mut self, number: u32) {
         let now = self.now;
-        let channel = &mut self.channels[port.0 as usize];
+        let channel = &mut self.channels[number as usize];
         if channel.poppable > now {
-            self.misuse(port.0, "taken from without looking, and nothing can be popped");
+            self.misuse(number, "taken from without looking, and nothing can be popped");
         }
         let was_full = channel.pop(now, &mut self.slots);
         if was_full || channel.pressed {
@@ -227,7 +253,7 @@ impl Wires {
     /// If it cannot: the unit is wrong.
     #[inline(always)]
     pub fn push<T: Token>(&mut self, port: &Out<T>, item: T) {
-        self.put(port.0 as usize, None, pack(item));
+        self.put(port.0, size_of::<T>() as u32, pack(item));
     }
 
     /// [`Wires::push`] of an item that stands for `bytes` bytes.
@@ -236,15 +262,16 @@ impl Wires {
     /// As [`Wires::push`].
     #[inline(always)]
     pub fn push_sized<T: Token>(&mut self, port: &Out<T>, item: T, bytes: u32) {
-        self.put(port.0 as usize, Some(bytes), pack(item));
+        self.put(port.0, bytes, pack(item));
     }
 
-    #[inline(always)]
-    fn put(&mut self, number: usize, bytes: Option<u32>, data: [u64; 2]) {
+    // Not inlined: a machine pushes at some hundred places, and its code has to fit the host's instruction cache.
+    #[inline(never)]
+    fn put(&mut self, number: u32, bytes: u32, data: [u64; 2]) {
         let now = self.now;
-        let channel = &mut self.channels[number];
+        let channel = &mut self.channels[number as usize];
         if channel.pushable > now {
-            self.misuse(number as u32, "pushed into without asking, and it takes nothing now");
+            self.misuse(number, "pushed into without asking, and it takes nothing now");
         }
         let was_empty = channel.len() == 0;
         channel.push(now, bytes, data, &mut self.slots);
@@ -281,34 +308,49 @@ impl Wires {
         self.agenda.begin(self.now);
     }
 
-    /// Of `count` units (at most 64) from `base` on those that may be due in this cycle, a bit each.
+    /// Words of a set of units. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
     #[inline(always)]
-    pub(super) fn candidates(&self, base: usize, count: usize) -> u64 {
-        self.agenda.candidates(base, count)
+    pub fn words(&self) -> usize {
+        self.agenda.words()
     }
 
-    /// Whether the unit wakes in this cycle or before.
+    /// Of 64 units those that may be due in this cycle. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
     #[inline(always)]
-    pub(super) fn due(&self, unit: usize) -> bool {
+    pub fn candidates(&self, word: usize) -> u64 {
+        self.agenda.candidates(word)
+    }
+
+    /// Whether the unit wakes in this cycle or before. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn due(&self, unit: usize) -> bool {
         self.agenda.due(unit, self.now)
     }
 
+    /// A unit is about to tick. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
     #[inline(always)]
-    pub(super) fn begin_tick(&mut self) {
+    pub fn begin_tick(&mut self) {
         self.next = NEVER;
+        self.rest = Tick::Moved;
     }
 
+    /// A unit has ticked. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
     #[inline(always)]
-    pub(super) fn end_tick(&mut self, unit: usize, tick: Tick) {
+    pub fn end_tick(&mut self, unit: usize, tick: Tick) {
         let now = self.now;
-        let wake = if tick == Tick::Moved {
-            self.last_move = now;
-            now + 1
-        } else {
-            self.next.max(now + 1)
-        };
-        self.agenda.set(unit, wake, now);
-        self.accounts[unit].note(now, tick.why());
+        let moved = tick == Tick::Moved;
+        let rests = self.rest != Tick::Moved;
+        self.last_move = if moved { now } else { self.last_move };
+        let wake = if moved && !rests { now + 1 } else { self.next.max(now + 1) };
+        let account = self.agenda.set(unit, wake, now);
+        account.note(now, tick.why());
+        if moved && rests {
+            account.note(now + 1, self.rest.why());
+        }
     }
 
     /// The next cycle at which any unit could move, [`NEVER`] if none. After a move that is the next cycle: the unit that moved
@@ -333,7 +375,7 @@ impl Wires {
     }
 
     pub(super) fn account(&self, unit: usize) -> &Account {
-        &self.accounts[unit]
+        self.agenda.account(unit)
     }
 
     /// Wakes every unit in the next cycle that is ticked: the context has changed from outside, as when new work has come.
@@ -382,7 +424,7 @@ impl Wires {
 
     /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.
     pub fn settle(&mut self) {
-        for account in &mut self.accounts {
+        for account in self.agenda.accounts_mut() {
             account.settle(self.now);
         }
     }
@@ -392,7 +434,7 @@ impl Wires {
         Reading {
             cycle: self.now,
             channels: self.channel_counts().collect(),
-            units: self.accounts.iter().map(|account| account.read(self.now)).collect(),
+            units: self.agenda.accounts().map(|account| account.read(self.now)).collect(),
         }
     }
 
@@ -413,7 +455,7 @@ impl Wires {
     /// The leaves `NAME[i]` of `units`; `items` gives each unit's own count, in the order of declaration.
     pub(super) fn unit_tree(&self, items: &[u64]) -> Tree {
         let mut tree = Tree::new();
-        for ((account, label), items) in self.accounts.iter().zip(&self.units).zip(items) {
+        for ((account, label), items) in self.agenda.accounts().zip(&self.units).zip(items) {
             let leaves = tree.element(label.name, label.index);
             leaves.count("items", *items);
             leaves.extend(account.read(self.now).tree());

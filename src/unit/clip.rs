@@ -51,12 +51,12 @@ impl Unit<Card> for Clip {
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.primitives_per_cycle);
         while budget.left() > 0 {
-            let Some(run) = wires.front(&self.input) else { return did };
+            let Some(run) = wires.front(&self.input) else { return wires.stop(did, Tick::Starved) };
 
             // 2. Marks pass in order.
             if run.kind != Kind::DATA {
                 if !wires.try_push(&self.output, run) {
-                    return did.or(Tick::Blocked);
+                    return wires.stop(did, Tick::Blocked);
                 }
                 wires.pop(&self.input);
                 did = Tick::Moved;
@@ -66,7 +66,7 @@ impl Unit<Card> for Clip {
             // 3. Test primitives; their triangles follow each other, so that a cycle's survivors are one run. One that must be
             //    cut ends the cycle.
             if !wires.can_push(&self.output) {
-                return did.or(Tick::Blocked);
+                return wires.stop(did, Tick::Blocked);
             }
             let work = card.work(run.slot);
             let first = (run.first + self.done) as usize;
@@ -107,7 +107,8 @@ impl Unit<Card> for Clip {
             did = Tick::Moved;
             if clipped {
                 self.busy_until = wires.now() + u64::from(self.config.clip_cycles);
-                return Tick::Moved;
+                wires.sleep_until(self.busy_until);
+                return wires.stop(did, Tick::Working);
             }
         }
         did

@@ -143,7 +143,8 @@ impl Depth {
     }
 
     /// Tests a group for real; returns the quads that are still alive.
-    #[inline(always)]
+    // Not inlined: the early and the late test share it, and the host's instruction cache is small.
+    #[inline(never)]
     fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u16 {
         let Card { groups, work, pass, frame, funnel, .. } = card;
         let group = &mut groups[usize::from(self.pipeline)][token.group];
@@ -165,7 +166,7 @@ impl Depth {
             if late && work.draw.depth_words > 0 {
                 let words = &tile.payload[quad.payload as usize..];
                 for (codes, words) in codes[..samples].iter_mut().zip(words.chunks_exact(4)) {
-                    *codes = std::array::from_fn(|p| state.code(f32::from_bits(words[p])));
+                    *codes = state.code_quad(std::array::from_fn(|p| f32::from_bits(words[p])));
                 }
             } else {
                 let x = (left + u32::from(quad.position) % 4 * 2) as i32;
@@ -351,10 +352,9 @@ fn sample_depths(work: &Work, triangle: &crate::work::Triangle, x: i32, y: i32, 
     let positions: &[[i32; 2]] = if samples == 1 { &SAMPLES_1 } else { &SAMPLES_4 };
     for (codes, &[dx, dy]) in codes.iter_mut().zip(positions) {
         let (dx, dy) = (dx as f32 / SUBPIXEL as f32 + 0.5, dy as f32 / SUBPIXEL as f32 + 0.5);
-        *codes = std::array::from_fn(|p| {
-            let (px, py) = ((x + p as i32 % 2) as f32 + dx, (y + p as i32 / 2) as f32 + dy);
-            state.code(triangle.depth.at(px, py))
-        });
+        *codes = state.code_quad(std::array::from_fn(|p| {
+            triangle.depth.at((x + p as i32 % 2) as f32 + dx, (y + p as i32 / 2) as f32 + dy)
+        }));
     }
 }
 

@@ -7,7 +7,7 @@ use super::card::{Card, Fault};
 use super::token::{GroupToken, Kind, WarpToken, bytes};
 use super::traverse::fragments;
 use super::warp::{Item, Program};
-use crate::num::Cycle;
+use crate::num::{Cycle, prefetch};
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::QUAD_SHADED;
@@ -124,6 +124,14 @@ impl Dispatch {
                 }
                 let group = &mut card.groups[pipeline][number];
                 let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..];
+                // The host is asked for the colours that will be blended in some cycles. No part of the model.
+                let surface = card.pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
+                if let (Some(surface), Some(first)) = (surface, quads.first()) {
+                    prefetch(&card.frame.stores[surface].quad(group.block, first.position)[0]);
+                    if let Some(word) = work.segment.tiles[group.tile as usize].payload.get(first.payload as usize) {
+                        prefetch(word);
+                    }
+                }
                 let mut alive = 0;
                 let funnel = &mut card.funnel;
                 for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {

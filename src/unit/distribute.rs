@@ -2,6 +2,7 @@
 
 use super::card::{Card, MAX_PIPELINES};
 use super::token::{Kind, Run, TriangleToken, bytes};
+use crate::num::prefetch;
 use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 
@@ -152,12 +153,23 @@ impl Distribute {
     }
 }
 
+/// Asks the host for the first blocks of a triangle, which traversal will want in some cycles. No part of the model.
+#[inline(always)]
+fn ask_ahead(card: &Card, slot: u16, triangle: u32) {
+    let work = card.work(slot);
+    for visit in work.visits(&work.segment.triangles[triangle as usize]).iter().take(4) {
+        prefetch(&work.segment.tiles[visit.tile as usize].blocks[visit.first_block as usize]);
+    }
+}
+
 impl Unit<Card> for Distribute {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut moved = false;
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
-            let Some(run) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
+            let Some(run) = wires.front(&self.input) else {
+                return wires.stop(Tick::moved_or(moved, Tick::Starved), Tick::Starved);
+            };
 
             // 1. A mark goes to every rasteriser, a triangle to the owners of what it touches.
             let data = run.kind == Kind::DATA;
@@ -167,7 +179,10 @@ impl Unit<Card> for Distribute {
             let triangle = run.first + self.done;
             if self.pending == 0 {
                 self.pending = match run.kind {
-                    Kind::DATA => self.receivers(card, run.slot, triangle),
+                    Kind::DATA => {
+                        ask_ahead(card, run.slot, triangle);
+                        self.receivers(card, run.slot, triangle)
+                    }
                     _ => u64::MAX >> (64 - self.outputs.len()),
                 };
                 self.counts.sent += u64::from(data && self.pending != 0);
@@ -178,7 +193,7 @@ impl Unit<Card> for Distribute {
 
             // 2. Send it where there is room; the others wait, and what follows with them.
             if !self.send(wires, token, size, &mut moved) {
-                return Tick::moved_or(moved, Tick::Blocked);
+                return wires.stop(Tick::moved_or(moved, Tick::Blocked), Tick::Blocked);
             }
 
             // 3. Sent to all.

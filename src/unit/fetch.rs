@@ -70,9 +70,6 @@ struct Gathered {
     announced: bool,
 }
 
-/// Not in the FIFO of shaded vertices.
-const NEVER_SHADED: u64 = u64::MAX;
-
 /// Vertex fetch. Its items are indices.
 pub struct Fetch {
     config: FetchConfig,
@@ -91,9 +88,10 @@ pub struct Fetch {
     vertex_open: bool,
     /// The last line looked up: attributes of a vertex mostly share it.
     last_line: u64,
-    /// Vertices shaded since the start, and for each vertex of the segment its number among them.
-    shaded: u64,
-    shaded_at: Vec<u64>,
+    last_needs: u32,
+    /// Vertices shaded since the start, and for each vertex of the segment its number among them, or one long gone.
+    shaded: u32,
+    shaded_at: Vec<u32>,
     /// The last `reuse` vertices as (index, instance), kept over the segments of a draw.
     recent: VecDeque<(u32, u32)>,
     draw: Option<u32>,
@@ -123,6 +121,7 @@ impl Fetch {
             attribute_line: 0,
             vertex_open: false,
             last_line: u64::MAX,
+            last_needs: 0,
             shaded: 0,
             shaded_at: Vec::new(),
             recent: VecDeque::with_capacity(config.reuse as usize + 1),
@@ -154,18 +153,19 @@ impl Fetch {
         let work = card.work(slot);
         let vertices = &work.segment.vertices;
         self.shaded_at.clear();
-        self.shaded_at.resize(vertices.len(), NEVER_SHADED);
+        // A vertex that was never shaded stands as one of half the numbers ago; a segment is far shorter than that.
+        self.shaded_at.resize(vertices.len(), self.shaded.wrapping_sub(1 << 31));
         if self.draw != Some(work.draw_number) {
             self.draw = Some(work.draw_number);
             self.recent.clear();
         } else if !self.recent.is_empty() {
             let mut known: Vec<_> = self.recent.iter().enumerate().map(|(at, &vertex)| (vertex, at)).collect();
             known.sort_unstable();
-            let first = self.shaded - self.recent.len() as u64;
+            let first = self.shaded.wrapping_sub(self.recent.len() as u32);
             for (vertex, at) in vertices.iter().zip(&mut self.shaded_at) {
                 let wanted = (vertex.index, vertex.instance);
                 if let Ok(found) = known.binary_search_by_key(&wanted, |&(vertex, _)| vertex) {
-                    *at = first + known[found].1 as u64;
+                    *at = first.wrapping_add(known[found].1 as u32);
                 }
             }
         }
@@ -174,6 +174,7 @@ impl Fetch {
             self.tags.clear();
         }
         self.last_line = u64::MAX;
+        self.last_needs = self.misses.frontier();
         self.position = 0;
         self.index_next = 0;
         self.begun = true;
@@ -235,11 +236,8 @@ impl Fetch {
                     if *budget == 0 {
                         return Err(Tick::Moved);
                     }
-                    if let Some(place) = self.tags.find(line) {
-                        let needs = *self.tags.data(place);
-                        if !self.misses.reached(needs) {
-                            self.open_needs = self.misses.later(self.open_needs, needs);
-                        }
+                    self.last_needs = if let Some(place) = self.tags.find(line) {
+                        *self.tags.data(place)
                     } else {
                         if self.misses.room() == 0 {
                             return Err(Tick::Memory);
@@ -249,19 +247,16 @@ impl Fetch {
                         }
                         let tag = self.misses.issue();
                         self.ports.vertex.read(wires, line * LINE, LINE as u32, tag);
-                        self.open_needs = Some(self.misses.issued());
                         let place = self.tags.victim(line, |_| true).expect("any line may go");
                         self.tags.replace(place, line, self.misses.issued());
-                    }
+                        self.misses.issued()
+                    };
                     *budget -= 1;
                     self.last_line = line;
-                } else {
-                    // The line was just looked up, for a vertex of this batch or the one before.
-                    let place = self.tags.find(line).expect("just looked up");
-                    let needs = *self.tags.data(place);
-                    if !self.misses.reached(needs) {
-                        self.open_needs = self.misses.later(self.open_needs, needs);
-                    }
+                }
+                // The same line as just before, for this vertex or the one before, is not looked up again.
+                if !self.misses.reached(self.last_needs) {
+                    self.open_needs = self.misses.later(self.open_needs, self.last_needs);
                 }
                 self.attribute_line += 1;
             }
@@ -386,29 +381,33 @@ impl Fetch {
                 if self.in_flight >= self.config.batches {
                     return did.or(Tick::Blocked);
                 }
-                // 3. The next index.
-                if self.position >= here {
-                    return did.or(Tick::Memory);
+                // 3. Indices of vertices that are still among the last few shaded need nothing more.
+                let stream = &work.segment.stream[self.position as usize..here as usize];
+                let mut vertex = u32::MAX;
+                let (mut read, mut restarts) = (0, 0);
+                for &next in &stream[..stream.len().min(indices as usize)] {
+                    read += 1;
+                    if next == u32::MAX {
+                        restarts += 1;
+                    } else if self.shaded.wrapping_sub(self.shaded_at[next as usize]) > self.config.reuse {
+                        vertex = next;
+                        break;
+                    }
                 }
-                if indices == 0 {
-                    return Tick::Moved;
+                if read == 0 {
+                    return if stream.is_empty() { did.or(Tick::Memory) } else { Tick::Moved };
                 }
-                indices -= 1;
-                let vertex = work.segment.stream[self.position as usize];
-                self.position += 1;
                 did = Tick::Moved;
+                indices -= read;
+                self.position += read;
+                self.items += u64::from(read - restarts);
+                card.funnel.vertices_in += u64::from(read - restarts);
                 if vertex == u32::MAX {
                     continue;
                 }
-                self.items += 1;
-                card.funnel.vertices_in += 1;
-                let at = &mut self.shaded_at[vertex as usize];
-                if *at != NEVER_SHADED && self.shaded - *at <= u64::from(self.config.reuse) {
-                    continue;
-                }
                 // 4. It must be shaded.
-                *at = self.shaded;
-                self.shaded += 1;
+                self.shaded_at[vertex as usize] = self.shaded;
+                self.shaded = self.shaded.wrapping_add(1);
                 card.funnel.vertices_shaded += 1;
                 if self.config.reuse > 0 {
                     if self.recent.len() as u32 == self.config.reuse {

@@ -72,6 +72,13 @@ impl Store {
         &mut self.codes[block as usize * self.block_words as usize + usize::from(position) * quad_words..][..quad_words]
     }
 
+    /// The codes of the quad at a position of a block, to look at.
+    #[inline(always)]
+    pub fn quad(&self, block: u32, position: u8) -> &[u32] {
+        let quad_words = (self.block_words / 16) as usize;
+        &self.codes[block as usize * self.block_words as usize + usize::from(position) * quad_words..][..quad_words]
+    }
+
     /// Sets all texels to one code.
     pub fn clear(&mut self, code: [u32; 4]) {
         if self.words == 1 {
@@ -104,6 +111,17 @@ impl Store {
         (block * self.block_words + texel) as usize
     }
 
+    /// Whether texels are single words, one to a pixel: then a row of a block is four pairs of words.
+    fn is_plain(&self) -> bool {
+        self.surface.samples == 1 && self.surface.format.block_bytes() == 4
+    }
+
+    /// For a plain surface where in its block each of a row's eight words is.
+    fn row(y: u32) -> [usize; 8] {
+        let y = (y % BLOCK) as usize;
+        std::array::from_fn(|x| (y / 2 * 4 + x / 2) * 4 + y % 2 * 2 + x % 2)
+    }
+
     /// Takes the texels from bytes laid out as in [`Contents`](crate::work::Contents); false if their number is wrong.
     #[must_use]
     pub fn load(&mut self, bytes: &[u8]) -> bool {
@@ -111,6 +129,18 @@ impl Store {
         let size = self.surface.format.block_bytes() as usize;
         if bytes.len() != width as usize * height as usize * samples as usize * size {
             return false;
+        }
+        if self.is_plain() {
+            for (y, row) in (0..).zip(bytes.chunks_exact(width as usize * 4)) {
+                let places = Store::row(y);
+                let blocks = self.codes.chunks_exact_mut(64).skip((y / BLOCK * self.across) as usize);
+                for (run, block) in row.chunks(32).zip(blocks) {
+                    for (texel, &place) in run.chunks_exact(4).zip(&places) {
+                        block[place] = u32::from_le_bytes([texel[0], texel[1], texel[2], texel[3]]);
+                    }
+                }
+            }
+            return true;
         }
         let mut texels = bytes.chunks_exact(size);
         for y in 0..height {
@@ -133,6 +163,19 @@ impl Store {
     pub fn to_bytes(&self) -> Vec<u8> {
         let Surface { width, height, samples, .. } = self.surface;
         let size = self.surface.format.block_bytes() as usize;
+        if self.is_plain() {
+            let mut bytes = vec![0; width as usize * height as usize * 4];
+            for (y, row) in (0..).zip(bytes.chunks_exact_mut(width as usize * 4)) {
+                let places = Store::row(y);
+                let blocks = self.codes.chunks_exact(64).skip((y / BLOCK * self.across) as usize);
+                for (run, block) in row.chunks_mut(32).zip(blocks) {
+                    for (texel, &place) in run.chunks_exact_mut(4).zip(&places) {
+                        texel.copy_from_slice(&block[place].to_le_bytes());
+                    }
+                }
+            }
+            return bytes;
+        }
         let mut bytes = Vec::with_capacity(width as usize * height as usize * samples as usize * size);
         for y in 0..height {
             for x in 0..width {
@@ -147,12 +190,14 @@ impl Store {
         bytes
     }
 
-    /// Number of the texels of two surfaces' bytes that differ.
-    pub fn differing(&self, reference: &[u8]) -> u64 {
+    /// Number of the texels that differ between two pictures of this surface, as [`Store::to_bytes`] gives them.
+    pub fn differing(&self, own: &[u8], reference: &[u8]) -> u64 {
         let size = (self.surface.format.block_bytes() * self.surface.samples) as usize;
-        let own = self.to_bytes();
         if own.len() != reference.len() {
             return u64::from(self.surface.width) * u64::from(self.surface.height);
+        }
+        if own == reference {
+            return 0;
         }
         own.chunks_exact(size).zip(reference.chunks_exact(size)).filter(|(a, b)| a != b).count() as u64
     }

@@ -43,15 +43,15 @@ impl Unit<Card> for Interpolate {
         let rate = u64::from(self.config.quads_per_cycle);
         let end = (wires.now() + 1) * rate;
         loop {
-            let Some(token) = wires.front(&self.input) else { return did };
+            let Some(token) = wires.front(&self.input) else { return wires.stop(did, Tick::Starved) };
 
             // 1. The interpolators are at work on what came before.
             if self.free_at >= end {
                 wires.sleep_until(self.free_at / rate);
-                return did.or(Tick::Working);
+                return wires.stop(did, Tick::Working);
             }
             if !wires.can_push(&self.output) {
-                return did.or(Tick::Blocked);
+                return wires.stop(did, Tick::Blocked);
             }
 
             // 2. A quad takes as many turns as its words need.

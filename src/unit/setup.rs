@@ -2,6 +2,7 @@
 
 use super::card::Card;
 use super::token::{Kind, TriangleToken};
+use crate::num::prefetch;
 use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 
@@ -72,12 +73,23 @@ impl Setup {
     }
 }
 
+/// Asks the host for the first quads of a triangle, which traversal will want in some cycles. No part of the model.
+#[inline(always)]
+fn ask_ahead(card: &Card, token: TriangleToken) {
+    // Setup itself does not look behind its tokens.
+    let Some(Some(work)) = card.work.get(usize::from(token.slot)) else { return };
+    for visit in work.visits(&work.segment.triangles[token.triangle as usize]).iter().take(4) {
+        let tile = &work.segment.tiles[visit.tile as usize];
+        prefetch(&tile.quads[tile.blocks[visit.first_block as usize].first_quad as usize]);
+    }
+}
+
 impl Unit<Card> for Setup {
-    fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
-            let Some(token) = self.next(wires) else { return did };
+            let Some(token) = self.next(wires) else { return wires.stop(did, Tick::Starved) };
             match token.kind {
                 // 1. The end of a sequence number is seen and forgotten.
                 Kind::END => {
@@ -88,14 +100,15 @@ impl Unit<Card> for Setup {
                 Kind::DATA => {
                     if self.free_at > wires.now() {
                         wires.sleep_until(self.free_at);
-                        return did.or(Tick::Working);
+                        return wires.stop(did, Tick::Working);
                     }
                     if budget.left() == 0 {
                         return Tick::Moved;
                     }
                     if !wires.try_push(&self.output, token) {
-                        return did.or(Tick::Blocked);
+                        return wires.stop(did, Tick::Blocked);
                     }
+                    ask_ahead(card, token);
                     budget.spend();
                     self.take(wires, token.kind);
                     self.items += 1;
@@ -107,7 +120,7 @@ impl Unit<Card> for Setup {
                 // 3. Fences pass in order.
                 _ => {
                     if !wires.try_push(&self.output, token) {
-                        return did.or(Tick::Blocked);
+                        return wires.stop(did, Tick::Blocked);
                     }
                     self.take(wires, token.kind);
                     did = Tick::Moved;

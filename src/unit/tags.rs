@@ -31,6 +31,16 @@ pub struct Tags<T> {
     last: usize,
 }
 
+/// The way that holds a key. Few ways are all looked at: leaving at the right one would be a branch that the host cannot foresee.
+#[inline(always)]
+fn way_of(keys: &[u64], key: u64) -> Option<usize> {
+    if keys.len() > 16 {
+        return keys.iter().position(|&k| k == key);
+    }
+    let found = keys.iter().rev().fold(0_u32, |found, &k| found << 1 | u32::from(k == key));
+    (found != 0).then_some(found.trailing_zeros() as usize)
+}
+
 impl<T: Copy + Default> Tags<T> {
     /// Empty tags of `lines` lines, `ways` to a set (at most `lines`).
     pub fn new(lines: u32, ways: u32) -> Tags<T> {
@@ -63,7 +73,7 @@ impl<T: Copy + Default> Tags<T> {
             self.last
         } else {
             let set = self.set(key);
-            set + self.keys[set..set + self.ways].iter().position(|&k| k == key)?
+            set + way_of(&self.keys[set..set + self.ways], key)?
         };
         self.last = place;
         self.clock += 1;

@@ -4,6 +4,7 @@
 use super::card::{Card, Group, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
+use crate::num::prefetch;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{BLOCK, Quad, TILE, Triangle};
@@ -93,7 +94,10 @@ pub struct Traverse {
 /// Pixels of a quad with a sample covered.
 #[inline(always)]
 pub fn fragments(coverage: u16) -> u32 {
-    ((coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15).count_ones()
+    // The numbers of bits of 0 to 15, in four bits each: the plain target has no instruction that counts them.
+    const BITS: u64 = 0x4332_3221_3221_2110;
+    let pixels = (coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15;
+    (BITS >> (4 * pixels)) as u32 & 15
 }
 
 impl Traverse {
@@ -321,6 +325,10 @@ impl Unit<Card> for Traverse {
                 block: number,
                 live,
             };
+            // The host is asked for the depths that will be tested in some cycles. No part of the model.
+            if let Some(surface) = card.pass.as_ref().and_then(|pass| pass.depth) {
+                prefetch(&card.frame.stores[surface].quad(number, tile.quads[first as usize].position)[0]);
+            }
             let last = self.place.quad + count == u32::from(block.quads);
             let index = card.groups[usize::from(self.pipeline)].insert(group);
             let token = GroupToken { group: index, sequence: 0, kind: Kind::DATA, quads: count as u16 };

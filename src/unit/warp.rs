@@ -18,6 +18,11 @@ pub enum Program {
     Compute,
 }
 
+impl Program {
+    /// In the order in which a core takes their warps in: vertices first, since fragments wait for them.
+    pub const ALL: [Program; 3] = [Program::Vertex, Program::Compute, Program::Fragment];
+}
+
 /// What has a cost of its own in a warp: a quad, a vertex, or four invocations of a workgroup.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Item {

@@ -6,24 +6,6 @@ pub(super) trait Sink {
     fn put(&mut self, value: u32, bits: u32);
 }
 
-/// Only counts.
-#[derive(Default)]
-pub(super) struct Counter(u64);
-
-impl Counter {
-    /// Bits taken so far.
-    pub(super) fn bits(&self) -> u64 {
-        self.0
-    }
-}
-
-impl Sink for Counter {
-    #[inline(always)]
-    fn put(&mut self, _value: u32, bits: u32) {
-        self.0 += u64::from(bits);
-    }
-}
-
 /// Writes bytes.
 #[derive(Default)]
 pub(super) struct Writer {
@@ -33,6 +15,12 @@ pub(super) struct Writer {
 }
 
 impl Writer {
+    /// Bits put so far.
+    #[cfg(test)]
+    pub(super) fn bits(&self) -> u64 {
+        8 * self.bytes.len() as u64 + u64::from(self.held)
+    }
+
     /// The bytes, the last one filled up with zeros.
     pub(super) fn finish(mut self) -> Vec<u8> {
         if self.held > 0 {

@@ -10,12 +10,13 @@
 
 mod bits;
 mod plane;
+mod size;
 
 #[cfg(test)]
 mod tests;
 
 use super::format::Format;
-use bits::{Counter, Reader, Sink, Writer};
+use bits::{Reader, Sink, Writer};
 use plane::{Layout, read_plane, write_plane};
 
 /// Pixels of a block.
@@ -37,9 +38,7 @@ pub fn raw_bytes(format: Format, samples: usize) -> u32 {
 /// # Panics
 /// If the number of codes is not that of a block.
 pub fn stored_bytes(format: Format, samples: usize, codes: &[u32]) -> u32 {
-    let mut counter = Counter::default();
-    write(format, samples, codes, &mut counter);
-    let lines = counter.bits().div_ceil(8 * u64::from(LINE)).max(1);
+    let lines = size::bits(format, samples, codes).div_ceil(8 * u64::from(LINE)).max(1);
     (lines as u32 * LINE).min(raw_bytes(format, samples))
 }
 
@@ -58,7 +57,7 @@ pub fn encode(format: Format, samples: usize, codes: &[u32]) -> Vec<u8> {
     let mut writer = Writer::default();
     writer.put(0, 8);
     let layout = Layout::new(samples, false);
-    for plane in planes(format) {
+    for plane in planes(format).0 {
         for i in 0..layout.count() {
             writer.put(plane.get(codes, layout.index(i, plane.words)), plane.bits);
         }
@@ -69,13 +68,12 @@ pub fn encode(format: Format, samples: usize, codes: &[u32]) -> Vec<u8> {
 /// Restores a block from what [`encode`] gave; none if the bytes are not that.
 pub fn decode(format: Format, samples: usize, bytes: &[u8]) -> Option<Vec<u32>> {
     let mut reader = Reader::new(bytes);
-    let planes = planes(format);
-    let words = planes.first()?.words;
+    let (planes, words) = planes(format);
     let mut codes = vec![0; PIXELS * samples * words];
     let compressed = reader.get(8)? == 1;
     let agree = compressed && samples > 1 && reader.get(1)? == 1;
     let layout = Layout::new(samples, agree);
-    for plane in &planes {
+    for plane in planes {
         let mut values = vec![0; layout.count()];
         if compressed {
             read_plane(&layout, plane, &mut reader, &mut values)?;
@@ -93,10 +91,9 @@ pub fn decode(format: Format, samples: usize, bytes: &[u8]) -> Option<Vec<u32>> 
     Some(codes)
 }
 
-/// Writes the compressed form, or only counts its bits.
+/// Writes the compressed form.
 fn write(format: Format, samples: usize, codes: &[u32], sink: &mut impl Sink) {
-    let planes = planes(format);
-    let words = planes.first().map_or(1, |p| p.words);
+    let (planes, words) = planes(format);
     assert_eq!(codes.len(), PIXELS * samples * words, "codes of a block of {}", format.name());
     let run = 4 * words;
     let agree = samples > 1
@@ -106,7 +103,7 @@ fn write(format: Format, samples: usize, codes: &[u32], sink: &mut impl Sink) {
     }
     let layout = Layout::new(samples, agree);
     let mut values = [0_u32; 4 * PIXELS];
-    for plane in &planes {
+    for plane in planes {
         let values = &mut values[..layout.count()];
         for (i, value) in values.iter_mut().enumerate() {
             *value = plane.get(codes, layout.index(i, words));
@@ -152,20 +149,37 @@ fn mask(bits: u32) -> u32 {
     if bits >= 32 { !0 } else { (1 << bits) - 1 }
 }
 
-/// The planes of a format's codes; no bit of a stored texel is left out.
-fn planes(format: Format) -> Vec<Plane> {
-    let words = super::rop::code_words(format);
-    let plane = |kind, word, shift, bits| Plane { kind, word, shift, bits, words };
-    match format {
-        Format::Depth16Unorm => vec![plane(Kind::Depth, 0, 0, 16)],
-        Format::Depth24Plus | Format::Depth24PlusStencil8 => {
-            vec![plane(Kind::Depth, 0, 0, 24), plane(Kind::Byte, 0, 24, 8)]
-        }
-        Format::Depth32Float => vec![plane(Kind::FloatDepth, 0, 0, 32)],
-        Format::Depth32FloatStencil8 => {
-            let stencil = (0..4).map(|byte| plane(Kind::Byte, 1, 8 * byte, 8));
-            std::iter::once(plane(Kind::FloatDepth, 0, 0, 32)).chain(stencil).collect()
-        }
-        _ => (0..format.block_bytes()).map(|byte| plane(Kind::Byte, byte as usize / 4, byte % 4 * 8, 8)).collect(),
+/// Planes of colours by their words: the bytes of a texel of one, two and four words.
+const BYTES: [[Plane; 16]; 3] = [bytes(1), bytes(2), bytes(4)];
+
+const fn bytes(words: usize) -> [Plane; 16] {
+    let mut planes = [Plane { kind: Kind::Byte, word: 0, shift: 0, bits: 8, words }; 16];
+    let mut byte = 0;
+    while byte < 16 {
+        (planes[byte].word, planes[byte].shift) = (byte / 4, byte as u32 % 4 * 8);
+        byte += 1;
     }
+    planes
+}
+
+const fn depth(kind: Kind, bits: u32, words: usize) -> Plane {
+    Plane { kind, word: 0, shift: 0, bits, words }
+}
+
+const DEPTH16: [Plane; 1] = [depth(Kind::Depth, 16, 1)];
+const DEPTH24: [Plane; 2] = [depth(Kind::Depth, 24, 1), Plane { shift: 24, ..BYTES[0][0] }];
+const DEPTH32: [Plane; 1] = [depth(Kind::FloatDepth, 32, 1)];
+const DEPTH32_STENCIL: [Plane; 5] = [depth(Kind::FloatDepth, 32, 2), BYTES[1][4], BYTES[1][5], BYTES[1][6], BYTES[1][7]];
+
+/// The planes of a format's codes, those of one word side by side, and the words of a code; no bit of a stored texel is left out.
+fn planes(format: Format) -> (&'static [Plane], usize) {
+    let words = super::rop::code_words(format);
+    let planes: &[Plane] = match format {
+        Format::Depth16Unorm => &DEPTH16,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => &DEPTH24,
+        Format::Depth32Float => &DEPTH32,
+        Format::Depth32FloatStencil8 => &DEPTH32_STENCIL,
+        _ => &BYTES[words.ilog2() as usize][..format.block_bytes() as usize],
+    };
+    (planes, words)
 }

@@ -6,14 +6,14 @@ use crate::gfx::setup::{SAMPLES_1, SAMPLES_4};
 use crate::num::SUBPIXEL;
 
 /// Bits of the tag that names the form.
-const TAG: u32 = 2;
+pub(super) const TAG: u32 = 2;
 const CONSTANT: u32 = 0;
 const FLAT: u32 = 1;
 const NEIGHBOURS: u32 = 2;
 const RAW: u32 = 3;
 
 /// Bits of a width (0 to 32) of left-overs.
-const WIDTH: u32 = 6;
+pub(super) const WIDTH: u32 = 6;
 
 /// The order of a plane's numbers: sample after sample, rows of eight.
 pub(super) struct Layout {
@@ -44,7 +44,7 @@ impl Layout {
 
     /// Where number `i` is on the screen, in pixels from the block's first number.
     #[inline(always)]
-    fn position(&self, i: usize) -> [f64; 2] {
+    pub(super) fn position(&self, i: usize) -> [f64; 2] {
         let offset = |s: usize| if self.samples == 4 { SAMPLES_4[s] } else { SAMPLES_1[0] };
         let (here, first) = (offset(i / PIXELS), offset(0));
         let axis = |pixel: usize, c: usize| pixel as f64 + f64::from(here[c] - first[c]) / f64::from(SUBPIXEL);
@@ -54,7 +54,7 @@ impl Layout {
 
 /// A signed difference of numbers of a width as a small number: 0, -1, 1, -2, 2 become 0, 1, 2, 3, 4.
 #[inline(always)]
-fn fold(difference: u32, bits: u32) -> u32 {
+pub(super) fn fold(difference: u32, bits: u32) -> u32 {
     let signed = ((difference << (32 - bits)) as i32) >> (32 - bits);
     ((signed << 1) ^ (signed >> 31)) as u32 & mask(bits)
 }
@@ -67,12 +67,13 @@ fn unfold(folded: u32, bits: u32) -> u32 {
 }
 
 /// Bits that a number takes.
-fn width(value: u32) -> u32 {
+#[inline(always)]
+pub(super) fn width(value: u32) -> u32 {
     32 - value.leading_zeros()
 }
 
 /// A flat plane through three corners of the block, in the values that are linear over a triangle.
-struct Flat {
+pub(super) struct Flat {
     at: f64,
     dx: f64,
     dy: f64,
@@ -81,7 +82,14 @@ struct Flat {
 }
 
 impl Flat {
+    /// The plane through the corners of the first sample's numbers; see [`Flat::new`].
+    #[inline(always)]
+    pub(super) fn through(plane: &Plane, values: &[u32]) -> Option<Flat> {
+        Flat::new(plane, CORNERS.map(|i| values[i]))
+    }
+
     /// None for planes without geometry, and for depths that are not numbers.
+    #[inline(always)]
     fn new(plane: &Plane, corners: [u32; 3]) -> Option<Flat> {
         let value = |code: u32| match plane.kind {
             Kind::FloatDepth => f64::from(f32::from_bits(code)),
@@ -95,7 +103,7 @@ impl Flat {
 
     /// The code that the plane predicts at a place.
     #[inline(always)]
-    fn predict(&self, [x, y]: [f64; 2]) -> u32 {
+    pub(super) fn predict(&self, [x, y]: [f64; 2]) -> u32 {
         let value = self.at + self.dx * x + self.dy * y;
         match self.kind {
             Kind::FloatDepth => (value as f32).to_bits(),
@@ -119,22 +127,25 @@ fn predict(values: &[u32], i: usize, bits: u32) -> u32 {
         (0, 0) => 0,
         (_, 0) => values[i - 1],
         (0, _) => values[i - 8],
-        _ => {
-            let (left, above, diagonal) = (values[i - 1], values[i - 8], values[i - 9]);
-            let (low, high) = (left.min(above), left.max(above));
-            if diagonal >= high {
-                low
-            } else if diagonal <= low {
-                high
-            } else {
-                left.wrapping_add(above).wrapping_sub(diagonal) & mask(bits)
-            }
-        }
+        _ => median(values[i - 1], values[i - 8], values[i - 9], bits),
+    }
+}
+
+/// The median of left, above, and left + above - diagonal.
+#[inline(always)]
+pub(super) fn median(left: u32, above: u32, diagonal: u32, bits: u32) -> u32 {
+    let (low, high) = (left.min(above), left.max(above));
+    if diagonal >= high {
+        low
+    } else if diagonal <= low {
+        high
+    } else {
+        left.wrapping_add(above).wrapping_sub(diagonal) & mask(bits)
     }
 }
 
 /// The four left-overs of half a row share a width.
-const GROUP: usize = 4;
+pub(super) const GROUP: usize = 4;
 
 /// Writes a plane in its smallest form.
 pub(super) fn write_plane(layout: &Layout, plane: &Plane, values: &[u32], sink: &mut impl Sink) {
@@ -158,7 +169,7 @@ pub(super) fn write_plane(layout: &Layout, plane: &Plane, values: &[u32], sink: 
     let mut flat = [0_u32; 4 * PIXELS];
     let mut flat_width = 0;
     let mut flat_bits = usize::MAX;
-    if let Some(through) = Flat::new(plane, CORNERS.map(|i| values[i])) {
+    if let Some(through) = Flat::through(plane, values) {
         let mut all = 0;
         for (i, value) in values.iter().enumerate() {
             flat[i] = fold(value.wrapping_sub(through.predict(layout.position(i))), bits);

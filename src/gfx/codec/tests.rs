@@ -35,6 +35,9 @@ fn check(format: Format, samples: usize, codes: &[u32]) -> u32 {
     let (stored, raw) = (stored_bytes(format, samples, codes), raw_bytes(format, samples));
     assert!(bytes.len() as u32 <= raw + 1);
     assert!(stored <= raw);
+    let mut writer = Writer::default();
+    write(format, samples, codes, &mut writer);
+    assert_eq!(size::bits(format, samples, codes), writer.bits(), "{format:?} {samples}");
     assert!(stored == raw || stored % LINE == 0 && bytes.len() as u32 <= stored + 1, "{} {stored}", bytes.len());
     assert_eq!(decode(format, samples, &bytes).as_deref(), Some(codes), "{format:?} {samples}");
     stored

@@ -216,10 +216,21 @@ impl DepthStencilState {
             let mask = (coverage >> (4 * s)) as u8 & 15;
             if mask != 0 {
                 let stored = &mut run[4 * self.words * s..4 * self.words * (s + 1)];
-                passed |= u16::from(self.test_sample(back, mask, codes[s], stored)) << (4 * s);
+                let alive = if self.stencil.is_none() {
+                    self.depth_sample(mask, codes[s], stored)
+                } else {
+                    self.stencil_sample(back, mask, codes[s], stored)
+                };
+                passed |= u16::from(alive) << (4 * s);
             }
         }
         passed
+    }
+
+    /// [`DepthStencilState::test_sample`] apart from the code around it: few draws have a stencil test.
+    #[inline(never)]
+    fn stencil_sample(&self, back: bool, mask: u8, codes: [u32; 4], stored: &mut [u32]) -> u8 {
+        self.test_sample(back, mask, codes, stored)
     }
 
     /// [`DepthStencilState::test_quad`] of one sample.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use crate::gfx::assemble::PrimitiveKind;
 use crate::gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle};
 use crate::gfx::state::{PolygonMode, Topology};
-use crate::num::SUBPIXEL;
+use crate::num::{SUBPIXEL, prefetch};
 use crate::work::{Funnel, Outcome, TILE};
 
 use super::frame::{Frame, Worker};
@@ -299,19 +299,6 @@ impl Batch {
             self.funnel.culled_no_sample += u64::from(!covered);
         }
     }
-}
-
-/// Asks for the cache lines of a value.
-#[inline(always)]
-fn prefetch<T>(value: &T) {
-    #[cfg(target_arch = "x86_64")]
-    for line in (0..size_of::<T>()).step_by(64) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: a prefetch changes nothing but what is cached, whatever the address; this one is inside the value.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>((&raw const *value).cast::<i8>().wrapping_add(line)) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = value;
 }
 
 /// First and last column and row of the tiles that hold some of the pixels: x0, y0, x1, y1.

@@ -42,7 +42,6 @@ fn config() -> CoreConfig {
         integer_latency: 6,
         special_latency: 20,
         control_latency: 8,
-        run: 1,
         scheduling: Scheduling::RoundRobin,
         output_queue: 8,
         ..CoreConfig::default()
@@ -195,14 +194,12 @@ fn registers_bound_the_warps_in_flight() {
 }
 
 #[test]
-fn runs_keep_rates_and_latencies() {
-    for run in [1, 2, 4, 8] {
-        let config = CoreConfig { run, ..config() };
-        assert_eq!(shade(&config, 1, [16, 0, 0, 0], 16), 15 * 6, "run {run}");
-        // Eight warps take the schedulers in turns of so many instructions; the last turn ends when its latencies are over.
-        let run = Cycle::from(run);
-        assert_eq!(shade(&config, 8, [16, 0, 0, 0], 16), (8 * 16 / run - 1) * run + (run - 1) * 6, "run {run}");
-    }
+fn a_warp_issues_in_order_the_class_it_has_most_of() {
+    // Four single-precision instructions and two transcendental ones, of which a warp takes the lanes for 4 cycles: F F F S F S, and
+    // of equals the first. Alone it waits for latencies: 6 + 6 + 6 + 20 + 6.
+    assert_eq!(shade(&config(), 1, [4, 0, 2, 0], 16), 3 * 6 + 20 + 6);
+    // Of two warps the second, a cycle behind, finds the lanes taken for 3 cycles more at its first S, though they would take its F.
+    assert_eq!(shade(&config(), 2, [4, 0, 2, 0], 16), 3 * 6 + 4 + 20 + 6);
 }
 
 #[test]

@@ -1,12 +1,15 @@
 //! A multithreaded SIMT core: holds warps, issues their instructions by class, and hides what memory takes behind other warps.
 
+mod issue;
+
 use super::card::{Card, Fault};
 use super::token::WarpToken;
 use super::warp::Program;
-use crate::num::Cycle;
+use crate::num::NEVER;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{Class, RequestKind};
+use issue::{Fixed, Issue, PLACES, bits};
 
 crate::choices! {
     /// Which of the ready warps issues.
@@ -57,9 +60,6 @@ crate::knobs! {
         special_latency: u32 ["cycles", Allowed::Range(1, 63), "about 20 (Jia et al. 2018)"],
         /// Cycles from a warp's branch to its next instruction.
         control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
-        /// Instructions of one class that a warp may issue at one turn; its next turn comes after as many latencies. 1 is exact;
-        /// more take the scheduler less host time, and leave rates and latencies as they are.
-        run: u32 ["instructions", Allowed::Range(1, 8), "measured: docs/performance.md has the difference"],
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"],
         /// Shaded warps queued behind each core.
@@ -79,16 +79,11 @@ pub struct CorePorts {
     pub texture: (Out<WarpToken>, In<WarpToken>),
 }
 
-/// Length of the wheel of latencies: the longest run of the longest latency fits.
-const WHEEL: usize = 512;
-
 /// A warp in the core.
 #[derive(Clone, Copy, Debug, Default)]
 struct Resident {
     /// Its number in the cluster.
     warp: u32,
-    /// Instructions left of its step, by class.
-    left: [u32; Class::COUNT],
     /// Registers it holds.
     registers: u32,
     /// Workgroup memory that it holds for its group.
@@ -105,37 +100,17 @@ pub struct Core {
     cluster: usize,
     ports: CorePorts,
     resident: Vec<Resident>,
-    /// Places that hold a warp; of these: that can issue; that ask the texture unit; that are done; that wait at a barrier.
+    /// All places, and those that hold a warp.
+    all: u64,
     held: u64,
-    ready: u64,
-    asking: u64,
-    finished: u64,
-    barrier: u64,
-    /// Places whose step ends when their last run's latencies are over.
-    ending: u64,
-    /// Places with instructions of a class left.
-    has: [u64; Class::COUNT],
-    /// Places that become ready at a cycle, modulo the wheel; and the cycles with any, a bit each.
-    wheel: Box<[u64; WHEEL]>,
-    turning: [u64; WHEEL / 64],
-    wheel_at: Cycle,
-    /// When the schedulers are free, in cycles times instructions a cycle.
-    issue_at: u64,
-    /// When each class's lanes are free, in cycles times lanes.
-    free_at: [u64; Class::COUNT],
-    lanes: [u64; Class::COUNT],
-    latency: [u32; Class::COUNT],
+    fixed: Fixed,
+    issue: Issue,
     registers: u32,
     shared: u32,
-    /// Where round robin goes on.
-    next: u32,
-    /// Age order of places, for oldest-first.
-    age: [u64; 64],
+    /// Warps taken in since the start.
     born: u64,
     /// The workgroup whose warps are being taken in, how many are still to come, and workgroup memory that none of it holds.
     taking: Option<(u32, u32, u32)>,
-    items: u64,
-    issued: [u64; Class::COUNT],
 }
 
 crate::counters! {
@@ -152,146 +127,60 @@ crate::counters! {
     }
 }
 
-#[inline(always)]
-fn bits(mut mask: u64) -> impl Iterator<Item = u32> {
-    std::iter::from_fn(move || {
-        (mask != 0).then(|| {
-            let bit = mask.trailing_zeros();
-            mask &= mask - 1;
-            bit
-        })
-    })
-}
-
 impl Core {
     /// An empty one, whose warps are those of a cluster.
     pub fn new(config: CoreConfig, cluster: usize, ports: CorePorts) -> Core {
-        let lanes = [config.float_lanes, config.integer_lanes, config.special_lanes, config.control_lanes].map(u64::from);
-        let latency = [config.float_latency, config.integer_latency, config.special_latency, config.control_latency];
+        assert!((1..=PLACES as u32).contains(&config.warps), "places of warps fit a mask");
         Core {
             cluster,
             ports,
             resident: vec![Resident::default(); config.warps as usize],
+            all: u64::MAX >> (64 - config.warps),
             held: 0,
-            ready: 0,
-            asking: 0,
-            finished: 0,
-            barrier: 0,
-            ending: 0,
-            has: [0; Class::COUNT],
-            wheel: Box::new([0; WHEEL]),
-            turning: [0; WHEEL / 64],
-            wheel_at: 0,
-            issue_at: 0,
-            free_at: [0; Class::COUNT],
-            lanes,
-            latency,
+            fixed: Fixed::new(&config),
+            issue: Issue::new(),
             registers: config.registers,
             shared: config.shared_bytes,
-            next: 0,
-            age: [0; 64],
             born: 0,
             taking: None,
-            items: 0,
-            issued: [0; Class::COUNT],
             config,
         }
     }
 
     /// Instructions by class.
     pub fn counts(&self) -> CoreCounts {
-        let [float, integer, special, control] = self.issued;
+        let [float, integer, special, control] = self.issue.issued;
         CoreCounts { float, integer, special, control }
     }
 
-    /// The first cycle after `from` in which a warp becomes ready.
-    #[inline(always)]
-    fn next_ready(&self, from: Cycle) -> Option<Cycle> {
-        let start = (from + 1) as usize % WHEEL;
-        for ahead in 0..=self.turning.len() {
-            let word = (start / 64 + ahead) % self.turning.len();
-            let mut bits = self.turning[word];
-            if ahead == 0 {
-                bits &= u64::MAX << (start % 64);
-            } else if ahead == self.turning.len() {
-                bits &= !(u64::MAX << (start % 64));
-            }
-            if bits != 0 {
-                let slot = word * 64 + bits.trailing_zeros() as usize;
-                return Some(from + 1 + ((slot + WHEEL - start) % WHEEL) as u64);
-            }
-        }
-        None
-    }
-
-    /// Brings the wheel up to `now`.
-    #[inline(always)]
-    fn turn(&mut self, now: Cycle) {
-        while let Some(at) = self.next_ready(self.wheel_at)
-            && at <= now
-        {
-            let slot = at as usize % WHEEL;
-            self.ready |= std::mem::take(&mut self.wheel[slot]);
-            self.turning[slot / 64] &= !(1 << (slot % 64));
-            self.wheel_at = at;
-        }
-        self.wheel_at = now;
-    }
-
-    /// Puts a warp into the state that its current step asks for.
+    /// A warp begins its current step.
     #[inline(always)]
     fn enter_step(&mut self, card: &Card, place: u32) {
-        let resident = &mut self.resident[place as usize];
-        let warp = &card.warps[self.cluster][resident.warp];
-        let bit = 1_u64 << place;
-        let Some(step) = warp.steps.get(warp.step as usize) else {
-            self.finished |= bit;
-            return;
-        };
-        resident.left = step.instructions;
-        let mut any = false;
-        for class in 0..Class::COUNT {
-            if step.instructions[class] > 0 {
-                self.has[class] |= bit;
-                any = true;
-            }
-        }
-        if any {
-            self.ready |= bit;
-        } else {
-            self.end_step(card, place);
-        }
-    }
-
-    /// A warp has issued all instructions of its step: what now?
-    #[inline(always)]
-    fn end_step(&mut self, card: &Card, place: u32) {
-        let bit = 1_u64 << place;
         let warp = &card.warps[self.cluster][self.resident[place as usize].warp];
-        match warp.steps[warp.step as usize].then {
-            RequestKind::End => self.finished |= bit,
-            RequestKind::Barrier => self.barrier |= bit,
-            _ => self.asking |= bit,
+        match warp.steps.get(warp.step as usize) {
+            Some(step) => self.issue.enter(&self.fixed, place, step.instructions, step.then),
+            None => self.issue.enter(&self.fixed, place, [0; Class::COUNT], RequestKind::End),
         }
     }
 
     /// Releases the workgroups all of whose warps wait at a barrier.
     fn release_barriers(&mut self, card: &mut Card) -> bool {
         let mut released = false;
-        for place in bits(self.barrier) {
-            if self.barrier >> place & 1 == 0 {
+        for place in bits(self.issue.barrier) {
+            if self.issue.barrier >> place & 1 == 0 {
                 continue;
             }
             let Resident { number, siblings, .. } = self.resident[place as usize];
-            let group =
-                bits(self.barrier).filter(|&p| self.resident[p as usize].number == number).fold(0_u64, |mask, p| mask | 1 << p);
+            let group = bits(self.issue.barrier)
+                .filter(|&p| self.resident[p as usize].number == number)
+                .fold(0_u64, |mask, p| mask | 1 << p);
             // Warps of the group that have ended do not hold the others up.
             let ended = self
                 .taking
                 .is_none_or(|(taking, ..)| taking != number)
                 .then(|| siblings - bits(self.held).filter(|&p| self.is_of_group(p, number)).count() as u32);
             if ended.is_some_and(|ended| group.count_ones() + ended == siblings) {
-                self.barrier &= !group;
+                self.issue.barrier &= !group;
                 for place in bits(group) {
                     card.warps[self.cluster][self.resident[place as usize].warp].step += 1;
                     self.enter_step(card, place);
@@ -321,6 +210,20 @@ impl Core {
     /// Takes warps in from one input while there is room for them.
     #[inline(always)]
     fn take(&mut self, wires: &mut Wires, card: &mut Card, program: Program) -> Tick {
+        let port = match program {
+            Program::Fragment => &self.ports.fragment,
+            Program::Vertex => &self.ports.vertex,
+            Program::Compute => &self.ports.compute,
+        };
+        match port {
+            Some((input, _)) if wires.can_pop(input) && self.held != self.all => self.take_in(wires, card, program),
+            _ => Tick::Starved,
+        }
+    }
+
+    /// [`Core::take`] where a warp is at the head.
+    #[inline(never)]
+    fn take_in(&mut self, wires: &mut Wires, card: &mut Card, program: Program) -> Tick {
         let mut did = Tick::Starved;
         loop {
             let port = match program {
@@ -330,7 +233,7 @@ impl Core {
             };
             let Some((input, _)) = port else { return did };
             let Some(token) = wires.front(input) else { return did };
-            let free = !self.held & (u64::MAX >> (64 - self.resident.len()));
+            let free = self.all & !self.held;
             if free == 0 {
                 return did;
             }
@@ -371,111 +274,19 @@ impl Core {
             if let (Program::Compute, Some((.., left))) = (program, self.taking) {
                 shared += left;
             }
-            self.resident[place as usize] = Resident {
-                warp: token.warp,
-                left: [0; Class::COUNT],
-                registers: held,
-                shared,
-                program,
-                number: warp.number,
-                siblings: warp.siblings,
-            };
+            self.resident[place as usize] =
+                Resident { warp: token.warp, registers: held, shared, program, number: warp.number, siblings: warp.siblings };
             if program == Program::Compute {
                 let left = self.taking.map_or(warp.siblings, |(_, left, _)| left) - 1;
                 self.taking = (left > 0).then_some((warp.number, left, 0));
             }
             self.held |= 1 << place;
-            self.age[place as usize] = self.born;
+            self.fixed.take(place, self.born);
             self.born += 1;
             wires.pop(input);
             self.enter_step(card, place);
             did = Tick::Moved;
         }
-    }
-
-    /// The place that issues next among candidates.
-    #[inline(always)]
-    fn choose(&self, candidates: u64) -> u32 {
-        match self.config.scheduling {
-            Scheduling::RoundRobin => {
-                let after = candidates & (u64::MAX << self.next);
-                if self.next < 64 && after != 0 { after.trailing_zeros() } else { candidates.trailing_zeros() }
-            }
-            Scheduling::Oldest => bits(candidates).min_by_key(|&place| self.age[place as usize]).expect("there are candidates"),
-        }
-    }
-
-    /// Issues what schedulers and lanes of this cycle take.
-    #[inline(always)]
-    fn issue(&mut self, now: Cycle, card: &Card) -> bool {
-        let mut moved = false;
-        let rate = u64::from(self.config.issue);
-        while self.issue_at < (now + 1) * rate {
-            let mut open = 0;
-            let mut candidates = 0;
-            for class in 0..Class::COUNT {
-                if self.has[class] & self.ready != 0 && self.free_at[class] < (now + 1) * self.lanes[class] {
-                    open |= 1 << class;
-                    candidates |= self.has[class] & self.ready;
-                }
-            }
-            if candidates == 0 {
-                break;
-            }
-            let place = self.choose(candidates);
-            let bit = 1_u64 << place;
-            self.next = (place + 1) % 64;
-
-            // Of the classes that it has left and whose lanes are free, the one it has most of: costs name no order.
-            let left = &mut self.resident[place as usize].left;
-            let mut class = Class::COUNT;
-            let mut most = 0;
-            for (c, &n) in left.iter().enumerate() {
-                if open >> c & 1 != 0 && n > most {
-                    (class, most) = (c, n);
-                }
-            }
-            let run = most.min(self.config.run);
-            left[class] -= run;
-            if left[class] == 0 {
-                self.has[class] &= !bit;
-            }
-            let over = left.iter().all(|&n| n == 0);
-            self.free_at[class] = self.free_at[class].max(now * self.lanes[class]) + u64::from(run * self.config.warp_width);
-            self.issue_at = self.issue_at.max(now * rate) + u64::from(run);
-            self.issued[class] += u64::from(run);
-            self.items += u64::from(run);
-            self.ready &= !bit;
-            moved = true;
-            // The last instruction of a step waits for nothing; those before it waited for each other.
-            let latency = u64::from(self.latency[class]);
-            let wait = if over { u64::from(run - 1) * latency } else { u64::from(run) * latency };
-            if wait == 0 {
-                self.end_step(card, place);
-            } else {
-                let slot = (now + wait) as usize % WHEEL;
-                self.wheel[slot] |= bit;
-                self.turning[slot / 64] |= 1 << (slot % 64);
-                if over {
-                    self.ending |= bit;
-                }
-            }
-        }
-        moved
-    }
-
-    /// When a warp that only waits for lanes or latency can go on next.
-    #[inline(always)]
-    fn next_issue(&self, now: Cycle) -> Option<Cycle> {
-        let mut next = self.next_ready(now);
-        let issue = self.issue_at / u64::from(self.config.issue);
-        for class in 0..Class::COUNT {
-            if self.has[class] & self.ready != 0 {
-                let at = (self.free_at[class] / self.lanes[class]).max(issue).max(now + 1);
-                next = Some(next.map_or(at, |next| next.min(at)));
-            }
-        }
-        next
     }
 }
 
@@ -484,31 +295,12 @@ impl Unit<Card> for Core {
         let now = wires.now();
         let mut did = Tick::Starved;
 
+        // 0. What happened since the last tick.
+        self.issue.catch_up(&self.fixed, now);
+
         // 1. Warps that are done leave.
-        if self.finished != 0 {
-            for place in bits(self.finished) {
-                let resident = self.resident[place as usize];
-                let (port, number) = match resident.program {
-                    Program::Fragment => (&self.ports.fragment, resident.warp),
-                    Program::Vertex => (&self.ports.vertex, resident.number),
-                    Program::Compute => (&self.ports.compute, resident.number),
-                };
-                let Some((_, output)) = port else { continue };
-                if !wires.try_push(output, WarpToken { warp: number }) {
-                    did = did.or(Tick::Blocked);
-                    continue;
-                }
-                if resident.program != Program::Fragment {
-                    card.warps[self.cluster].remove(resident.warp);
-                }
-                self.finished &= !(1 << place);
-                self.held &= !(1 << place);
-                self.registers += resident.registers;
-                if resident.shared > 0 {
-                    self.hand_on(resident);
-                }
-                did = Tick::Moved;
-            }
+        if self.issue.finished != 0 {
+            did = did.or(self.leave(wires, card));
         }
 
         // 2. Answers of the texture unit: the warp goes on with its next step.
@@ -519,24 +311,14 @@ impl Unit<Card> for Core {
             did = Tick::Moved;
         }
 
-        // 3. Warps whose latency is over are ready, or at the end of their step; the core issues.
-        self.turn(now);
-        let over = self.ready & self.ending;
-        if over != 0 {
-            self.ending &= !over;
-            self.ready &= !over;
-            for place in bits(over) {
-                self.end_step(card, place);
-            }
-            did = Tick::Moved;
-        }
-        if self.issue(now, card) {
+        // 3. Warps whose latency is over are ready; the core issues.
+        if self.issue.cycle(&self.fixed, now) {
             did = Tick::Moved;
         }
 
         // 4. Warps at the end of a step ask the texture unit, or wait for their group.
-        while self.asking != 0 {
-            let place = self.choose(self.asking);
+        while self.issue.asking != 0 {
+            let place = self.issue.choose(&self.fixed, self.issue.asking);
             let warp = self.resident[place as usize].warp;
             // The texture unit finds the warp by its number, and answers with its place.
             card.warps[self.cluster][warp].place = place;
@@ -544,36 +326,74 @@ impl Unit<Card> for Core {
                 did = did.or(Tick::Blocked);
                 break;
             }
-            self.asking &= !(1 << place);
+            self.issue.asking &= !(1 << place);
             did = Tick::Moved;
         }
-        if self.barrier != 0 && self.release_barriers(card) {
+        if self.issue.barrier != 0 && self.release_barriers(card) {
             did = Tick::Moved;
         }
 
         // 5. New warps: vertices first, since fragments wait for them.
-        did = did.or(self.take(wires, card, Program::Vertex));
-        did = did.or(self.take(wires, card, Program::Compute));
-        did = did.or(self.take(wires, card, Program::Fragment));
-
-        // 6. Nothing moved, but warps are between instructions: busy; or all wait for memory.
-        if did != Tick::Moved && self.held != 0 {
-            match self.next_issue(now) {
-                Some(at) => {
-                    wires.sleep_until(at);
-                    did = did.or(Tick::Working);
-                }
-                None => did = did.or(Tick::Memory),
-            }
+        for program in Program::ALL {
+            did = did.or(self.take(wires, card, program));
         }
-        did
+
+        // 6. Whoever has something for another unit, or waits for its group, looks again in the next cycle. Else nothing can be
+        //    seen from outside until a warp comes to the end of its step; or all wait for memory.
+        let moved = did == Tick::Moved;
+        if moved && self.issue.any_ended() {
+            return did;
+        }
+        let mut why = if moved { Tick::Starved } else { did };
+        if self.held != 0 {
+            // With something for another unit that it cannot get rid of, its account tells cycles of issue from blocked ones.
+            let next = if self.issue.any_ended() { self.issue.next_event(&self.fixed) } else { self.issue.quiet_until() };
+            wires.sleep_until(next);
+            why = why.or(if next == NEVER { Tick::Memory } else { Tick::Working });
+        }
+        if moved {
+            wires.rest(why);
+            return did;
+        }
+        why
     }
 
     fn items(&self) -> u64 {
-        self.items
+        self.issue.issued.iter().sum()
     }
 
     fn resident(&self) -> u64 {
         u64::from(self.held.count_ones())
+    }
+}
+
+impl Core {
+    /// Warps that are done leave, as far as there is room.
+    fn leave(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        for place in bits(self.issue.finished) {
+            let resident = self.resident[place as usize];
+            let (port, number) = match resident.program {
+                Program::Fragment => (&self.ports.fragment, resident.warp),
+                Program::Vertex => (&self.ports.vertex, resident.number),
+                Program::Compute => (&self.ports.compute, resident.number),
+            };
+            let Some((_, output)) = port else { continue };
+            if !wires.try_push(output, WarpToken { warp: number }) {
+                did = did.or(Tick::Blocked);
+                continue;
+            }
+            if resident.program != Program::Fragment {
+                card.warps[self.cluster].remove(resident.warp);
+            }
+            self.issue.finished &= !(1 << place);
+            self.held &= !(1 << place);
+            self.registers += resident.registers;
+            if resident.shared > 0 {
+                self.hand_on(resident);
+            }
+            did = Tick::Moved;
+        }
+        did
     }
 }
