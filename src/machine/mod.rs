@@ -107,7 +107,7 @@ impl Machine {
                 let done = card.events.is_empty() && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
-                card.fault.is_some() || circuit.command.frame_over() && quiet() || done && (!card.closed || quiet())
+                card.fault.is_some() || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
             });
             // A machine with a fault may well be stuck; the fault is why.
             if let Some(fault) = self.card.fault.take() {
