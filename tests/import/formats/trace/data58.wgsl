@@ -10,7 +10,7 @@ struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
     return V(vec4f(p.x / 128.0 - 1.0, 1.0 - p.y / 128.0, 0.0, 1.0), corner);
 }
 @fragment fn fs(v: V) -> @location(0) vec4f {
-    let uv = v.uv;
+    let uv = v.uv * 0.9713 + 0.0137;
     var c = vec4f(0.0);
     c = textureSample(t, s, vec3f(uv * 1.5, 0.2 + uv.x * 0.6));
     return saturate(c * cell.scale + cell.bias);

@@ -10,7 +10,7 @@ struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
     return V(vec4f(p.x / 128.0 - 1.0, 1.0 - p.y / 128.0, 0.0, 1.0), corner);
 }
 @fragment fn fs(v: V) -> @location(0) vec4f {
-    let uv = v.uv;
+    let uv = v.uv * 0.9713 + 0.0137;
     var c = vec4f(0.0);
     let a = uv * vec2f(6.2832, 3.1416); c = textureSampleLevel(t, s, vec3f(cos(a.x) * sin(a.y), cos(a.y), sin(a.x) * sin(a.y)), i32(round(uv.x)), 0.6);
     return saturate(c * cell.scale + cell.bias);

@@ -10,7 +10,7 @@ struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
     return V(vec4f(p.x / 128.0 - 1.0, 1.0 - p.y / 128.0, 0.0, 1.0), corner);
 }
 @fragment fn fs(v: V) -> @location(0) vec4f {
-    let uv = v.uv;
+    let uv = v.uv * 0.9713 + 0.0137;
     var c = vec4f(0.0);
     c = textureSampleGrad(t, s, uv * 2.0, u32(uv.y * 4.0), dpdx(uv) * 0.5, dpdy(uv) * 2.0, vec2i(1, -2)) ;
     return saturate(c * cell.scale + cell.bias);

@@ -10,7 +10,7 @@ struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
     return V(vec4f(p.x / 128.0 - 1.0, 1.0 - p.y / 128.0, 0.0, 1.0), corner);
 }
 @fragment fn fs(v: V) -> @location(0) vec4f {
-    let uv = v.uv;
+    let uv = v.uv * 0.9713 + 0.0137;
     var c = vec4f(0.0);
     c = vec4f(textureSampleCompare(t, s, uv, uv.x), textureSampleCompareLevel(t, s, uv, 1.0 - uv.y), dot(textureGatherCompare(t, s, uv, 0.5), vec4f(0.25)), 1.0);
     return saturate(c * cell.scale + cell.bias);
