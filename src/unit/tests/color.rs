@@ -131,7 +131,8 @@ fn written(scene: &Scene) -> Written {
                 if of.late { &mut tested } else { &mut shaded }.push((of.at, token));
             }
             let last = scene.groups.len() as u32;
-            shaded.push((0, GroupToken { sequence: last, ..mark(scene.mark, 0) }));
+            let after = shaded.last().map_or(0, |&(at, _)| at);
+            shaded.push((after, GroupToken { sequence: last, ..mark(scene.mark, 0) }));
             let memory = port(&mut plan, &mut wiring, ids[2]);
             let ideal = plan.build(&mut wiring).ideal;
             let ports = ColorPorts { shaded: from_cores, tested: from_depth, end, ack };
@@ -221,6 +222,9 @@ fn groups_are_taken_in_order_wherever_they_come_from() {
     let got = written(&Scene { groups: vec![quads(0, 4), late, quads(2, 4)], ..Scene::default() });
     assert_eq!(got.ack, 53 + 6 + 1);
     assert_eq!(got.colors[..4], [0x3333_3333, 0x3333_3333, 0x3333_3333, 0]);
+    // One from the late test that is there before its turn waits for the first, which comes straight from the cores in 51.
+    let (first, second) = (Quads { at: 50, ..quads(0, 4) }, Quads { late: true, ..quads(1, 4) });
+    assert_eq!(written(&Scene { groups: vec![first, second], ..Scene::default() }).ack, 53 + 6 + 1);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The command processor: what a command takes, slots, clears, transfers, the order of events.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::kit::{Echo, FREE, memory, port, round_trip, settle, write_time};
@@ -14,14 +15,17 @@ use crate::unit::token::{Ack, Kind, Piece};
 use crate::work::*;
 
 /// Stands for everything between the command processor and the ROPs: reports fences so many cycles after they came, that of a pass
-/// from the colour and the depth unit.
+/// from the colour and the depth units.
 struct Pipeline {
     got: Vec<(Cycle, Kind)>,
     after: Cycle,
-    held: std::collections::VecDeque<(Cycle, Piece)>,
+    held: VecDeque<(Cycle, Piece)>,
+    /// Pipelines that have reported the fence at hand.
+    reported: usize,
     input: In<Piece>,
-    color: Out<Ack>,
-    depth: Out<Ack>,
+    /// To the colour units' and the depth units' reports, a pipeline each.
+    color: Vec<Out<Ack>>,
+    depth: Vec<Out<Ack>>,
 }
 
 impl Unit<Card> for Pipeline {
@@ -39,10 +43,19 @@ impl Unit<Card> for Pipeline {
                 wires.sleep_until(at);
                 return did.or(Tick::Working);
             }
-            wires.push(&self.color, Ack { slot, kind });
+            // The second pipeline is 5 cycles behind the first.
+            let number = self.reported;
+            wires.push(&self.color[number], Ack { slot, kind });
             if kind == Kind::PASS {
-                wires.push(&self.depth, Ack { slot, kind });
+                wires.push(&self.depth[number], Ack { slot, kind });
             }
+            if number + 1 < self.color.len() {
+                self.reported += 1;
+                self.held[0].0 = wires.now() + 5;
+                did = Tick::Moved;
+                continue;
+            }
+            self.reported = 0;
             self.held.pop_front();
             did = Tick::Moved;
         }
@@ -72,14 +85,15 @@ crate::circuit! {
 const CONFIG: CommandConfig =
     CommandConfig { command_cycles: 8, segments: 8, workgroup_runs: 2, copy_misses: 16, barrier_cycles: 50 };
 
-/// How the card clears and whether it shows frames.
+/// How the card clears, whether it shows frames, and its pipelines.
 #[derive(Clone, Copy)]
 struct Features {
     fast_clear: bool,
     scanout: bool,
+    pipelines: usize,
 }
 
-const PLAIN: Features = Features { fast_clear: true, scanout: false };
+const PLAIN: Features = Features { fast_clear: true, scanout: false, pipelines: 1 };
 
 /// Cycles that each of the other units takes here from a command to its answer.
 const REPLY: Cycle = 30;
@@ -89,8 +103,9 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     let ids = ["command", "pipeline", "compute", "resolve", "scanout"].map(|name| wiring.unit(name, 0));
     let mut plan = memory(&mut wiring);
     let (fetch, at_fetch) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
-    let (color, from_color) = wiring.channel("acks", 0, FREE, ids[1], ids[0]);
-    let (depth, from_depth) = wiring.channel("acks", 1, FREE, ids[1], ids[0]);
+    let acks = (0..2 * of.pipelines).map(|index| wiring.channel("acks", index, FREE, ids[1], ids[0]));
+    let (mut color, acks): (Vec<_>, Vec<_>) = acks.unzip();
+    let depth = color.split_off(of.pipelines);
     let mut outputs = Vec::new();
     let mut inputs = Vec::new();
     let mut echoes = Vec::new();
@@ -113,16 +128,16 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         resolved,
         scanout,
         scanned,
-        acks: vec![from_color, from_depth],
+        acks,
         memory: port(&mut plan, &mut wiring, ids[0]),
     };
     let mut card = card(1);
     card.events.extend(events.iter().cloned());
     card.closed = true;
-    // One pipeline, which clears 4 blocks a cycle by flag.
-    let command = Command::new(config.clone(), 1, (of.fast_clear, 4), of.scanout, ports);
-    let held = Default::default();
-    let pipeline = Pipeline { got: Vec::new(), after: REPLY, held, input: at_fetch, color, depth };
+    // The pipelines together clear 4 blocks a cycle by flag.
+    let command = Command::new(config.clone(), of.pipelines as u32, (of.fast_clear, 4), of.scanout, ports);
+    let held = VecDeque::new();
+    let pipeline = Pipeline { got: Vec::new(), after: REPLY, held, reported: 0, input: at_fetch, color, depth };
     let mut echoes = echoes.into_iter();
     let mut next = || echoes.next().expect("three");
     let (compute, resolve, scanout) = (next(), next(), next());
@@ -219,6 +234,11 @@ fn a_segment_needs_a_slot() {
     let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
     let turn = REPLY + 1 + 2;
     assert_eq!(data, [12, 12 + turn, 12 + 2 * turn]);
+    // All pipelines must have reported it; the second does so 5 cycles later.
+    let two = Features { pipelines: 2, ..PLAIN };
+    let got = commanded(&one, two, &frame(Load::Load, false, 3));
+    let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+    assert_eq!(data, [12, 12 + turn + 5, 12 + 2 * (turn + 5)]);
 }
 
 #[test]
