@@ -19,8 +19,11 @@ crate::circuit! {
     }
 }
 
-/// When survivors leave a clipper of two primitives a cycle, and what it has counted.
-fn clipped(primitives: &[Primitive], runs: usize) -> (Vec<(Cycle, (u32, u32))>, Funnel) {
+/// When runs of survivors leave, with their first and number.
+type Runs = Vec<(Cycle, (u32, u32))>;
+
+/// What leaves a clipper of two primitives a cycle in so many runs, and what it has counted.
+fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
     let count = primitives.len() as u32;
     settle(
         || {
