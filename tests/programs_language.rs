@@ -570,6 +570,12 @@ fn subgroups() {
 #[test]
 fn what_is_not_supported_is_refused_by_name() {
     let main = "@compute @workgroup_size(1) fn main() {";
+    for size in ["65535, 65535, 1", "none, 1, 1"] {
+        let mut lab = Lab::new();
+        lab.compute(&format!("override none = 0u; @compute @workgroup_size({size}) fn main() {{}}"));
+        let message = lab.refusal();
+        assert!(message.to_lowercase().contains("workgroup") && message.contains("main"), "{message}");
+    }
     let cases = [
         ("@group(0) @binding(0) var t: texture_external;", "{ _ = textureDimensions(t); }", "external"),
         ("@group(0) @binding(0) var<storage, read_write> a: array<f64>;", "{ a[0] = 1.0lf; }", "f64"),

@@ -6,6 +6,28 @@ use std::path::Path;
 
 use fillrate::trace::{Packing, Trace, write_zip};
 
+#[path = "../../tests/fuzz/replays.rs"]
+mod replays;
+
+/// Copies the files below a folder with an extension into a corpus, each after a byte if one is given.
+fn copy(from: &Path, extension: &str, tag: Option<u8>, to: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(from)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            copy(&path, extension, tag, to)?;
+        } else if path.extension().is_some_and(|found| found == extension) {
+            let bytes: Vec<u8> = tag.into_iter().chain(fs::read(&path)?).collect();
+            fs::write(to.join(blake(&bytes)), bytes)?;
+        }
+    }
+    Ok(())
+}
+
+/// A name that follows from contents.
+fn blake(bytes: &[u8]) -> String {
+    fillrate::trace::hash_of(bytes)[..16].to_owned()
+}
+
 fn main() -> io::Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let corpus = root.join("corpus/trace_reader");
@@ -40,5 +62,13 @@ fn main() -> io::Result<()> {
     for name in ["all", "refused"] {
         fs::copy(root.join("../tests/import").join(name).join("trace.ron"), corpus.join(name))?;
     }
-    Ok(())
+    let corpora = ["shaders", "configs", "replays"].map(|name| root.join("corpus").join(name));
+    corpora.iter().try_for_each(fs::create_dir_all)?;
+    let repository = root.join("..");
+    copy(&repository.join("tests/import"), "wgsl", Some(b'W'), &corpora[0])?;
+    copy(&repository.join("examples"), "wgsl", Some(b'W'), &corpora[0])?;
+    copy(&repository.join("tests/programs"), "spv", Some(b'S'), &corpora[0])?;
+    copy(&repository.join("tests/import/culling"), "ron", Some(b'N'), &corpora[0])?;
+    copy(&repository.join("configs"), "ron", None, &corpora[1])?;
+    fs::write(corpora[2].join("small"), replays::Small::new().text)
 }

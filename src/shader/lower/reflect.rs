@@ -17,6 +17,9 @@ use crate::shader::types::{Ty, Types};
 /// Instructions that unrolled loops of one entry point may add.
 const UNROLL_BUDGET: usize = 3000;
 
+/// Invocations that a workgroup may have: far more than any card's, few enough for their registers to fit in memory.
+const MAX_INVOCATIONS: u64 = 1 << 14;
+
 /// Lowers one entry point of a module without overrides. `keep` says which user-defined outputs are wanted.
 pub(in crate::shader) fn lower(
     origin: &Module,
@@ -65,6 +68,10 @@ impl<'a> Lowerer<'a> {
         let Some(stage) = Stage::from_naga(entry.stage) else {
             return self.refuse(format!("the {:?} stage is not supported", entry.stage));
         };
+        let invocations = entry.workgroup_size.iter().fold(1u64, |n, &side| n.saturating_mul(u64::from(side)));
+        if stage == Stage::Compute && !(1..=MAX_INVOCATIONS).contains(&invocations) {
+            return self.refuse(format!("a workgroup of {invocations} invocations; 1 to {MAX_INVOCATIONS} are possible"));
+        }
         let bindings = self.reflect_bindings(index)?;
         self.written_bindings = vec![false; bindings.len()];
         let workgroup_bytes = self.global_variables(index)?;
