@@ -267,7 +267,8 @@ fn short_circuits_and_order_of_evaluation() {
 /// Integers wrap; divisions that have no result, and shifts, give what WGSL says.
 #[test]
 fn integers_at_their_edges() {
-    let cases: [(&str, fn(i32, i32) -> u32); 9] = [
+    type Reference = fn(i32, i32) -> u32;
+    let cases: [(&str, Reference); 9] = [
         ("a / b", |a, b| if b == 0 || (a == i32::MIN && b == -1) { a as u32 } else { (a / b) as u32 }),
         ("a % b", |a, b| if b == 0 || (a == i32::MIN && b == -1) { 0 } else { (a % b) as u32 }),
         ("bitcast<i32>(bitcast<u32>(a) / bitcast<u32>(b))", |a, b| (a as u32).checked_div(b as u32).unwrap_or(a as u32)),
@@ -510,7 +511,7 @@ fn half_precision_numbers() {
             result[5] = bitcast<u32>(f32(f16(f32(data.c[3]) / 3.0)));
         }";
     // a at 0; b at 8, 10, 12; m: columns at 16 and 24; c from 32 on.
-    let mut halves = vec![0u16; 40];
+    let mut halves = [0u16; 40];
     let half = |x: f32| {
         // Numbers that are exact in 16 bits.
         let bits = x.to_bits();

@@ -95,7 +95,8 @@ fn clipped_neighbours_cover_every_sample_of_a_mesh_once() {
             let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| (j + y) * (CELLS + 1) + i + x);
             list.extend(if (i + j) % 2 == 0 { [a, b, c, c, b, d] } else { [a, b, d, d, c, a] });
         }
-        scene.draws = vec![0..list.len() as u32];
+        let all = 0..list.len() as u32;
+        scene.draws = vec![all];
         scene.indices = Some(list);
         let pipeline = scene.pipeline().unwrap();
         let (mut inside, mut cut) = (0, 0);
