@@ -94,6 +94,30 @@ pub(super) fn capabilities() -> Capabilities {
         | Capabilities::MEMORY_DECORATION_VOLATILE
 }
 
+/// The first function that a SPIR-V module calls and does not have, on which naga 30 panics. Nothing is said of what is no such
+/// module.
+fn undefined_function(bytes: &[u8]) -> Option<u32> {
+    const FUNCTION: u32 = 54;
+    const FUNCTION_CALL: u32 = 57;
+    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
+    let (mut defined, mut called) = (std::collections::BTreeSet::<u32>::new(), Vec::new());
+    // Five words of header, then instructions: their length in words and their code, then their operands.
+    let mut at = 5;
+    while let Some(&first) = words.get(at) {
+        let (length, code) = ((first >> 16) as usize, first & 0xffff);
+        if length == 0 {
+            break;
+        }
+        match code {
+            FUNCTION => defined.extend(words.get(at + 2)),
+            FUNCTION_CALL => called.extend(words.get(at + 3)),
+            _ => {}
+        }
+        at += length;
+    }
+    called.into_iter().find(|id| !defined.contains(id))
+}
+
 impl Module {
     /// Parses and validates a module; `name` is used in messages only.
     ///
@@ -122,8 +146,14 @@ impl Module {
                     strict_capabilities: true,
                     block_ctx_dump_prefix: None,
                 };
-                let ir = naga::front::spv::parse_u8_slice(bytes, &options).map_err(|e| fail(None, chain(&e)))?;
-                (ir, "")
+                if let Some(id) = undefined_function(bytes) {
+                    return Err(fail(None, format!("a call of %{id}, which is no function of the module")));
+                }
+                // naga trusts a binary in some places where it could look: what it does then is a refusal too.
+                let parse = || naga::front::spv::parse_u8_slice(bytes, &options);
+                let parsed = std::panic::catch_unwind(parse)
+                    .map_err(|_| fail(None, "naga's reader of SPIR-V gave up on it: damaged, or a defect there".to_owned()))?;
+                (parsed.map_err(|e| fail(None, chain(&e)))?, "")
             }
             Source::NagaIr(ron) => {
                 let ir = ron::from_str::<naga::Module>(ron)

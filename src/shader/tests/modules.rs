@@ -50,6 +50,13 @@ fn all_sources_agree() {
     let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None).expect("written");
     let spirv: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
     let ron = ron::ser::to_string_pretty(&module, ron::ser::PrettyConfig::default()).expect("serialised");
+    // A call (of code 57 and, with one argument, five words) of a function that is not there is refused by its number.
+    let mut broken = words.clone();
+    let call = broken.iter().position(|&word| word == 5 << 16 | 57).expect("a call with one argument");
+    broken[call + 3] = 4321;
+    let broken: Vec<u8> = broken.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let error = Module::new("bad.spv", Source::SpirV(&broken)).err().expect("refused");
+    assert!(error.to_string().contains("a call of %4321"), "{error}");
     let mut results = Vec::new();
     for source in [Source::Wgsl(source), Source::SpirV(&spirv), Source::NagaIr(&ron)] {
         let module = Module::new("test", source).unwrap_or_else(|e| panic!("{e}"));
