@@ -10,6 +10,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::render::is_guarded;
+
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
 #[derive(Parser)]
 #[command(name = "fillrate", version, about, after_help = "Start with:\n  fillrate replay traces/cube --out out")]
@@ -38,6 +40,13 @@ enum Verdict {
 
 /// Runs the command line and answers the exit code: 0 done, 1 a check failed, 2 bad input or use.
 pub fn main() -> ExitCode {
+    // A front end's panic is reported as an error, once.
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !is_guarded() {
+            report(panic);
+        }
+    }));
     let arguments = Arguments::parse();
     let result = match arguments.command {
         Command::Replay(arguments) => replay::run(&arguments),

@@ -16,5 +16,6 @@ pub mod draw;
 pub mod pipeline;
 pub mod surface;
 
+pub use crate::shader::is_guarded;
 pub use draw::Skips;
 pub use execute::{Options, Sink, Stop, Summary, render};

@@ -4,6 +4,7 @@ use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 
 use super::assemble::assemble;
+use super::guard::guarded;
 use super::interface::Stage;
 use super::lower;
 use super::module::{Module, ShaderError, chain};
@@ -42,8 +43,11 @@ pub fn compile(module: &Module, stage: Stage, entry: Option<&str>, options: &Opt
     for (key, value) in options.constants {
         constants.insert(key.clone(), *value);
     }
-    let (ir, info) = process_overrides(&module.ir, &module.info, Some((stage.to_naga(), name)), &constants)
-        .map_err(|e| fail(Some(name), chain(&e)))?;
+    let resolve = || {
+        let entry = Some((stage.to_naga(), name));
+        process_overrides(&module.ir, &module.info, entry, &constants).map_err(|e| chain(&e))
+    };
+    let (ir, info) = guarded(resolve).and_then(|resolved| resolved).map_err(|message| fail(Some(name), message))?;
     let index = ir
         .entry_points
         .iter()

@@ -18,6 +18,7 @@ mod assemble;
 mod code;
 mod compile;
 mod exec;
+mod guard;
 mod interface;
 mod ir;
 mod lower;
@@ -32,6 +33,7 @@ mod tests;
 
 pub use compile::{Options, compile};
 pub use exec::{Bound, Executor, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
+pub use guard::is_guarded;
 pub use interface::*;
 pub use module::{Module, Place, ShaderError, Source};
 pub use program::Program;

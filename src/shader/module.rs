@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
+use super::guard::guarded;
 use super::interface::Stage;
 
 /// The source of a shader module.
@@ -124,6 +125,11 @@ impl Module {
     /// # Errors
     /// If the text does not parse, or naga's validation refuses it, or it needs a capability that is not implemented.
     pub fn new(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
+        let fail = |message| ShaderError { module: name.to_owned(), entry: None, place: None, message };
+        guarded(|| Module::parse(name, source)).unwrap_or_else(|message| Err(fail(message)))
+    }
+
+    fn parse(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         let (ir, text) = match source {
             Source::Wgsl(text) => {

@@ -84,6 +84,14 @@ pub fn draw_everything(data: &[u8]) {
             polygon.vertices().iter().map(|v| screen.vertex(v.position)).collect()
         }
     };
+    // Snapping may make the outline of a cut sliver cross itself; its triangles are then more than the outline, and may overlap.
+    let area = |[a, b, c]: [usize; 3]| {
+        let p = |i: usize| [i64::from(vertices[i].x), i64::from(vertices[i].y)];
+        let ([ax, ay], [bx, by], [cx, cy]) = (p(a), p(b), p(c));
+        (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+    };
+    let outline: i64 = (2..vertices.len()).map(|i| area([0, i - 1, i])).sum();
+    let simple = corners != 3 || setup::fan(&vertices).map(|t| area(t).abs()).sum::<i64>() == outline.abs();
     let primitives: Vec<Triangle> = match corners {
         3 => setup::fan(&vertices).filter_map(|t| setup::triangle(&state, &t.map(|i| vertices[i])).ok()).collect(),
         2 => setup::line(&state, &[vertices[0], vertices[1]], true).into_iter().collect(),
@@ -91,6 +99,9 @@ pub fn draw_everything(data: &[u8]) {
     };
     let mut hits = HashSet::new();
     for primitive in &primitives {
+        if !simple {
+            hits.clear();
+        }
         match samples {
             1 => walk::<1>(&state, primitive, &mut hits),
             _ => walk::<4>(&state, primitive, &mut hits),
