@@ -155,11 +155,8 @@ impl Module {
                 if let Some(id) = undefined_function(bytes) {
                     return Err(fail(None, format!("a call of %{id}, which is no function of the module")));
                 }
-                // naga trusts a binary in some places where it could look: what it does then is a refusal too.
-                let parse = || naga::front::spv::parse_u8_slice(bytes, &options);
-                let parsed = std::panic::catch_unwind(parse)
-                    .map_err(|_| fail(None, "naga's reader of SPIR-V gave up on it: damaged, or a defect there".to_owned()))?;
-                (parsed.map_err(|e| fail(None, chain(&e)))?, "")
+                let ir = naga::front::spv::parse_u8_slice(bytes, &options).map_err(|e| fail(None, chain(&e)))?;
+                (ir, "")
             }
             Source::NagaIr(ron) => {
                 let ir = ron::from_str::<naga::Module>(ron)

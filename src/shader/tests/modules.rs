@@ -55,7 +55,7 @@ fn all_sources_agree() {
     let call = broken.iter().position(|&word| word == 5 << 16 | 57).expect("a call with one argument");
     broken[call + 3] = 4321;
     let broken: Vec<u8> = broken.iter().flat_map(|w| w.to_le_bytes()).collect();
-    let error = Module::new("bad.spv", Source::SpirV(&broken)).err().expect("refused");
+    let error = Module::new("bad.spv", Source::SpirV(&broken)).expect_err("refused");
     assert!(error.to_string().contains("a call of %4321"), "{error}");
     let mut results = Vec::new();
     for source in [Source::Wgsl(source), Source::SpirV(&spirv), Source::NagaIr(&ron)] {
