@@ -79,15 +79,29 @@ fn each(f: impl Fn(usize) -> f64) -> Quad {
     [f(0), f(1), f(2), f(3)]
 }
 
-/// Columns of a quad's pixels.
-const X: Quad = [0.0, 1.0, 0.0, 1.0];
-/// Rows of a quad's pixels.
-const Y: Quad = [0.0, 0.0, 1.0, 1.0];
+/// An edge function in `f64`, in which all of it is exact: every term and sum is a whole number below 2^53.
+#[derive(Clone, Copy)]
+struct ExactEdge {
+    /// Change for each 1/256 pixel to the right and down.
+    slope: [f64; 2],
+    /// Values in the pixels of the quad at the base.
+    quad: Quad,
+}
+
+impl ExactEdge {
+    #[inline(always)]
+    fn new(edge: &Edge) -> ExactEdge {
+        let slope = [f64::from(edge.a), f64::from(edge.b)];
+        let (right, down) = (slope[0] * f64::from(SUBPIXEL), slope[1] * f64::from(SUBPIXEL));
+        let c = edge.c as f64;
+        ExactEdge { slope, quad: [c, c + right, c + down, c + (right + down)] }
+    }
+}
 
 /// Where one edge function is evaluated in the pixels of a quad, in 1/256 pixel from the centres.
 trait Offsets: Copy {
-    /// The values of an edge function whose first pixel is `(x, y)` from the base.
-    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad;
+    /// The values of an edge function in the quad that lies `at` (in 1/256 pixel) from the base.
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad;
 
     /// The offset of pixel p in pixels.
     fn pixels(self, p: usize) -> [f32; 2];
@@ -108,11 +122,10 @@ fn to_pixels(offset: [i32; 2]) -> [f32; 2] {
 
 impl Offsets for Same {
     #[inline(always)]
-    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad {
-        // Every term and sum is a whole number below 2^53: nothing rounds.
-        let (right, down) = (f64::from(edge.a) * f64::from(SUBPIXEL), f64::from(edge.b) * f64::from(SUBPIXEL));
-        let first = edge.at(x + self.0[0], y + self.0[1]) as f64;
-        each(|p| first + (right * X[p] + down * Y[p]))
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad {
+        let (x, y) = (at[0] + f64::from(self.0[0]), at[1] + f64::from(self.0[1]));
+        let moved = edge.slope[0] * x + edge.slope[1] * y;
+        each(|p| edge.quad[p] + moved)
     }
 
     #[inline(always)]
@@ -123,12 +136,10 @@ impl Offsets for Same {
 
 impl Offsets for Own {
     #[inline(always)]
-    fn values(self, edge: &Edge, x: i32, y: i32) -> Quad {
-        let (a, b) = (f64::from(edge.a), f64::from(edge.b));
-        let first = Same([0, 0]).values(edge, x, y);
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad {
         each(|p| {
             let [dx, dy] = OFFSETS[usize::from(self.0[p]) & 7];
-            first[p] + (a * f64::from(dx) + b * f64::from(dy))
+            edge.quad[p] + (edge.slope[0] * (at[0] + f64::from(dx)) + edge.slope[1] * (at[1] + f64::from(dy)))
         })
     }
 
@@ -159,13 +170,44 @@ macro_rules! for_each_quad {
     };
 }
 
-/// The edge functions E_1 and E_2 at the four pixels of a quad.
-#[inline(always)]
-fn edges(t: &Triangle, site: &Site, offsets: impl Offsets) -> (Quad, Quad) {
-    let [bx, by] = t.base();
-    let x = (i32::from(site.x) - bx) * SUBPIXEL;
-    let y = (i32::from(site.y) - by) * SUBPIXEL;
-    (offsets.values(&t.edges[1], x, y), offsets.values(&t.edges[2], x, y))
+/// What the weights of a primitive are computed from.
+#[derive(Clone, Copy)]
+struct Basis {
+    /// The edge functions opposite to vertices 1 and 2.
+    edges: [ExactEdge; 2],
+    /// The sum of all three.
+    area: f64,
+    inv_area: f64,
+    /// 1/w of the vertices.
+    inv_w: [f64; 3],
+    /// The least that the sum of weights times 1/w may be.
+    least: f64,
+    base: [i32; 2],
+}
+
+impl Basis {
+    #[inline(always)]
+    fn new(t: &Triangle) -> Basis {
+        let area = t.area() as f64;
+        let [k0, k1, k2] = [f64::from(t.inv_w[0]), f64::from(t.inv_w[1]), f64::from(t.inv_w[2])];
+        let k01 = if k0 < k1 { k0 } else { k1 };
+        Basis {
+            edges: [ExactEdge::new(&t.edges[1]), ExactEdge::new(&t.edges[2])],
+            area,
+            inv_area: t.inv_area,
+            inv_w: [k0, k1, k2],
+            least: (if k01 < k2 { k01 } else { k2 }) * area * (1.0 / 16.0),
+            base: t.base(),
+        }
+    }
+
+    /// E_1 and E_2 at the four pixels of a quad.
+    #[inline(always)]
+    fn values(&self, site: &Site, offsets: impl Offsets) -> [Quad; 2] {
+        let at = [(i32::from(site.x) - self.base[0]) * SUBPIXEL, (i32::from(site.y) - self.base[1]) * SUBPIXEL];
+        let at = [f64::from(at[0]), f64::from(at[1])];
+        [offsets.values(&self.edges[0], at), offsets.values(&self.edges[1], at)]
+    }
 }
 
 /// Writes a quad's lanes.
@@ -185,23 +227,25 @@ widest! {
     /// # Panics
     /// If a site names a primitive that is not there.
     pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
+        let Some(first) = sites.first() else { return };
+        let (mut current, mut basis) = (first.triangle, Basis::new(&triangles[first.triangle as usize]));
         for_each_quad!(sites, place, |q, site, offsets| {
-            let t = &triangles[site.triangle as usize];
-            let (e1, e2) = edges(t, site, offsets);
-            let area = t.area() as f64;
-            let [k0, k1, k2] = [f64::from(t.inv_w[0]), f64::from(t.inv_w[1]), f64::from(t.inv_w[2])];
-            let k01 = if k0 < k1 { k0 } else { k1 };
-            let least = (if k01 < k2 { k01 } else { k2 }) * area * (1.0 / 16.0);
+            // The quads of a primitive follow each other.
+            if site.triangle != current {
+                (current, basis) = (site.triangle, Basis::new(&triangles[site.triangle as usize]));
+            }
+            let [e1, e2] = basis.values(site, offsets);
+            let (area, [k0, k1, k2]) = (basis.area, basis.inv_w);
             let p1 = each(|p| e1[p] * k1);
             let p2 = each(|p| e2[p] * k2);
             let sum = each(|p| {
                 let sum = ((area - e1[p]) - e2[p]) * k0 + p1[p] + p2[p];
-                if sum > least { sum } else { least }
+                if sum > basis.least { sum } else { basis.least }
             });
             let inv = each(|p| 1.0 / sum[p]);
             put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
             put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
-            put(inv_w, q, each(|p| sum[p] * t.inv_area));
+            put(inv_w, q, each(|p| sum[p] * basis.inv_area));
         });
     }
 }
@@ -215,10 +259,10 @@ widest! {
     /// If a site names a primitive that is not there.
     pub fn linear(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights) {
         for_each_quad!(sites, place, |q, site, offsets| {
-            let t = &triangles[site.triangle as usize];
-            let (e1, e2) = edges(t, site, offsets);
-            put(&mut weights.one, q, each(|p| e1[p] * t.inv_area));
-            put(&mut weights.two, q, each(|p| e2[p] * t.inv_area));
+            let basis = Basis::new(&triangles[site.triangle as usize]);
+            let [e1, e2] = basis.values(site, offsets);
+            put(&mut weights.one, q, each(|p| e1[p] * basis.inv_area));
+            put(&mut weights.two, q, each(|p| e2[p] * basis.inv_area));
         });
     }
 }

@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 
 use crate::gfx::format::Format;
+use crate::gfx::hierarchical::depth_key;
 use crate::gfx::rop;
 use crate::num::Words;
 use crate::work::{BLOCK, TILE};
@@ -32,30 +33,20 @@ pub fn quad_origin(quad: u32) -> (u32, u32) {
     (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2)
 }
 
-/// Bounds on the depths that a block holds, as ordered keys (see [`depth_key`]); they may be wider than the depths themselves.
+/// Bounds on the depths that a block holds, as ordered keys ([`depth_key`]). They always hold, and may be wider than need be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockDepth {
     /// No stored depth is below.
     pub min: u32,
     /// No stored depth is above.
     pub max: u32,
-    /// Writes since the bounds were exact.
+    /// How often the block may have been written since the bounds were exact.
     pub stale: u32,
 }
 
 impl BlockDepth {
     /// Bounds that hold for anything.
-    pub const UNKNOWN: BlockDepth = BlockDepth { min: 0, max: u32::MAX, stale: 1 };
-}
-
-/// A stored depth as a number that compares as the depths do.
-#[inline(always)]
-pub fn depth_key(format: Format, code: u32) -> u32 {
-    match format {
-        Format::Depth24Plus | Format::Depth24PlusStencil8 => code & 0x00ff_ffff,
-        Format::Depth32Float | Format::Depth32FloatStencil8 => float_key(code),
-        _ => code,
-    }
+    pub const UNKNOWN: BlockDepth = BlockDepth { min: 0, max: u32::MAX, stale: u32::MAX };
 }
 
 /// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
@@ -73,12 +64,6 @@ pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
         _ => [0; 4],
     };
     ([depth, 0, 0, 0], stencil)
-}
-
-/// The bits of a float as a number that compares as floats do (negative numbers too; NaN beyond infinity).
-#[inline(always)]
-pub fn float_key(bits: u32) -> u32 {
-    bits ^ ((bits as i32 >> 31) as u32 | 0x8000_0000)
 }
 
 /// Shape of a surface.
@@ -516,6 +501,5 @@ mod tests {
             assert_eq!(quad_of(x + 1, y + 1), quad);
         }
         assert_eq!(quad_of(8, 0), 16);
-        assert!(float_key((-1.0_f32).to_bits()) < float_key(0) && float_key(0) < float_key(1.0_f32.to_bits()));
     }
 }

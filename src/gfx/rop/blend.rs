@@ -208,9 +208,12 @@ impl ColorState {
             Path::Nothing => {}
             Path::Replace8(_) => {
                 let new = self.codes8::<LANES>(lanes(src), lanes(src1), &[0; LANES]);
-                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                for q in 0..quads {
                     let run = &mut tile[at[q] as usize * samples * 4..][..samples * 4];
-                    self.put_quad(samples, coverage[q], &four(&new, 4 * q), run);
+                    for s in 0..samples {
+                        let mask = (coverage[q] >> (4 * s)) as u8;
+                        self.put_word(mask, &four(&new, 4 * q), &mut run[4 * s..4 * s + 4]);
+                    }
                 }
             }
             Path::Blend8(_) => {
@@ -263,7 +266,7 @@ impl ColorState {
         let new = self.codes8::<LANES>(lanes(src), lanes(src1), &old);
         for q in run {
             if mask(q) != 0 {
-                self.put(mask(q), &four(&new, 4 * q), &mut tile[place(q)..place(q) + 4]);
+                self.put_word(mask(q), &four(&new, 4 * q), &mut tile[place(q)..place(q) + 4]);
             }
         }
     }
@@ -271,10 +274,6 @@ impl ColorState {
     /// Stores the masked pixels and bits of one sample of a quad.
     #[inline(always)]
     fn put(&self, mask: u8, new: &[u32], stored: &mut [u32]) {
-        if mask == 15 && self.whole {
-            stored.copy_from_slice(&new[..stored.len()]);
-            return;
-        }
         let selected = select_mask(mask);
         for w in 0..self.words {
             for p in 0..4 {
@@ -282,6 +281,17 @@ impl ColorState {
                 let word = &mut stored[4 * w + p];
                 *word = *word & !write | new[4 * w + p] & write;
             }
+        }
+    }
+
+    /// [`ColorState::put`] for codes of one word, without a branch: masks of triangles' edges are not predictable.
+    #[inline(always)]
+    fn put_word(&self, mask: u8, new: &[u32; 4], stored: &mut [u32]) {
+        let selected = select_mask(mask);
+        let old = four(stored, 0);
+        for p in 0..4 {
+            let write = selected[p] & self.bits[0];
+            stored[p] = old[p] & !write | new[p] & write;
         }
     }
 

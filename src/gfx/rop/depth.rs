@@ -9,7 +9,7 @@ use crate::num::{LANES, Lanes, QUADS};
 
 /// How depth is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Storage {
+pub(super) enum Storage {
     /// No depth: every fragment passes.
     None,
     /// 16-bit unsigned normalised.
@@ -22,12 +22,12 @@ enum Storage {
 
 /// A comparison as four masks, so that one straight line of code serves all eight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Accept {
-    less: u32,
-    equal: u32,
-    greater: u32,
+pub(super) struct Accept {
+    pub(super) less: u32,
+    pub(super) equal: u32,
+    pub(super) greater: u32,
     /// One side is NaN.
-    unordered: u32,
+    pub(super) unordered: u32,
 }
 
 impl Accept {
@@ -58,15 +58,15 @@ impl Accept {
 /// Depth and stencil state made ready: formats, masks and the viewport's depth range resolved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthStencilState {
-    storage: Storage,
+    pub(super) storage: Storage,
     /// Where the stencil value is: word of a sample's code, and shift.
     stencil_place: (usize, u32),
     words: usize,
-    accept: Accept,
-    compare: Compare,
-    depth_write: bool,
+    pub(super) accept: Accept,
+    pub(super) compare: Compare,
+    pub(super) depth_write: bool,
     /// Depths are clamped to the viewport's range before they are compared.
-    range: [f32; 2],
+    pub(super) range: [f32; 2],
     /// Front and back, where the stencil test does anything.
     stencil: Option<[StencilFace; 2]>,
     reference: u8,
@@ -138,6 +138,11 @@ impl DepthStencilState {
     pub fn writes_stencil(&self) -> bool {
         let acts = |f: &StencilFace| [f.fail_op, f.depth_fail_op, f.pass_op].iter().any(|op| *op != StencilOp::Keep);
         self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
+    }
+
+    /// Whether blocks of one sample a pixel can be tested at once (`block`): depth alone, in codes of one word.
+    pub fn tests_blocks(&self) -> bool {
+        self.storage != Storage::None && self.words == 1 && self.stencil.is_none()
     }
 
     /// The depth comparison.

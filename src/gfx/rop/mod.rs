@@ -6,6 +6,8 @@
 //! units single quads; both end in the same inner functions, so that their images are equal bit for bit.
 
 mod blend;
+#[cfg(target_arch = "x86_64")]
+mod block;
 mod channels;
 mod depth;
 mod number;
@@ -39,5 +41,15 @@ type ColorRefs<'a, const N: usize> = [&'a [f32; N]; 4];
 /// All ones where bit `p` of a quad's mask is set.
 #[inline(always)]
 fn select_mask(mask: u8) -> [u32; 4] {
-    std::array::from_fn(|p| 0_u32.wrapping_sub(u32::from(mask >> p & 1)))
+    // A table: the shifts and negations would be more instructions than what the mask is needed for.
+    const MASKS: [[u32; 4]; 16] = {
+        let mut masks = [[0; 4]; 16];
+        let mut i = 0;
+        while i < 64 {
+            masks[i / 4][i % 4] = if i / 4 >> (i % 4) & 1 == 1 { !0 } else { 0 };
+            i += 1;
+        }
+        masks
+    };
+    MASKS[usize::from(mask & 15)]
 }

@@ -1,23 +1,27 @@
 //! Early depth and stencil: a block at a time, hierarchical Z first.
 
-use crate::gfx::format::Format;
+use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
 use crate::gfx::rop::DepthStencilState;
 use crate::gfx::setup::{SAMPLES_4, Triangle};
-use crate::gfx::state::Compare;
 use crate::gfx::traverse::Block;
-use crate::num::{LANES, Lanes, SUBPIXEL};
-use crate::render::surface::{BlockDepth, depth_key};
+#[cfg(target_arch = "x86_64")]
+use crate::num::LANES;
+use crate::num::SUBPIXEL;
+use crate::render::surface::BlockDepth;
 
 use super::frame::Frame;
 use super::tile::{TileRun, block_in_tile, quads_in};
 
-/// Quads of a block from which on hierarchical Z and whole-block tests pay.
+/// Quads of a block from which on hierarchical Z pays.
 const LARGE: u32 = 4;
 
+/// Writes to a block after which its bounds are found anew: exact bounds cost as much as testing the block.
+const REFRESH: u32 = 16;
+
 impl TileRun<'_, '_, '_> {
-    /// Early depth and stencil: the samples of the block that pass.
+    /// Early depth and stencil: the samples of the block that pass. `WIDE`: the caller is compiled for AVX2.
     #[inline(always)]
-    pub(super) fn test<const S: usize>(
+    pub(super) fn test<const S: usize, const WIDE: bool>(
         &mut self,
         state: &DepthStencilState,
         triangle: &Triangle,
@@ -28,49 +32,34 @@ impl TileRun<'_, '_, '_> {
         let Some(tile) = &mut self.job.depth else { return block.samples };
         let at = block_in_tile(block.x, block.y);
         let plane = &triangle.depth;
-        let large = quads >= LARGE;
         let writes = state.writes_depth();
-        if frame.hierarchical_z && large {
-            let (near, far) = plane.block_range(i32::from(block.x), i32::from(block.y), 8);
-            let key = |z: f32| depth_key(frame.depth_format, state.code(z));
-            let (near, far) = (key(near), key(far));
+        if frame.hierarchical_z && quads >= LARGE {
             let bounds = &mut tile.depth[at];
-            if bounds.stale != 0 && !*tile.clear {
+            if bounds.stale >= REFRESH && !*tile.clear {
                 let size = 16 * 4 * S * frame.depth_words;
                 *bounds = exact_bounds(frame, &tile.codes[at * size..(at + 1) * size]);
             }
-            let reject = match state.compare() {
-                Compare::Less => near >= bounds.max,
-                Compare::LessEqual => near > bounds.max,
-                Compare::Greater => far <= bounds.min,
-                Compare::GreaterEqual => far < bounds.min,
-                Compare::Equal => near > bounds.max || far < bounds.min,
-                _ => false,
-            };
-            if reject {
+            let (near, far) = plane.block_range(i32::from(block.x), i32::from(block.y), 8);
+            let key = |z: f32| depth_key(frame.depth_format, state.code(z));
+            let (near, far) = (key(near), key(far));
+            if culls(state.compare(), near, far, bounds.min, bounds.max) {
                 self.counts.tiles_hiz_culled += 1;
                 return [0; S];
             }
             if writes {
-                *bounds = match state.compare() {
-                    Compare::Less | Compare::LessEqual if block.full => {
-                        BlockDepth { min: bounds.min.min(near), max: bounds.max.min(far), stale: 0 }
-                    }
-                    Compare::Greater | Compare::GreaterEqual if block.full => {
-                        BlockDepth { min: bounds.min.max(near), max: bounds.max.max(far), stale: 0 }
-                    }
-                    _ => BlockDepth { min: bounds.min.min(near), max: bounds.max.max(far), stale: 0 },
-                };
+                bounds.written(state.compare(), near, far, block.full);
             }
         } else if writes {
-            tile.depth[at].stale = 1;
+            tile.depth[at].written(state.compare(), 0, u32::MAX, false);
         }
         tile.materialise(frame.depth_words);
-        if S == 1 && large && frame.depth_words == 1 && !state.uses_stencil() {
+        #[cfg(target_arch = "x86_64")]
+        if WIDE && S == 1 && frame.tests_blocks {
             let codes: &mut [u32; LANES] =
                 (&mut tile.codes[at * LANES..(at + 1) * LANES]).try_into().expect("a block of one sample");
             let mut out = [0; S];
-            out[0] = test_block(state, frame, triangle, [block.x, block.y], block.samples[0], codes);
+            // SAFETY: `WIDE` says that the host has AVX2.
+            out[0] = unsafe { state.test_block_avx2(plane, [block.x, block.y], block.samples[0], codes) };
             return out;
         }
         let mut out = [0; S];
@@ -114,123 +103,81 @@ fn depths<const S: usize>(triangle: &Triangle, x: i32, y: i32) -> [[f32; 4]; S] 
 /// The exact bounds of a block's stored depths.
 #[inline(always)]
 fn exact_bounds(frame: &Frame<'_>, codes: &[u32]) -> BlockDepth {
-    let (mut min, mut max) = (u32::MAX, 0);
-    for run in codes.chunks_exact(4 * frame.depth_words) {
-        for &code in &run[..4] {
-            let key = depth_key(frame.depth_format, code);
-            min = min.min(key);
-            max = max.max(key);
+    let format = frame.depth_format;
+    let (mut min, mut max) = ([u32::MAX; 8], [0; 8]);
+    let mut take = |codes: &[u32; 8]| {
+        for i in 0..8 {
+            let key = depth_key(format, codes[i]);
+            min[i] = min[i].min(key);
+            max[i] = max[i].max(key);
+        }
+    };
+    if frame.depth_words == 1 {
+        codes.as_chunks::<8>().0.iter().for_each(take);
+    } else {
+        // Depth is the first word of each run of a quad and sample.
+        for run in codes.chunks_exact(4 * frame.depth_words) {
+            take(&[run[0], run[1], run[2], run[3], run[0], run[1], run[2], run[3]]);
         }
     }
+    let (min, max) = (min.iter().fold(u32::MAX, |a, b| a.min(*b)), max.iter().fold(0, |a, b| a.max(*b)));
     BlockDepth { min, max, stale: 0 }
 }
 
-/// Pixel centres of a block's lanes, from its corner.
-const CENTERS: ([f32; LANES], [f32; LANES]) = {
-    let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-    let mut i = 0;
-    while i < LANES {
-        let (q, p) = (i / 4, i % 4);
-        x[i] = (2 * (q % 4) + p % 2) as f32 + 0.5;
-        y[i] = (2 * (q / 4) + p / 2) as f32 + 0.5;
-        i += 1;
-    }
-    (x, y)
-};
-
-/// Tests and updates the depths of a block of one sample a pixel at once; the pixels of `mask` that pass.
-#[inline(always)]
-fn test_block(
-    state: &DepthStencilState,
-    frame: &Frame<'_>,
-    triangle: &Triangle,
-    [x, y]: [u16; 2],
-    mask: u64,
-    stored: &mut [u32; LANES],
-) -> u64 {
-    let (x, y) = (f32::from(x), f32::from(y));
-    let plane = triangle.depth;
-    let mut z = Lanes::ZERO;
-    for i in 0..LANES {
-        z.f32_mut()[i] = plane.at(x + CENTERS.0[i], y + CENTERS.1[i]);
-    }
-    let mut new = Lanes::ZERO;
-    state.codes(&z, &mut new);
-    let beside = match frame.depth_format {
-        Format::Depth24PlusStencil8 => 0xff00_0000,
-        _ => 0,
-    };
-    let float = frame.depth_format == Format::Depth32Float;
-    let mut pass = [0_u32; LANES];
-    macro_rules! compare {
-        ($($name:ident $op:tt),*) => {
-            match state.compare() {
-                Compare::Never => {}
-                Compare::Always => pass = [u32::MAX; LANES],
-                $(Compare::$name if float => {
-                    for i in 0..LANES {
-                        let (new, old) = (f32::from_bits(new.0[i]), f32::from_bits(stored[i]));
-                        pass[i] = 0_u32.wrapping_sub(u32::from(new $op old));
-                    }
-                })*
-                // Fixed-point codes have at most 24 bits, so that signed comparison will do.
-                $(Compare::$name => {
-                    for i in 0..LANES {
-                        let (new, old) = (new.0[i] as i32, (stored[i] & !beside) as i32);
-                        pass[i] = 0_u32.wrapping_sub(u32::from(new $op old));
-                    }
-                })*
+impl BlockDepth {
+    /// Keeps the bounds true when a draw with this comparison writes depths between two keys to the block; `full`: to all of
+    /// it, wherever the comparison passes.
+    #[inline(always)]
+    pub(super) fn written(&mut self, compare: crate::gfx::state::Compare, low: u32, high: u32, full: bool) {
+        let (raises, lowers) = may_raise_lower(compare);
+        let before = *self;
+        self.stale = self.stale.saturating_add(1);
+        if lowers {
+            self.min = before.min.min(low);
+            // What is left is no greater than what came, so that the least of both bounds holds.
+            if full && !raises {
+                self.max = before.max.min(high);
             }
-        };
-    }
-    compare!(Less <, Equal ==, LessEqual <=, Greater >, NotEqual !=, GreaterEqual >=);
-    let passed = bits_of(&pass) & mask;
-    if state.writes_depth() && passed != 0 {
-        if passed == u64::MAX && beside == 0 {
-            *stored = new.0;
-        } else {
-            for b in 0..8 {
-                let byte = (passed >> (8 * b)) as u32;
-                for i in 0..8 {
-                    let lane = 8 * b + i;
-                    let write = 0_u32.wrapping_sub(byte >> i & 1) & !beside;
-                    stored[lane] = stored[lane] & !write | new.0[lane] & write;
-                }
+        }
+        if raises {
+            self.max = before.max.max(high);
+            if full && !lowers {
+                self.min = before.min.max(low);
             }
         }
     }
-    passed
-}
-
-/// The lanes that are all ones as a mask.
-#[inline(always)]
-fn bits_of(lanes: &[u32; LANES]) -> u64 {
-    // Bit `b` of column `i` is lane `8 b + i`: eight vector operations, then an 8x8 transpose in a register.
-    let mut columns = [0_u32; 8];
-    for b in 0..8 {
-        for i in 0..8 {
-            columns[i] |= lanes[8 * b + i] & 1 << b;
-        }
-    }
-    let mut m = u64::from_le_bytes(columns.map(|v| v as u8));
-    for (shift, keep) in [(7, 0x00aa_00aa_00aa_00aa_u64), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)] {
-        let t = (m ^ m >> shift) & keep;
-        m ^= t ^ t << shift;
-    }
-    m
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gfx::state::Compare;
 
     #[test]
-    fn lane_masks_come_out_in_order() {
-        let mut state = 0x1234_5678_9abc_def0_u64;
-        for _ in 0..1000 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let lanes: [u32; LANES] = std::array::from_fn(|i| 0_u32.wrapping_sub((state >> i & 1) as u32));
-            assert_eq!(bits_of(&lanes), state);
+    fn bounds_stay_true() {
+        let mut seed = 3_u32;
+        let mut random = move |n: u32| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 16) % n
+        };
+        for case in 0..20_000 {
+            let compare = Compare::ALL[case % 8];
+            let mut stored: [u32; 4] = std::array::from_fn(|_| random(20));
+            let low = random(20);
+            let high = low + random(20 - low);
+            let full = random(2) == 0;
+            let range = |v: &[u32; 4]| (*v.iter().min().unwrap(), *v.iter().max().unwrap());
+            let (min, max) = range(&stored);
+            let mut bounds = BlockDepth { min: min - random(min + 1), max: max + random(4), stale: 0 };
+            bounds.written(compare, low, high, full);
+            for depth in &mut stored {
+                let new = low + random(high - low + 1);
+                if (full || random(2) == 0) && compare.test(new as f32, *depth as f32) {
+                    *depth = new;
+                }
+            }
+            let (min, max) = range(&stored);
+            assert!(bounds.min <= min && bounds.max >= max, "{compare:?} {full} {bounds:?} {stored:?}");
         }
     }
 }

@@ -73,11 +73,17 @@ pub struct Frame<'a> {
     pub hierarchical_z: bool,
     /// Tests before shading.
     pub early: bool,
+    /// Early tests may take whole blocks at once.
+    pub tests_blocks: bool,
     /// The fragment program, where one has to run.
     pub fragment: Option<&'a Program>,
     pub classes: Vec<VaryingClass>,
+    /// Some varyings are flat.
+    pub any_flat: bool,
     /// All varyings are flat.
     pub only_flat: bool,
+    /// Shading needs a triangle's planes, not only its vertices.
+    pub needs_triangles: bool,
     pub fragment_builtins: Vec<(usize, BuiltIn)>,
     /// 1/w or perspective weights are needed.
     pub per_sample: bool,
@@ -163,6 +169,9 @@ impl<'a> Frame<'a> {
         let vertex = pipeline.vertex().interface();
         let uniforms = |program: &Program, resources: &Resources<'_>| program.uniforms(resources);
         let fragment_resources = call.fragment_resources.unwrap_or_default();
+        let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
+        let fragment_builtins = fragment.map_or_else(Vec::new, |p| builtins(&p.interface().inputs));
+        let no_builtins = fragment_builtins.is_empty();
         Ok(Frame {
             pipeline,
             width,
@@ -189,9 +198,12 @@ impl<'a> Frame<'a> {
                 && call.skips.hierarchical_z
                 && depth_state.is_some_and(|d| !d.uses_stencil() && d.reads_depth() && depth_format.has_depth()),
             early,
+            tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
+            any_flat: pipeline.varyings.iter().any(|v| v.interpolation == Interpolation::Flat),
+            needs_triangles: !(flat && early && no_builtins),
             classes: fragment.map_or_else(Vec::new, |_| classes(pipeline, samples)),
-            only_flat: pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat),
-            fragment_builtins: fragment.map_or_else(Vec::new, |p| builtins(&p.interface().inputs)),
+            only_flat: flat,
+            fragment_builtins,
             per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
             helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
             tiles_in_order: fragment.is_some() && side_effects,

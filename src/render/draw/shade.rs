@@ -6,7 +6,7 @@ use crate::gfx::setup::Triangle;
 use crate::num::{LANES, Lanes, QUADS};
 use crate::shader::{Bound, BuiltIn, Interpolation, Sampling};
 
-use super::batch::{Corners, MADE};
+use super::batch::MADE;
 use super::frame::Frame;
 use super::tile::TileRun;
 
@@ -28,12 +28,14 @@ pub struct Pending {
     record: [u32; QUADS],
     /// Bit a quad: of a back face.
     back: u16,
-    /// Copies of the triangles that the quads belong to: batches span lists.
-    triangles: Vec<Triangle>,
+    /// Number of triangles that the quads belong to.
+    owners: usize,
     /// Batch and number there of each.
-    names: Vec<(u32, u32)>,
+    names: [(u32, u32); QUADS],
     /// One past the last quad of each.
     ends: [u8; QUADS],
+    /// Copies of them, where the draw needs more than names: batches span lists.
+    triangles: Vec<Triangle>,
 }
 
 impl Pending {
@@ -41,20 +43,61 @@ impl Pending {
     pub fn clear(&mut self) {
         self.n = 0;
         self.back = 0;
+        self.owners = 0;
         self.triangles.clear();
-        self.names.clear();
     }
 
-    /// Adds a triangle and returns its place.
+    /// Adds a triangle (its data only where they are `needed`) and returns its place. A quad of it follows.
     #[inline(always)]
-    pub fn add_triangle(&mut self, triangle: &Triangle, batch: u32, number: u32) -> u32 {
-        let slot = self.triangles.len() as u32;
-        self.triangles.push(*triangle);
-        self.names.push((batch, number));
-        slot
+    pub fn add_triangle(&mut self, triangle: &Triangle, needed: bool, batch: u32, number: u32) -> u32 {
+        let slot = self.owners;
+        if needed {
+            self.triangles.push(*triangle);
+        }
+        self.names[slot & (QUADS - 1)] = (batch, number);
+        self.owners = slot + 1;
+        slot as u32
     }
 
-    /// Adds a quad; returns whether the batch is full.
+    /// Whether there is no room for another quad.
+    #[inline(always)]
+    pub fn is_full(&self) -> bool {
+        self.n == QUADS
+    }
+
+    /// Adds quads of a block with one sample a pixel, as many as there is room for: those with a bit in `left`, which holds bit
+    /// `4 q` for quad q. `at` is the place of the block's first quad in the tile. Returns those for which there was no room.
+    #[inline(always)]
+    pub fn push_block(
+        &mut self,
+        slot: u32,
+        [x, y]: [u16; 2],
+        at: u32,
+        coverage: u64,
+        alive: u64,
+        mut left: u64,
+        front: bool,
+    ) -> u64 {
+        let mut n = self.n;
+        while left != 0 && n < QUADS {
+            let bit = left.trailing_zeros();
+            left &= left - 1;
+            let q = bit / 4;
+            self.sites[n] = Site { triangle: slot, x: x + (2 * (q % 4)) as u16, y: y + (2 * (q / 4)) as u16 };
+            self.at[n] = at + q;
+            self.coverage[n] = (coverage >> bit & 15) as u16;
+            self.alive[n] = (alive >> bit & 15) as u16;
+            n += 1;
+        }
+        if !front {
+            self.back |= ((1_u32 << n) - (1_u32 << self.n)) as u16;
+        }
+        self.ends[slot as usize & (QUADS - 1)] = n as u8;
+        self.n = n;
+        left
+    }
+
+    /// Adds a quad of one sample, where the program runs once a sample, or of all. There is room.
     #[inline(always)]
     pub fn push(
         &mut self,
@@ -66,7 +109,7 @@ impl Pending {
         sample: u8,
         record: u32,
         front: bool,
-    ) -> bool {
+    ) {
         let n = self.n & (QUADS - 1);
         self.sites[n] = Site { triangle: slot, x, y };
         self.at[n] = at;
@@ -77,7 +120,6 @@ impl Pending {
         self.back |= u16::from(!front) << n;
         self.ends[slot as usize & (QUADS - 1)] = n as u8 + 1;
         self.n = n + 1;
-        self.n == QUADS
     }
 }
 
@@ -87,11 +129,10 @@ fn pixels(coverage: u16) -> u64 {
     u64::from((coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15)
 }
 
-/// Varyings of a triangle's vertices, and of the one that flat attributes come from.
-#[derive(Clone, Copy)]
-struct Records<'a> {
-    vertices: [&'a [u32]; 3],
-    flat: &'a [u32],
+/// The pixels of quads' coverages as a lane mask.
+#[inline(always)]
+fn lanes(coverage: &[u16]) -> u64 {
+    coverage.iter().enumerate().fold(0, |all, (q, &c)| all | pixels(c) << (4 * q))
 }
 
 impl TileRun<'_, '_, '_> {
@@ -104,12 +145,9 @@ impl TileRun<'_, '_, '_> {
             return;
         }
         let frame = self.frame;
-        let (mut active, mut present) = (0, 0);
-        for q in 0..n {
-            let lanes = if frame.shade_covered { self.pending.coverage[q] } else { self.pending.alive[q] };
-            active |= pixels(lanes) << (4 * q);
-            present |= 15 << (4 * q);
-        }
+        let shaded = if frame.shade_covered { &self.pending.coverage } else { &self.pending.alive };
+        let active = lanes(&shaded[..n]);
+        let present = u64::MAX >> (64 - 4 * n);
         self.counts.quads_shaded += n as u64;
         self.counts.fragments_shaded += u64::from(active.count_ones());
         self.counts.helper_fragments += u64::from((present & !active).count_ones());
@@ -143,19 +181,16 @@ impl TileRun<'_, '_, '_> {
                 tile.materialise(frame.depth_words);
                 if state.writes_depth() {
                     for &at in &self.pending.at[..n] {
-                        tile.depth[at as usize / 16].stale = 1;
+                        tile.depth[at as usize / 16].written(state.compare(), 0, u32::MAX, false);
                     }
                 }
                 state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
             }
-            for q in 0..n {
-                self.counts.fragments_late_failed += u64::from((pixels(before[q]) & !pixels(kept[q])).count_ones());
-            }
+            self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());
         }
-        for &kept in &kept[..n] {
-            self.counts.fragments_written += u64::from(pixels(kept).count_ones());
-            self.samples_passed += u64::from(kept.count_ones());
-        }
+        let written = lanes(&kept[..n]).count_ones();
+        self.counts.fragments_written += u64::from(written);
+        self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
         self.write::<S>(n, &kept);
         self.pending.clear();
     }
@@ -234,7 +269,7 @@ impl TileRun<'_, '_, '_> {
         let n = pending.n;
         let sites = &pending.sites[..n];
         let triangles = pending.triangles.as_slice();
-        let ends = &pending.ends[..triangles.len()];
+        let ends = &pending.ends[..pending.owners];
         let Some(bound) = &mut self.bound else { return };
         // Place of every lane for what is evaluated at samples, where the program runs once a sample.
         let mut at_sample = [0_u8; LANES];
@@ -246,10 +281,14 @@ impl TileRun<'_, '_, '_> {
         let mut inv_w = None;
         if !frame.classes.is_empty() {
             const NONE: &[u32] = &[];
-            let mut records = [Records { vertices: [NONE; 3], flat: NONE }; QUADS];
-            for (record, &(batch, number)) in records.iter_mut().zip(&pending.names) {
+            let names = &pending.names[..pending.owners];
+            // Varyings of the triangles' vertices; of each quad's, those of the vertex that flat ones come from.
+            let mut vertices = [[NONE; 3]; QUADS];
+            let mut flat = [NONE; QUADS];
+            let mut start = 0;
+            for ((vertices, &(batch, number)), &end) in vertices.iter_mut().zip(names).zip(ends) {
                 let batch = &self.input.batches[batch as usize];
-                let Corners { vertices, flat } = batch.corners[number as usize];
+                let corners = batch.corners[number as usize];
                 let words = |v: u32| {
                     let stride = self.input.vertices.varying_stride;
                     let (from, v) = if v & MADE == 0 {
@@ -259,26 +298,25 @@ impl TileRun<'_, '_, '_> {
                     };
                     &from[v * stride..(v + 1) * stride]
                 };
-                let [a, b, c] = vertices;
-                *record = if frame.only_flat {
-                    Records { vertices: [NONE; 3], flat: words(flat) }
-                } else {
-                    Records { vertices: [words(a), words(b), words(c)], flat: words(flat) }
-                };
+                if frame.any_flat {
+                    flat[start..usize::from(end)].fill(words(corners.flat));
+                    start = usize::from(end);
+                }
+                if !frame.only_flat {
+                    let [a, b, c] = corners.vertices;
+                    *vertices = [words(a), words(b), words(c)];
+                }
             }
             for class in &frame.classes {
                 if class.interpolation == Interpolation::Flat {
                     for varying in &class.varyings {
                         for c in 0..varying.components {
                             if let Some(input) = bound.input_mut(varying.input, c) {
-                                let mut start = 0;
-                                for (record, &end) in records.iter().zip(ends) {
-                                    let value = record.flat[varying.word + c];
-                                    for quad in input.0[start..4 * usize::from(end)].as_chunks_mut::<4>().0 {
-                                        *quad = [value; 4];
-                                    }
-                                    start = 4 * usize::from(end);
+                                let mut values = [0; QUADS];
+                                for (value, words) in values.iter_mut().zip(&flat[..n]) {
+                                    *value = words[varying.word + c];
                                 }
+                                interpolate::flat(&values, input);
                             }
                         }
                     }
@@ -308,12 +346,11 @@ impl TileRun<'_, '_, '_> {
                         let Some(input) = bound.input_mut(varying.input, c) else { continue };
                         let word = varying.word + c;
                         if let [_] = triangles {
-                            let values = records[0].vertices.map(|v| f32::from_bits(v[word]));
+                            let values = vertices[0].map(|v| f32::from_bits(v[word]));
                             interpolate::attribute_uniform(&weights, values, input);
                         } else {
                             let mut values = [[0.0; 3]; QUADS];
-                            for (values, record) in values.iter_mut().zip(&records[..triangles.len()]) {
-                                let [a, b, c] = record.vertices;
+                            for (values, [a, b, c]) in values.iter_mut().zip(&vertices[..triangles.len()]) {
                                 *values = [a[word], b[word], c[word]].map(f32::from_bits);
                             }
                             interpolate::attribute_runs(&weights, ends, &values, input);
@@ -377,7 +414,7 @@ impl TileRun<'_, '_, '_> {
                         let site = &sites[q];
                         let value = match builtin {
                             BuiltIn::FrontFacing => u32::from(pending.back >> q & 1 == 0),
-                            BuiltIn::SampleIndex => u32::from(pending.sample[q]),
+                            BuiltIn::SampleIndex if S > 1 => u32::from(pending.sample[q]),
                             BuiltIn::PrimitiveIndex => {
                                 let (batch, number) = pending.names[site.triangle as usize];
                                 let batch = &self.input.batches[batch as usize];

@@ -178,7 +178,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         traverse::blocks_portable::<S>(triangle, area, &mut collect);
         let mut covered = false;
         for block in &blocks[..n] {
-            covered |= run.block::<S, RECORD>(triangle, *block);
+            covered |= run.block::<S, RECORD, WIDE>(triangle, *block);
         }
         if covered {
             batch.covered[number as usize].store(1, Relaxed);
@@ -227,7 +227,11 @@ pub(super) fn quads_in(mask: u64) -> u64 {
 impl TileRun<'_, '_, '_> {
     /// One block of the current triangle; returns whether it covers a sample that may be written.
     #[inline(always)]
-    fn block<const S: usize, const RECORD: bool>(&mut self, triangle: &Triangle, mut block: Block<S>) -> bool {
+    fn block<const S: usize, const RECORD: bool, const WIDE: bool>(
+        &mut self,
+        triangle: &Triangle,
+        mut block: Block<S>,
+    ) -> bool {
         let frame = self.frame;
         for s in 0..S {
             if frame.sample_mask >> s & 1 == 0 {
@@ -248,7 +252,7 @@ impl TileRun<'_, '_, '_> {
         if frame.early
             && let Some(depth) = &frame.depth
         {
-            passed.samples = self.test::<S>(depth, triangle, &block, n);
+            passed.samples = self.test::<S, WIDE>(depth, triangle, &block, n);
         }
         let alive = passed.pixels();
         self.counts.quads_early_culled += u64::from(n - quads_in(alive).count_ones());
@@ -259,6 +263,15 @@ impl TileRun<'_, '_, '_> {
         }
         // Shading for its cost alone takes every covered quad; what passed decides what is written.
         let mut left = if RECORD && frame.shade_covered { quads } else { quads_in(alive) };
+        if S == 1 && !RECORD {
+            let first = block_in_tile(block.x, block.y) as u32 * 16;
+            while left != 0 {
+                let slot = self.slot(triangle);
+                left = self.pending.push_block(slot, [block.x, block.y], first, covered, alive, left, triangle.front);
+                self.flush_if_full::<S, RECORD>();
+            }
+            return true;
+        }
         while left != 0 {
             let q = left.trailing_zeros() as usize / 4;
             left &= left - 1;
@@ -296,11 +309,23 @@ impl TileRun<'_, '_, '_> {
         sample: u8,
         record: u32,
     ) {
+        let slot = self.slot(triangle);
+        self.pending.push(slot, [x, y], quad_in_tile(x, y), coverage, alive, sample, record, triangle.front);
+        self.flush_if_full::<S, RECORD>();
+    }
+
+    /// The current triangle's place among the pending ones.
+    #[inline(always)]
+    fn slot(&mut self, triangle: &Triangle) -> u32 {
         if self.slot == u32::MAX {
-            self.slot = self.pending.add_triangle(triangle, self.batch, self.triangle);
+            self.slot = self.pending.add_triangle(triangle, self.frame.needs_triangles, self.batch, self.triangle);
         }
-        let at = quad_in_tile(x, y);
-        if self.pending.push(self.slot, [x, y], at, coverage, alive, sample, record, triangle.front) {
+        self.slot
+    }
+
+    #[inline(always)]
+    fn flush_if_full<const S: usize, const RECORD: bool>(&mut self) {
+        if self.pending.is_full() {
             self.flush::<S, RECORD>();
             self.slot = u32::MAX;
         }
