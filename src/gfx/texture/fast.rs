@@ -127,18 +127,23 @@ pub(super) fn choose(
         return false;
     }
     let lambda = lambda(view, sampler, args);
-    let last = (count - 1) as f32;
-    let (rounding, share) = if sampler.mip_linear { (0.0, 1.0) } else { (0.5, 0.0) };
     let mut most = 0.0_f32;
     for i in 0..LANES {
-        let d = if lambda[i] > 0.0 { lambda[i] } else { 0.0 };
-        let d = if d < last { d + rounding } else { last };
-        let whole = d.floor();
-        first[i] = integer(whole) as u32;
-        weight[i] = (d - whole) * share;
+        (first[i], weight[i]) = split(lambda[i], count, sampler);
         most = if weight[i] > most { weight[i] } else { most };
     }
     most > 0.0
+}
+
+/// The first of two levels that a clamped level of detail reads, and the weight of the other.
+#[inline(always)]
+pub(super) fn split(lambda: f32, count: usize, sampler: &Sampler) -> (u32, f32) {
+    let last = (count - 1) as f32;
+    let (rounding, share) = if sampler.mip_linear { (0.0, 1.0) } else { (0.5, 0.0) };
+    let d = if lambda > 0.0 { lambda } else { 0.0 };
+    let d = if d < last { d + rounding } else { last };
+    let whole = d.floor();
+    (integer(whole) as u32, (d - whole) * share)
 }
 
 /// The level after another; the last one has none after it.

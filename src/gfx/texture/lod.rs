@@ -87,22 +87,34 @@ impl Selection {
 /// The level of detail of every quad of a flat texture without anisotropy, not yet clamped: [`measure`] without its choices.
 #[inline(always)]
 pub(super) fn flat_lambda(view: &View, args: &Sample<'_>, out: &mut [f32; LANES]) {
+    let mut rho = [0.0; QUADS];
+    quad_rho(view, args, &mut rho);
+    for r in &mut rho {
+        *r = quad_lambda(*r);
+    }
+    for i in 0..LANES {
+        out[i] = rho[i / 4];
+    }
+}
+
+/// The squared length of the longer derivative of every quad, in texels of the first level.
+#[inline(always)]
+pub(super) fn quad_rho(view: &View, args: &Sample<'_>, out: &mut [f32; QUADS]) {
     let (u, v) = (args.coords[0].f32(), args.coords[1].f32());
     let (w, h) = (view.levels[0].size[0] as f32, view.levels[0].size[1] as f32);
-    let mut rho = [0.0_f32; QUADS];
     for q in 0..QUADS {
         let (x, y) = (&u[4 * q..4 * q + 4], &v[4 * q..4 * q + 4]);
         let (ux, uy) = ((x[1] - x[0]) * w, (x[2] - x[0]) * w);
         let (vx, vy) = ((y[1] - y[0]) * h, (y[2] - y[0]) * h);
         let (dx, dy) = (ux * ux + vx * vx, uy * uy + vy * vy);
-        rho[q] = if dx > dy { dx } else { dy };
+        out[q] = if dx > dy { dx } else { dy };
     }
-    for r in &mut rho {
-        *r = 0.5 * log2(*r);
-    }
-    for i in 0..LANES {
-        out[i] = rho[i / 4];
-    }
+}
+
+/// The level of detail for what [`quad_rho`] finds.
+#[inline(always)]
+pub(super) fn quad_lambda(rho: f32) -> f32 {
+    0.5 * log2(rho)
 }
 
 /// Clamps a level of detail to the sampler's range; NaN becomes the lower bound.

@@ -351,22 +351,26 @@ proptest! {
         lod in 0_u32..3,
         coords in proptest::collection::vec(-3.0_f32..3.0, 2 * LANES),
         near in any::<bool>(),
+        layer in 0_u32..4,
     ) {
         let levels = 32 - size[0].max(size[1]).leading_zeros();
         let format = if srgb { Format::Bgra8UnormSrgb } else { Format::Rgba8Unorm };
-        let view = view_of(&image([size[0], size[1], 1], levels, format), ViewDimension::D2);
+        let dimension = if layer == 0 { ViewDimension::D2 } else { ViewDimension::D2Array };
+        let view = view_of(&image([size[0], size[1], layer.max(1)], levels, format), dimension);
         let mipmap = if mip { FilterMode::Linear } else { FilterMode::Nearest };
         let sampler = Sampler::new(&SamplerDesc { address: [address[0], address[1], AddressMode::Repeat], mipmap, ..linear() });
         let scale = if near { 0.1 } else { 1.0 };
         let lanes: [Lanes; 2] = std::array::from_fn(|c| Lanes(std::array::from_fn(|i| (coords[2 * i + c] * scale).to_bits())));
         let level = Lanes(std::array::from_fn(|i| (coords[2 * i] + 1.0).to_bits()));
         let lod = [Lod::Auto, Lod::Level(&level), Lod::Bias(&level)][lod as usize];
-        let args = operands([&lanes[0], &lanes[1], &lanes[1]], lod);
+        let layers = Lanes(std::array::from_fn(|i| (i as u32 / 5) % layer.max(1)));
+        let mut args = operands([&lanes[0], &lanes[1], &lanes[1]], lod);
+        args.layer = (layer > 0).then_some(&layers);
         let (mut fast, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
         prop_assert!(fast::sample(&view, &sampler, &args, &mut fast));
         general::sample(&view, &sampler, &args, !0, &mut exact);
         let mut scalar = [Lanes::ZERO; 4];
-        fixed::sample_lanes_of(&view, &sampler, &args, &mut scalar);
+        fixed::sample_lanes(&view, &sampler, &args, &mut scalar);
         prop_assert!(scalar == fast, "both forms of the fixed-point filter have the same bits");
         for c in 0..4 {
             for i in 0..LANES {

@@ -15,8 +15,9 @@ use super::tile::{TileRun, block_in_tile, quads_in};
 /// Quads of a block from which on hierarchical Z pays.
 const LARGE: u32 = 4;
 
-/// Writes to a block after which its bounds are found anew: exact bounds cost as much as testing the block.
-const REFRESH: u32 = 16;
+/// Writes to a block after which its bounds are found anew, for a primitive that covers some of it, or all: exact bounds cost
+/// about as much as testing the whole block.
+const REFRESH: [u32; 2] = [16, 1];
 
 impl TileRun<'_, '_, '_> {
     /// Early depth and stencil: the samples of the block that pass. `WIDE`: the caller is compiled for AVX2.
@@ -35,7 +36,7 @@ impl TileRun<'_, '_, '_> {
         let writes = state.writes_depth();
         if frame.hierarchical_z && quads >= LARGE {
             let bounds = &mut tile.depth[at];
-            if bounds.stale >= REFRESH && !*tile.clear {
+            if bounds.stale >= REFRESH[usize::from(block.full)] && !*tile.clear {
                 let size = 16 * 4 * S * frame.depth_words;
                 *bounds = exact_bounds(frame, &tile.codes[at * size..(at + 1) * size]);
             }

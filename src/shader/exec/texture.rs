@@ -16,6 +16,9 @@ use super::memory::atomic_value;
 use super::record::Scratch;
 use super::run::Machine;
 
+/// What a register that is not there holds.
+static ZEROS: Lanes = Lanes::ZERO;
+
 /// A register, or zeros.
 fn operand(file: File<'_>, r: Reg) -> Lanes {
     if r == NO_REG { Lanes::ZERO } else { get(file, r) }
@@ -86,13 +89,36 @@ fn one<const RECORD: bool>(
     match (op.action, texture) {
         (TextureAction::Sample(_) | TextureAction::Gather(_), Resource::Texture(view)) => {
             let Resource::Sampler(sampler) = sampler else { return };
-            let mut coords = op.coordinate.map(|r| operand(file, r));
+            let [mut u, mut v] = [operand(file, op.coordinate[0]), operand(file, op.coordinate[1])];
             if op.clamp_to_edge {
-                clamp_to_edge(view, &mut coords);
+                clamp_to_edge(view, [&mut u, &mut v]);
             }
-            let layer = (op.layer != NO_REG).then(|| get(file, op.layer));
-            let level = operand(file, op.level);
-            let reference = (op.reference != NO_REG).then(|| get(file, op.reference));
+            // Registers are copied only where they are: a copy takes as long as a few instructions of the program.
+            let (w, layer, level, reference);
+            let w = if op.coordinate[2] == NO_REG {
+                &ZEROS
+            } else {
+                w = get(file, op.coordinate[2]);
+                &w
+            };
+            let layer = if op.layer == NO_REG {
+                None
+            } else {
+                layer = get(file, op.layer);
+                Some(&layer)
+            };
+            let level = if op.level == NO_REG {
+                &ZEROS
+            } else {
+                level = get(file, op.level);
+                &level
+            };
+            let reference = if op.reference == NO_REG {
+                None
+            } else {
+                reference = get(file, op.reference);
+                Some(&reference)
+            };
             let gradients = match op.action {
                 TextureAction::Sample(Level::Gradient) => {
                     Some((op.gradient_x.map(|r| operand(file, r)), op.gradient_y.map(|r| operand(file, r))))
@@ -101,18 +127,12 @@ fn one<const RECORD: bool>(
             };
             let lod = match (op.action, &gradients) {
                 (TextureAction::Sample(Level::Auto), _) => Lod::Auto,
-                (TextureAction::Sample(Level::Bias), _) => Lod::Bias(&level),
-                (TextureAction::Sample(Level::Exact), _) => Lod::Level(&level),
+                (TextureAction::Sample(Level::Bias), _) => Lod::Bias(level),
+                (TextureAction::Sample(Level::Exact), _) => Lod::Level(level),
                 (_, Some((x, y))) => Lod::Gradient { dx: [&x[0], &x[1], &x[2]], dy: [&y[0], &y[1], &y[2]] },
                 _ => Lod::Zero,
             };
-            let args = Sample {
-                coords: [&coords[0], &coords[1], &coords[2]],
-                layer: layer.as_ref(),
-                offset: op.offset.map(i32::from),
-                lod,
-                compare: reference.as_ref(),
-            };
+            let args = Sample { coords: [&u, &v, w], layer, offset: op.offset.map(i32::from), lod, compare: reference };
             if let TextureAction::Gather(component) = op.action {
                 view.gather(sampler, &args, u32::from(component), mask, out);
             } else {
@@ -218,9 +238,9 @@ fn each(mask: Mask, mut f: impl FnMut(usize)) {
 }
 
 /// Coordinates half a texel inside the first level's edges.
-fn clamp_to_edge(view: &View, coords: &mut [Lanes; 3]) {
+fn clamp_to_edge(view: &View, coords: [&mut Lanes; 2]) {
     let size = view.size(0);
-    for (c, coord) in coords.iter_mut().enumerate().take(2) {
+    for (c, coord) in coords.into_iter().enumerate() {
         let half = 0.5 / size[c].max(1) as f32;
         for x in coord.f32_mut() {
             *x = x.clamp(half, 1.0 - half);
