@@ -381,13 +381,10 @@ widest! {
     }
 }
 
-widest! {
-    /// A flat attribute component: the bits of quad q's provoking vertex in its four lanes.
-    pub fn flat(values: &[u32; QUADS], out: &mut Lanes) {
-        for q in 0..QUADS {
-            for p in 0..4 {
-                out.0[4 * q + p] = values[q];
-            }
-        }
+/// A flat attribute component: `values[i]` are the bits of primitive i's provoking vertex.
+#[inline(always)]
+pub fn flat(sites: &[Site], values: &[u32; QUADS], out: &mut Lanes) {
+    for (quad, site) in out.0.as_chunks_mut::<4>().0.iter_mut().zip(sites) {
+        *quad = [values[site.triangle as usize & (QUADS - 1)]; 4];
     }
 }

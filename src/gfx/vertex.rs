@@ -97,15 +97,27 @@ impl VertexSource<'_> {
         let mut at = [usize::MAX; LANES];
         let mut inside = true;
         let mut aligned = 0;
-        for i in 0..n {
-            let start =
-                self.stride.checked_mul(u64::from(index[i])).and_then(|v| v.checked_add(self.offset)?.checked_add(offset));
-            match start {
-                Some(start) if start.checked_add(bytes).is_some_and(|e| e <= end) => {
-                    at[i] = start as usize;
-                    aligned |= start as usize;
+        let place = |index: u32| {
+            let start = self.stride.checked_mul(u64::from(index))?.checked_add(self.offset)?.checked_add(offset)?;
+            (start.checked_add(bytes)? <= end).then_some(start as usize)
+        };
+        let last = index[..n].iter().fold(0, |most, i| most.max(*i));
+        if place(last).is_some() {
+            // If the last one is inside, so are all, and nothing overflows.
+            let (first, stride) = ((self.offset + offset) as usize, self.stride as usize);
+            for i in 0..n {
+                at[i] = first + stride * index[i] as usize;
+                aligned |= at[i];
+            }
+        } else {
+            for i in 0..n {
+                match place(index[i]) {
+                    Some(start) => {
+                        at[i] = start;
+                        aligned |= start;
+                    }
+                    None => inside = false,
                 }
-                _ => inside = false,
             }
         }
         let kind = component_kind(format);

@@ -40,7 +40,7 @@ pub struct BlockDepth {
     pub min: u32,
     /// No stored depth is above.
     pub max: u32,
-    /// How often the block may have been written since the bounds were exact.
+    /// Quads that may have been written since the bounds were exact.
     pub stale: u32,
 }
 

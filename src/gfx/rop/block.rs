@@ -1,4 +1,5 @@
-//! Depth tests of 8x8 blocks with one sample a pixel, eight pixels at a time in AVX2 registers.
+//! Depth tests with one sample a pixel in AVX2 registers: of 8x8 blocks, eight pixels at a time, and of the quads of small
+//! triangles.
 //!
 //! The same operations as [`DepthPlane::at`] and [`DepthStencilState::test_quad`] in the same order, hence the same bits. They
 //! are written with intrinsics because the mask of what passed leaves the registers in one instruction, for which the compiler
@@ -7,7 +8,8 @@
 use std::arch::x86_64::*;
 
 use super::depth::{DepthStencilState, Storage};
-use crate::gfx::setup::DepthPlane;
+use super::select_mask;
+use crate::gfx::setup::{DepthPlane, Eight, EightQuad};
 use crate::gfx::state::Compare;
 use crate::num::LANES;
 
@@ -23,6 +25,9 @@ impl DepthStencilState {
     /// Tests the pixels of `mask` in the block whose upper left pixel is (x, y) against the depths of a plane and updates their
     /// codes. Returns the pixels that passed. The state has no stencil test and codes of one word
     /// ([`DepthStencilState::tests_blocks`]).
+    ///
+    /// # Safety
+    /// As for any function compiled for AVX2: the host has it.
     #[target_feature(enable = "avx2")]
     #[inline]
     pub fn test_block_avx2(&self, plane: &DepthPlane, at: [u16; 2], mask: u64, stored: &mut [u32; LANES]) -> u64 {
@@ -34,6 +39,42 @@ impl DepthStencilState {
             (Storage::Unorm24, _) => self.test::<UNORM24, ANY>(plane, at, mask, stored),
             _ => self.test::<UNORM16, ANY>(plane, at, mask, stored),
         }
+    }
+
+    /// Tests a quad of a small triangle and updates its codes. Returns the pixels that passed. The state is one for
+    /// [`DepthStencilState::test_block_avx2`].
+    ///
+    /// # Safety
+    /// As for any function compiled for AVX2: the host has it.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub fn test_quad_avx2(&self, eight: &Eight, quad: EightQuad, stored: &mut [u32; 4]) -> u32 {
+        debug_assert!(self.tests_blocks());
+        let z = eight.depths(quad);
+        let z = _mm_min_ps(_mm_set1_ps(self.range[1]), _mm_max_ps(_mm_set1_ps(self.range[0]), z));
+        let wide = |v: __m128| _mm256_castps128_ps256(v);
+        let new = match self.storage {
+            Storage::Float => _mm_castps_si128(z),
+            Storage::Unorm24 => _mm256_castsi256_si128(unorm24(wide(z))),
+            _ => _mm256_castsi256_si128(unorm16(wide(z))),
+        };
+        let beside = _mm_set1_epi32(if self.storage == Storage::Unorm24 { 0xff00_0000_u32 as i32 } else { 0 });
+        let old: __m128i = bytemuck::cast(*stored);
+        let old_z = _mm_castsi128_ps(old);
+        let pass = match (self.storage, self.compare) {
+            (Storage::Float, Compare::Less) => _mm_castps_si128(_mm_cmplt_ps(z, old_z)),
+            (Storage::Float, Compare::LessEqual) => _mm_castps_si128(_mm_cmple_ps(z, old_z)),
+            (Storage::Float, _) => _mm256_castsi256_si128(self.accept_floats(wide(z), wide(old_z))),
+            _ => {
+                let wide = |v: __m128i| _mm256_castsi128_si256(v);
+                _mm256_castsi256_si128(self.accept_integers(wide(new), wide(_mm_andnot_si128(beside, old))))
+            }
+        };
+        let pass = _mm_and_si128(pass, bytemuck::cast(select_mask(quad.coverage() as u8)));
+        if self.depth_write {
+            *stored = bytemuck::cast(_mm_blendv_epi8(old, new, _mm_andnot_si128(beside, pass)));
+        }
+        _mm_movemask_ps(_mm_castsi128_ps(pass)) as u32
     }
 
     #[target_feature(enable = "avx2")]
@@ -144,24 +185,29 @@ fn unorm16(depth: __m256) -> __m256i {
 mod tests {
     use super::*;
     use crate::gfx::format::Format;
-    use crate::gfx::state::{DepthStencil, StencilFace};
+    use crate::gfx::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, is_small};
+    use crate::gfx::state::{CullMode, DepthStencil, FrontFace, StencilFace};
 
-    #[test]
-    fn blocks_give_the_bits_of_quads() {
-        if !std::arch::is_x86_feature_detected!("avx2") {
-            return;
+    const FORMATS: [Format; 4] = [Format::Depth32Float, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth16Unorm];
+
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> u64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            self.0 ^ self.0 >> 29
         }
-        let mut seed = 7_u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            seed ^ seed >> 29
-        };
-        let formats = [Format::Depth32Float, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth16Unorm];
-        let mut some = 0;
-        for case in 0..4000 {
+
+        /// A number in [0, 1).
+        fn unit(&mut self) -> f32 {
+            (self.next() >> 40) as f32 / (1 << 24) as f32
+        }
+
+        /// All formats and comparisons, as cases go on.
+        fn state(&mut self, case: usize) -> DepthStencilState {
             let state = DepthStencil {
-                format: formats[case % 4],
-                depth_write: random() % 4 != 0,
+                format: FORMATS[case % 4],
+                depth_write: !self.next().is_multiple_of(4),
                 depth_compare: Compare::ALL[case / 4 % 8],
                 stencil_front: StencilFace::default(),
                 stencil_back: StencilFace::default(),
@@ -171,32 +217,52 @@ mod tests {
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
             };
-            let range = [[0.0, 1.0], [0.25, 0.75]][random() as usize % 2];
+            let range = [[0.0, 1.0], [0.25, 0.75]][self.next() as usize % 2];
             let state = DepthStencilState::new(&state, 0, range);
             assert!(state.tests_blocks());
-            let unit = |bits: u64| (bits >> 40) as f32 / (1 << 24) as f32;
-            let at = [random() as u16 & 0x1ff8, random() as u16 & 0x1ff8];
+            state
+        }
+
+        /// What a pixel may hold when `depth` comes: now and then just that, or what only a copy can bring.
+        fn code(&mut self, case: usize, state: &DepthStencilState, depth: f32) -> u32 {
+            let code = match self.next() % 8 {
+                0..3 => state.code(depth),
+                3 if case.is_multiple_of(4) => f32::NAN.to_bits(),
+                4 if case.is_multiple_of(4) => (-0.0_f32).to_bits(),
+                _ => state.code(self.unit()),
+            };
+            if FORMATS[case % 4] == Format::Depth24PlusStencil8 { code | (self.next() as u32) << 24 } else { code }
+        }
+    }
+
+    #[test]
+    fn blocks_give_the_bits_of_quads() {
+        if !std::arch::is_x86_feature_detected!("avx2") {
+            return;
+        }
+        let mut random = Random(7);
+        let mut some = 0;
+        for case in 0..4000 {
+            let state = random.state(case);
+            let at = [random.next() as u16 & 0x1ff8, random.next() as u16 & 0x1ff8];
+            let mut slope = || if case % 3 == 0 { 0.0 } else { (random.unit() - 0.5) * 0.1 };
+            let (dzdx, dzdy) = (slope(), slope());
             let plane = DepthPlane {
                 x0: f32::from(at[0]),
                 y0: f32::from(at[1]),
-                z0: unit(random()),
-                dzdx: if case % 3 == 0 { 0.0 } else { (unit(random()) - 0.5) * 0.1 },
-                dzdy: if case % 3 == 0 { 0.0 } else { (unit(random()) - 0.5) * 0.1 },
-                min: unit(random()) * 0.5,
-                max: 0.5 + unit(random()) * 0.5,
+                z0: random.unit(),
+                dzdx,
+                dzdy,
+                min: random.unit() * 0.5,
+                max: 0.5 + random.unit() * 0.5,
             };
             let before: [u32; LANES] = std::array::from_fn(|i| {
-                // Depths that are equal to the plane's now and then, and such as only a copy can bring.
-                let (x, y) = (f32::from(at[0]) + (i % 8) as f32, f32::from(at[1]) + (i / 8) as f32);
-                let code = match random() % 8 {
-                    0..3 => state.code(plane.at(x + 0.5, y + 0.5)),
-                    3 if case % 4 == 0 => f32::NAN.to_bits(),
-                    4 if case % 4 == 0 => (-0.0_f32).to_bits(),
-                    _ => state.code(unit(random())),
-                };
-                if formats[case % 4] == Format::Depth24PlusStencil8 { code | (random() as u32) << 24 } else { code }
+                // Codes are quad by quad.
+                let (column, row) = (i / 4 % 4 * 2 + i % 2, i / 16 * 2 + i / 2 % 2);
+                let depth = plane.at(f32::from(at[0]) + column as f32 + 0.5, f32::from(at[1]) + row as f32 + 0.5);
+                random.code(case, &state, depth)
             });
-            let mask = [random(), !0, random() & random(), 0xff << 24][random() as usize % 4];
+            let mask = [random.next(), !0, random.next() & random.next(), 0xff << 24][random.next() as usize % 4];
             let mut block = before;
             // SAFETY: the host has AVX2.
             let passed = unsafe { state.test_block_avx2(&plane, at, mask, &mut block) };
@@ -213,5 +279,59 @@ mod tests {
             some += passed.count_ones();
         }
         assert!(some > 20_000, "{some}");
+    }
+
+    #[test]
+    fn quads_of_small_triangles_give_the_bits_of_quads() {
+        if !std::arch::is_x86_feature_detected!("avx2") {
+            return;
+        }
+        let area = Bounds { x0: 0, y0: 0, x1: 64, y1: 64 };
+        let setup = SetupState {
+            bounds: area,
+            depth_range: [0.0, 1.0],
+            bias: DepthBias::NONE,
+            front_face: FrontFace::Ccw,
+            cull: CullMode::None,
+            samples: 1,
+        };
+        let mut random = Random(9);
+        let (mut some, mut all) = (0, 0);
+        for case in 0..4000 {
+            let state = random.state(case);
+            let mut triangles = [[ScreenVertex::default(); 3]; 8];
+            for triangle in &mut triangles {
+                loop {
+                    let corner = [random.next() % 60 * 256, random.next() % 60 * 256];
+                    *triangle = std::array::from_fn(|_| ScreenVertex {
+                        x: (corner[0] + random.next() % 1000) as i32,
+                        y: (corner[1] + random.next() % 900) as i32,
+                        z: random.unit(),
+                        inv_w: 1.0,
+                    });
+                    if setup::bounds(&setup, triangle).is_ok_and(|bounds| is_small(triangle, &bounds)) {
+                        break;
+                    }
+                }
+            }
+            let mut eight = Eight::default();
+            // SAFETY: the host has AVX2.
+            unsafe { eight.set_up(&setup, &area, &triangles) };
+            let mut list = [EightQuad::default(); 48];
+            let n = eight.quads(8, &mut list);
+            for &quad in &list[..n] {
+                let [x, y] = eight.pixel(quad).map(i32::from);
+                let depths = eight.depth(quad.triangle()).quad(x, y);
+                let before: [u32; 4] = std::array::from_fn(|p| random.code(case, &state, depths[p]));
+                let (mut stored, mut expected) = (before, before);
+                // SAFETY: the host has AVX2.
+                let passed = unsafe { state.test_quad_avx2(&eight, quad, &mut stored) };
+                let pass = state.test_quad(1, false, quad.coverage() as u16, &[state.code_quad(depths)], &mut expected);
+                assert_eq!((passed, stored), (u32::from(pass), expected), "{state:?} {before:x?} {depths:?}");
+                some += passed.count_ones();
+                all += quad.coverage().count_ones();
+            }
+        }
+        assert!(some > all / 4 && some < all / 4 * 3, "{some} of {all}");
     }
 }

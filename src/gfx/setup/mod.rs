@@ -4,10 +4,14 @@
 //! bits (|v| <= 2^23), a difference of two 25 bits with sign (|d| < 2^24), an edge function the sum of two products of
 //! differences (|E| < 2^49). All of these are exact in i64 and, below 2^53, in f64 as well, which interpolation uses.
 
+#[cfg(target_arch = "x86_64")]
+mod eight;
 mod fan;
 mod plane;
 mod screen;
 
+#[cfg(target_arch = "x86_64")]
+pub use eight::{Eight, EightBounds, EightQuad, is_small};
 pub use fan::fan;
 pub use plane::{BiasUnit, DepthBias, DepthPlane};
 pub use screen::{Screen, ScreenVertex};
@@ -156,8 +160,11 @@ impl SetupState {
         let dy = f64::from(origin[1] * SUBPIXEL - at[1]);
         let mut z_origin = f64::from(z[0]) + (slope[0] * dx + slope[1] * dy);
         let [sx, sy] = [(slope[0] * per_pixel) as f32, (slope[1] * per_pixel) as f32];
-        let mut min = z[0].min(z[1]).min(z[2]);
-        let mut max = z[0].max(z[1]).max(z[2]);
+        // Selections rather than `min` and `max`, which leave the sign of a zero open.
+        let less = |a: f32, b: f32| if a < b { a } else { b };
+        let greater = |a: f32, b: f32| if a > b { a } else { b };
+        let mut min = less(less(z[0], z[1]), z[2]);
+        let mut max = greater(greater(z[0], z[1]), z[2]);
         if !self.bias.is_none() {
             let offset = self.bias.offset(sx.abs().max(sy.abs()), min.abs().max(max.abs()));
             z_origin += f64::from(offset);
@@ -171,8 +178,8 @@ impl SetupState {
             z0: z_origin as f32,
             dzdx: sx,
             dzdy: sy,
-            min: min.max(near).min(far),
-            max: max.max(near).min(far),
+            min: less(greater(min, near), far),
+            max: less(greater(max, near), far),
         }
     }
 }

@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use crate::gfx::assemble::PrimitiveKind;
+#[cfg(target_arch = "x86_64")]
+use crate::gfx::setup::is_small;
 use crate::gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle};
 use crate::gfx::state::{PolygonMode, Topology};
 use crate::num::{SUBPIXEL, prefetch};
@@ -21,6 +23,12 @@ pub const MADE: u32 = 1 << 31;
 
 /// Marks a reference to a triangle that covers its tile whole.
 pub const WHOLE: u32 = 1 << 31;
+
+/// Marks a reference to a triangle that may be set up together with others ([`setup::Eight`]).
+pub const SMALL: u32 = 1 << 30;
+
+/// The triangle's number in a reference.
+pub const NUMBER: u32 = SMALL - 1;
 
 /// Greatest distance of a sample from its pixel's centre along an axis, in 1/256 pixel.
 const SAMPLE_REACH: i32 = 96;
@@ -131,6 +139,8 @@ pub struct Input<'a, 'f> {
     /// Only the bounds of triangles are found here, and the tiles set them up: what is set up is eight times as large as its
     /// vertices' numbers, and writing and reading it back costs more than doing it again in the few tiles it touches.
     pub late_setup: bool,
+    /// Whether small triangles are marked ([`SMALL`]).
+    pub mark_small: bool,
 }
 
 /// Whether setup may be left to the tiles.
@@ -139,8 +149,24 @@ pub fn late_setup(frame: &Frame<'_>, record: bool) -> bool {
     triangles && frame.pipeline.primitive.polygon_mode == PolygonMode::Fill && !record
 }
 
+/// Whether small triangles may be set up together, given that setup is left to the tiles.
+pub fn mark_small(frame: &Frame<'_>) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    let wide = super::frame::has_avx2();
+    #[cfg(not(target_arch = "x86_64"))]
+    let wide = false;
+    let tests = !frame.early || frame.depth.is_none() || frame.tests_blocks;
+    wide && tests && frame.samples == 1 && frame.sample_mask & 1 == 1 && frame.setup.bias.is_none()
+}
+
+/// Nothing is set up together here.
+#[cfg(not(target_arch = "x86_64"))]
+fn is_small(_: &[ScreenVertex; 3], _: &Bounds) -> bool {
+    false
+}
+
 impl Batch {
-    /// Triangles that touch a tile, in order; [`WHOLE`] is set where one covers it.
+    /// Triangles that touch a tile, in order: numbers ([`NUMBER`]) with marks ([`WHOLE`], [`SMALL`]).
     #[inline(always)]
     pub fn in_tile(&self, tile: usize) -> &[u32] {
         &self.references[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
@@ -207,7 +233,23 @@ impl Batch {
         if !input.late_setup {
             return self.put(input, number, setup::within(&input.frame.setup, screen, bounds), corners, pairs);
         }
-        let reference = self.corners.len() as u32;
+        let small = input.mark_small && is_small(screen, &bounds);
+        self.put_late(input, number, screen, bounds, small, corners, pairs);
+    }
+
+    /// Keeps a triangle that the tiles set up.
+    #[inline(always)]
+    pub(super) fn put_late(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        screen: &[ScreenVertex; 3],
+        bounds: Bounds,
+        small: bool,
+        corners: Corners,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let reference = self.corners.len() as u32 | if small { SMALL } else { 0 };
         let tiles = tiles_of(&bounds);
         let [x0, y0, x1, y1] = tiles;
         if x0 == x1 && y0 == y1 {
@@ -250,17 +292,23 @@ impl Batch {
         self.primitive.push(number);
     }
 
+    /// Copies the window positions of a triangle's vertices, one by one: an array by value would be written in halves and read
+    /// whole, which processors do not like.
+    #[inline(always)]
+    pub fn screen_into(&self, number: usize, vertices: &Vertices, out: &mut [ScreenVertex; 3]) {
+        for (out, v) in out.iter_mut().zip(self.corners[number].vertices) {
+            *out = if v & MADE == 0 { vertices.screen[v as usize] } else { self.made_screen[(v & !MADE) as usize] };
+        }
+    }
+
     /// A triangle, set up here where that was left to the tiles.
     #[inline(always)]
     pub fn set_up(&self, number: usize, frame: &Frame<'_>, vertices: &Vertices) -> Triangle {
         if let Some(triangle) = self.triangles.get(number) {
             return *triangle;
         }
-        let [a, b, c] = self.corners[number].vertices;
-        let screen = |v: u32| {
-            if v & MADE == 0 { vertices.screen[v as usize] } else { self.made_screen[(v & !MADE) as usize] }
-        };
-        let screen = [screen(a), screen(b), screen(c)];
+        let mut screen = [ScreenVertex::default(); 3];
+        self.screen_into(number, vertices, &mut screen);
         // The bounds were not empty when the triangle was kept.
         setup::within(&frame.setup, &screen, setup::bounds(&frame.setup, &screen).unwrap_or_default())
     }

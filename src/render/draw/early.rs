@@ -2,7 +2,8 @@
 
 use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
 use crate::gfx::rop::DepthStencilState;
-use crate::gfx::setup::{SAMPLES_4, Triangle};
+use crate::gfx::setup::{DepthPlane, SAMPLES_4, Triangle};
+use crate::gfx::state::Compare;
 use crate::gfx::traverse::Block;
 #[cfg(target_arch = "x86_64")]
 use crate::num::LANES;
@@ -12,12 +13,12 @@ use crate::render::surface::BlockDepth;
 use super::frame::Frame;
 use super::tile::{TileRun, block_in_tile, quads_in};
 
-/// Quads of a block from which on hierarchical Z pays.
-const LARGE: u32 = 4;
+/// Quads of a block from which on hierarchical Z pays: more than those of a small triangle.
+const LARGE: u32 = 7;
 
-/// Writes to a block after which its bounds are found anew, for a primitive that covers some of it, or all: exact bounds cost
-/// about as much as testing the whole block.
-const REFRESH: [u32; 2] = [16, 1];
+/// Quads that may have been written in a block after which its bounds are found anew, for a primitive that covers some of it,
+/// or all: exact bounds cost about as much as testing the whole block.
+const REFRESH: [u32; 2] = [64, 1];
 
 impl TileRun<'_, '_, '_> {
     /// Early depth and stencil: the samples of the block that pass. `WIDE`: the caller is compiled for AVX2.
@@ -29,10 +30,10 @@ impl TileRun<'_, '_, '_> {
         block: &Block<S>,
         quads: u32,
     ) -> [u64; S] {
+        let plane = &triangle.depth;
         let frame = self.frame;
         let Some(tile) = &mut self.job.depth else { return block.samples };
         let at = block_in_tile(block.x, block.y);
-        let plane = &triangle.depth;
         let writes = state.writes_depth();
         if frame.hierarchical_z && quads >= LARGE {
             let bounds = &mut tile.depth[at];
@@ -48,10 +49,10 @@ impl TileRun<'_, '_, '_> {
                 return [0; S];
             }
             if writes {
-                bounds.written(state.compare(), near, far, block.full);
+                bounds.written(state.compare(), quads, [near, far], block.full);
             }
         } else if writes {
-            tile.depth[at].written(state.compare(), 0, u32::MAX, false);
+            tile.depth[at].written(state.compare(), quads, [0, u32::MAX], false);
         }
         tile.materialise(frame.depth_words);
         #[cfg(target_arch = "x86_64")]
@@ -70,7 +71,7 @@ impl TileRun<'_, '_, '_> {
             let q = left.trailing_zeros() as usize / 4;
             left &= left - 1;
             let (x, y) = (i32::from(block.x) + 2 * (q as i32 % 4), i32::from(block.y) + 2 * (q as i32 / 4));
-            let depths = depths::<S>(triangle, x, y);
+            let depths = depths::<S>(plane, x, y);
             let mut codes = [[0; 4]; S];
             for s in 0..S {
                 codes[s] = state.code_quad(depths[s]);
@@ -87,16 +88,16 @@ impl TileRun<'_, '_, '_> {
 
 /// Depths of a quad at the samples of its four pixels.
 #[inline(always)]
-fn depths<const S: usize>(triangle: &Triangle, x: i32, y: i32) -> [[f32; 4]; S] {
+fn depths<const S: usize>(plane: &DepthPlane, x: i32, y: i32) -> [[f32; 4]; S] {
     let mut out = [[0.0; 4]; S];
     if S == 1 {
-        out[0] = triangle.depth.quad(x, y);
+        out[0] = plane.quad(x, y);
         return out;
     }
     for s in 0..S {
         let [dx, dy] = SAMPLES_4[s % 4].map(|v| v as f32 / SUBPIXEL as f32);
         let (x0, y0) = (x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
-        out[s] = triangle.depth.at4([x0, x0 + 1.0, x0, x0 + 1.0], [y0, y0, y0 + 1.0, y0 + 1.0]);
+        out[s] = plane.at4([x0, x0 + 1.0, x0, x0 + 1.0], [y0, y0, y0 + 1.0, y0 + 1.0]);
     }
     out
 }
@@ -126,13 +127,13 @@ fn exact_bounds(frame: &Frame<'_>, codes: &[u32]) -> BlockDepth {
 }
 
 impl BlockDepth {
-    /// Keeps the bounds true when a draw with this comparison writes depths between two keys to the block; `full`: to all of
-    /// it, wherever the comparison passes.
+    /// Keeps the bounds true when a draw with this comparison writes depths between two keys to quads of the block; `full`: to
+    /// all of it, wherever the comparison passes.
     #[inline(always)]
-    pub(super) fn written(&mut self, compare: crate::gfx::state::Compare, low: u32, high: u32, full: bool) {
+    pub(super) fn written(&mut self, compare: Compare, quads: u32, [low, high]: [u32; 2], full: bool) {
         let (raises, lowers) = may_raise_lower(compare);
         let before = *self;
-        self.stale = self.stale.saturating_add(1);
+        self.stale = self.stale.saturating_add(quads);
         if lowers {
             self.min = before.min.min(low);
             // What is left is no greater than what came, so that the least of both bounds holds.
@@ -152,7 +153,6 @@ impl BlockDepth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gfx::state::Compare;
 
     #[test]
     fn bounds_stay_true() {
@@ -170,7 +170,7 @@ mod tests {
             let range = |v: &[u32; 4]| (*v.iter().min().unwrap(), *v.iter().max().unwrap());
             let (min, max) = range(&stored);
             let mut bounds = BlockDepth { min: min - random(min + 1), max: max + random(4), stale: 0 };
-            bounds.written(compare, low, high, full);
+            bounds.written(compare, 1, [low, high], full);
             for depth in &mut stored {
                 let new = low + random(high - low + 1);
                 if (full || random(2) == 0) && compare.test(new as f32, *depth as f32) {

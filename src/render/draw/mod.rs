@@ -14,6 +14,8 @@ mod plan;
 mod primitive;
 mod record;
 mod shade;
+#[cfg(target_arch = "x86_64")]
+mod small;
 mod stream;
 mod tile;
 mod vertex;

@@ -208,13 +208,15 @@ impl RenderPass {
         let shaded = vertices.shade(frame, workers, stream, call.record.then_some(&mut segment))?;
         let n = batch::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
+        let late_setup = batch::late_setup(frame, call.record);
         let input = batch::Input {
             frame,
             stream,
             vertices,
             tiles: (tiles[0], tiles[0] * tiles[1]),
             record: call.record,
-            late_setup: batch::late_setup(frame, call.record),
+            late_setup,
+            mark_small: late_setup && batch::mark_small(frame),
         };
         each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
         batches.truncate(n.max(64));

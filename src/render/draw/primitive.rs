@@ -2,6 +2,8 @@
 
 use crate::gfx::assemble::{Assembler, PrimitiveKind, provoking};
 use crate::gfx::clip::{ClipVolume, Clipped, MAX_VERTICES, Polygon};
+#[cfg(target_arch = "x86_64")]
+use crate::gfx::setup::EightBounds;
 use crate::gfx::setup::{self, Culled, ScreenVertex};
 use crate::gfx::state::{PolygonMode, Topology};
 use crate::work::Outcome;
@@ -16,18 +18,19 @@ impl Batch {
         {
             #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
             fn wide(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-                batch.assemble_here(input, pairs);
+                batch.assemble_here::<true>(input, pairs);
             }
             if super::frame::has_avx2() {
                 // SAFETY: the host has every instruction set that the function is compiled for.
                 return unsafe { wide(self, input, pairs) };
             }
         }
-        self.assemble_here(input, pairs);
+        self.assemble_here::<false>(input, pairs);
     }
 
+    /// `WIDE`: the caller is compiled for AVX2.
     #[inline(always)]
-    fn assemble_here(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+    fn assemble_here<const WIDE: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
         let frame = input.frame;
         let primitive = &frame.pipeline.primitive;
         let kind = PrimitiveKind::of(frame.topology);
@@ -42,6 +45,17 @@ impl Batch {
             let entries = &input.stream.entries[part.start as usize..][..part.len as usize];
             if plain && frame.topology == Topology::TriangleList {
                 // The case that matters: no assembler, and the cull reasons only counted.
+                #[cfg(target_arch = "x86_64")]
+                let entries = if WIDE && input.late_setup {
+                    let (eights, rest) = entries.as_chunks::<24>();
+                    for eight in eights {
+                        self.eight(input, number, eight, flat, pairs);
+                        number += 8;
+                    }
+                    rest
+                } else {
+                    entries
+                };
                 for v in entries.chunks_exact(3) {
                     self.triangle(input, number, [v[0], v[1], v[2]], flat, pairs);
                     number += 1;
@@ -94,6 +108,43 @@ impl Batch {
                 }
                 *number += 1;
             });
+        }
+    }
+
+    /// Eight filled triangles without clip distances. The caller is compiled for AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn eight(&mut self, input: &Input<'_, '_>, first: u32, entries: &[u32; 24], flat: usize, pairs: &mut Vec<(u32, u32)>) {
+        let vertices = input.vertices;
+        let triangles = entries.as_chunks::<3>().0;
+        let mut screen = [[ScreenVertex::default(); 3]; 8];
+        let mut codes = 0;
+        for (screen, v) in screen.iter_mut().zip(triangles) {
+            for c in 0..3 {
+                codes |= vertices.codes[v[c] as usize];
+                screen[c] = vertices.screen[v[c] as usize];
+            }
+        }
+        // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
+        let eight = unsafe { EightBounds::find(&input.frame.setup, &screen) };
+        // Where a vertex is outside of anything, all of them go the long way.
+        let alone = if codes == 0 { eight.large } else { 0xff };
+        for (i, &v) in triangles.iter().enumerate() {
+            let number = first + i as u32;
+            if alone >> i & 1 == 1 {
+                self.triangle(input, number, v, flat, pairs);
+                continue;
+            }
+            match eight.get(i) {
+                Ok(bounds) => {
+                    let small = input.mark_small && eight.small >> i & 1 == 1;
+                    let corners = Corners { vertices: v, flat: v[flat] };
+                    self.put_late(input, number, &screen[i], bounds, small, corners, pairs);
+                }
+                Err(reason) => {
+                    self.end(outcome_of(reason));
+                }
+            }
         }
     }
 

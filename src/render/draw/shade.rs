@@ -22,6 +22,8 @@ pub struct Pending {
     coverage: [u16; QUADS],
     /// Samples that passed early tests.
     alive: [u16; QUADS],
+    /// Pixels with such a sample, a lane each.
+    active: u64,
     /// Sample of each, where the program runs once a sample.
     sample: [u8; QUADS],
     /// Place of each among the recorded quads.
@@ -42,21 +44,25 @@ impl Pending {
     /// Empties it.
     pub fn clear(&mut self) {
         self.n = 0;
+        self.active = 0;
         self.back = 0;
         self.owners = 0;
         self.triangles.clear();
     }
 
-    /// Adds a triangle (its data only where they are `needed`) and returns its place. A quad of it follows.
+    /// Adds a triangle and returns its place. A quad of it follows.
     #[inline(always)]
-    pub fn add_triangle(&mut self, triangle: &Triangle, needed: bool, batch: u32, number: u32) -> u32 {
+    pub fn add_triangle(&mut self, batch: u32, number: u32) -> u32 {
         let slot = self.owners;
-        if needed {
-            self.triangles.push(*triangle);
-        }
         self.names[slot & (QUADS - 1)] = (batch, number);
         self.owners = slot + 1;
         slot as u32
+    }
+
+    /// Adds the data of the last triangle; of every one, or of none.
+    #[inline(always)]
+    pub fn add_data(&mut self, triangle: Triangle) {
+        self.triangles.push(triangle);
     }
 
     /// Whether there is no room for another quad.
@@ -78,7 +84,7 @@ impl Pending {
         mut left: u64,
         front: bool,
     ) -> u64 {
-        let mut n = self.n;
+        let (mut n, mut active) = (self.n, self.active);
         while left != 0 && n < QUADS {
             let bit = left.trailing_zeros();
             left &= left - 1;
@@ -86,15 +92,48 @@ impl Pending {
             self.sites[n] = Site { triangle: slot, x: x + (2 * (q % 4)) as u16, y: y + (2 * (q / 4)) as u16 };
             self.at[n] = at + q;
             self.coverage[n] = (coverage >> bit & 15) as u16;
-            self.alive[n] = (alive >> bit & 15) as u16;
+            let alive = alive >> bit & 15;
+            self.alive[n] = alive as u16;
+            active |= alive << (4 * n);
             n += 1;
         }
+        self.active = active;
         if !front {
             self.back |= ((1_u32 << n) - (1_u32 << self.n)) as u16;
         }
         self.ends[slot as usize & (QUADS - 1)] = n as u8;
         self.n = n;
         left
+    }
+
+    /// Adds a quad if any of it is `alive`, without a branch. There is room. `same`: it is of the last triangle that was added;
+    /// else the one named is added. Returns whether it was.
+    #[inline(always)]
+    pub fn push_if_alive(
+        &mut self,
+        same: bool,
+        name: (u32, u32),
+        [x, y]: [u16; 2],
+        at: u32,
+        coverage: u32,
+        alive: u32,
+        front: bool,
+    ) -> bool {
+        let n = self.n & (QUADS - 1);
+        let slot = (self.owners - usize::from(same)) & (QUADS - 1);
+        let some = alive != 0;
+        // What is written beyond the ends does not count.
+        self.names[slot] = name;
+        self.ends[slot] = (n + usize::from(some)) as u8;
+        self.sites[n] = Site { triangle: slot as u32, x, y };
+        self.at[n] = at;
+        self.coverage[n] = coverage as u16;
+        self.alive[n] = alive as u16;
+        self.active |= u64::from(alive) << (4 * n);
+        self.back |= u16::from(some & !front) << n;
+        self.owners = slot + usize::from(some | same);
+        self.n = n + usize::from(some);
+        some
     }
 
     /// Adds a quad of one sample, where the program runs once a sample, or of all. There is room.
@@ -115,6 +154,7 @@ impl Pending {
         self.at[n] = at;
         self.coverage[n] = coverage;
         self.alive[n] = alive;
+        self.active |= pixels(alive) << (4 * n);
         self.sample[n] = sample;
         self.record[n] = record;
         self.back |= u16::from(!front) << n;
@@ -145,8 +185,7 @@ impl TileRun<'_, '_, '_> {
             return;
         }
         let frame = self.frame;
-        let shaded = if frame.shade_covered { &self.pending.coverage } else { &self.pending.alive };
-        let active = lanes(&shaded[..n]);
+        let active = if frame.shade_covered { lanes(&self.pending.coverage[..n]) } else { self.pending.active };
         let present = u64::MAX >> (64 - 4 * n);
         self.counts.quads_shaded += n as u64;
         self.counts.fragments_shaded += u64::from(active.count_ones());
@@ -181,14 +220,15 @@ impl TileRun<'_, '_, '_> {
                 tile.materialise(frame.depth_words);
                 if state.writes_depth() {
                     for &at in &self.pending.at[..n] {
-                        tile.depth[at as usize / 16].written(state.compare(), 0, u32::MAX, false);
+                        tile.depth[at as usize / 16].written(state.compare(), 1, [0, u32::MAX], false);
                     }
                 }
                 state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
             }
             self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());
         }
-        let written = lanes(&kept[..n]).count_ones();
+        let unchanged = frame.early && !frame.shrinks;
+        let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
         self.counts.fragments_written += u64::from(written);
         self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
         self.write::<S>(n, &kept);
@@ -282,11 +322,10 @@ impl TileRun<'_, '_, '_> {
         if !frame.classes.is_empty() {
             const NONE: &[u32] = &[];
             let names = &pending.names[..pending.owners];
-            // Varyings of the triangles' vertices; of each quad's, those of the vertex that flat ones come from.
+            // Varyings of the triangles' vertices, and of the one that flat ones come from.
             let mut vertices = [[NONE; 3]; QUADS];
             let mut flat = [NONE; QUADS];
-            let mut start = 0;
-            for ((vertices, &(batch, number)), &end) in vertices.iter_mut().zip(names).zip(ends) {
+            for ((vertices, flat), &(batch, number)) in vertices.iter_mut().zip(&mut flat).zip(names) {
                 let batch = &self.input.batches[batch as usize];
                 let corners = batch.corners[number as usize];
                 let words = |v: u32| {
@@ -299,8 +338,7 @@ impl TileRun<'_, '_, '_> {
                     &from[v * stride..(v + 1) * stride]
                 };
                 if frame.any_flat {
-                    flat[start..usize::from(end)].fill(words(corners.flat));
-                    start = usize::from(end);
+                    *flat = words(corners.flat);
                 }
                 if !frame.only_flat {
                     let [a, b, c] = corners.vertices;
@@ -313,10 +351,10 @@ impl TileRun<'_, '_, '_> {
                         for c in 0..varying.components {
                             if let Some(input) = bound.input_mut(varying.input, c) {
                                 let mut values = [0; QUADS];
-                                for (value, words) in values.iter_mut().zip(&flat[..n]) {
+                                for (value, words) in values.iter_mut().zip(&flat[..pending.owners]) {
                                     *value = words[varying.word + c];
                                 }
-                                interpolate::flat(&values, input);
+                                interpolate::flat(sites, &values, input);
                             }
                         }
                     }

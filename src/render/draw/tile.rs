@@ -8,7 +8,7 @@ use crate::render::surface::{TILE_BLOCKS, TileMut};
 use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
 
-use super::batch::{Batch, WHOLE};
+use super::batch::{Batch, NUMBER, SMALL, WHOLE};
 use super::frame::{Frame, Worker};
 use super::plan::Piece;
 use super::record::TileRecord;
@@ -19,7 +19,7 @@ use super::vertex::Vertices;
 pub const MAX_COLORS: usize = 8;
 
 /// Triangles of a tile's list between a request for their data and its use.
-const AHEAD: usize = 8;
+const AHEAD: usize = 24;
 
 /// A tile to be drawn.
 pub struct TileJob<'a> {
@@ -69,7 +69,7 @@ pub struct TileRun<'a, 'f, 'j> {
     pub fault: Option<ShaderFault>,
     /// The current triangle: its batch, its number there, its place among the pending ones.
     pub batch: u32,
-    pub triangle: u32,
+    pub number: u32,
     pub slot: u32,
 }
 
@@ -139,7 +139,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         samples_passed: 0,
         fault: None,
         batch: 0,
-        triangle: 0,
+        number: 0,
         slot: u32::MAX,
     };
     let mut blocks = [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS];
@@ -150,45 +150,32 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         let of_batch = if b == start.0 { &of_batch[start.1..] } else { of_batch };
         references.extend(of_batch.iter().map(|r| (b as u32, r & !WHOLE)));
     }
-    for (i, &(b, number)) in references.iter().enumerate() {
-        // The lists jump through the segment's triangles, which are more than the nearer caches hold.
-        if let Some(&(b, number)) = references.get(i + AHEAD) {
-            input.batches[b as usize].prefetch(number as usize);
-        }
-        if let Some(&(b, number)) = references.get(i + AHEAD / 2) {
-            input.batches[b as usize].prefetch_vertices(number as usize, input.vertices);
-        }
-        let batch = &input.batches[b as usize];
-        let triangle = &batch.set_up(number as usize, frame, input.vertices);
-        (run.batch, run.triangle, run.slot) = (b, number, u32::MAX);
-        // Traversal only collects: the work on a block is then compiled once, in here, for this function's instructions.
-        let mut n = 0;
-        let mut collect = |block| {
-            blocks[n & (TILE_BLOCKS - 1)] = block;
-            n += 1;
-        };
-        #[cfg(target_arch = "x86_64")]
-        if WIDE {
-            // SAFETY: `dispatch` has found the instruction sets on this host.
-            unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut collect) };
-        } else {
-            traverse::blocks_portable::<S>(triangle, area, &mut collect);
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        traverse::blocks_portable::<S>(triangle, area, &mut collect);
-        let mut covered = false;
-        for block in &blocks[..n] {
-            covered |= run.block::<S, RECORD, WIDE>(triangle, *block);
-        }
-        if covered {
-            batch.covered[number as usize].store(1, Relaxed);
-            if RECORD {
-                run.job.record.end_visit(b, number);
+    let mut at = 0;
+    while at < references.len() && run.fault.is_none() {
+        let ahead = references.get(at..(at + 8).min(references.len())).unwrap_or_default();
+        let small = if WIDE && S == 1 && !RECORD { ahead.iter().take_while(|(_, r)| r & SMALL != 0).count() } else { 0 };
+        // Two of them take less time one by one.
+        let together = small > 2;
+        let n = if together { small } else { small.max(1) };
+        for i in at..at + n {
+            // The lists jump through the segment's triangles, which are more than the nearer caches hold.
+            if let Some(&(b, r)) = references.get(i + AHEAD) {
+                input.batches[b as usize].prefetch((r & NUMBER) as usize);
+            }
+            if let Some(&(b, r)) = references.get(i + AHEAD / 2) {
+                input.batches[b as usize].prefetch_vertices((r & NUMBER) as usize, input.vertices);
             }
         }
-        if run.fault.is_some() {
-            break;
+        #[cfg(target_arch = "x86_64")]
+        if together {
+            run.small(&references[at..at + n], &area);
+            at += n;
+            continue;
         }
+        for &(b, r) in &references[at..at + n] {
+            run.triangle::<S, RECORD, WIDE>(b, r & NUMBER, area, &mut blocks);
+        }
+        at += n;
     }
     run.flush::<S, RECORD>();
     if RECORD {
@@ -208,7 +195,7 @@ fn first_visible(batches: &[Batch], tile: usize) -> (usize, usize) {
             for batch in &batches[..=b] {
                 let hidden = if std::ptr::eq(batch, &batches[b]) { &references[..at] } else { batch.in_tile(tile) };
                 for r in hidden {
-                    batch.covered[(r & !WHOLE) as usize].store(1, Relaxed);
+                    batch.covered[(r & NUMBER) as usize].store(1, Relaxed);
                 }
             }
             return (b, at);
@@ -225,6 +212,45 @@ pub(super) fn quads_in(mask: u64) -> u64 {
 }
 
 impl TileRun<'_, '_, '_> {
+    /// One triangle.
+    #[inline(always)]
+    fn triangle<const S: usize, const RECORD: bool, const WIDE: bool>(
+        &mut self,
+        b: u32,
+        number: u32,
+        area: Bounds,
+        blocks: &mut [Block<S>; TILE_BLOCKS],
+    ) {
+        let batch = &self.input.batches[b as usize];
+        let triangle = &batch.set_up(number as usize, self.frame, self.input.vertices);
+        (self.batch, self.number, self.slot) = (b, number, u32::MAX);
+        // Traversal only collects: the work on a block is then compiled once, in here, for this function's instructions.
+        let mut n = 0;
+        let mut collect = |block| {
+            blocks[n & (TILE_BLOCKS - 1)] = block;
+            n += 1;
+        };
+        #[cfg(target_arch = "x86_64")]
+        if WIDE {
+            // SAFETY: `dispatch` has found the instruction sets on this host.
+            unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut collect) };
+        } else {
+            traverse::blocks_portable::<S>(triangle, area, &mut collect);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        traverse::blocks_portable::<S>(triangle, area, &mut collect);
+        let mut covered = false;
+        for block in &blocks[..n] {
+            covered |= self.block::<S, RECORD, WIDE>(triangle, *block);
+        }
+        if covered {
+            batch.covered[number as usize].store(1, Relaxed);
+            if RECORD {
+                self.job.record.end_visit(b, number);
+            }
+        }
+    }
+
     /// One block of the current triangle; returns whether it covers a sample that may be written.
     #[inline(always)]
     fn block<const S: usize, const RECORD: bool, const WIDE: bool>(
@@ -318,13 +344,16 @@ impl TileRun<'_, '_, '_> {
     #[inline(always)]
     fn slot(&mut self, triangle: &Triangle) -> u32 {
         if self.slot == u32::MAX {
-            self.slot = self.pending.add_triangle(triangle, self.frame.needs_triangles, self.batch, self.triangle);
+            self.slot = self.pending.add_triangle(self.batch, self.number);
+            if self.frame.needs_triangles {
+                self.pending.add_data(*triangle);
+            }
         }
         self.slot
     }
 
     #[inline(always)]
-    fn flush_if_full<const S: usize, const RECORD: bool>(&mut self) {
+    pub(super) fn flush_if_full<const S: usize, const RECORD: bool>(&mut self) {
         if self.pending.is_full() {
             self.flush::<S, RECORD>();
             self.slot = u32::MAX;
