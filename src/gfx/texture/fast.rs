@@ -165,7 +165,7 @@ fn lambda(view: &View, sampler: &Sampler, args: &Sample<'_>) -> [f32; LANES] {
     out
 }
 
-/// A level's geometry, lane by lane.
+/// A level's geometry, lane by lane: in texels, or in columns.
 pub(super) struct Geometry {
     pub width: [f32; LANES],
     pub height: [f32; LANES],
@@ -182,11 +182,12 @@ impl Geometry {
             different |= level[i] ^ level[0];
         }
         let l = &view.levels[level[0] as usize];
+        let [base, _] = view.texels.geometry(l);
         let mut out = Geometry {
             width: [l.size[0] as f32; LANES],
             height: [l.size[1] as f32; LANES],
             stride: [l.stride; LANES],
-            base: [l.offset; LANES],
+            base: [base; LANES],
         };
         // Most batches lie in one level.
         if different != 0 {
@@ -196,13 +197,13 @@ impl Geometry {
                 out.width[i..i + step].fill(l.size[0] as f32);
                 out.height[i..i + step].fill(l.size[1] as f32);
                 out.stride[i..i + step].fill(l.stride);
-                out.base[i..i + step].fill(l.offset);
+                out.base[i..i + step].fill(view.texels.geometry(l)[0]);
             }
         }
         if let Some(layer) = args.layer {
             let last = view.layers() as i32 - 1;
             for i in 0..LANES {
-                let slice = view.levels[level[i] as usize].slice;
+                let [_, slice] = view.texels.geometry(&view.levels[level[i] as usize]);
                 out.base[i] = out.base[i].wrapping_add(slice.wrapping_mul(layer.i32()[i].clamp(0, last) as u32));
             }
         }

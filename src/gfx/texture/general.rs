@@ -3,20 +3,26 @@
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, Taps, gather_taps, taps};
-use super::view::Texels;
+use super::view::{Level, ROWS, Texels};
 use super::{Sample, Sampler, View, ellipse};
 use crate::gfx::texel::srgb_table;
 use crate::num::{Lanes, Mask};
 
 /// Texels that filter as four numbers.
 pub(super) trait Source: Copy {
+    /// The place in the store of a texel of a level: column, row, and slice or layer.
+    #[inline(always)]
+    fn place(level: &Level, texel: [i32; 3]) -> usize {
+        linear_place(level, texel)
+    }
+
     /// The texel at a place of the store.
     fn texel(self, place: usize) -> [f32; 4];
 }
 
-/// Four 8-bit channels.
+/// Four 8-bit channels, in columns.
 #[derive(Clone, Copy)]
-struct Unorm<'a>(&'a [u64]);
+struct Unorm<'a>(&'a [[u32; 4]]);
 
 /// Four 8-bit channels, three of them sRGB.
 #[derive(Clone, Copy)]
@@ -32,8 +38,15 @@ struct Float<'a>(&'a [[f32; 4]]);
 
 impl Source for Unorm<'_> {
     #[inline(always)]
+    fn place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
+        let [first, per_slice] = level.columns.map(|v| v as usize);
+        let (group, row) = (y as usize / ROWS as usize, y as usize % ROWS as usize);
+        4 * (first + slice as usize * per_slice + group * level.stride as usize + x as usize) + row
+    }
+
+    #[inline(always)]
     fn texel(self, place: usize) -> [f32; 4] {
-        (self.0[place] as u32).to_le_bytes().map(|c| f32::from(c) / 255.0)
+        self.0[place / 4][place % 4].to_le_bytes().map(|c| f32::from(c) / 255.0)
     }
 }
 
@@ -71,17 +84,16 @@ pub(super) fn lanes_of(mut mask: Mask) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The place in the store of a texel of a level.
+/// The place of a texel where they lie row by row.
 #[inline(always)]
-fn place_of(view: &View, level: usize, [x, y, slice]: [i32; 3]) -> usize {
-    let l = &view.levels[level];
-    l.offset as usize + slice as usize * l.slice as usize + y as usize * l.stride as usize + x as usize
+fn linear_place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
+    level.offset as usize + slice as usize * level.slice as usize + y as usize * level.stride as usize + x as usize
 }
 
 /// Samples the lanes of a mask; integer texels, which do not filter, give zeros.
 pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
     match &view.texels {
-        Texels::Unorm8(pairs) => sample_from(view, Unorm(pairs), sampler, args, mask, out),
+        Texels::Unorm8(columns) => sample_from(view, Unorm(columns), sampler, args, mask, out),
         Texels::Srgb8 { codes, .. } => sample_from(view, Srgb(codes, srgb_table()), sampler, args, mask, out),
         Texels::F32(texels) => sample_from(view, Single(texels), sampler, args, mask, out),
         Texels::F32x4(texels) => sample_from(view, Float(texels), sampler, args, mask, out),
@@ -135,8 +147,11 @@ fn average<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'
         let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
         let (mut sum, mut total) = ([0.0_f32; 4], 0.0);
         footprint.texels(view, sampler, place, args.offset, |texel, weight| {
-            let value =
-                if texel.contains(&BORDER) { sampler.border } else { source.texel(place_of(view, footprint.level, texel)) };
+            let value = if texel.contains(&BORDER) {
+                sampler.border
+            } else {
+                source.texel(S::place(&view.levels[footprint.level], texel))
+            };
             total += weight;
             match reference {
                 None => {
@@ -172,7 +187,7 @@ fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, ta
     let mut sum = [0.0_f32; 4];
     for i in 0..taps.count {
         let texel = taps.texel[i];
-        let value = if texel[0] == BORDER { sampler.border } else { source.texel(place_of(view, level, texel)) };
+        let value = if texel[0] == BORDER { sampler.border } else { source.texel(S::place(&view.levels[level], texel)) };
         match reference {
             None => {
                 for c in 0..4 {
@@ -185,15 +200,19 @@ fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, ta
     if reference.is_some() { [sum[0], 0.0, 0.0, 1.0] } else { sum }
 }
 
-/// The bits of a texel as a shader sees it.
+/// The bits of a texel of a level as a shader sees it.
 #[inline(always)]
-pub(super) fn bits(view: &View, place: usize) -> [u32; 4] {
+pub(super) fn bits(view: &View, level: usize, texel: [i32; 3]) -> [u32; 4] {
+    fn of<S: Source>(source: S, level: &Level, texel: [i32; 3]) -> [u32; 4] {
+        source.texel(S::place(level, texel)).map(f32::to_bits)
+    }
+    let level = &view.levels[level];
     match &view.texels {
-        Texels::Unorm8(pairs) => Unorm(pairs).texel(place).map(f32::to_bits),
-        Texels::Srgb8 { codes, .. } => Srgb(codes, srgb_table()).texel(place).map(f32::to_bits),
-        Texels::F32(texels) => Single(texels).texel(place).map(f32::to_bits),
-        Texels::F32x4(texels) => texels[place].map(f32::to_bits),
-        Texels::U32x4(texels) => texels[place],
+        Texels::Unorm8(columns) => of(Unorm(columns), level, texel),
+        Texels::Srgb8 { codes, .. } => of(Srgb(codes, srgb_table()), level, texel),
+        Texels::F32(texels) => of(Single(texels), level, texel),
+        Texels::F32x4(texels) => texels[linear_place(level, texel)].map(f32::to_bits),
+        Texels::U32x4(texels) => texels[linear_place(level, texel)],
     }
 }
 
@@ -203,8 +222,7 @@ pub(super) fn gather(view: &View, sampler: &Sampler, args: &Sample<'_>, componen
         let place = Place::new(view, args, lane);
         let texels = gather_taps(view, sampler, place, args.offset);
         for (i, texel) in texels.into_iter().enumerate() {
-            let value =
-                if texel[0] == BORDER { sampler.border.map(f32::to_bits) } else { bits(view, place_of(view, 0, texel)) };
+            let value = if texel[0] == BORDER { sampler.border.map(f32::to_bits) } else { bits(view, 0, texel) };
             out[i].0[lane] = match args.compare {
                 None => value[component as usize & 3],
                 Some(r) => {
@@ -222,7 +240,7 @@ pub(super) fn load(view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, leve
         let value = match locate(view, coords, layer, level, lane) {
             Some((level, texel, sample)) => {
                 let [x, y, slice] = texel;
-                bits(view, place_of(view, level, [x * view.samples as i32 + sample, y, slice]))
+                bits(view, level, [x * view.samples as i32 + sample, y, slice])
             }
             None => [0; 4],
         };

@@ -60,7 +60,7 @@ pub enum ViewError {
         height: u32,
     },
     /// More texels than places can name.
-    #[error("a view of {texels} texels, at most {} are possible", i32::MAX)]
+    #[error("a view of {texels} texels, at most {MOST_TEXELS} are possible")]
     Size {
         /// Texels of the view, with those that its rows repeat.
         texels: u64,
@@ -86,15 +86,19 @@ pub(super) struct Level {
     pub stride: u32,
     /// From a slice or layer to the next.
     pub slice: u32,
+    /// In columns of [`Texels::Unorm8`]: the first of the level, and from a slice or layer to the next.
+    pub columns: [u32; 2],
 }
 
 /// The texels of a view.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Texels {
-    /// Four 8-bit channels, red in the low byte: in the low word a texel, in the high word the one below it (below the last row
-    /// the first), so that two neighbours are the four texels of a bilinear filter. With a word a texel and twice the loads,
-    /// trilinear filtering took a seventh longer and bilinear filtering of a cold texture somewhat less.
-    Unorm8(Vec<u64>),
+    /// Four 8-bit channels, red in the low byte, in columns of four rows of which the last is the next column's first
+    /// (row `3 g + r` is word r of group g; below the last row is the first): so the four texels of a bilinear filter are two
+    /// pairs of words, 16 bytes apart. Of a small triangle's texels a cache line of such columns holds nearly twice as many as
+    /// one of rows, or of rows in pairs, and a texture is smaller than in pairs; where texels come from the second-level cache or
+    /// beyond, that is what counts.
+    Unorm8(Vec<[u32; 4]>),
     /// Four 8-bit channels, three of them sRGB; and the same texels in linear light, 16 bits a channel, 32640 is 1; red, blue,
     /// green, alpha from the low end.
     Srgb8 { codes: Vec<u32>, linear: Vec<u64> },
@@ -105,6 +109,20 @@ pub(super) enum Texels {
     /// Four integers of 32 bits.
     U32x4(Vec<[u32; 4]>),
 }
+
+impl Texels {
+    /// Where a level begins, and from a slice or layer of it to the next: in texels, or in columns.
+    #[inline(always)]
+    pub(super) fn geometry(&self, level: &Level) -> [u32; 2] {
+        if let Texels::Unorm8(_) = self { level.columns } else { [level.offset, level.slice] }
+    }
+}
+
+/// Rows of a group of columns, the one that it shares with the next not counted.
+pub(super) const ROWS: u32 = 3;
+
+/// Texels of a view at most, so that words of their store are numbered in 31 bits.
+const MOST_TEXELS: u64 = (1 << 30) - 1;
 
 /// 1 as a 16-bit filter value: 255 * 128, so that an 8-bit code is a shift away and differences fit 16 bits.
 pub(super) const FIXED_ONE: f32 = 32640.0;
@@ -136,17 +154,20 @@ impl View {
         check(words, image, range)?;
         let volume = range.dimension == ViewDimension::D3;
         let mut levels = Vec::with_capacity(range.levels as usize);
-        let mut places = 0_u64;
+        let (mut places, mut columns) = (0_u64, 0);
         for level in range.base_level..range.base_level + range.levels {
             let [w, h, d] = image.level_size(level);
             let slices = if volume { d } else { range.layers };
             let stride = if image.samples == 1 { w + 1 } else { w * image.samples };
-            let offset = places as u32;
+            let (offset, first_column) = (places as u32, columns);
             places = places.saturating_add((u64::from(stride) * u64::from(h)).saturating_mul(u64::from(slices)));
-            if places > i32::MAX as u64 {
+            if places > MOST_TEXELS {
                 return Err(ViewError::Size { texels: places });
             }
-            levels.push(Level { size: [w, h, slices], offset, stride, slice: stride * h });
+            let slice_columns = stride * h.div_ceil(ROWS);
+            columns += slice_columns * slices;
+            let columns = [first_column, slice_columns];
+            levels.push(Level { size: [w, h, slices], offset, stride, slice: stride * h, columns });
         }
         let places = places as usize;
         let stencil = range.aspect == Aspect::StencilOnly || range.format == Format::Stencil8;
@@ -390,19 +411,25 @@ impl Reader<'_> {
         if srgb {
             return Texels::Srgb8 { linear: linear_light(&codes), codes };
         }
-        let mut pairs = vec![0_u64; codes.len()];
+        let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
+        let mut columns = vec![[0_u32; 4]; count as usize];
         for level in self.levels {
-            let (slice, stride) = (level.slice as usize, level.stride as usize);
-            for index in 0..level.size[2] as usize {
-                let first = level.offset as usize + index * slice;
-                let (codes, pairs) = (&codes[first..first + slice], &mut pairs[first..first + slice]);
-                let below = codes[stride..].iter().chain(&codes[..stride]);
-                for (pair, (code, below)) in pairs.iter_mut().zip(codes.iter().zip(below)) {
-                    *pair = u64::from(*code) | u64::from(*below) << 32;
+            let (height, stride) = (level.size[1] as usize, level.stride as usize);
+            for slice in 0..level.size[2] as usize {
+                let codes = &codes[level.offset as usize + slice * level.slice as usize..][..level.slice as usize];
+                let first = level.columns[0] as usize + slice * level.columns[1] as usize;
+                let groups = columns[first..first + level.columns[1] as usize].chunks_exact_mut(stride);
+                for (g, group) in groups.enumerate() {
+                    for r in 0..4 {
+                        let row = (ROWS as usize * g + r) % height;
+                        for (column, code) in group.iter_mut().zip(&codes[row * stride..(row + 1) * stride]) {
+                            column[r] = *code;
+                        }
+                    }
                 }
             }
         }
-        Texels::Unorm8(pairs)
+        Texels::Unorm8(columns)
     }
 }
 

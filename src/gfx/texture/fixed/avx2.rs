@@ -35,10 +35,20 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mu
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];
     match (&view.texels, &plan.places) {
-        (Texels::Unorm8(pairs), Places::Same(_)) => filter::<false, true>(pairs, address, coords, &plan, out),
-        (Texels::Unorm8(pairs), Places::Each(_)) => filter::<false, false>(pairs, address, coords, &plan, out),
-        (Texels::Srgb8 { linear, .. }, Places::Same(_)) => filter::<true, true>(linear, address, coords, &plan, out),
-        (Texels::Srgb8 { linear, .. }, Places::Each(_)) => filter::<true, false>(linear, address, coords, &plan, out),
+        (Texels::Unorm8(columns), places) => {
+            let words = columns.as_flattened();
+            match places {
+                Places::Same(_) => filter::<false, true>(view, words, address, coords, &plan, out),
+                Places::Each(_) => filter::<false, false>(view, words, address, coords, &plan, out),
+            }
+        }
+        (Texels::Srgb8 { linear, .. }, places) => {
+            let words = bytemuck::cast_slice(linear);
+            match places {
+                Places::Same(_) => filter::<true, true>(view, words, address, coords, &plan, out),
+                Places::Each(_) => filter::<true, false>(view, words, address, coords, &plan, out),
+            }
+        }
         _ => {}
     }
 }
@@ -75,7 +85,8 @@ fn quad_rho(view: &View, args: &Sample<'_>, out: &mut [f32; QUADS]) {
 
 #[target_feature(enable = "avx2")]
 fn filter<const SRGB: bool, const SAME: bool>(
-    texels: &[u64],
+    view: &View,
+    words: &[u32],
     address: [AddressMode; 2],
     coords: [&[f32; LANES]; 2],
     plan: &Plan<'_>,
@@ -84,7 +95,7 @@ fn filter<const SRGB: bool, const SAME: bool>(
     let scale = _mm256_set1_ps(1.0 / FIXED_ONE);
     let low = _mm256_set1_epi32(0xffff);
     let same = match &plan.places {
-        Places::Same([first, second]) => [splat(first), splat(second)],
+        Places::Same([first, second]) => [splat(&view.texels, first), splat(&view.texels, second)],
         Places::Each(levels) => [load(&levels[0], 0), load(&levels[1], 0)],
     };
     let flat = |level: usize, chunk: usize| match &plan.places {
@@ -93,9 +104,9 @@ fn filter<const SRGB: bool, const SAME: bool>(
     };
     for chunk in 0..LANES / 8 {
         let at = [fold(address[0], floats(coords[0], chunk)), fold(address[1], floats(coords[1], chunk))];
-        let mut value = bilinear::<SRGB>(texels, address, at, &flat(0, chunk));
+        let mut value = bilinear::<SRGB>(words, address, at, &flat(0, chunk));
         if plan.blend {
-            let second = bilinear::<SRGB>(texels, address, at, &flat(1, chunk));
+            let second = bilinear::<SRGB>(words, address, at, &flat(1, chunk));
             let weight = if plan.by_quad {
                 let of_quad = |q: usize| _mm_set1_ps(plan.weight[q]);
                 _mm256_set_m128(of_quad(2 * chunk + 1), of_quad(2 * chunk))
@@ -119,12 +130,12 @@ fn filter<const SRGB: bool, const SAME: bool>(
 
 #[target_feature(enable = "avx2")]
 #[inline]
-fn splat(level: &Level) -> Flat {
+fn splat(texels: &Texels, level: &Level) -> Flat {
     Flat {
         width: _mm256_set1_ps(level.size[0] as f32),
         height: _mm256_set1_ps(level.size[1] as f32),
         stride: _mm256_set1_epi32(level.stride as i32),
-        base: _mm256_set1_epi32(level.offset as i32),
+        base: _mm256_set1_epi32(texels.geometry(level)[0] as i32),
     }
 }
 
@@ -134,8 +145,8 @@ fn load(level: &Geometry, chunk: usize) -> Flat {
     Flat {
         width: floats(&level.width, chunk),
         height: floats(&level.height, chunk),
-        stride: words(&level.stride, chunk),
-        base: words(&level.base, chunk),
+        stride: integers(&level.stride, chunk),
+        base: integers(&level.base, chunk),
     }
 }
 
@@ -147,7 +158,7 @@ fn floats(lanes: &[f32; LANES], chunk: usize) -> __m256 {
 
 #[target_feature(enable = "avx2")]
 #[inline]
-fn words(lanes: &[u32; LANES], chunk: usize) -> __m256i {
+fn integers(lanes: &[u32; LANES], chunk: usize) -> __m256i {
     bytemuck::cast(lanes.as_chunks::<8>().0[chunk])
 }
 
@@ -198,23 +209,28 @@ fn fixed(weight: __m256) -> __m256i {
 /// [`super::bilinear`].
 #[target_feature(enable = "avx2")]
 #[inline]
-fn bilinear<const SRGB: bool>(texels: &[u64], address: [AddressMode; 2], at: [__m256; 2], level: &Flat) -> Values {
+fn bilinear<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m256; 2], level: &Flat) -> Values {
     let (x, x_weight) = place(address[0], at[0], level.width);
     let (y, y_weight) = place(address[1], at[1], level.height);
     let left = _mm256_add_epi32(level.base, x);
-    let top = _mm256_add_epi32(left, _mm256_mullo_epi32(y, level.stride));
-    let c = columns(texels, top);
     let (upper, lower) = if SRGB {
         let next = _mm256_add_epi32(y, _mm256_set1_epi32(1));
         let inside = _mm256_cmpgt_epi32(_mm256_cvttps_epi32(level.height), next);
         let beyond = if address[1] == AddressMode::Repeat { _mm256_setzero_si256() } else { y };
         let below = _mm256_blendv_epi8(beyond, next, inside);
-        let d = columns(texels, _mm256_add_epi32(left, _mm256_mullo_epi32(below, level.stride)));
+        // Texels of two words.
+        let word = |row: __m256i| _mm256_slli_epi32::<1>(_mm256_add_epi32(left, _mm256_mullo_epi32(row, level.stride)));
+        let (c, d) = (gather::<2>(words, word(y)), gather::<2>(words, word(below)));
         (
             mix(Values { rb: c[0], ga: c[1] }, Values { rb: c[2], ga: c[3] }, x_weight),
             mix(Values { rb: d[0], ga: d[1] }, Values { rb: d[2], ga: d[3] }, x_weight),
         )
     } else {
+        // y / 3: the product of a number of 16 bits with 43691, shifted by 17, is exact. Columns of four words.
+        let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
+        let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
+        let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
+        let c = gather::<4>(words, _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row));
         (mix(spread(c[0]), spread(c[2]), x_weight), mix(spread(c[1]), spread(c[3]), x_weight))
     };
     mix(upper, lower, y_weight)
@@ -244,26 +260,34 @@ fn mix_half(a: __m256i, b: __m256i, weight: __m256i) -> __m256i {
     _mm256_add_epi16(a, _mm256_mulhrs_epi16(_mm256_sub_epi16(b, a), weight))
 }
 
-/// The two texels at each lane's place, transposed: word 0 of all lanes, word 1, and so on. Zeros where a place is outside, as
-/// none of a level is.
+/// Two words at each lane's place and two `STEP` words further on, transposed: the first word of all lanes, the second, and so
+/// on. Zeros where a place is outside, as none of a level is.
 #[target_feature(enable = "avx2")]
 #[inline]
-fn columns(texels: &[u64], places: __m256i) -> [__m256i; 4] {
+fn gather<const STEP: usize>(words: &[u32], places: __m256i) -> [__m256i; 4] {
     // One comparison for all lanes: a check of each took a third of the filter's instructions. Places are compared as signed
     // numbers, so that one beyond 2^31 is outside as well.
-    let end = i32::try_from(texels.len()).unwrap_or(i32::MAX).saturating_sub(1);
+    let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(STEP as i32 + 1);
     let inside =
         _mm256_and_si256(_mm256_cmpgt_epi32(_mm256_set1_epi32(end), places), _mm256_cmpgt_epi32(places, _mm256_set1_epi32(-1)));
     if _mm256_movemask_epi8(inside) != -1 {
         return [_mm256_setzero_si256(); 4];
     }
     let places: [u32; 8] = bytemuck::cast(places);
-    let two = |lane: usize| {
-        // SAFETY: every place is at least 0 and less than `texels.len() - 1`: so the comparison above says. Two elements from
-        // there on lie in the slice; the load needs no alignment.
-        unsafe { _mm_loadu_si128(texels.as_ptr().add(places[lane] as usize).cast()) }
+    let lane = |lane: usize| {
+        // SAFETY: every place is at least 0 and less than `words.len() - (STEP + 1)`: so the comparison above says. Two words
+        // there, and two from `STEP` words further on, lie in the slice. The loads need no alignment.
+        unsafe {
+            let at = words.as_ptr().add(places[lane] as usize);
+            if STEP == 2 {
+                _mm_loadu_si128(at.cast())
+            } else {
+                let low = _mm_castsi128_pd(_mm_loadl_epi64(at.cast()));
+                _mm_castpd_si128(_mm_loadh_pd(low, at.add(STEP).cast()))
+            }
+        }
     };
-    let row = |lane: usize| _mm256_set_m128i(two(lane + 4), two(lane));
+    let row = |i: usize| _mm256_set_m128i(lane(i + 4), lane(i));
     let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
     let (a, b) = (_mm256_unpacklo_epi32(r0, r1), _mm256_unpackhi_epi32(r0, r1));
     let (c, d) = (_mm256_unpacklo_epi32(r2, r3), _mm256_unpackhi_epi32(r2, r3));

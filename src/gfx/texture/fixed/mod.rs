@@ -13,7 +13,7 @@ mod avx2;
 
 use super::fast::{Geometry, choose, fold, following, place, split};
 use super::lod::{clamp_one, quad_lambda, quad_rho};
-use super::view::{FIXED_ONE, Level, Texels};
+use super::view::{FIXED_ONE, Level, ROWS, Texels};
 use super::{Lod, Sample, Sampler, View};
 use crate::gfx::state::AddressMode;
 use crate::num::{LANES, Lanes, QUADS};
@@ -110,7 +110,7 @@ pub(super) fn sample_lanes(view: &View, sampler: &Sampler, args: &Sample<'_>, ou
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
         let level = |n: usize| match &plan.places {
-            Places::Same(levels) => Flat::of(levels[n]),
+            Places::Same(levels) => Flat::of(&view.texels, levels[n]),
             Places::Each(levels) => Flat::lane(&levels[n], i),
         };
         let mut value = bilinear(&view.texels, address, at, level(0));
@@ -135,8 +135,9 @@ struct Flat {
 }
 
 impl Flat {
-    fn of(level: &Level) -> Flat {
-        Flat { width: level.size[0] as f32, height: level.size[1] as f32, stride: level.stride, base: level.offset }
+    fn of(texels: &Texels, level: &Level) -> Flat {
+        let [base, _] = texels.geometry(level);
+        Flat { width: level.size[0] as f32, height: level.size[1] as f32, stride: level.stride, base }
     }
 
     fn lane(level: &Geometry, i: usize) -> Flat {
@@ -145,22 +146,20 @@ impl Flat {
 }
 
 /// The bilinear value at a folded place of a level: red, blue, green, alpha.
-fn bilinear(texels: &Texels, address: [AddressMode; 2], at: [f32; 2], level: Flat) -> [i16; 4] {
-    let (x, x_weight) = place(address[0], at[0], level.width);
-    let (y, y_weight) = place(address[1], at[1], level.height);
+fn bilinear(texels: &Texels, address: [AddressMode; 2], folded: [f32; 2], level: Flat) -> [i16; 4] {
+    let (x, x_weight) = place(address[0], folded[0], level.width);
+    let (y, y_weight) = place(address[1], folded[1], level.height);
     // Rows end with their first texel again; where the last one is clamped to, its right neighbour has no weight.
-    let two = |words: &[u64], y: i32| {
-        let left = level.base.wrapping_add(x as u32).wrapping_add((y as u32).wrapping_mul(level.stride)) as usize;
-        words.get(left..left + 2).map_or([0; 2], |w| [w[0], w[1]])
-    };
+    let at = |row: i32| level.base.wrapping_add(x as u32).wrapping_add((row as u32).wrapping_mul(level.stride)) as usize;
     let [a, b, c, d] = match texels {
-        Texels::Unorm8(pairs) => {
-            let [left, right] = two(pairs, y);
-            let spread = |code: u64| {
-                let [r, g, b, a] = (code as u32).to_le_bytes();
+        Texels::Unorm8(columns) => {
+            let (group, row) = (y / ROWS as i32, (y % ROWS as i32) as usize);
+            let [left, right] = columns.get(at(group)..at(group) + 2).map_or([[0; 4]; 2], |c| [c[0], c[1]]);
+            let spread = |code: u32| {
+                let [r, g, b, a] = code.to_le_bytes();
                 [r, b, g, a].map(|c| i16::from(c) << 7)
             };
-            [spread(left), spread(right), spread(left >> 32), spread(right >> 32)]
+            [spread(left[row]), spread(right[row]), spread(left[row + 1]), spread(right[row + 1])]
         }
         Texels::Srgb8 { linear, .. } => {
             let below = if y + 1 < level.height as i32 {
@@ -170,7 +169,8 @@ fn bilinear(texels: &Texels, address: [AddressMode; 2], at: [f32; 2], level: Fla
             } else {
                 y
             };
-            let ([a, b], [c, d]) = (two(linear, y), two(linear, below));
+            let two = |row: i32| linear.get(at(row)..at(row) + 2).map_or([0; 2], |w| [w[0], w[1]]);
+            let ([a, b], [c, d]) = (two(y), two(below));
             [a, b, c, d].map(|t| [t as i16, (t >> 16) as i16, (t >> 32) as i16, (t >> 48) as i16])
         }
         _ => [[0; 4]; 4],
