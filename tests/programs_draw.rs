@@ -57,6 +57,42 @@ fn dot(width: u32, at: &str, more_members: &str, more_arguments: &str, more_valu
     )
 }
 
+/// The built-in position is that of the pixel's centre, whatever is interpolated elsewhere beside it.
+#[test]
+fn position_beside_a_centroid_varying() {
+    let draw = |sampling: &str| {
+        let mut canvas = Canvas::new(32, 32, Format::Rgba8Unorm);
+        let source = format!(
+            "struct V {{
+                 @builtin(position) p: vec4f,
+                 @location(0) a: f32,
+                 @location(1) @interpolate(perspective, {sampling}) b: f32,
+             }}
+             @vertex fn vs(@builtin(vertex_index) v: u32) -> V {{
+                 let w = array<f32, 3>(1.0, 9.0, 2.0)[v];
+                 let at = array<vec2f, 3>(vec2f(-0.9, -0.8), vec2f(0.7, -0.6), vec2f(-0.3, 0.9))[v];
+                 return V(vec4f(at, 0.5, 1.0) * w, w / 9.0, w / 9.0);
+             }}
+             @fragment fn fs(in: V) -> @location(0) vec4f {{ return vec4f(in.p.w, in.a, in.b, 1.0); }}"
+        );
+        let many = canvas.lab.card.create_texture("", record::texture_multisampled(32, 32, 4, Format::Rgba8Unorm));
+        let samples = canvas.lab.card.create_view(many);
+        let pipeline = canvas.pipeline(&source, |desc| desc.multisample.count = 4);
+        let resolved = record::clear_and_resolve(samples, [0.0; 4], canvas.view);
+        let mut pass = canvas.lab.card.begin_render_pass([resolved], None);
+        pass.set_pipeline(pipeline);
+        pass.draw(3, 1);
+        drop(pass);
+        canvas.finish()
+    };
+    let (center, centroid) = (draw("center"), draw("centroid"));
+    assert!(
+        center.iter().zip(&centroid).all(|(a, b)| a & 0xffff == b & 0xffff),
+        "1/w and what lies at the centre are the same"
+    );
+    assert!(center != centroid, "the centroids are elsewhere");
+}
+
 /// Arguments in buffers: several draws at once, their number in a buffer too, with and without indices, from an instance on.
 #[test]
 fn indirect_draws() {

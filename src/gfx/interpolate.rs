@@ -351,21 +351,19 @@ widest! {
     }
 }
 
-widest! {
-    /// One attribute component of a batch in which the quads of a primitive follow each other; same bits as [`attribute`].
-    /// Primitive `i` has quads `ends[i - 1]..ends[i]` and the values `values[i]` at its vertices.
-    pub fn attribute_runs(weights: &Weights, ends: &[u8], values: &[[f32; 3]; QUADS], out: &mut Lanes) {
-        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
-        let mut start = 0;
-        for (&end, &values) in ends.iter().zip(values) {
-            let (k, end) = (coefficients(values), usize::from(end).min(QUADS));
-            for q in start..end {
-                for p in 0..4 {
-                    let lane = 4 * q + p;
-                    out[lane] = combine(k, one[lane], two[lane]);
-                }
-            }
-            start = end;
+/// One attribute component of the quads of one primitive, which has these values at its vertices; same bits as [`attribute`].
+#[inline(always)]
+pub fn attribute_run(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
+    let k = coefficients(values);
+    let lanes = 4 * quads.start.min(QUADS)..4 * quads.end.min(QUADS);
+    let quads = |lanes: &[f32]| lanes.as_chunks::<4>().0.len();
+    let (one, two) = (&weights.one.f32()[lanes.clone()], &weights.two.f32()[lanes.clone()]);
+    let out = &mut out.f32_mut()[lanes];
+    debug_assert_eq!(quads(one), quads(out));
+    let quads = out.as_chunks_mut::<4>().0.iter_mut().zip(one.as_chunks::<4>().0).zip(two.as_chunks::<4>().0);
+    for ((out, one), two) in quads {
+        for p in 0..4 {
+            out[p] = combine(k, one[p], two[p]);
         }
     }
 }
@@ -378,13 +376,5 @@ widest! {
         for lane in 0..LANES {
             out[lane] = combine(k, one[lane], two[lane]);
         }
-    }
-}
-
-/// A flat attribute component: `values[i]` are the bits of primitive i's provoking vertex.
-#[inline(always)]
-pub fn flat(sites: &[Site], values: &[u32; QUADS], out: &mut Lanes) {
-    for (quad, site) in out.0.as_chunks_mut::<4>().0.iter_mut().zip(sites) {
-        *quad = [values[site.triangle as usize & (QUADS - 1)]; 4];
     }
 }

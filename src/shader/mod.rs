@@ -32,7 +32,7 @@ mod types;
 mod tests;
 
 pub use compile::{Options, compile};
-pub use exec::{Bound, Executor, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
+pub use exec::{Bound, Executor, InputRegister, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
 pub use guard::is_guarded;
 pub use interface::*;
 pub use module::{Module, Place, ShaderError, Source};

@@ -15,8 +15,9 @@ use super::plan::{Piece, entries_of};
 use super::stream::Stream;
 use super::vertex::Vertices;
 
-/// Primitives of a batch: one task assembles, clips and sets up as many.
-pub const BATCH: u32 = 1024;
+/// Primitives of a batch: one task assembles, clips and sorts as many. Every batch has a list for every tile; more batches
+/// would be more, and shorter, lists.
+pub const BATCH: u32 = 4096;
 
 /// Marks a vertex that clipping made: its number is one among the batch's own.
 pub const MADE: u32 = 1 << 31;

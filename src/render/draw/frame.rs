@@ -4,24 +4,28 @@ use std::sync::Mutex;
 
 use crate::gfx::clip::ClipVolume;
 use crate::gfx::format::Format;
+use crate::gfx::interpolate::Weights;
 use crate::gfx::rop::{ColorState, DepthStencilState};
 use crate::gfx::setup::{BiasUnit, DepthBias, Screen, SetupState};
 use crate::gfx::state::{DepthStencil, Topology};
 use crate::gfx::vertex::VertexSource;
-use crate::num::{LANES, Words};
-use crate::render::pipeline::{RenderPipeline, Varying};
+use crate::num::{LANES, Lanes, Words};
+use crate::render::pipeline::RenderPipeline;
 use crate::render::surface::TileSurface;
-use crate::shader::{BuiltIn, Connection, Executor, Interpolation, Program, Recorder, Resources, Sampling, Uniforms};
+use crate::shader::{
+    BuiltIn, Connection, Executor, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
+};
 use crate::work::{Funnel, Shade};
 
-use super::shade::Pending;
+use super::pending::Pending;
 use super::{DrawCall, DrawError, Skips};
 
 /// Varyings that are interpolated with the same weights.
 pub struct VaryingClass {
     pub interpolation: Interpolation,
     pub sampling: Sampling,
-    pub varyings: Vec<Varying>,
+    /// What the fragment program reads of them: registers, and the words of a vertex that go there.
+    pub inputs: Vec<(InputRegister, usize)>,
 }
 
 /// A colour target of a draw.
@@ -78,10 +82,6 @@ pub struct Frame<'a> {
     /// The fragment program, where one has to run.
     pub fragment: Option<&'a Program>,
     pub classes: Vec<VaryingClass>,
-    /// Some varyings are flat.
-    pub any_flat: bool,
-    /// All varyings are flat.
-    pub only_flat: bool,
     /// Shading needs a triangle's planes, not only its vertices.
     pub needs_triangles: bool,
     pub fragment_builtins: Vec<(usize, BuiltIn)>,
@@ -199,10 +199,8 @@ impl<'a> Frame<'a> {
                 && depth_state.is_some_and(|d| !d.uses_stencil() && d.reads_depth() && depth_format.has_depth()),
             early,
             tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
-            any_flat: pipeline.varyings.iter().any(|v| v.interpolation == Interpolation::Flat),
             needs_triangles: !(flat && early && no_builtins),
-            classes: fragment.map_or_else(Vec::new, |_| classes(pipeline, samples)),
-            only_flat: flat,
+            classes: fragment.map_or_else(Vec::new, |program| classes(pipeline, program, samples)),
             fragment_builtins,
             per_sample: samples > 1 && fragment.is_some_and(|p| p.interface().per_sample),
             helpers: fragment.is_some_and(|p| p.interface().uses_derivatives),
@@ -265,17 +263,21 @@ fn attribute_sources<'a>(call: &DrawCall<'a>) -> Vec<VertexSource<'a>> {
 }
 
 /// Groups the varyings by their weights; with one sample a pixel all places are the centre.
-fn classes(pipeline: &RenderPipeline, samples: u32) -> Vec<VaryingClass> {
+fn classes(pipeline: &RenderPipeline, program: &Program, samples: u32) -> Vec<VaryingClass> {
     let mut classes: Vec<VaryingClass> = Vec::new();
     for varying in &pipeline.varyings {
         let sampling =
             if samples == 1 || varying.interpolation == Interpolation::Flat { Sampling::Center } else { varying.sampling };
+        let read = (0..varying.components)
+            .filter_map(|c| Some((program.input_register(varying.input, c)?, varying.word + c)))
+            .collect::<Vec<_>>();
+        if read.is_empty() {
+            continue;
+        }
         let same = |c: &&mut VaryingClass| c.interpolation == varying.interpolation && c.sampling == sampling;
         match classes.iter_mut().find(same) {
-            Some(class) => class.varyings.push(*varying),
-            None => {
-                classes.push(VaryingClass { interpolation: varying.interpolation, sampling, varyings: vec![*varying] });
-            }
+            Some(class) => class.inputs.extend(read),
+            None => classes.push(VaryingClass { interpolation: varying.interpolation, sampling, inputs: read }),
         }
     }
     classes
@@ -324,12 +326,20 @@ fn targets(
     Ok((out, depth_payload + payload))
 }
 
+/// Weights of a batch's vertices, and 1/w.
+#[derive(Default)]
+pub struct FragmentWeights {
+    pub weights: Weights,
+    pub inv_w: Lanes,
+}
+
 /// What a thread keeps from task to task.
 #[derive(Default)]
 pub struct Worker {
     pub vertex: Executor,
     pub fragment: Executor,
     pub pending: Pending,
+    pub weights: FragmentWeights,
     pub recorder: Recorder,
     /// Counts of the current segment.
     pub funnel: Funnel,

@@ -10,6 +10,7 @@ mod clip_distance;
 mod early;
 mod frame;
 mod pass;
+mod pending;
 mod plan;
 mod primitive;
 mod record;

@@ -1,184 +1,35 @@
 //! Shading: up to 16 quads at a time, whatever triangles they belong to, from interpolation to the attachments.
 
-use crate::gfx::interpolate::{self, Place, Site, Weights};
+use crate::gfx::interpolate::{self, Place, Weights};
 use crate::gfx::rop;
-use crate::gfx::setup::Triangle;
 use crate::num::{LANES, Lanes, QUADS};
 use crate::shader::{Bound, BuiltIn, Interpolation, Sampling};
 
 use super::batch::MADE;
-use super::frame::Frame;
+use super::frame::{FragmentWeights, Frame};
+use super::pending::{Pending, lanes, pixels};
 use super::tile::TileRun;
 
-/// Quads that wait to be shaded, in API order.
-#[derive(Default)]
-pub struct Pending {
-    /// Number of quads.
-    n: usize,
-    sites: [Site; QUADS],
-    /// Place of each in the tile.
-    at: [u32; QUADS],
-    /// Samples covered by geometry, scissor and sample mask.
-    coverage: [u16; QUADS],
-    /// Samples that passed early tests.
-    alive: [u16; QUADS],
-    /// Pixels with such a sample, a lane each.
-    active: u64,
-    /// Sample of each, where the program runs once a sample.
-    sample: [u8; QUADS],
-    /// Place of each among the recorded quads.
-    record: [u32; QUADS],
-    /// Bit a quad: of a back face.
-    back: u16,
-    /// Number of triangles that the quads belong to.
-    owners: usize,
-    /// Batch and number there of each.
-    names: [(u32, u32); QUADS],
-    /// One past the last quad of each.
-    ends: [u8; QUADS],
-    /// Copies of them, where the draw needs more than names: batches span lists.
-    triangles: Vec<Triangle>,
-}
-
-impl Pending {
-    /// Empties it.
-    pub fn clear(&mut self) {
-        self.n = 0;
-        self.active = 0;
-        self.back = 0;
-        self.owners = 0;
-        self.triangles.clear();
-    }
-
-    /// Adds a triangle and returns its place. A quad of it follows.
-    #[inline(always)]
-    pub fn add_triangle(&mut self, batch: u32, number: u32) -> u32 {
-        let slot = self.owners;
-        self.names[slot & (QUADS - 1)] = (batch, number);
-        self.owners = slot + 1;
-        slot as u32
-    }
-
-    /// Adds the data of the last triangle; of every one, or of none.
-    #[inline(always)]
-    pub fn add_data(&mut self, triangle: Triangle) {
-        self.triangles.push(triangle);
-    }
-
-    /// Whether there is no room for another quad.
-    #[inline(always)]
-    pub fn is_full(&self) -> bool {
-        self.n == QUADS
-    }
-
-    /// Adds quads of a block with one sample a pixel, as many as there is room for: those with a bit in `left`, which holds bit
-    /// `4 q` for quad q. `at` is the place of the block's first quad in the tile. Returns those for which there was no room.
-    #[inline(always)]
-    pub fn push_block(
-        &mut self,
-        slot: u32,
-        [x, y]: [u16; 2],
-        at: u32,
-        coverage: u64,
-        alive: u64,
-        mut left: u64,
-        front: bool,
-    ) -> u64 {
-        let (mut n, mut active) = (self.n, self.active);
-        while left != 0 && n < QUADS {
-            let bit = left.trailing_zeros();
-            left &= left - 1;
-            let q = bit / 4;
-            self.sites[n] = Site { triangle: slot, x: x + (2 * (q % 4)) as u16, y: y + (2 * (q / 4)) as u16 };
-            self.at[n] = at + q;
-            self.coverage[n] = (coverage >> bit & 15) as u16;
-            let alive = alive >> bit & 15;
-            self.alive[n] = alive as u16;
-            active |= alive << (4 * n);
-            n += 1;
-        }
-        self.active = active;
-        if !front {
-            self.back |= ((1_u32 << n) - (1_u32 << self.n)) as u16;
-        }
-        self.ends[slot as usize & (QUADS - 1)] = n as u8;
-        self.n = n;
-        left
-    }
-
-    /// Adds a quad if any of it is `alive`, without a branch. There is room. `same`: it is of the last triangle that was added;
-    /// else the one named is added. Returns whether it was.
-    #[inline(always)]
-    pub fn push_if_alive(
-        &mut self,
-        same: bool,
-        name: (u32, u32),
-        [x, y]: [u16; 2],
-        at: u32,
-        coverage: u32,
-        alive: u32,
-        front: bool,
-    ) -> bool {
-        let n = self.n & (QUADS - 1);
-        let slot = (self.owners - usize::from(same)) & (QUADS - 1);
-        let some = alive != 0;
-        // What is written beyond the ends does not count.
-        self.names[slot] = name;
-        self.ends[slot] = (n + usize::from(some)) as u8;
-        self.sites[n] = Site { triangle: slot as u32, x, y };
-        self.at[n] = at;
-        self.coverage[n] = coverage as u16;
-        self.alive[n] = alive as u16;
-        self.active |= u64::from(alive) << (4 * n);
-        self.back |= u16::from(some & !front) << n;
-        self.owners = slot + usize::from(some | same);
-        self.n = n + usize::from(some);
-        some
-    }
-
-    /// Adds a quad of one sample, where the program runs once a sample, or of all. There is room.
-    #[inline(always)]
-    pub fn push(
-        &mut self,
-        slot: u32,
-        [x, y]: [u16; 2],
-        at: u32,
-        coverage: u16,
-        alive: u16,
-        sample: u8,
-        record: u32,
-        front: bool,
-    ) {
-        let n = self.n & (QUADS - 1);
-        self.sites[n] = Site { triangle: slot, x, y };
-        self.at[n] = at;
-        self.coverage[n] = coverage;
-        self.alive[n] = alive;
-        self.active |= pixels(alive) << (4 * n);
-        self.sample[n] = sample;
-        self.record[n] = record;
-        self.back |= u16::from(!front) << n;
-        self.ends[slot as usize & (QUADS - 1)] = n as u8 + 1;
-        self.n = n + 1;
-    }
-}
-
-/// The pixels of a quad's coverage.
-#[inline(always)]
-fn pixels(coverage: u16) -> u64 {
-    u64::from((coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15)
-}
-
-/// The pixels of quads' coverages as a lane mask.
-#[inline(always)]
-fn lanes(coverage: &[u16]) -> u64 {
-    coverage.iter().enumerate().fold(0, |all, (q, &c)| all | pixels(c) << (4 * q))
-}
-
 impl TileRun<'_, '_, '_> {
-    /// Shades what waits and writes it.
+    /// Shades what waits and writes it, with the host's widest vectors.
     #[inline(never)]
     pub fn flush<const S: usize, const RECORD: bool>(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+            fn wide<const S: usize, const RECORD: bool>(run: &mut TileRun<'_, '_, '_>) {
+                run.flush_here::<S, RECORD>();
+            }
+            if super::frame::has_avx2() {
+                // SAFETY: the host has every instruction set that the function is compiled for.
+                return unsafe { wide::<S, RECORD>(self) };
+            }
+        }
+        self.flush_here::<S, RECORD>();
+    }
+
+    #[inline(always)]
+    fn flush_here<const S: usize, const RECORD: bool>(&mut self) {
         let n = self.pending.n;
         if n == 0 || self.fault.is_some() {
             self.pending.clear();
@@ -208,7 +59,7 @@ impl TileRun<'_, '_, '_> {
             self.shrink::<S>(survivors, &mut kept);
         }
         if RECORD {
-            self.record_quads::<S>(survivors);
+            self.record_quads::<S>();
         }
         if !frame.early
             && let Some(state) = &frame.depth
@@ -318,16 +169,32 @@ impl TileRun<'_, '_, '_> {
                 at_sample[lane] = pending.sample[lane / 4] + 1;
             }
         }
-        let mut inv_w = None;
-        if !frame.classes.is_empty() {
-            const NONE: &[u32] = &[];
-            let names = &pending.names[..pending.owners];
-            // Varyings of the triangles' vertices, and of the one that flat ones come from.
-            let mut vertices = [[NONE; 3]; QUADS];
-            let mut flat = [NONE; QUADS];
-            for ((vertices, flat), &(batch, number)) in vertices.iter_mut().zip(&mut flat).zip(names) {
+        let FragmentWeights { weights, inv_w } = &mut *self.weights;
+        // Whether `inv_w` is that of the pixels' centres.
+        let mut has_inv_w = false;
+        for class in &frame.classes {
+            let flat = class.interpolation == Interpolation::Flat;
+            let mut centroid = [0; LANES];
+            let place = match class.sampling {
+                Sampling::Center => Place::Center,
+                Sampling::Sample => Place::PerLane(&at_sample),
+                Sampling::Centroid => {
+                    interpolate::centroids(&pending.coverage[..n], &mut centroid);
+                    Place::PerLane(&centroid)
+                }
+            };
+            if class.interpolation == Interpolation::Perspective {
+                has_inv_w = class.sampling == Sampling::Center;
+                interpolate::perspective(triangles, sites, place, weights, inv_w);
+            } else if !flat {
+                interpolate::linear(triangles, sites, place, weights);
+            }
+            let mut start = 0;
+            for (&(batch, number), &end) in pending.names.iter().zip(ends) {
+                let end = usize::from(end);
                 let batch = &self.input.batches[batch as usize];
                 let corners = batch.corners[number as usize];
+                // The varyings of a vertex.
                 let words = |v: u32| {
                     let stride = self.input.vertices.varying_stride;
                     let (from, v) = if v & MADE == 0 {
@@ -337,74 +204,29 @@ impl TileRun<'_, '_, '_> {
                     };
                     &from[v * stride..(v + 1) * stride]
                 };
-                if frame.any_flat {
-                    *flat = words(corners.flat);
-                }
-                if !frame.only_flat {
-                    let [a, b, c] = corners.vertices;
-                    *vertices = [words(a), words(b), words(c)];
-                }
-            }
-            for class in &frame.classes {
-                if class.interpolation == Interpolation::Flat {
-                    for varying in &class.varyings {
-                        for c in 0..varying.components {
-                            if let Some(input) = bound.input_mut(varying.input, c) {
-                                let mut values = [0; QUADS];
-                                for (value, words) in values.iter_mut().zip(&flat[..pending.owners]) {
-                                    *value = words[varying.word + c];
-                                }
-                                interpolate::flat(sites, &values, input);
-                            }
-                        }
-                    }
-                    continue;
-                }
-                let mut centroid = [0; LANES];
-                let place = match class.sampling {
-                    Sampling::Center => Place::Center,
-                    Sampling::Sample => Place::PerLane(&at_sample),
-                    Sampling::Centroid => {
-                        interpolate::centroids(&pending.coverage[..n], &mut centroid);
-                        Place::PerLane(&centroid)
-                    }
-                };
-                let mut weights = Weights::default();
-                if class.interpolation == Interpolation::Perspective {
-                    let mut w = Lanes::ZERO;
-                    interpolate::perspective(triangles, sites, place, &mut weights, &mut w);
-                    if class.sampling == Sampling::Center {
-                        inv_w = Some(w);
+                if flat {
+                    let words = words(corners.flat);
+                    for &(register, word) in &class.inputs {
+                        bound.register_mut(register).0[4 * start..4 * end].fill(words[word]);
                     }
                 } else {
-                    interpolate::linear(triangles, sites, place, &mut weights);
-                }
-                for varying in &class.varyings {
-                    for c in 0..varying.components {
-                        let Some(input) = bound.input_mut(varying.input, c) else { continue };
-                        let word = varying.word + c;
-                        if let [_] = triangles {
-                            let values = vertices[0].map(|v| f32::from_bits(v[word]));
-                            interpolate::attribute_uniform(&weights, values, input);
-                        } else {
-                            let mut values = [[0.0; 3]; QUADS];
-                            for (values, [a, b, c]) in values.iter_mut().zip(&vertices[..triangles.len()]) {
-                                *values = [a[word], b[word], c[word]].map(f32::from_bits);
-                            }
-                            interpolate::attribute_runs(&weights, ends, &values, input);
-                        }
+                    let [a, b, c] = corners.vertices.map(words);
+                    for &(register, word) in &class.inputs {
+                        let values = [a[word], b[word], c[word]].map(f32::from_bits);
+                        interpolate::attribute_run(weights, start..end, values, bound.register_mut(register));
                     }
                 }
+                start = end;
             }
         }
         if !frame.fragment_builtins.is_empty() {
             let place = if S > 1 && frame.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
-            self.builtins::<S>(place, inv_w);
+            self.builtins::<S>(place, has_inv_w);
         }
     }
 
     /// Writes the built-in inputs.
-    fn builtins<const S: usize>(&mut self, place: Place<'_>, inv_w: Option<Lanes>) {
+    fn builtins<const S: usize>(&mut self, place: Place<'_>, has_inv_w: bool) {
         let frame = self.frame;
         let pending = &*self.pending;
         let n = pending.n;
@@ -425,9 +247,10 @@ impl TileRun<'_, '_, '_> {
                         interpolate::depth(triangles, sites, place, input);
                     }
                     if let Some(input) = bound.input_mut(slot, 3) {
-                        match inv_w {
-                            Some(w) if !frame.per_sample => *input = w,
-                            _ => interpolate::perspective(triangles, sites, place, &mut Weights::default(), input),
+                        if has_inv_w && !frame.per_sample {
+                            *input = self.weights.inv_w;
+                        } else {
+                            interpolate::perspective(triangles, sites, place, &mut Weights::default(), input);
                         }
                     }
                 }
@@ -489,10 +312,9 @@ impl TileRun<'_, '_, '_> {
     }
 
     /// Fills in what the recorded quads cost, what is left of them, and their depths and colours.
-    fn record_quads<const S: usize>(&mut self, survivors: u64) {
+    fn record_quads<const S: usize>(&mut self) {
         let Some(bound) = &self.bound else { return };
         let pending = &*self.pending;
-        let _ = survivors;
         for q in 0..pending.n {
             let cost = self.recorder.quads[q];
             self.job.record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request);

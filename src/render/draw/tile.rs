@@ -9,10 +9,10 @@ use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
 
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
-use super::frame::{Frame, Worker};
+use super::frame::{FragmentWeights, Frame, Worker};
+use super::pending::Pending;
 use super::plan::Piece;
 use super::record::TileRecord;
-use super::shade::Pending;
 use super::vertex::Vertices;
 
 /// Colour attachments of a pass, at most.
@@ -63,6 +63,7 @@ pub struct TileRun<'a, 'f, 'j> {
     pub job: &'a mut TileJob<'j>,
     pub bound: Option<Bound<'a>>,
     pub pending: &'a mut Pending,
+    pub weights: &'a mut FragmentWeights,
     pub recorder: &'a mut crate::shader::Recorder,
     pub counts: Funnel,
     pub samples_passed: u64,
@@ -134,6 +135,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         job,
         bound: frame.fragment.map(|program| worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms)),
         pending: &mut worker.pending,
+        weights: &mut worker.weights,
         recorder: &mut worker.recorder,
         counts: Funnel::default(),
         samples_passed: 0,

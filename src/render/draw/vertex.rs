@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::gfx::clip::Outcode;
 use crate::gfx::setup::ScreenVertex;
+use crate::gfx::simd::wide;
 use crate::gfx::state::StepMode;
 use crate::num::{LANES, Lanes, Mask};
 use crate::shader::{BuiltIn, Executor, Recorder, ShaderFault};
@@ -120,8 +121,6 @@ fn shade_task<const SPREAD: usize>(
     let mut bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
     let (mut index, mut instance) = ([0; LANES], [0; LANES]);
     let mut fetched = [Lanes::ZERO; 4];
-    let mut codes = [0; LANES];
-    let mut screen = [ScreenVertex::default(); LANES];
     let mut shaded = 0;
     let step = LANES / SPREAD;
     for first in (start..stream.vertices.min(start + TASK)).step_by(step) {
@@ -179,15 +178,7 @@ fn shade_task<const SPREAD: usize>(
         }
         let at = first - start;
         let position: [&Lanes; 4] = std::array::from_fn(|c| bound.output(pipeline.position, c));
-        frame.clip.outcodes(position, &mut codes);
-        frame.screen.vertices(position, &mut screen);
-        let [x, y, z, w] = position.map(Lanes::f32);
-        for i in 0..step {
-            let lane = SPREAD * i;
-            task.codes[at + i] = codes[lane];
-            task.screen[at + i] = screen[lane];
-            task.clip[at + i] = [x[lane], y[lane], z[lane], w[lane]];
-        }
+        place(frame, position, SPREAD, at, task);
         let stride = pipeline.varying_words;
         for varying in &pipeline.varyings {
             for c in 0..varying.components {
@@ -208,4 +199,28 @@ fn shade_task<const SPREAD: usize>(
         }
     }
     Ok(shaded)
+}
+
+wide! {
+    /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: the task's from `at` on.
+    fn place(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) = place_here;
+}
+
+#[inline(always)]
+fn place_here(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) {
+    let mut codes = [0; LANES];
+    let mut screen = [ScreenVertex::default(); LANES];
+    frame.clip.outcodes(position, &mut codes);
+    frame.screen.vertices(position, &mut screen);
+    let [x, y, z, w] = position.map(Lanes::f32);
+    let here = at..at + LANES / spread;
+    for (to, code) in task.codes[here.clone()].iter_mut().zip(codes.iter().step_by(spread)) {
+        *to = *code;
+    }
+    for (to, vertex) in task.screen[here.clone()].iter_mut().zip(screen.iter().step_by(spread)) {
+        *to = *vertex;
+    }
+    for (to, lane) in task.clip[here].iter_mut().zip((0..LANES).step_by(spread)) {
+        *to = [x[lane], y[lane], z[lane], w[lane]];
+    }
 }

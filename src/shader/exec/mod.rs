@@ -16,7 +16,7 @@ mod texture;
 use crate::num::{Lanes, Mask, Words};
 
 use super::module::Place;
-use super::program::{NO_REG, Program};
+use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
 use record::Scratch;
 pub use record::{QuadCost, Recorder};
@@ -54,7 +54,17 @@ pub struct Uniforms {
     values: Vec<u32>,
 }
 
+/// The register of a component of an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputRegister(Reg);
+
 impl Program {
+    /// The register of a component of an input; none where the program does not read it.
+    pub fn input_register(&self, slot: usize, component: usize) -> Option<InputRegister> {
+        let register = *self.inputs.get(slot)?.get(component)?;
+        (register != NO_REG).then_some(InputRegister(register))
+    }
+
     /// Computes the values that all invocations share.
     ///
     /// # Errors
@@ -120,11 +130,20 @@ impl Bound<'_> {
         self.program
     }
 
+    /// A register that [`Program::input_register`] names.
+    ///
+    /// # Panics
+    /// If it is of another program.
+    #[inline(always)]
+    pub fn register_mut(&mut self, register: InputRegister) -> &mut Lanes {
+        &mut self.executor.file[usize::from(register.0)]
+    }
+
     /// The register of a component of an input, to be written before each run (a run may reuse it); none where the program
     /// does not read it.
     pub fn input_mut(&mut self, slot: usize, component: usize) -> Option<&mut Lanes> {
-        let r = *self.program.inputs.get(slot)?.get(component)?;
-        (r != NO_REG).then(|| &mut self.executor.file[usize::from(r)])
+        let register = self.program.input_register(slot, component)?;
+        Some(self.register_mut(register))
     }
 
     /// The value of a component of an output after a run; meaningful in lanes that ran.
