@@ -23,6 +23,7 @@ pub mod frame;
 pub mod interleave;
 pub mod interpolate;
 pub mod misses;
+pub mod network;
 pub mod resolve;
 pub mod scanout;
 pub mod setup;
