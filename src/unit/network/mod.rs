@@ -160,7 +160,7 @@ impl Parcel {
     #[inline(always)]
     fn new<T: Token>(token: T, from: u8, to: u8, bytes: u32) -> Parcel {
         const { assert!(size_of::<T>() <= 12, "a parcel has room for 12 bytes") };
-        debug_assert!(bytes <= u32::from(u16::MAX), "a parcel weighs less than 64 KB");
+        assert!(bytes <= u32::from(u16::MAX), "a parcel weighs less than 64 KB");
         let mut payload = [0u32; 3];
         bytemuck::bytes_of_mut(&mut payload)[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&token));
         Parcel { payload, bytes: bytes as u16, from, to }

@@ -73,6 +73,26 @@ pub struct Network<T> {
     pub map: NetworkMap,
 }
 
+impl NetworkConfig {
+    /// Cycles on a link.
+    fn latency(&self, link: &LinkPlan) -> u32 {
+        if link.near { 1 } else { self.link_latency }
+    }
+
+    /// Cycles from a parcel's sending to the cycle in which its place can be used again, over the longest way of an empty network. A
+    /// sender that is to send one receiver a parcel in every cycle needs as many places there (`receive_queue`), and a third more on
+    /// networks with routers, where a quarter of them may be waiting for their bundle of credits.
+    pub fn round_trip(&self, senders: usize, receivers: usize) -> u32 {
+        let plan = Plan::new(self.topology, self.radix, senders, receivers);
+        if plan.routers.is_empty() {
+            return self.link_latency + 1;
+        }
+        let pairs = (0..senders).flat_map(|from| (0..receivers).map(move |to| (from, to)));
+        let way = |(from, to)| plan.way(from, to).iter().map(|&link| self.latency(&plan.links[link])).sum::<u32>();
+        pairs.map(way).max().unwrap_or(0) + self.credit_latency
+    }
+}
+
 impl NetworkPlan {
     /// Declares the units, which come next in the wiring.
     ///
@@ -156,13 +176,14 @@ impl NetworkPlan {
         let mut places = Vec::new();
         let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
         let mut between = 0..;
-        for &LinkPlan { from, to, near } in &self.plan.links {
+        for plan in &self.plan.links {
+            let (from, to) = (plan.from, plan.to);
             let (name, index) = match (from, to) {
                 (End::Sender(number), _) => (names.inject, usize::from(number)),
                 (_, End::Receiver(number)) => (names.eject, usize::from(number)),
                 _ => (names.link, between.next().unwrap_or_default()),
             };
-            let link = Link::bytes(c.queue, c.link_bytes, if near { 1 } else { c.link_latency });
+            let link = Link::bytes(c.queue, c.link_bytes, c.latency(plan));
             let (output, input) = wiring.channel(name, index, link, unit(from), unit(to));
             outputs.push(Some(output));
             inputs.push(Some(input));

@@ -80,8 +80,10 @@ impl Unit<()> for Source {
 pub enum Taste {
     /// Whatever has come.
     Any,
-    /// Tokens of these senders in this order.
+    /// Tokens of these senders in this order, which it knows.
     Order(Vec<usize>),
+    /// The same, looked for by the token among all that is here.
+    Sought(Vec<usize>),
 }
 
 /// Takes tokens.
@@ -110,6 +112,10 @@ impl Unit<()> for Sink {
                 Taste::Any => self.receiver.front_any(wires),
                 Taste::Order(order) => match order.get(self.got.len()) {
                     Some(&from) => self.receiver.front(wires, from).map(|token| (from, token)),
+                    None => None,
+                },
+                Taste::Sought(order) => match order.get(self.got.len()) {
+                    Some(&from) => self.receiver.find(wires, |token| token[0] as usize == from),
                     None => None,
                 },
             };

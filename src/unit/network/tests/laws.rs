@@ -13,7 +13,8 @@ fn random_orders(senders: usize, receivers: usize, count: usize, seed: u64) -> V
     (0..senders).map(|_| (0..count).map(|_| order(&mut random)).collect()).collect()
 }
 
-/// Receivers that take tokens in one order of all tokens of the network, which is random but for the order of each sender.
+/// Receivers that take tokens in one order of all tokens of the network, which is random but for the order of each sender. Some know whose
+/// token comes next, some look for it.
 fn in_global_order(orders: &[Vec<Order>], receivers: usize, seed: u64) -> Vec<(Taste, Cycle, Cycle)> {
     let mut random = Random::new(seed);
     let mut next = vec![0; orders.len()];
@@ -27,7 +28,9 @@ fn in_global_order(orders: &[Vec<Order>], receivers: usize, seed: u64) -> Vec<(T
         tastes[to].push(sender);
         next[sender] += 1;
     }
-    tastes.into_iter().map(|order| (Taste::Order(order), random.below(4) as Cycle, 0)).collect()
+    let taste = |order| if random.below(2) == 0 { Taste::Order(order) } else { Taste::Sought(order) };
+    let tastes: Vec<Taste> = tastes.into_iter().map(taste).collect();
+    tastes.into_iter().map(|taste| (taste, random.below(4) as Cycle, 0)).collect()
 }
 
 /// Queues as short as they may be.
@@ -108,6 +111,21 @@ fn all_orders_of_ticks_give_one_outcome() {
             }
             assert_eq!(super::kit::Outcome::of(rig, &map), expected, "{topology:?} {order:?}");
         }
+    }
+}
+
+#[test]
+fn a_unit_is_not_busy_because_something_else_arrives() {
+    // Sender 1's tokens come in cycles 30 to 39, and sender 0's, which all must wait for, from cycle 100 on.
+    for topology in ALL {
+        let orders = vec![vec![Order::new(100, 0, 16); 10], vec![Order::new(30, 0, 16); 10]];
+        let mut case = Case::new(config(topology), orders, 2);
+        case.sinks[0] = (Taste::Order([vec![0; 10], vec![1; 10]].concat()), 0, 0);
+        let outcome = case.settle();
+        let mut cycles: Vec<Cycle> = outcome.got[0].iter().map(|&(at, _)| at).collect();
+        cycles.dedup();
+        assert_eq!(outcome.tree.number("units.sink[0].busy"), Some(cycles.len() as f64), "{topology:?}");
+        assert!(cycles[0] > 100 && cycles.len() <= 11, "{topology:?}: {cycles:?}");
     }
 }
 

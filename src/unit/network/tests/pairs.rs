@@ -71,7 +71,27 @@ fn one_place_carries_one_parcel_a_round_trip() {
             let back = if topology == Topology::PointToPoint { 1 } else { Cycle::from(credit_latency) };
             let sent: Vec<Cycle> = (0..5).map(|n| n * (way + back)).collect();
             assert_eq!(outcome.sent[7], sent, "{topology:?}");
+            let pairs = (0..8).flat_map(|from| (0..8).map(move |to| (from, to)));
+            let longest = pairs.map(|pair| unloaded(&config, 8, 8, pair, 16)).max().unwrap();
+            assert_eq!(Cycle::from(config.round_trip(8, 8)), longest + back, "{topology:?}");
         }
+    }
+}
+
+#[test]
+fn places_for_a_round_trip_and_a_third_carry_a_parcel_a_cycle() {
+    for topology in ALL {
+        // The longest way of each: halfway round, from corner to corner.
+        let (from, to) = if topology == Topology::Ring { (0, 4) } else { (0, 7) };
+        let busy = |receive_queue| {
+            let config = NetworkConfig { receive_queue, ..config(topology) };
+            let case = Case::new(config, only(8, from, vec![Order::new(0, to, 16); 200]), 8);
+            let sent = case.settle().sent[from].clone();
+            sent[199] - sent[0] > 199
+        };
+        let round_trip = config(topology).round_trip(8, 8);
+        assert!(!busy(round_trip + round_trip.div_ceil(3)), "{topology:?}");
+        assert!(busy(round_trip - 1), "{topology:?}");
     }
 }
 
@@ -140,5 +160,5 @@ fn credits_that_wait_for_their_link_are_added_up() {
     let freed: f64 = (0..16).map(|r| outcome.tree.number(&format!("channels.sort_freed[{r}].items")).unwrap()).sum();
     assert!(told < freed && freed <= 60.0 * 16.0, "{told} of {freed}");
     // None is lost: there are three places to the end.
-    assert!(outcome.sent[0].chunks(3).all(|burst| burst[2] - burst[0] == 2), "{:?}", outcome.sent);
+    assert!(outcome.sent[0].chunks(3).all(|burst| burst[2] - burst[0] <= 2), "{:?}", outcome.sent);
 }
