@@ -492,7 +492,7 @@ impl<'t, 's> Renderer<'t, 's> {
         if let Some((id, level, layer)) = shown {
             let texture = self.res.textures.get_mut(id.0)?;
             let surface: Surface = texture.surface(id, level, layer);
-            end.reference = texture.image_bytes(level, layer).into();
+            end.reference = texture.image_bytes(level, layer);
             end.drawn = texture.images.get(&(level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
             end.shown = Some(surface);
         }

@@ -171,10 +171,11 @@ impl Texture {
     }
 
     /// Bytes of one image, up to date.
-    pub fn image_bytes(&mut self, level: u32, layer: u32) -> Vec<u8> {
+    pub fn image_bytes(&mut self, level: u32, layer: u32) -> Arc<[u8]> {
         self.flush();
-        let mut bytes = vec![0; self.image.layer_bytes(level) as usize];
-        self.words.read(self.image.offset(level, layer), &mut bytes);
+        let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
+        let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
+        self.words.read(self.image.offset(level, layer), unshared);
         bytes
     }
 }

@@ -61,7 +61,7 @@ pub struct Part {
     pub(super) hub: Option<u32>,
 }
 
-/// Consecutive primitives and what becomes of them. Memory is kept from segment to segment.
+/// Consecutive primitives and what becomes of them. Memory is kept from segment to segment, but where work is recorded.
 #[derive(Default)]
 pub struct Batch {
     /// What of the segment's stream it takes.
@@ -177,6 +177,15 @@ impl Batch {
     #[inline(always)]
     pub fn touches(&self, tile: usize) -> bool {
         self.tile_start[tile] != self.tile_start[tile + 1]
+    }
+
+    /// Gives back the memory of what a recorded segment has taken over: the segment holds as much again.
+    pub fn release(&mut self) {
+        self.triangles = Vec::new();
+        self.corners = Vec::new();
+        self.primitive = Vec::new();
+        self.covered = Vec::new();
+        self.ended = Vec::new();
     }
 
     /// Asks for the data of a triangle.

@@ -274,6 +274,8 @@ impl RenderPass {
         }
         if call.record {
             segment.funnel = funnel;
+            // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
+            scratch.vertices = Vertices::default();
             let segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
             sink(Event::Segment(Arc::new(segment)));
         }

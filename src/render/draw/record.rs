@@ -72,6 +72,10 @@ impl TileRecord {
     /// Takes costs and requests over.
     pub fn finish(&mut self, recorder: &mut Recorder) {
         (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
+        // Segments wait for the machine.
+        self.work.quads.shrink_to_fit();
+        self.work.blocks.shrink_to_fit();
+        self.work.payload.shrink_to_fit();
     }
 }
 
@@ -142,12 +146,12 @@ pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool) -> work::Dr
     }
 }
 
-/// Puts a segment together from its batches and tiles; `segment` holds the vertices already.
+/// Puts a segment together from its batches and tiles; `segment` holds the vertices already. The batches give their memory back.
 pub fn assemble(
     call: &DrawCall<'_>,
     pieces: &[Piece],
     stream: &Stream,
-    batches: &[Batch],
+    batches: &mut [Batch],
     tiles: Vec<(u32, u32, TileRecord)>,
     mut segment: Segment,
 ) -> Segment {
@@ -169,6 +173,8 @@ pub fn assemble(
     }
     let mut first_triangle = Vec::with_capacity(batches.len());
     let mut piece = 0;
+    segment.primitives.reserve_exact(batches.iter().map(|b| b.ended.len()).sum());
+    segment.triangles.reserve_exact(batches.iter().map(|b| b.triangles.len()).sum());
     for batch in batches {
         let triangles = segment.triangles.len() as u32;
         first_triangle.push(triangles);
@@ -196,6 +202,7 @@ pub fn assemble(
                 visits: 0,
             });
         }
+        batch.release();
     }
     // Visits by triangle, and in row-major order of tiles inside: counted, then filled in tile by tile.
     let triangle_of = |batch: u32, number: u32| (first_triangle[batch as usize] + number) as usize;

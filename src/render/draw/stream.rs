@@ -199,7 +199,7 @@ impl Stream {
         for piece in pieces {
             if self.groups.last().is_none_or(|g| g.instance != piece.instance) {
                 self.groups.push(Group { instance: piece.instance, slot: self.indices.len() as u32, index: 0 });
-                self.table.begin(self.entries.len());
+                self.table.begin();
             }
             for entry in &mut self.entries[piece.stream as usize..][..piece.entries() as usize] {
                 *entry = self.table.number(*entry, &mut self.indices);
@@ -220,7 +220,8 @@ fn each<T: Send>(parts: Vec<T>, pieces: &[Piece], work: impl Fn(T) + Sync + Send
     }
 }
 
-/// Numbers of indices: open addressing, emptied by raising a floor.
+/// Numbers of indices: open addressing, emptied by raising a floor. It is as large as the distinct indices need, which are a
+/// fraction of the entries.
 #[derive(Default)]
 struct Table {
     /// (index, number + 1), valid where the number is not below the floor.
@@ -230,37 +231,56 @@ struct Table {
 }
 
 impl Table {
-    /// Forgets all; room for `most` indices.
-    fn begin(&mut self, most: usize) {
-        let size = (2 * most).next_power_of_two().max(64);
-        if self.places.len() < size || self.next > u32::MAX / 2 {
+    /// Forgets all.
+    fn begin(&mut self) {
+        if self.places.is_empty() || self.next > u32::MAX / 2 {
             self.places.clear();
-            self.places.resize(size, (0, 0));
+            self.places.resize(1024, (0, 0));
             self.next = 0;
         }
         self.floor = self.next + 1;
     }
 
-    /// The number of an index among `indices`, which it joins when it is new.
+    /// Where an index is, or would be.
     #[inline(always)]
-    fn number(&mut self, index: u32, indices: &mut Vec<u32>) -> u32 {
+    fn find(&self, index: u32) -> usize {
         let mask = self.places.len() - 1;
         // Neighbours stay neighbours (they come together), and large strides do not pile up.
         let mut at = (index ^ (index >> 16).wrapping_mul(0x9e37_79b1)) as usize & mask;
-        loop {
-            let (key, stamp) = self.places[at];
-            // Stamps rise with the vertices; `next - len` turns one into a number.
-            if stamp < self.floor {
-                self.next += 1;
-                self.places[at] = (index, self.next);
-                indices.push(index);
-                return indices.len() as u32 - 1;
-            }
-            if key == index {
-                return indices.len() as u32 - 1 - (self.next - stamp);
-            }
+        while self.places[at].1 >= self.floor && self.places[at].0 != index {
             at = (at + 1) & mask;
         }
+        at
+    }
+
+    /// Twice as many places.
+    #[cold]
+    fn grow(&mut self) {
+        let size = 2 * self.places.len();
+        let before = std::mem::replace(&mut self.places, vec![(0, 0); size]);
+        for place in before.into_iter().filter(|p| p.1 >= self.floor) {
+            let at = self.find(place.0);
+            self.places[at] = place;
+        }
+    }
+
+    /// The number of an index among `indices`, which it joins when it is new.
+    #[inline(always)]
+    fn number(&mut self, index: u32, indices: &mut Vec<u32>) -> u32 {
+        let at = self.find(index);
+        let stamp = self.places[at].1;
+        // Stamps rise with the vertices; `next - len` turns one into a number.
+        if stamp >= self.floor {
+            return indices.len() as u32 - 1 - (self.next - stamp);
+        }
+        self.next += 1;
+        self.places[at] = (index, self.next);
+        indices.push(index);
+        // Half of the places stay free.
+        if 2 * (self.next - self.floor + 1) as usize >= self.places.len() {
+            self.grow();
+        }
+        indices.len() as u32 - 1
     }
 }
 
