@@ -81,8 +81,9 @@ pub struct Cache {
     tags: Vec<u64>,
     states: Vec<State>,
     clock: u32,
-    /// The place found or filled last: neighbours in time are mostly neighbours in memory.
-    last: u32,
+    /// Where lines were found or filled last, by [`Cache::hint`]: what is looked up again is mostly there, without a look at the
+    /// ways of its set.
+    hints: Vec<u32>,
     counts: CacheCounts,
 }
 
@@ -95,7 +96,7 @@ impl Cache {
             tags: vec![EMPTY; lines],
             states: vec![State::default(); lines],
             clock: 0,
-            last: 0,
+            hints: vec![0; (2 * lines).next_power_of_two()],
             counts: CacheCounts::default(),
         }
     }
@@ -140,11 +141,18 @@ impl Cache {
         (folded as u32 & (self.shape.sets - 1)) as usize * self.shape.ways as usize
     }
 
+    /// Which hint is a line's.
+    #[inline(always)]
+    fn hint(&self, line: u64) -> usize {
+        (line ^ line >> 13) as usize & (self.hints.len() - 1)
+    }
+
     /// Where a line is, if it is: nothing is counted, and its age stays.
     #[inline(always)]
     pub fn find(&self, line: u64) -> Option<Place> {
-        if self.tags[self.last as usize] == line {
-            return Some(Place(self.last));
+        let hint = self.hints[self.hint(line)];
+        if self.tags[hint as usize] == line {
+            return Some(Place(hint));
         }
         let set = self.set(line);
         let tags = &self.tags[set..set + self.shape.ways as usize];
@@ -161,7 +169,8 @@ impl Cache {
     pub fn touch(&mut self, place: Place) {
         self.clock = self.clock.wrapping_add(1);
         self.states[place.0 as usize].used = self.clock;
-        self.last = place.0;
+        let hint = self.hint(self.tags[place.0 as usize]);
+        self.hints[hint] = place.0;
     }
 
     /// Counts a lookup.

@@ -76,8 +76,8 @@ pub(super) struct Channel {
     pub poppable: Cycle,
     /// The cycle from which the next item can be pushed; [`NEVER`] when the channel is full.
     pub pushable: Cycle,
-    /// Cycles that items spent beyond the latency, summed; wrapping.
-    waited: u64,
+    /// The cycles of all pops less those of all pushes; wrapping. An item that came in t and left in u has added u - t.
+    stayed: u64,
     /// The place in the slab of the item at the head.
     head: u32,
     /// The place in the slab of the next item to come.
@@ -122,7 +122,7 @@ impl Channel {
         Channel {
             poppable: NEVER,
             pushable: 0,
-            waited: 0,
+            stayed: 0,
             head: base,
             tail: base,
             len: 0,
@@ -196,15 +196,18 @@ impl Channel {
     pub fn push(&mut self, now: Cycle, bytes: u32, data: [u64; 2], slots: &mut [Slot]) {
         self.pushed += 1;
         self.bytes += u64::from(bytes);
-        let fresh = self.link_cycle < now;
-        self.link_cycle = self.link_cycle.max(now);
-        self.link_used = if fresh { 0 } else { self.link_used } + (bytes & self.byte_mask | !self.byte_mask & 1);
-        while self.link_used > self.link_width {
-            self.link_used -= self.link_width;
-            self.link_cycle += 1;
+        self.stayed = self.stayed.wrapping_sub(now);
+        let (mut cycle, mut used) = (self.link_cycle, self.link_used);
+        if cycle < now {
+            (cycle, used) = (now, 0);
         }
-        self.waited = self.waited.wrapping_add(self.link_cycle - now);
-        let ready = self.link_cycle + Cycle::from(self.latency);
+        used += bytes & self.byte_mask | !self.byte_mask & 1;
+        while used > self.link_width {
+            used -= self.link_width;
+            cycle += 1;
+        }
+        (self.link_cycle, self.link_used) = (cycle, used);
+        let ready = cycle + Cycle::from(self.latency);
         let slot = &mut slots[self.tail as usize];
         slot.ready = ready;
         slot.data = data;
@@ -215,13 +218,14 @@ impl Channel {
         self.last_push = now;
         // The next item takes the place of the one that came `capacity` before it.
         let place = slots[self.step(self.tail, 0_u32.wrapping_sub(self.capacity)) as usize].free;
-        self.pushable = self.link_free(now).max(place) | never_if(self.len == self.capacity);
+        let link = cycle + Cycle::from(used >= self.link_width);
+        self.pushable = link.max(place) | never_if(self.len == self.capacity);
     }
 
     /// Takes out the item at the head, which `poppable` allows; returns whether the channel was full.
     #[inline(always)]
     pub fn pop(&mut self, now: Cycle, slots: &mut [Slot]) -> bool {
-        self.waited = self.waited.wrapping_add(now - self.poppable);
+        self.stayed = self.stayed.wrapping_add(now);
         slots[self.head as usize].free = now + 1;
         self.head = self.step(self.head, 1);
         let ready = slots[self.head as usize].ready;
@@ -236,14 +240,11 @@ impl Channel {
         was_full
     }
 
-    /// The counts over the cycles before `now`, with the whole slab to find the items inside.
-    pub fn counts(&self, slots: &[Slot], now: Cycle) -> ChannelCounts {
+    /// The counts over the cycles before `now`.
+    pub fn counts(&self, now: Cycle) -> ChannelCounts {
         let full = if self.pushable == NEVER { now.saturating_sub(self.last_push + 1) } else { 0 };
-        let mut occupancy = self.waited.wrapping_add((self.pushed - u64::from(self.len)) * u64::from(self.latency));
-        for number in 0..self.len {
-            let entered = slots[self.step(self.head, number) as usize].ready - u64::from(self.latency);
-            occupancy = occupancy.wrapping_add(now.wrapping_sub(entered));
-        }
+        // As if those inside left now.
+        let occupancy = self.stayed.wrapping_add(u64::from(self.len).wrapping_mul(now));
         ChannelCounts { items: self.pushed, bytes: self.bytes, full_cycles: self.full_cycles + full, occupancy }
     }
 }

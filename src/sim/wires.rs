@@ -343,13 +343,14 @@ impl Wires {
     pub fn end_tick(&mut self, unit: usize, tick: Tick) {
         let now = self.now;
         let moved = tick == Tick::Moved;
-        let rests = self.rest != Tick::Moved;
         self.last_move = if moved { now } else { self.last_move };
-        let wake = if moved && !rests { now + 1 } else { self.next.max(now + 1) };
+        // What it does from the next cycle on: if it moves without having said more, it ticks again.
+        let then = if moved { self.rest } else { tick };
+        let wake = if then == Tick::Moved { now + 1 } else { self.next.max(now + 1) };
         let account = self.agenda.set(unit, wake, now);
         account.note(now, tick.why());
-        if moved && rests {
-            account.note(now + 1, self.rest.why());
+        if then != tick {
+            account.note(now + 1, then.why());
         }
     }
 
@@ -419,7 +420,7 @@ impl Wires {
     }
 
     fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
-        self.channels.iter().map(|channel| channel.counts(&self.slots, self.now))
+        self.channels.iter().map(|channel| channel.counts(self.now))
     }
 
     /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.

@@ -27,9 +27,13 @@ pub struct Tags<T> {
     sets: u64,
     clock: u64,
     counts: CacheCounts,
-    /// Place of the last hit: neighbours in time are mostly neighbours in memory.
-    last: usize,
+    /// Where lines were found last, by [`Tags::hint`]: what is looked up again, as almost everything is, is there without a look at
+    /// the ways of its set.
+    hints: Vec<u16>,
 }
+
+/// The most hints, which are places of 16 bits.
+const HINTS: usize = 1 << 16;
 
 /// The way that holds a key. Few ways are all looked at: leaving at the right one would be a branch that the host cannot foresee.
 #[inline(always)]
@@ -54,7 +58,7 @@ impl<T: Copy + Default> Tags<T> {
             sets: sets as u64,
             clock: 0,
             counts: CacheCounts::default(),
-            last: 0,
+            hints: vec![0; (8 * sets * ways).next_power_of_two().min(HINTS)],
         }
     }
 
@@ -66,16 +70,23 @@ impl<T: Copy + Default> Tags<T> {
         set as usize * self.ways
     }
 
+    /// Which hint is a line's.
+    #[inline(always)]
+    fn hint(&self, key: u64) -> usize {
+        (key ^ key >> 11) as usize & (self.hints.len() - 1)
+    }
+
     /// The place of a line, which becomes the youngest of its set. Counted as a hit; a miss is counted when the line is put in.
     #[inline(always)]
     pub fn find(&mut self, key: u64) -> Option<usize> {
-        let place = if self.keys[self.last] == key {
-            self.last
-        } else {
+        let hint = self.hint(key);
+        let mut place = usize::from(self.hints[hint]);
+        if self.keys[place] != key {
             let set = self.set(key);
-            set + way_of(&self.keys[set..set + self.ways], key)?
-        };
-        self.last = place;
+            place = set + way_of(&self.keys[set..set + self.ways], key)?;
+            // A place beyond 16 bits is hinted at wrongly, and looked for in its set.
+            self.hints[hint] = place as u16;
+        }
         self.clock += 1;
         self.used[place] = self.clock;
         self.counts.accesses += 1;
@@ -113,7 +124,8 @@ impl<T: Copy + Default> Tags<T> {
         self.used[place] = self.clock;
         self.keys[place] = key;
         self.data[place] = data;
-        self.last = place;
+        let hint = self.hint(key);
+        self.hints[hint] = place as u16;
     }
 
     /// The line in a place.

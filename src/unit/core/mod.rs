@@ -1,6 +1,8 @@
 //! A multithreaded SIMT core: holds warps, issues their instructions by class, and hides what memory takes behind other warps.
 
 mod issue;
+#[cfg(test)]
+mod plain;
 
 use super::card::{Card, Fault};
 use super::token::WarpToken;
@@ -296,7 +298,7 @@ impl Unit<Card> for Core {
         let mut did = Tick::Starved;
 
         // 0. What happened since the last tick.
-        self.issue.catch_up(&self.fixed, now);
+        self.issue.advance(&self.fixed, now);
 
         // 1. Warps that are done leave.
         if self.issue.finished != 0 {
@@ -312,7 +314,7 @@ impl Unit<Card> for Core {
         }
 
         // 3. Warps whose latency is over are ready; the core issues.
-        if self.issue.cycle(&self.fixed, now) {
+        if self.issue.advance(&self.fixed, now + 1) {
             did = Tick::Moved;
         }
 
@@ -347,7 +349,7 @@ impl Unit<Card> for Core {
         let mut why = if moved { Tick::Starved } else { did };
         if self.held != 0 {
             // With something for another unit that it cannot get rid of, its account tells cycles of issue from blocked ones.
-            let next = if self.issue.any_ended() { self.issue.next_event(&self.fixed) } else { self.issue.quiet_until() };
+            let next = if self.issue.any_ended() { self.issue.next_event() } else { self.issue.quiet_until(&self.fixed) };
             wires.sleep_until(next);
             why = why.or(if next == NEVER { Tick::Memory } else { Tick::Working });
         }
