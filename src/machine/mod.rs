@@ -1,8 +1,10 @@
 //! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
 
+mod build;
 pub mod config;
+pub mod parts;
 mod report;
-pub mod sort_middle;
+mod sort_middle;
 
 #[cfg(test)]
 mod tests;
@@ -16,8 +18,8 @@ use crate::unit::card::{Card, Pool};
 use crate::unit::interleave::Interleave;
 use crate::unit::warp::Warps;
 use crate::work::Event;
+use parts::Parts;
 use report::Readings;
-use sort_middle::SortMiddle;
 
 /// Why a run stopped before its end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -39,7 +41,7 @@ const AHEAD: usize = 2;
 /// A machine, from cycle 0 on.
 pub struct Machine {
     config: Config,
-    circuit: SortMiddle,
+    circuit: Parts,
     card: Card,
     clients: Vec<(&'static str, usize)>,
 }
@@ -145,6 +147,6 @@ impl Machine {
 }
 
 /// Whether nothing is in any channel or in the memory's units.
-fn quiet(circuit: &SortMiddle) -> bool {
+fn quiet(circuit: &Parts) -> bool {
     circuit.wires().resident() == 0 && circuit.tally().1.iter().all(|&resident| resident == 0)
 }

@@ -77,7 +77,9 @@ fn read(machine: &mut Machine) -> Reading {
 
     let caches = tree.child("caches");
     let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
-    cache("vertex", 0, circuit.fetch.cache());
+    for (index, unit) in circuit.fetch.iter().enumerate() {
+        cache("vertex", index, unit.cache());
+    }
     for (index, unit) in circuit.texture.iter().chain(&circuit.vertex_texture).enumerate() {
         cache("texture", index, unit.cache());
     }

@@ -65,14 +65,6 @@ pub struct Group {
     pub live: [u16; 4],
 }
 
-impl Group {
-    /// Quads with a sample alive.
-    #[inline(always)]
-    pub fn quads(&self) -> u16 {
-        self.live.iter().map(|&live| u16::from(live != 0)).sum()
-    }
-}
-
 /// Things with an index, allocated and freed all the time.
 #[derive(Clone, Debug)]
 pub struct Pool<T> {

@@ -44,20 +44,24 @@ crate::knobs! {
 
 /// Ports of the depth unit.
 pub struct DepthPorts {
-    /// Quads from traversal.
-    pub early: In<GroupToken>,
-    /// To interpolation.
-    pub interpolate: Out<GroupToken>,
-    /// Shaded quads to be tested.
-    pub late: In<GroupToken>,
-    /// To the colour unit.
-    pub color: Out<GroupToken>,
-    /// New bounds, to hierarchical Z.
-    pub updates: Out<DepthBounds>,
+    /// Quads from traversal, and to interpolation; none: this unit tests only what is shaded.
+    pub early: Option<TestPorts>,
+    /// Shaded quads to be tested, and to the colour unit; none: this unit tests only what is not yet shaded.
+    pub late: Option<TestPorts>,
+    /// New bounds, to hierarchical Z, and when it is told of them.
+    pub updates: Option<(Out<DepthBounds>, HierarchicalUpdate)>,
     /// The colour unit has seen the end of the pass.
     pub end: In<Ack>,
     /// The cache is written back, to the command processor.
     pub ack: Out<Ack>,
+}
+
+/// The way of quads through a test.
+pub struct TestPorts {
+    /// To be tested.
+    pub input: In<GroupToken>,
+    /// Tested.
+    pub output: Out<GroupToken>,
 }
 
 /// A group between lookup and test.
@@ -73,7 +77,6 @@ struct Entry {
 pub struct Depth {
     config: DepthConfig,
     pipeline: u8,
-    update: HierarchicalUpdate,
     ports: DepthPorts,
     cache: BlockCache,
     early: VecDeque<Entry>,
@@ -89,7 +92,7 @@ pub struct Depth {
 
 impl Depth {
     /// An empty one, for one pipeline.
-    pub fn new(config: DepthConfig, pipeline: u8, update: HierarchicalUpdate, ports: DepthPorts, memory: MemoryPort) -> Depth {
+    pub fn new(config: DepthConfig, pipeline: u8, ports: DepthPorts, memory: MemoryPort) -> Depth {
         let compression = Compression { enabled: config.compression };
         Depth {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
@@ -101,7 +104,6 @@ impl Depth {
             items: 0,
             config,
             pipeline,
-            update,
             ports,
         }
     }
@@ -114,6 +116,12 @@ impl Depth {
     /// What the cache moved.
     pub fn counts(&self) -> BlockCounts {
         self.cache.counts()
+    }
+
+    /// Whether hierarchical Z is told of new bounds then.
+    #[inline(always)]
+    fn tells(&self, when: HierarchicalUpdate) -> bool {
+        self.ports.updates.as_ref().is_some_and(|&(_, update)| update == when)
     }
 
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
@@ -135,7 +143,7 @@ impl Depth {
         let mut left = None;
         let place = self.cache.pin(frame, surface, group.block, &mut left)?;
         if let Some((surface, block)) = left
-            && self.update == HierarchicalUpdate::Eviction
+            && self.tells(HierarchicalUpdate::Eviction)
         {
             self.bounds.push_back(bounds(&frame.stores[surface], block, pass_number));
         }
@@ -145,7 +153,7 @@ impl Depth {
     /// Tests a group for real; returns the quads that are still alive.
     // Not inlined: the early and the late test share it, and the host's instruction cache is small.
     #[inline(never)]
-    fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u16 {
+    fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
         let Card { groups, work, pass, frame, funnel, .. } = card;
         let group = &mut groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -178,11 +186,11 @@ impl Depth {
             if late {
                 funnel.fragments_late_failed += u64::from(before - fragments(*live));
             }
-            alive += u16::from(*live != 0);
+            alive += u8::from(*live != 0);
         }
         let written = state.writes_depth() || state.writes_stencil();
         self.cache.release(line as usize, written);
-        if written && self.update == HierarchicalUpdate::Write {
+        if written && self.tells(HierarchicalUpdate::Write) {
             self.bounds.push_back(bounds(store, group.block, pass.number));
         }
         self.items += u64::from(token.quads);
@@ -214,7 +222,8 @@ impl Depth {
             if self.bounds.len() >= 3 {
                 return did.or(Tick::Blocked);
             }
-            let output = if late { &self.ports.color } else { &self.ports.interpolate };
+            let ports = if late { &self.ports.late } else { &self.ports.early };
+            let Some(TestPorts { output, .. }) = ports else { return did };
             if !wires.can_push(output) {
                 return did.or(Tick::Blocked);
             }
@@ -236,8 +245,9 @@ impl Depth {
             if let Some(line) = entry.line {
                 token.quads = self.test(card, token, line, late);
             }
+            let ports = if late { &self.ports.late } else { &self.ports.early };
+            let Some(TestPorts { output, .. }) = ports else { return did };
             let pipeline = usize::from(self.pipeline);
-            let output = if late { &self.ports.color } else { &self.ports.interpolate };
             if late {
                 // The colour unit counts groups to keep their order, so an empty one goes on too.
                 self.away -= u32::from(card.groups[pipeline][token.group].count);
@@ -262,12 +272,21 @@ impl Depth {
         }
     }
 
+    /// Takes the token at the head of an input.
+    #[inline(always)]
+    fn take(&mut self, wires: &mut Wires, late: bool) {
+        let ports = if late { &self.ports.late } else { &self.ports.early };
+        if let Some(ports) = ports {
+            wires.pop(&ports.input);
+        }
+    }
+
     /// Looks up what comes from traversal.
     #[inline(always)]
     fn accept_early(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = self.config.quads_per_cycle;
-        while let Some(token) = wires.front(&self.ports.early) {
+        while let Some(token) = self.ports.early.as_ref().and_then(|ports| wires.front(&ports.input)) {
             if self.early.len() as u32 == self.config.fifo {
                 return did.or(Tick::Blocked);
             }
@@ -292,7 +311,7 @@ impl Depth {
                 budget = budget.saturating_sub(u32::from(token.quads));
             }
             self.early.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
-            wires.pop(&self.ports.early);
+            self.take(wires, false);
             did = Tick::Moved;
         }
         did
@@ -303,7 +322,7 @@ impl Depth {
     fn accept_late(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = self.config.quads_per_cycle;
-        while let Some(token) = wires.front(&self.ports.late) {
+        while let Some(token) = self.ports.late.as_ref().and_then(|ports| wires.front(&ports.input)) {
             if self.late.len() as u32 == self.config.fifo {
                 return did.or(Tick::Blocked);
             }
@@ -320,7 +339,7 @@ impl Depth {
             };
             budget = budget.saturating_sub(u32::from(token.quads).max(1));
             self.late.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
-            wires.pop(&self.ports.late);
+            self.take(wires, true);
             did = Tick::Moved;
         }
         did
@@ -380,7 +399,7 @@ impl Unit<Card> for Depth {
 
         // 2. Hierarchical Z is told.
         while let Some(&update) = self.bounds.front() {
-            if !wires.try_push(&self.ports.updates, update) {
+            if !self.ports.updates.as_ref().is_none_or(|(updates, _)| wires.try_push(updates, update)) {
                 did = did.or(Tick::Blocked);
                 break;
             }

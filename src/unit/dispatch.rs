@@ -118,11 +118,11 @@ impl Dispatch {
             let slot = card.warps[pipeline][index].slot;
             let work = card.work[usize::from(slot)].as_ref().expect("a warp's segment is in flight");
             let output = if work.early { &self.ports.color } else { &self.ports.late };
-            while let Some(&number) = card.warps[pipeline][index].groups.get(self.left) {
+            while let Some(&token) = card.warps[pipeline][index].groups.get(self.left) {
                 if !wires.can_push(output) {
                     return did.or(Tick::Blocked);
                 }
-                let group = &mut card.groups[pipeline][number];
+                let group = &mut card.groups[usize::from(token.pool)][token.group];
                 let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..];
                 // The host is asked for the colours that will be blended in some cycles. No part of the model.
                 let surface = card.pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
@@ -138,9 +138,9 @@ impl Dispatch {
                     let shaded = fragments(*live);
                     *live &= quad.kept;
                     funnel.fragments_discarded += u64::from(shaded - fragments(*live));
-                    alive += u16::from(*live != 0);
+                    alive += u8::from(*live != 0);
                 }
-                let token = GroupToken { group: number, sequence: self.sequence, kind: Kind::DATA, quads: alive };
+                let token = GroupToken { sequence: self.sequence, quads: alive, ..token };
                 wires.push_sized(output, token, u32::from(group.count) * bytes::QUAD);
                 self.sequence = self.sequence.wrapping_add(1);
                 self.left += 1;
@@ -214,7 +214,7 @@ impl Unit<Card> for Dispatch {
                 did = Tick::Moved;
                 continue;
             }
-            let group = card.groups[pipeline][token.group];
+            let group = card.groups[usize::from(token.pool)][token.group];
             if let Some(open) = self.open
                 && card.warps[pipeline][open].slot != group.slot
             {
@@ -273,13 +273,14 @@ impl Unit<Card> for Dispatch {
             budget -= packed;
             let rest = usize::from(group.count) - taken;
             if rest == 0 {
-                warp.groups.push(token.group);
+                warp.groups.push(token);
                 wires.pop(&self.ports.input);
             } else if taken > 0 {
                 let mut head = group;
                 head.count = taken as u8;
-                warp.groups.push(card.groups[pipeline].insert(head));
-                let tail = &mut card.groups[pipeline][token.group];
+                let groups = &mut card.groups[usize::from(token.pool)];
+                warp.groups.push(GroupToken { group: groups.insert(head), ..token });
+                let tail = &mut groups[token.group];
                 tail.count = rest as u8;
                 tail.first += taken as u32;
                 tail.live.copy_within(taken.., 0);

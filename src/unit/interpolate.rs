@@ -22,7 +22,6 @@ crate::knobs! {
 /// Interpolation. Its items are quads.
 pub struct Interpolate {
     config: InterpolateConfig,
-    pipeline: u8,
     input: In<GroupToken>,
     output: Out<GroupToken>,
     /// Time in quads begun: the cycle times `quads_per_cycle` at which the interpolators are free.
@@ -31,9 +30,9 @@ pub struct Interpolate {
 }
 
 impl Interpolate {
-    /// An empty one, for one pipeline.
-    pub fn new(config: InterpolateConfig, pipeline: u8, input: In<GroupToken>, output: Out<GroupToken>) -> Interpolate {
-        Interpolate { config, pipeline, input, output, free_at: 0, items: 0 }
+    /// An empty one.
+    pub fn new(config: InterpolateConfig, input: In<GroupToken>, output: Out<GroupToken>) -> Interpolate {
+        Interpolate { config, input, output, free_at: 0, items: 0 }
     }
 }
 
@@ -56,7 +55,7 @@ impl Unit<Card> for Interpolate {
 
             // 2. A quad takes as many turns as its words need.
             if token.kind == Kind::DATA {
-                let group = &card.groups[usize::from(self.pipeline)][token.group];
+                let group = &card.groups[usize::from(token.pool)][token.group];
                 let words = card.work(group.slot).draw.fragment.map_or(0, |shape| shape.inputs);
                 let turns = u64::from(words.div_ceil(self.config.words_per_cycle).max(1));
                 self.free_at = self.free_at.max(wires.now() * rate) + turns * u64::from(token.quads);

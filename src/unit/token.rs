@@ -80,18 +80,20 @@ pub struct TriangleToken {
     pub triangle: u32,
 }
 
-/// A group of up to four quads of one block, or a fence.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+/// A group of up to four quads of one block, or a mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GroupToken {
-    /// Index in the pipeline's groups; of a fence, the slot.
+    /// Index in the groups of `pool`; of a fence, the slot.
     pub group: u32,
-    /// Place in the pipeline's order, given out where fragments leave the cores.
+    /// Up to the ROP the sequence number of its primitives; from there its place in the ROP's order.
     pub sequence: u32,
-    /// Data or fence.
+    /// Data, end of sequence number, or fence.
     pub kind: Kind,
     /// Quads alive.
-    pub quads: u16,
+    pub quads: u8,
+    /// The pipeline whose ROP owns its pixels, and in whose groups it lies.
+    pub pool: u8,
 }
 
 /// New bounds of a block's depths for the hierarchical Z buffer.

@@ -44,6 +44,17 @@ crate::knobs! {
     }
 }
 
+/// Where a rasteriser finds blocks, and whose they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Territory {
+    /// In the tiles that its pipeline owns.
+    Tiles,
+    /// On the whole screen; each block belongs to the pipeline that owns its tile.
+    Screen,
+    /// On the whole screen, all of which is its pipeline's own.
+    Copy,
+}
+
 /// Bounds on the stored depths of a block, as ordered keys.
 #[derive(Clone, Copy, Debug)]
 struct Bounds {
@@ -66,6 +77,7 @@ struct Place {
     /// A triangle is at hand.
     active: bool,
     slot: u16,
+    sequence: u32,
     triangle: u32,
     /// Visit, block in it, quad in it.
     visit: u32,
@@ -81,8 +93,9 @@ struct Place {
 pub struct Traverse {
     config: TraverseConfig,
     pipeline: u8,
+    territory: Territory,
     input: In<TriangleToken>,
-    updates: In<DepthBounds>,
+    updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
     place: Place,
     hierarchical: HierarchicalZ,
@@ -101,17 +114,19 @@ pub fn fragments(coverage: u16) -> u32 {
 }
 
 impl Traverse {
-    /// An empty one, for one pipeline.
+    /// An empty one, for one pipeline. Without `updates` its hierarchical Z buffer knows only how the pass began.
     pub fn new(
         config: TraverseConfig,
         pipeline: u8,
+        territory: Territory,
         input: In<TriangleToken>,
-        updates: In<DepthBounds>,
+        updates: Option<In<DepthBounds>>,
         output: Out<GroupToken>,
     ) -> Traverse {
         Traverse {
             config,
             pipeline,
+            territory,
             input,
             updates,
             output,
@@ -120,6 +135,12 @@ impl Traverse {
             pass: u32::MAX,
             items: 0,
         }
+    }
+
+    /// Whether this unit traverses what a pipeline owns.
+    #[inline(always)]
+    fn enters(&self, owner: u8) -> bool {
+        self.territory != Territory::Tiles || owner == self.pipeline
     }
 
     /// Makes the hierarchical Z buffer that of the current pass.
@@ -151,7 +172,8 @@ impl Traverse {
             self.hierarchical.min_valid &= !lowers;
         }
         let empty = self.empty_blocks(card, work, triangle);
-        self.place = Place { active: true, slot: token.slot, triangle: token.triangle, empty, ..Place::default() };
+        let TriangleToken { slot, sequence, triangle, .. } = token;
+        self.place = Place { active: true, slot, sequence, triangle, empty, ..Place::default() };
     }
 
     /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
@@ -166,14 +188,14 @@ impl Traverse {
             let (left, right) = (x0.max(tx), x1.min(tx + side));
             let (top, bottom) = (y0.max(ty), y1.min(ty + side));
             match work.owners.get(visit.tile as usize) {
-                Some(&owner) if owner == self.pipeline => {
+                Some(&owner) if self.enters(owner) => {
                     inside += right.saturating_sub(left) * bottom.saturating_sub(top);
                     covered += visit.blocks;
                 }
                 Some(_) => {}
                 // Several pipelines share the tile.
                 None => {
-                    let mine = |x: u32, y: u32| u32::from(card.interleave.owner(x, y) == self.pipeline);
+                    let mine = |x: u32, y: u32| u32::from(self.enters(card.interleave.owner(x, y)));
                     inside += (top..bottom).map(|y| (left..right).map(|x| mine(x, y)).sum::<u32>()).sum::<u32>();
                     let blocks = &tile.blocks[visit.first_block as usize..][..visit.blocks as usize];
                     covered += blocks.iter().map(|block| mine(block.x.into(), block.y.into())).sum::<u32>();
@@ -205,7 +227,7 @@ impl Unit<Card> for Traverse {
 
         // 1. The hierarchical Z buffer learns what the ROP has written. Both bounds may be late; where writes of this pass could
         //    have broken one, it is not used.
-        while let Some(update) = wires.pop(&self.updates) {
+        while let Some(update) = self.updates.as_ref().and_then(|updates| wires.pop(updates)) {
             if update.pass == self.pass
                 && let Some(bounds) = self.hierarchical.bounds.get_mut(update.block as usize)
             {
@@ -223,8 +245,9 @@ impl Unit<Card> for Traverse {
             // 2. The next triangle.
             if !self.place.active {
                 let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
-                if token.kind.is_fence() {
-                    let fence = GroupToken { group: u32::from(token.slot), sequence: 0, kind: token.kind, quads: 0 };
+                if token.kind != Kind::DATA {
+                    let TriangleToken { slot, sequence, kind, .. } = token;
+                    let fence = GroupToken { group: u32::from(slot), sequence, kind, quads: 0, pool: self.pipeline };
                     if !wires.can_push(&self.output) {
                         return Tick::moved_or(moved, Tick::Blocked);
                     }
@@ -260,7 +283,7 @@ impl Unit<Card> for Traverse {
                 continue;
             };
             let whole = work.owners.get(visit.tile as usize);
-            if self.place.block == visit.blocks || whole.is_some_and(|&owner| owner != self.pipeline) {
+            if self.place.block == visit.blocks || whole.is_some_and(|&owner| !self.enters(owner)) {
                 self.place.visit += 1;
                 self.place.block = 0;
                 continue;
@@ -268,7 +291,7 @@ impl Unit<Card> for Traverse {
             let tile = &work.segment.tiles[visit.tile as usize];
             let block = &tile.blocks[(visit.first_block + self.place.block) as usize];
             let (x, y) = (u32::from(block.x), u32::from(block.y));
-            if whole.is_none() && card.interleave.owner(x, y) != self.pipeline {
+            if whole.is_none() && !self.enters(card.interleave.owner(x, y)) {
                 self.place.block += 1;
                 continue;
             }
@@ -330,8 +353,10 @@ impl Unit<Card> for Traverse {
                 prefetch(&card.frame.stores[surface].quad(number, tile.quads[first as usize].position)[0]);
             }
             let last = self.place.quad + count == u32::from(block.quads);
-            let index = card.groups[usize::from(self.pipeline)].insert(group);
-            let token = GroupToken { group: index, sequence: 0, kind: Kind::DATA, quads: count as u16 };
+            let pool = if self.territory == Territory::Screen { card.interleave.owner(x, y) } else { self.pipeline };
+            let index = card.groups[usize::from(pool)].insert(group);
+            let sequence = self.place.sequence;
+            let token = GroupToken { group: index, sequence, kind: Kind::DATA, quads: count as u8, pool };
             wires.push_sized(&self.output, token, count * bytes::QUAD);
             moved = true;
             self.place.quad += count;

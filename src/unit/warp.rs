@@ -1,6 +1,7 @@
 //! Warps: invocations that run in lockstep. A warp is too large for a token, so it lies here and tokens carry its number.
 
 use super::card::Card;
+use super::token::GroupToken;
 use crate::work::{Class, Cost, CostId, CostTable, RequestKind, Step};
 
 /// Most invocations of a warp.
@@ -52,7 +53,7 @@ pub struct Warp {
     /// Whether all parts take the same path.
     pub uniform: bool,
     /// Groups of quads, of a fragment warp, in order.
-    pub groups: Vec<u32>,
+    pub groups: Vec<GroupToken>,
     /// Whether it has been shaded.
     pub done: bool,
     /// Its place in its core.

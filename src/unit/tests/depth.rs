@@ -13,7 +13,7 @@ use crate::num::Cycle;
 use crate::sim::{Circuit, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::block_cache::BlockCounts;
-use crate::unit::depth::{Depth, DepthConfig, DepthPorts};
+use crate::unit::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
 use crate::unit::token::{Ack, DepthBounds, GroupToken, Kind};
 use crate::unit::traverse::HierarchicalUpdate;
 use crate::work::{Attachment, Draw, Funnel};
@@ -130,8 +130,13 @@ fn run(
             let (color, at_color) = wiring.channel("tested", 1, FREE, ids[3], ids[5]);
             let (updates, at_traverse) = wiring.channel("updates", 0, FREE, ids[3], ids[6]);
             let (ack, at_command) = wiring.channel("ack", 0, FREE, ids[3], ids[7]);
-            let ports =
-                DepthPorts { early: from_traverse, interpolate, late: from_cores, color, updates, end: from_color, ack };
+            let ports = DepthPorts {
+                early: Some(TestPorts { input: from_traverse, output: interpolate }),
+                late: Some(TestPorts { input: from_cores, output: color }),
+                updates: Some((updates, scene.update)),
+                end: from_color,
+                ack,
+            };
             let memory = port(&mut plan, &mut wiring, ids[3]);
             let mut card = prepared(scene);
             let (early, late) = (early(&mut card), late(&mut card));
@@ -142,7 +147,7 @@ fn run(
                 One(Source::new(early, to_early)),
                 One(Source::new(late, to_late)),
                 One(Source::new(end, to_end)),
-                One(Depth::new(scene.config.clone(), 0, scene.update, ports, memory)),
+                One(Depth::new(scene.config.clone(), 0, ports, memory)),
                 One(Sink::new(at_interpolate)),
                 One(Sink::new(at_color)),
                 One(Sink::new(at_traverse)),
@@ -226,12 +231,12 @@ fn early_tests_wait_for_late_ones_before_them() {
         vec![(0, first), (0, second), (0, mark(Kind::SEGMENT, 0))]
     };
     // The late group is the first that was made: number 0 of the pipeline's.
-    let late = |_: &mut Card| vec![(100, GroupToken { group: 0, sequence: 0, kind: Kind::DATA, quads: 4 })];
+    let late = |_: &mut Card| vec![(100, GroupToken { group: 0, sequence: 0, kind: Kind::DATA, quads: 4, pool: 0 })];
     let got = run(&scene, early, late);
     assert_eq!((got.early, got.color), (vec![8, 107 + 6 + 1], vec![108]));
     assert_eq!(got.items, 8);
     // One that has no quad left takes its turn and is not tested.
-    let empty = |_: &mut Card| vec![(100, GroupToken { group: 0, sequence: 0, kind: Kind::DATA, quads: 0 })];
+    let empty = |_: &mut Card| vec![(100, GroupToken { group: 0, sequence: 0, kind: Kind::DATA, quads: 0, pool: 0 })];
     let got = run(&scene, early, empty);
     assert_eq!((got.early, got.color, got.items), (vec![8, 107 + 6 + 1], vec![108], 4));
 }

@@ -38,8 +38,8 @@ struct Dispatched {
     /// When warps came to each core.
     cores: Vec<Vec<Cycle>>,
     /// When groups came to the colour unit and to the late test: sequence number and quads.
-    color: Vec<(Cycle, (Kind, u32, u16))>,
-    late: Vec<(Cycle, (Kind, u32, u16))>,
+    color: Vec<(Cycle, (Kind, u32, u8))>,
+    late: Vec<(Cycle, (Kind, u32, u8))>,
     funnel: Funnel,
 }
 
@@ -113,7 +113,7 @@ fn warps_fill_at_the_rate_and_start_when_they_are_full() {
     // Groups of 3: every warp but the last has parts of groups, which are parted.
     let got = dispatched(&CONFIG, &[1], &[(0, 0, 3); 8]);
     assert_eq!(got.cores, [[3, 5, 7]]);
-    assert_eq!(got.color.iter().filter(|(_, token)| token.0 == Kind::DATA).map(|(_, token)| token.2).sum::<u16>(), 24);
+    assert_eq!(got.color.iter().filter(|(_, token)| token.0 == Kind::DATA).map(|(_, token)| token.2).sum::<u8>(), 24);
 }
 
 #[test]

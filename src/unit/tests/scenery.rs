@@ -108,12 +108,12 @@ pub fn group(card: &mut Card, slot: u16, block: u32, first: u32, count: u8) -> G
     let mut live = [0; 4];
     live[..usize::from(count)].fill(15);
     let group = Group { slot, count, triangle: 0, tile: 0, first, block, live };
-    GroupToken { group: card.groups[0].insert(group), sequence: 0, kind: Kind::DATA, quads: u16::from(count) }
+    GroupToken { group: card.groups[0].insert(group), sequence: 0, kind: Kind::DATA, quads: count, pool: 0 }
 }
 
 /// A mark among groups.
 pub fn mark(kind: Kind, slot: u16) -> GroupToken {
-    GroupToken { group: u32::from(slot), sequence: 0, kind, quads: 0 }
+    GroupToken { group: u32::from(slot), sequence: 0, kind, quads: 0, pool: 0 }
 }
 
 /// A warp of one program whose parts all have the first cost of a table.

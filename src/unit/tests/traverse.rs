@@ -13,7 +13,7 @@ use crate::sim::{Link, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::card::DepthStart;
 use crate::unit::token::{DepthBounds, GroupToken, Kind, TriangleToken};
-use crate::unit::traverse::{Traverse, TraverseConfig};
+use crate::unit::traverse::{Territory, Traverse, TraverseConfig};
 use crate::work::{Draw, Funnel, Segment};
 
 crate::circuit! {
@@ -68,7 +68,7 @@ fn traversed(
                 wiring,
                 One(Source::new(items, output)),
                 One(Source::new(updates.to_vec(), bounds_out)),
-                One(Traverse::new(config.clone(), 0, into, told, out)),
+                One(Traverse::new(config.clone(), 0, Territory::Tiles, into, Some(told), out)),
                 One(Sink::new(input)),
             );
             (circuit, card)

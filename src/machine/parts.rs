@@ -1,0 +1,73 @@
+//! The units that a machine of any sort class can have.
+
+use crate::mem::{Crossbar, Dram, Ideal, L2Slice, ReturnPath};
+use crate::sim::One;
+use crate::unit::assembly::Assembly;
+use crate::unit::card::Card;
+use crate::unit::clip::Clip;
+use crate::unit::color::Color;
+use crate::unit::command::Command;
+use crate::unit::compute::Compute;
+use crate::unit::core::Core;
+use crate::unit::depth::Depth;
+use crate::unit::dispatch::Dispatch;
+use crate::unit::distribute::Distribute;
+use crate::unit::fetch::Fetch;
+use crate::unit::interpolate::Interpolate;
+use crate::unit::resolve::Resolve;
+use crate::unit::scanout::Scanout;
+use crate::unit::setup::Setup;
+use crate::unit::texture::Texture;
+use crate::unit::traverse::Traverse;
+
+crate::circuit! {
+    /// A machine: the units of all sort classes in data-flow order. A class has of each as many as its file says, and joins them.
+    pub struct Parts for Card {
+        /// Reads events, hands out draws, keeps passes apart.
+        command: One<Command>,
+        /// Reads indices, finds vertices to be shaded, fetches attributes.
+        fetch: Vec<Fetch>,
+        /// Vertex cores, where shading is not unified.
+        vertex_core: Vec<Core>,
+        /// Their texture units.
+        vertex_texture: Vec<Texture>,
+        /// Makes primitives of shaded vertices, hands them to geometry units.
+        assembly: Vec<Assembly>,
+        /// Clips and culls.
+        clip: Vec<Clip>,
+        /// Sends each triangle to the rasterisers that own what it touches.
+        distribute: Vec<Distribute>,
+        /// Restores API order, sets triangles up.
+        setup: Vec<Setup>,
+        /// Finds blocks and quads, culls by hierarchical Z.
+        traverse: Vec<Traverse>,
+        /// Early and late depth and stencil tests.
+        depth: Vec<Depth>,
+        /// Interpolates attributes.
+        interpolate: Vec<Interpolate>,
+        /// Packs quads into warps, restores their order after shading.
+        dispatch: Vec<Dispatch>,
+        /// Makes warps of workgroups.
+        compute: One<Compute>,
+        /// Shader cores of all pipelines.
+        core: Vec<Core>,
+        /// A texture unit for each core.
+        texture: Vec<Texture>,
+        /// Blends into colour buffers.
+        color: Vec<Color>,
+        /// Turns samples into pixels.
+        resolve: One<Resolve>,
+        /// Shows frames.
+        scanout: One<Scanout>,
+        /// Memory: from the units to the slices of the second-level cache,
+        crossbar: Option<Crossbar>,
+        /// the slices,
+        l2: Vec<L2Slice>,
+        /// the DRAM channels behind them,
+        dram: Vec<Dram>,
+        /// and the way back to the units;
+        return_path: Option<ReturnPath>,
+        /// or an ideal memory instead of all these.
+        ideal: Option<Ideal>,
+    }
+}
