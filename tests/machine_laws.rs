@@ -8,7 +8,7 @@ use fillrate::machine::{Config, Machine, MachineError};
 use fillrate::sim::Clock;
 use fillrate::unit::Fault;
 use fillrate::unit::knob::Allowed;
-use fillrate::work::{Event, Funnel};
+use fillrate::work::{Event, Funnel, Shade};
 use machine_common::{accounts_add_up, config, conserved, dispatch, everything, frames_add_up, rendered, run};
 use synthetic::{Random, Scene, events};
 
@@ -94,8 +94,8 @@ fn clocks_and_orders_of_ticks_leave_the_same_statistics_on_every_scene() {
 }
 
 /// Small work of all kinds: opaque, blended, late, multisampled; compute before.
-fn mixture() -> Vec<Vec<Event>> {
-    let plain = Scene { width: 72, height: 56, triangles: 16, size: 40.0, ..Scene::default() };
+fn mixture(covered: bool) -> Vec<Vec<Event>> {
+    let plain = Scene { width: 72, height: 56, triangles: 16, size: 40.0, covered, ..Scene::default() };
     let scenes = [
         plain.clone(),
         Scene { samples: 4, blend: true, early: false, discard: true, ..plain.clone() },
@@ -104,8 +104,10 @@ fn mixture() -> Vec<Vec<Event>> {
     scenes.iter().map(|scene| [dispatch(6), events(scene)].concat()).collect()
 }
 
-/// Every law on one machine.
-fn lawful(config: &Config, events: &[Event], clocks: &[Clock]) {
+/// Every law on one machine, which has its work as it needs it.
+fn lawful(config: &Config, works: &[Vec<Vec<Event>>; 2], number: usize, clocks: &[Clock]) {
+    let work = &works[usize::from(config.render_key().shade == Shade::Covered)];
+    let events = &work[number % work.len()];
     // A workgroup of 64 invocations of 16 registers is left out where no core can hold it.
     let core = &config.core;
     let fits = core.warps * core.warp_width >= 64 && core.registers >= 64 * 16;
@@ -126,7 +128,7 @@ fn lawful(config: &Config, events: &[Event], clocks: &[Clock]) {
 
 #[test]
 fn every_knob_at_its_ends_makes_a_lawful_machine() {
-    let work = mixture();
+    let work = [mixture(false), mixture(true)];
     let baseline = Config::built_in("baseline").unwrap();
     let (mut ran, mut refused) = (0, Vec::new());
     for (section, knobs) in baseline.sections() {
@@ -141,8 +143,15 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                 let mut changed = baseline.clone();
                 changed.set(&format!("{path}={value}")).unwrap_or_else(|error| panic!("{error}"));
                 changed.name = format!("{path}={value}");
-                if path.starts_with("memory.ideal") {
-                    changed.set("memory.kind=ideal").unwrap();
+                for (sections, setting) in [
+                    ("memory.ideal", "memory.kind=ideal"),
+                    ("route.", "sort=sort-first"),
+                    ("bin.", "sort=sort-middle-binned"),
+                    ("network.", "network.topology=butterfly"),
+                ] {
+                    if path.starts_with(sections) && path != "network.topology" {
+                        changed.set(setting).unwrap();
+                    }
                 }
                 // What does not fit the other knobs is refused by name, and a machine of it is not built.
                 if let Err(error) = changed.check() {
@@ -151,7 +160,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                     refused.push(changed.name);
                     continue;
                 }
-                lawful(&changed, &work[ran % work.len()], &[Clock::EveryCycle]);
+                lawful(&changed, &work, ran, &[Clock::EveryCycle]);
                 ran += 1;
             }
         }
@@ -174,7 +183,7 @@ fn some(allowed: Allowed, random: &mut Random) -> String {
 
 #[test]
 fn machines_made_at_random_are_lawful() {
-    let work = mixture();
+    let work = [mixture(false), mixture(true)];
     let mut random = Random(17);
     let mut made = 0;
     while made < 16 {
@@ -194,7 +203,7 @@ fn machines_made_at_random_are_lawful() {
         if config.check().is_err() {
             continue;
         }
-        lawful(&config, &work[made % work.len()], &[Clock::Shuffled(made as u64)]);
+        lawful(&config, &work, made, &[Clock::Shuffled(made as u64)]);
         made += 1;
     }
 }

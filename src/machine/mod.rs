@@ -4,7 +4,10 @@ mod build;
 pub mod config;
 pub mod parts;
 mod report;
+mod sort_first;
+mod sort_last_fragment;
 mod sort_middle;
+mod sort_middle_binned;
 
 #[cfg(test)]
 mod tests;
@@ -12,10 +15,13 @@ mod tests;
 pub use config::{Config, ConfigError};
 pub use report::{FrameReport, MachineReport, Picture};
 
+use self::build::Built;
+use self::config::SortClass;
 use crate::sim::{self, Circuit, Clock, Stuck};
 use crate::unit::Fault;
 use crate::unit::card::{Card, Pool};
 use crate::unit::interleave::Interleave;
+use crate::unit::network::NetworkMap;
 use crate::unit::warp::Warps;
 use crate::work::Event;
 use parts::Parts;
@@ -44,6 +50,7 @@ pub struct Machine {
     circuit: Parts,
     card: Card,
     clients: Vec<(&'static str, usize)>,
+    network: Option<NetworkMap>,
 }
 
 impl Machine {
@@ -54,7 +61,13 @@ impl Machine {
     pub fn new(config: &Config) -> Result<Machine, ConfigError> {
         config.check()?;
         let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
-        let (circuit, clients) = sort_middle::build(config).map_err(rule)?;
+        let build = match config.card.sort {
+            SortClass::First => sort_first::build,
+            SortClass::Middle => sort_middle::build,
+            SortClass::MiddleBinned => sort_middle_binned::build,
+            SortClass::LastFragment => sort_last_fragment::build,
+        };
+        let Built { parts: circuit, clients, network } = build(config).map_err(rule)?;
         let pipelines = config.card.pipelines as usize;
         let card = Card::new(
             pipelines,
@@ -62,7 +75,7 @@ impl Machine {
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
         );
-        Ok(Machine { config: config.clone(), circuit, card, clients })
+        Ok(Machine { config: config.clone(), circuit, card, clients, network })
     }
 
     /// The configuration.

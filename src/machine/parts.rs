@@ -3,21 +3,28 @@
 use crate::mem::{Crossbar, Dram, Ideal, L2Slice, ReturnPath};
 use crate::sim::One;
 use crate::unit::assembly::Assembly;
+use crate::unit::bin::Bin;
 use crate::unit::card::Card;
 use crate::unit::clip::Clip;
 use crate::unit::color::Color;
 use crate::unit::command::Command;
 use crate::unit::compute::Compute;
 use crate::unit::core::Core;
+use crate::unit::deal::Deal;
 use crate::unit::depth::Depth;
 use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
 use crate::unit::fetch::Fetch;
+use crate::unit::gather::Gather;
 use crate::unit::interpolate::Interpolate;
+use crate::unit::network::{CreditReturn, Router};
+use crate::unit::order::Order;
 use crate::unit::resolve::Resolve;
+use crate::unit::route::Route;
 use crate::unit::scanout::Scanout;
 use crate::unit::setup::Setup;
 use crate::unit::texture::Texture;
+use crate::unit::tile_fetch::TileFetch;
 use crate::unit::traverse::Traverse;
 
 crate::circuit! {
@@ -25,6 +32,12 @@ crate::circuit! {
     pub struct Parts for Card {
         /// Reads events, hands out draws, keeps passes apart.
         command: One<Command>,
+        /// Deals batches of primitives to pipelines whose geometry is their own.
+        deal: Vec<Deal>,
+        /// Finds the bounds of primitives and sends them to the pipelines that own what they touch, where primitives are sorted.
+        route: Vec<Route>,
+        /// Restores their order there.
+        gather: Vec<Gather>,
         /// Reads indices, finds vertices to be shaded, fetches attributes.
         fetch: Vec<Fetch>,
         /// Vertex cores, where shading is not unified.
@@ -37,6 +50,14 @@ crate::circuit! {
         clip: Vec<Clip>,
         /// Sends each triangle to the rasterisers that own what it touches.
         distribute: Vec<Distribute>,
+        /// Sorts triangles into the lists of tiles,
+        bin: Vec<Bin>,
+        /// which are read again, tile by tile.
+        tile_fetch: Vec<TileFetch>,
+        /// Routers of the network that sorts,
+        router: Vec<Router>,
+        /// and the way back of its credits.
+        credit_return: Option<CreditReturn>,
         /// Restores API order, sets triangles up.
         setup: Vec<Setup>,
         /// Finds blocks and quads, culls by hierarchical Z.
@@ -47,6 +68,8 @@ crate::circuit! {
         interpolate: Vec<Interpolate>,
         /// Packs quads into warps, restores their order after shading.
         dispatch: Vec<Dispatch>,
+        /// Restores API order at the ROPs, where quads are sorted.
+        order: Vec<Order>,
         /// Makes warps of workgroups.
         compute: One<Compute>,
         /// Shader cores of all pipelines.

@@ -1,12 +1,13 @@
 //! What a run leaves behind: statistics by frame, and pictures.
 
 use super::Machine;
+use super::config::SortClass;
 use crate::mem::ClientCounts;
 use crate::num::Cycle;
 use crate::sim::Circuit;
-use crate::stats::{Group, Tree};
+use crate::stats::{Group, Node, Tree};
 use crate::unit::card::Card;
-use crate::unit::distribute::SortCounts;
+use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::work::{EndFrame, Funnel, Surface};
 
@@ -53,6 +54,7 @@ struct Reading {
     /// Quads by pipeline, of which the imbalance is computed.
     quads: Vec<u64>,
     sort: SortCounts,
+    order: OrderCounts,
 }
 
 /// Readings so far.
@@ -79,6 +81,9 @@ fn read(machine: &mut Machine) -> Reading {
     let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
     for (index, unit) in circuit.fetch.iter().enumerate() {
         cache("vertex", index, unit.cache());
+    }
+    for (index, unit) in circuit.route.iter().enumerate() {
+        cache("position", index, unit.cache());
     }
     for (index, unit) in circuit.texture.iter().chain(&circuit.vertex_texture).enumerate() {
         cache("texture", index, unit.cache());
@@ -122,11 +127,25 @@ fn read(machine: &mut Machine) -> Reading {
     }
 
     let mut sort = SortCounts::default();
-    for unit in &circuit.distribute {
-        sort += unit.counts();
+    match machine.config.card.sort {
+        SortClass::First => circuit.route.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::MiddleBinned => circuit.bin.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::Middle => circuit.distribute.iter().for_each(|unit| sort += unit.counts()),
+        SortClass::LastFragment => circuit.dispatch.iter().for_each(|unit| sort += unit.sorting()),
+    }
+    let mut order = OrderCounts::default();
+    circuit.gather.iter().for_each(|unit| order += unit.counts());
+    circuit.order.iter().for_each(|unit| order += unit.counts());
+    circuit.setup.iter().for_each(|unit| order += unit.counts());
+    circuit.bin.iter().for_each(|unit| order += unit.order());
+    for unit in &circuit.bin {
+        tree.child("binning").extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.route.iter().enumerate() {
+        tree.child("routing").element("route", index).extend(unit.counts().tree());
     }
     let quads = circuit.traverse.iter().map(crate::sim::Unit::<Card>::items).collect();
-    Reading { tree, cycles, quads, sort }
+    Reading { tree, cycles, quads, sort, order }
 }
 
 /// The statistics between two readings.
@@ -143,11 +162,16 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u6
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
     let leaves = tree.child("sort");
-    leaves.text("class", "sort-middle");
+    leaves.text("class", machine.config.card.sort.name());
     leaves.extend(sort.tree());
     leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
     leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
+    leaves.extend(now.order.since(&earlier.order).tree());
     leaves.count("wrong_pixels", wrong_pixels);
+    if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
+        let traffic = network.traffic(channels, cycles).tree();
+        tree.child("sort").child("network").extend(traffic);
+    }
     tree
 }
 

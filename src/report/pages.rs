@@ -8,7 +8,7 @@ use crate::sim::ChannelCounts;
 use crate::stats::{Cycles, Declaration, Group, page};
 use crate::unit::block_cache::BlockCounts;
 use crate::unit::core::CoreCounts;
-use crate::unit::distribute::SortCounts;
+use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::unit::texture::TextureCounts;
 use crate::work::Funnel;
@@ -37,12 +37,21 @@ const CHANNEL: &[Declaration] = &[
 const DRAM: &[Declaration] =
     &[one("busy_cycles", "cycles", "Cycles of the card in which the data buses carried data, the sum over the channels.")];
 
+const NETWORK: &[Declaration] = &[
+    one("links", "links", "Links: channels of the network."),
+    one("hops", "parcels", "Parcels, counted once on each link on their way."),
+    one("link_bytes", "bytes", "Their bytes, counted so too."),
+    one("mean_share", "", "What links carried of what they could have, on average."),
+    one("hottest_share", "", "What the busiest link carried of what it could have."),
+    one("hot_spot", "", "The busiest link: its channel and its ends."),
+];
+
 const SORT: &[Declaration] = &[
     one("class", "", "The sort class of the machine."),
     one(
         "overlap",
         "",
-        "Copies sent by triangles sent at all (`redistributed_items` by `sent`): how many pipelines the average triangle meets that meets any. At least 1 where there is one.",
+        "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
     one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
@@ -77,7 +86,8 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("rop.NAME[i]", "What the depth and colour caches of the ROPs moved.", BlockCounts::DECLARATIONS.to_vec()),
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
-        ("sort", "What redistribution costs.", all(SORT, SortCounts::DECLARATIONS)),
+        ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
+        ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ]
 }
 

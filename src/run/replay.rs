@@ -110,8 +110,12 @@ fn functional_tree(funnel: &Funnel) -> Tree {
 fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
     let watch = Stopwatch::start();
     let mut machine = Machine::new(&options.config)?;
-    let render_options =
-        render::Options { record: true, frames: options.frames.clone(), skips: Skips::default(), key: RenderKey::default() };
+    let render_options = render::Options {
+        record: true,
+        frames: options.frames.clone(),
+        skips: Skips::default(),
+        key: options.config.render_key(),
+    };
     let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
     std::thread::scope(|scope| {
         // The machine's thread sees the end of the stream when the sender goes with the renderer.

@@ -235,6 +235,17 @@ impl Wires {
         pushable <= self.now
     }
 
+    /// Slots for items in this cycle; the width may still spread them over several.
+    pub fn room<T: Token>(&mut self, port: &Out<T>) -> u32 {
+        let channel = &self.channels[port.0 as usize];
+        let free = (1..=channel.capacity).take_while(|&items| channel.room_at(items, &self.slots) <= self.now).count() as u32;
+        if free == 0 {
+            // It wakes when there are.
+            self.can_push(port);
+        }
+        free
+    }
+
     /// Whether there are slots for `items` in this cycle; the width may still spread them over several.
     #[inline(always)]
     pub fn has_room<T: Token>(&mut self, port: &Out<T>, items: u32) -> bool {

@@ -2,8 +2,37 @@
 
 use super::card::Card;
 use super::token::{Kind, Run, VertexBatch, WarpToken};
-use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, In, Out, Tick, Token, Unit, Wires};
 use crate::unit::knob::Allowed;
+
+crate::choices! {
+    /// How batches of primitives are dealt.
+    pub enum Deal {
+        /// To one after the other.
+        Turn "round-robin",
+        /// To the one with the most room in its queue; of several the next in turn.
+        Least "least-loaded",
+    }
+}
+
+impl Deal {
+    /// The output that gets the next batch: the one whose turn it is, or one with more room.
+    #[inline(always)]
+    pub fn choose<T: Token>(self, wires: &mut Wires, outputs: &[Out<T>], turn: usize) -> usize {
+        if self == Deal::Turn || outputs.len() == 1 {
+            return turn;
+        }
+        let (mut best, mut most) = (turn, 0);
+        for ahead in 0..outputs.len() {
+            let output = (turn + ahead) % outputs.len();
+            let room = wires.room(&outputs[output]);
+            if room > most {
+                (best, most) = (output, room);
+            }
+        }
+        best
+    }
+}
 
 crate::knobs! {
     /// Primitive assembly.
@@ -14,6 +43,8 @@ crate::knobs! {
         /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
         batch: u32 ["primitives", Allowed::Range(1, 1024),
             "GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"],
+        /// Which geometry unit, or which pipeline whose geometry is its own, gets the next batch.
+        deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"],
         /// Cycles from here to the geometry units.
         latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"],
         /// Runs of primitives queued before each geometry unit.
@@ -36,6 +67,20 @@ pub struct AssemblyPorts {
     pub geometry: Vec<Out<Run>>,
 }
 
+/// Where the primitives come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Segment after segment: batches are made here, numbered, and dealt to geometry units.
+    Segments,
+    /// In runs with numbers, dealt to the one pipeline that this unit belongs to.
+    Runs {
+        /// Whether the end of a number is told on, so that order can be restored behind.
+        marks: bool,
+        /// Whether primitives are counted here; not where one may come to several pipelines.
+        counts: bool,
+    },
+}
+
 /// Primitive assembly. Its items are primitives.
 pub struct Assembly {
     config: AssemblyConfig,
@@ -47,31 +92,114 @@ pub struct Assembly {
     /// Sequence number of the current batch of primitives, and how many are in it.
     sequence: u32,
     in_batch: u32,
+    /// The geometry unit that gets the open batch, once one has been chosen, and the one whose turn is next.
+    open: Option<usize>,
+    turn: usize,
+    /// Where the next run of primitives ends that a pipeline was dealt.
+    end: u32,
+    mode: Mode,
     items: u64,
 }
 
 impl Assembly {
     /// An empty one.
-    pub fn new(config: AssemblyConfig, ports: AssemblyPorts) -> Assembly {
-        Assembly { config, ports, done: vec![false; MAX_BATCHES as usize], next: 0, sequence: 0, in_batch: 0, items: 0 }
+    pub fn new(config: AssemblyConfig, mode: Mode, ports: AssemblyPorts) -> Assembly {
+        Assembly {
+            config,
+            ports,
+            done: vec![false; MAX_BATCHES as usize],
+            next: 0,
+            sequence: 0,
+            in_batch: 0,
+            open: None,
+            turn: 0,
+            end: 0,
+            mode,
+            items: 0,
+        }
     }
 
-    /// The output whose turn it is.
+    /// Sends to the geometry unit of the open batch; false if it has no room.
     #[inline(always)]
-    fn output(&self) -> &Out<Run> {
-        &self.ports.geometry[self.sequence as usize % self.ports.geometry.len()]
+    fn send(&mut self, wires: &mut Wires, run: Run) -> bool {
+        let (deal, turn) = (self.config.deal, self.turn);
+        let output = *self.open.get_or_insert_with(|| deal.choose(wires, &self.ports.geometry, turn));
+        wires.try_push(&self.ports.geometry[output], run)
     }
 
     fn next_sequence(&mut self) {
         self.sequence = self.sequence.wrapping_add(1);
         self.in_batch = 0;
+        self.open = None;
+        self.turn = (self.turn + 1) % self.ports.geometry.len();
+    }
+
+    /// Assembles the primitives of runs.
+    fn runs(&mut self, wires: &mut Wires, card: &mut Card, marks: bool, counts: bool) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = Budget::new(self.config.primitives_per_cycle);
+        while let Some(batch) = wires.front(&self.ports.batches) {
+            let output = &self.ports.geometry[0];
+            match batch.kind {
+                // 1. A run begins.
+                Kind::RUN => {
+                    self.sequence = batch.number;
+                    self.next = batch.stream_end;
+                    self.end = batch.stream_end + batch.vertices;
+                }
+                // 2. Its primitives, as far as their vertices are shaded.
+                Kind::DATA | Kind::PART => {
+                    if batch.vertices > 0 && !self.done[(batch.number % MAX_BATCHES) as usize] {
+                        return did.or(Tick::Starved);
+                    }
+                    if self.next < self.end {
+                        let primitives = &card.work(batch.slot).segment.primitives[self.next as usize..self.end as usize];
+                        let ready = primitives.iter().take_while(|p| p.stream_end <= batch.stream_end).count() as u32;
+                        if ready > 0 {
+                            let count = ready.min(budget.left());
+                            if count == 0 {
+                                return Tick::Moved;
+                            }
+                            let (slot, sequence, first) = (batch.slot, self.sequence, self.next);
+                            if !wires.try_push(output, Run { slot, kind: Kind::DATA, sequence, first, count }) {
+                                return did.or(Tick::Blocked);
+                            }
+                            budget.take(count);
+                            self.next += count;
+                            self.items += u64::from(count);
+                            card.funnel.primitives_in += if counts { u64::from(count) } else { 0 };
+                            did = Tick::Moved;
+                            if count < ready {
+                                return did;
+                            }
+                        }
+                    }
+                    if batch.kind == Kind::DATA && batch.vertices > 0 {
+                        if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
+                            return did.or(Tick::Blocked);
+                        }
+                        self.done[(batch.number % MAX_BATCHES) as usize] = false;
+                    }
+                }
+                // 3. Marks go on, with their numbers.
+                kind => {
+                    let run = Run { slot: batch.slot, kind, sequence: batch.number, first: 0, count: 0 };
+                    if (marks || kind.is_fence()) && !wires.try_push(output, run) {
+                        return did.or(Tick::Blocked);
+                    }
+                }
+            }
+            wires.take(&self.ports.batches);
+            did = Tick::Moved;
+        }
+        did
     }
 
     /// Ends the open sequence number. With one geometry unit there is nothing to merge and no mark is sent.
     fn close(&mut self, wires: &mut Wires, slot: u16) -> bool {
         if self.ports.geometry.len() > 1 {
             let run = Run { slot, kind: Kind::END, sequence: self.sequence, first: 0, count: 0 };
-            if !wires.try_push(self.output(), run) {
+            if !self.send(wires, run) {
                 return false;
             }
         }
@@ -92,6 +220,10 @@ impl Unit<Card> for Assembly {
             }
         }
 
+        if let Mode::Runs { marks, counts } = self.mode {
+            return did.or(self.runs(wires, card, marks, counts));
+        }
+
         // 2. Assemble primitives of the batch at the head, as far as its vertices go.
         let mut budget = Budget::new(self.config.primitives_per_cycle);
         while let Some(batch) = wires.front(&self.ports.batches) {
@@ -107,7 +239,7 @@ impl Unit<Card> for Assembly {
                 let count = primitives[..most].iter().take_while(|p| p.stream_end <= batch.stream_end).count() as u32;
                 if count > 0 {
                     let run = Run { slot: batch.slot, kind: Kind::DATA, sequence: self.sequence, first: self.next, count };
-                    if !wires.try_push(self.output(), run) {
+                    if !self.send(wires, run) {
                         return did.or(Tick::Blocked);
                     }
                     budget.take(count);
@@ -139,7 +271,7 @@ impl Unit<Card> for Assembly {
                     did = Tick::Moved;
                 }
                 let run = Run { slot: batch.slot, kind: batch.kind, sequence: self.sequence, first: 0, count: 0 };
-                if !wires.try_push(self.output(), run) {
+                if !self.send(wires, run) {
                     return did.or(Tick::Blocked);
                 }
                 self.next_sequence();

@@ -238,6 +238,23 @@ impl BlockCache {
         did
     }
 
+    /// [`BlockCache::flush`] at the end of a tile: what is not worth writing is forgotten without taking time.
+    pub fn flush_tile(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+        while self.flushing < self.tags.len() {
+            let place = self.flushing;
+            let key = self.tags.key(place);
+            let written = key.is_some_and(|key| self.tags.data(place).dirty && keep((key >> 32) as usize));
+            if written {
+                return self.flush(frame, keep);
+            }
+            self.flushing += 1;
+            if key.is_some() {
+                self.tags.forget(place);
+            }
+        }
+        Tick::Memory
+    }
+
     /// Whether a flush is complete, which resets it.
     pub fn flushed(&mut self) -> bool {
         let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();

@@ -28,6 +28,11 @@ pub struct Work {
     pub early: bool,
     /// Number of the draw on this machine, from 0: segments of one draw share it.
     pub draw_number: u32,
+    /// Number of the segment on this machine, from 0.
+    pub number: u32,
+    /// Where quads may reach the ROP out of order: all sequence numbers before this one must have ended. None: each quad waits for all
+    /// before its own.
+    pub order_from: Option<u32>,
     /// For each of the segment's tiles its owner; empty where a tile has several.
     pub owners: Vec<u8>,
     /// Depth and stencil tests, if the draw has any.
@@ -127,6 +132,44 @@ impl<T> std::ops::IndexMut<u32> for Pool<T> {
     }
 }
 
+/// A triangle in a tile's list.
+#[derive(Clone, Copy, Debug)]
+pub struct TileEntry {
+    /// Slot of its segment.
+    pub slot: u16,
+    /// Bytes of the entry in memory.
+    pub bytes: u8,
+    /// The triangle in its segment.
+    pub triangle: u32,
+    /// Where in memory the triangle is kept.
+    pub address: u64,
+}
+
+/// The list of a tile. Binning writes it, and the pipeline that draws the tile reads it, from the tile's token on.
+#[derive(Clone, Debug, Default)]
+pub struct TileList {
+    /// Its triangles in API order.
+    pub entries: Vec<TileEntry>,
+    /// Where its pieces are in memory.
+    pub chunks: Vec<u64>,
+    /// Bytes read of it and its triangles.
+    pub read_bytes: u64,
+}
+
+impl TileList {
+    /// Bytes of its entries.
+    pub fn bytes(&self) -> u64 {
+        self.entries.iter().map(|entry| u64::from(entry.bytes)).sum()
+    }
+
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.entries.clear();
+        self.chunks.clear();
+        self.read_bytes = 0;
+    }
+}
+
 /// Something that the machine cannot do, or that the work got wrong; the run stops with it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
@@ -215,6 +258,8 @@ pub struct Card {
     pub frame: Frame,
     /// Which pipeline owns which pixels.
     pub interleave: Interleave,
+    /// The lists of tiles, by number, on a machine that bins.
+    pub bins: Vec<TileList>,
     /// What was thrown away where, on this machine.
     pub funnel: Funnel,
     /// Events that the command processor has not read yet; never empty before the last.
@@ -223,6 +268,8 @@ pub struct Card {
     pub closed: bool,
     /// Changes whenever what caches of read-only data hold may be stale.
     pub epoch: u32,
+    /// Segments installed so far.
+    pub segments: u32,
     /// Why the run must stop.
     pub fault: Option<Fault>,
 }
@@ -239,10 +286,12 @@ impl Card {
             pass: None,
             frame: Frame::default(),
             interleave,
+            bins: Vec::new(),
             funnel: Funnel::default(),
             events: VecDeque::new(),
             closed: false,
             epoch: 0,
+            segments: 0,
             fault: None,
         }
     }
@@ -287,7 +336,10 @@ impl Card {
             Some(ColorState::new(&state, draw.blend_constant))
         };
         let colors = draw.targets.iter().zip(attachments).map(color).collect();
-        self.work[usize::from(slot)] = Some(Work { segment, draw, early, draw_number, owners, depth, depth_format, colors });
+        let number = self.segments;
+        self.segments = number.wrapping_add(1);
+        self.work[usize::from(slot)] =
+            Some(Work { segment, draw, early, draw_number, number, order_from: None, owners, depth, depth_format, colors });
     }
 
     /// Stops the run; the first fault stands.

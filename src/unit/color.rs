@@ -158,6 +158,15 @@ impl Color {
             }
             if entry.token.kind != Kind::DATA {
                 // A fence: everything before it is in the cache.
+                if entry.token.kind == Kind::TILE {
+                    let done = self.end_tile(card, entry.token);
+                    if done != Tick::Moved || self.ending {
+                        return done.or(did);
+                    }
+                    self.fifo.pop_front();
+                    did = Tick::Moved;
+                    continue;
+                }
                 if entry.token.kind == Kind::PASS {
                     self.ending = true;
                     return self.finish(wires, card, entry).or(did);
@@ -196,6 +205,25 @@ impl Color {
             }
             self.fifo.pop_front();
             did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
+    #[cold]
+    fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
+        let Card { frame, pass, .. } = card;
+        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
+        let keep = |surface: usize| {
+            let index = pass.color.iter().position(|&index| index == Some(surface));
+            let attachment = index.and_then(|index| pass.pass.color[index]);
+            token.group != 0 || attachment.is_some_and(|attachment| attachment.store || attachment.resolve.is_some())
+        };
+        let did = self.cache.flush_tile(frame, keep);
+        if did != Tick::Moved && self.cache.flushed() {
+            self.ending = false;
+            return Tick::Moved;
         }
         did
     }
@@ -278,6 +306,10 @@ impl Color {
             }
             self.fifo.push_back(entry);
             did = Tick::Moved;
+            if token.kind == Kind::TILE {
+                // What is on the chip belongs to the tile that ends.
+                self.ending = true;
+            }
             if entry.last {
                 self.target = 0;
                 self.sequence = self.sequence.wrapping_add(1);
@@ -286,6 +318,9 @@ impl Color {
                 } else {
                     wires.pop(&self.ports.tested)
                 };
+                if self.ending {
+                    return did;
+                }
             }
         }
     }

@@ -83,6 +83,10 @@ pub struct Depth {
     late: VecDeque<Entry>,
     /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
     away: u32,
+    /// The end of a tile is under way: nothing of the next is looked up.
+    ending: bool,
+    /// Of that tile all is written back.
+    ended: bool,
     /// When the testers are free, in cycles times `quads_per_cycle`.
     free_at: u64,
     /// Bounds to be sent.
@@ -99,6 +103,8 @@ impl Depth {
             early: VecDeque::with_capacity(config.fifo as usize),
             late: VecDeque::with_capacity(config.fifo as usize),
             away: 0,
+            ending: false,
+            ended: false,
             free_at: 0,
             bounds: VecDeque::with_capacity(4),
             items: 0,
@@ -209,6 +215,12 @@ impl Depth {
                 wires.sleep_until(entry.from);
                 return did.or(Tick::Working);
             }
+            if entry.token.kind == Kind::TILE && !late {
+                let done = self.end_tile(card, entry.token);
+                if !self.ended {
+                    return did.or(done);
+                }
+            }
             if let Some(line) = entry.line
                 && !self.cache.ready(line as usize)
             {
@@ -238,6 +250,9 @@ impl Depth {
             did = Tick::Moved;
             let mut token = entry.token;
             if token.kind != Kind::DATA {
+                if token.kind == Kind::TILE {
+                    (self.ending, self.ended) = (false, false);
+                }
                 wires.push_sized(output, token, bytes::MARK);
                 continue;
             }
@@ -250,7 +265,11 @@ impl Depth {
             let pipeline = usize::from(self.pipeline);
             if late {
                 // The colour unit counts groups to keep their order, so an empty one goes on too.
-                self.away -= u32::from(card.groups[pipeline][token.group].count);
+                if self.ports.early.is_some() {
+                    self.away -= u32::from(card.groups[pipeline][token.group].count);
+                } else {
+                    token.quads = drop_discarded(card, pipeline, token);
+                }
                 wires.push_sized(output, token, u32::from(token.quads).max(1) * bytes::QUAD);
                 continue;
             }
@@ -291,6 +310,10 @@ impl Depth {
                 return did.or(Tick::Blocked);
             }
             let mut line = None;
+            if self.ending {
+                return did.or(Tick::Blocked);
+            }
+            self.ending = token.kind == Kind::TILE;
             if token.kind == Kind::DATA {
                 if budget == 0 {
                     return Tick::Moved;
@@ -345,6 +368,21 @@ impl Depth {
         did
     }
 
+    /// Ends a tile: writes back what is wanted of it once its last quads are tested, and forgets the rest.
+    #[cold]
+    fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
+        if self.ended || self.away > 0 || !self.late.is_empty() {
+            return Tick::Starved;
+        }
+        let Card { frame, pass, .. } = card;
+        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        // More of the pass follows: all of it is needed again.
+        let keep = token.group != 0 || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
+        let did = self.cache.flush_tile(frame, |_| keep);
+        self.ended = did != Tick::Moved && self.cache.flushed();
+        did
+    }
+
     /// Ends the pass: writes the cache back, then reports.
     #[cold]
     fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
@@ -362,6 +400,25 @@ impl Depth {
         wires.pop(&self.ports.end);
         Tick::Moved
     }
+}
+
+/// Drops what the shader has discarded of quads whose test comes before the shader in API order; gives the quads still alive.
+fn drop_discarded(card: &mut Card, pipeline: usize, token: GroupToken) -> u8 {
+    let Card { groups, work, funnel, .. } = card;
+    let group = &mut groups[pipeline][token.group];
+    let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+    if !work.early || work.draw.fragment.is_none() {
+        return token.quads;
+    }
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    let mut alive = 0;
+    for (live, quad) in group.live.iter_mut().zip(quads) {
+        let before = fragments(*live);
+        *live &= quad.kept;
+        funnel.fragments_discarded += u64::from(before - fragments(*live));
+        alive += u8::from(*live != 0);
+    }
+    alive
 }
 
 /// Depths of a quad's samples, as codes.

@@ -4,6 +4,8 @@
 use std::collections::VecDeque;
 
 use super::card::{Card, Fault};
+use super::network::Sender;
+use super::sorting::SortCounts;
 use super::token::{GroupToken, Kind, WarpToken, bytes};
 use super::traverse::fragments;
 use super::warp::{Item, Program};
@@ -42,17 +44,29 @@ pub struct DispatchPorts {
     pub cores: Vec<Out<WarpToken>>,
     /// Shaded warps from each core.
     pub shaded: Vec<In<WarpToken>>,
-    /// Quads to be tested after shading, to the depth unit.
-    pub late: Out<GroupToken>,
-    /// Other quads, to the colour unit.
-    pub color: Out<GroupToken>,
+    /// Where shaded quads go.
+    pub output: Outlet,
+}
+
+/// Where shaded quads go.
+pub enum Outlet {
+    /// To the pipeline's own ROP.
+    Own {
+        /// Quads to be tested after shading, to the depth unit.
+        late: Out<GroupToken>,
+        /// Other quads, to the colour unit.
+        color: Out<GroupToken>,
+    },
+    /// To the ROPs that own their pixels, where all tests are made.
+    Owners(Sender<GroupToken>),
 }
 
 /// What leaves in order.
 #[derive(Clone, Copy, Debug)]
 enum Entry {
     Warp(u32),
-    Fence(GroupToken),
+    /// A mark, or quads that need no shading.
+    Token(GroupToken),
 }
 
 /// Fragment dispatch. Its items are quads.
@@ -69,7 +83,10 @@ pub struct Dispatch {
     order: VecDeque<Entry>,
     /// Groups of the warp at the head that have left.
     left: usize,
+    /// ROPs that the mark at hand has still to be sent to.
+    pending: u64,
     sequence: u32,
+    sorting: SortCounts,
     core: usize,
     items: u64,
 }
@@ -87,24 +104,118 @@ impl Dispatch {
             start_at: 0,
             order,
             left: 0,
+            pending: 0,
             sequence: 0,
+            sorting: SortCounts::default(),
             core: 0,
             items: 0,
         }
     }
 
-    /// Sends the groups of the head of the order on, if it is shaded. Returns what was done, and whether there may be more.
+    /// What it has sent over the network.
+    pub fn sorting(&self) -> SortCounts {
+        self.sorting
+    }
+
+    /// Sends a mark on; false while it has still to wait.
+    fn send_mark(&mut self, wires: &mut Wires, mark: GroupToken) -> bool {
+        match &mut self.ports.output {
+            Outlet::Own { color, .. } => {
+                if !wires.can_push(color) {
+                    return false;
+                }
+                wires.push_sized(color, GroupToken { sequence: self.sequence, ..mark }, bytes::MARK);
+                self.sequence = self.sequence.wrapping_add(1);
+                true
+            }
+            Outlet::Owners(network) => {
+                if self.pending == 0 {
+                    self.pending = u64::MAX >> (64 - network.receivers());
+                }
+                let mut left = self.pending;
+                while left != 0 {
+                    let to = left.trailing_zeros() as usize;
+                    left &= left - 1;
+                    if network.can_send(wires, to) {
+                        network.send(wires, to, mark, bytes::MARK);
+                        self.pending &= !(1 << to);
+                        self.sorting.marks += 1;
+                    }
+                }
+                self.pending == 0
+            }
+        }
+    }
+
+    /// Sends quads on; false while they have to wait. Of quads that were shaded, what the shader discarded is dropped.
+    #[inline(always)]
+    fn send(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> bool {
+        let Card { groups, work, funnel, pass, frame, .. } = card;
+        let group = &mut groups[usize::from(token.pool)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let room = match &self.ports.output {
+            Outlet::Own { late, color } => wires.can_push(if work.early { color } else { late }),
+            Outlet::Owners(network) => network.can_send(wires, usize::from(token.pool)),
+        };
+        if !room {
+            return false;
+        }
+        let tile = &work.segment.tiles[group.tile as usize];
+        let quads = &tile.quads[group.first as usize..];
+        // The host is asked for the colours that will be blended in some cycles. No part of the model.
+        let surface = pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
+        if let (Some(surface), Some(first)) = (surface, quads.first()) {
+            prefetch(&frame.stores[surface].quad(group.block, first.position)[0]);
+            if let Some(word) = tile.payload.get(first.payload as usize) {
+                prefetch(word);
+            }
+        }
+        // A test that comes before the shader in API order is made before what the shader discards is dropped, wherever it is made.
+        let keeps = work.draw.fragment.is_some() && !(work.early && matches!(self.ports.output, Outlet::Owners(_)));
+        let mut alive = 0;
+        for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
+            if keeps {
+                let shaded = fragments(*live);
+                *live &= quad.kept;
+                funnel.fragments_discarded += u64::from(shaded - fragments(*live));
+            }
+            alive += u8::from(*live != 0);
+        }
+        let count = u32::from(group.count);
+        let token = GroupToken { quads: alive, ..token };
+        match &mut self.ports.output {
+            Outlet::Own { late, color } => {
+                let output = if work.early { color } else { late };
+                wires.push_sized(output, GroupToken { sequence: self.sequence, ..token }, count * bytes::QUAD);
+                self.sequence = self.sequence.wrapping_add(1);
+            }
+            Outlet::Owners(network) => {
+                let size = count * (bytes::FRAGMENT_QUAD + 4 * u32::from(work.draw.payload_words));
+                network.send(wires, usize::from(token.pool), token, size);
+                self.sorting.sorted_items += u64::from(count);
+                self.sorting.sent += u64::from(count);
+                self.sorting.copy(count, size, token.pool != self.pipeline);
+            }
+        }
+        true
+    }
+
+    /// Sends the groups of the head of the order on, if it is shaded.
     fn drain(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
+        if let Outlet::Owners(network) = &mut self.ports.output
+            && network.poll(wires)
+        {
+            did = Tick::Moved;
+        }
         while let Some(&entry) = self.order.front() {
             let index = match entry {
-                Entry::Fence(mut fence) => {
-                    fence.sequence = self.sequence;
-                    if !wires.can_push(&self.ports.color) {
+                Entry::Token(token) => {
+                    let sent =
+                        if token.kind == Kind::DATA { self.send(wires, card, token) } else { self.send_mark(wires, token) };
+                    if !sent {
                         return did.or(Tick::Blocked);
                     }
-                    wires.push_sized(&self.ports.color, fence, bytes::MARK);
-                    self.sequence = self.sequence.wrapping_add(1);
                     self.order.pop_front();
                     did = Tick::Moved;
                     continue;
@@ -115,34 +226,11 @@ impl Dispatch {
             if !card.warps[pipeline][index].done {
                 return did;
             }
-            let slot = card.warps[pipeline][index].slot;
-            let work = card.work[usize::from(slot)].as_ref().expect("a warp's segment is in flight");
-            let output = if work.early { &self.ports.color } else { &self.ports.late };
             while let Some(&token) = card.warps[pipeline][index].groups.get(self.left) {
-                if !wires.can_push(output) {
+                let sent = if token.kind == Kind::DATA { self.send(wires, card, token) } else { self.send_mark(wires, token) };
+                if !sent {
                     return did.or(Tick::Blocked);
                 }
-                let group = &mut card.groups[usize::from(token.pool)][token.group];
-                let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..];
-                // The host is asked for the colours that will be blended in some cycles. No part of the model.
-                let surface = card.pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
-                if let (Some(surface), Some(first)) = (surface, quads.first()) {
-                    prefetch(&card.frame.stores[surface].quad(group.block, first.position)[0]);
-                    if let Some(word) = work.segment.tiles[group.tile as usize].payload.get(first.payload as usize) {
-                        prefetch(word);
-                    }
-                }
-                let mut alive = 0;
-                let funnel = &mut card.funnel;
-                for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
-                    let shaded = fragments(*live);
-                    *live &= quad.kept;
-                    funnel.fragments_discarded += u64::from(shaded - fragments(*live));
-                    alive += u8::from(*live != 0);
-                }
-                let token = GroupToken { sequence: self.sequence, quads: alive, ..token };
-                wires.push_sized(output, token, u32::from(group.count) * bytes::QUAD);
-                self.sequence = self.sequence.wrapping_add(1);
                 self.left += 1;
                 did = Tick::Moved;
             }
@@ -205,11 +293,20 @@ impl Unit<Card> for Dispatch {
             }
             let Some(token) = wires.front(&self.ports.input) else { break };
             if token.kind != Kind::DATA {
-                // A fence comes after all that came before it.
-                if !self.start(wires, card) {
-                    return did.or(Tick::Blocked);
+                // A fence comes after all that came before it; the end of a number does not hold up the packing of the next.
+                if token.kind == Kind::END
+                    && let Some(open) = self.open
+                {
+                    card.warps[pipeline][open].groups.push(token);
+                } else {
+                    if !self.start(wires, card) {
+                        return did.or(Tick::Blocked);
+                    }
+                    if self.order.len() >= 2 * self.config.reorder as usize {
+                        return did.or(Tick::Blocked);
+                    }
+                    self.order.push_back(Entry::Token(token));
                 }
-                self.order.push_back(Entry::Fence(token));
                 wires.pop(&self.ports.input);
                 did = Tick::Moved;
                 continue;
@@ -228,6 +325,17 @@ impl Unit<Card> for Dispatch {
                 return Tick::Moved;
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+            if work.draw.fragment.is_none() {
+                // Nothing to be shaded.
+                if self.order.len() >= 2 * self.config.reorder as usize {
+                    return did.or(Tick::Blocked);
+                }
+                budget = budget.saturating_sub(u32::from(token.quads));
+                self.order.push_back(Entry::Token(token));
+                wires.pop(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
             let open = match self.open {
                 Some(open) => open,
                 None => {

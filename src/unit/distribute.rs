@@ -1,10 +1,13 @@
 //! Distribution: the sort of a sort-middle machine. Screen-space triangles go to every rasteriser that owns a tile they touch.
 
-use super::card::{Card, MAX_PIPELINES};
+use super::card::{Card, Work};
+use super::network::Sender;
+use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, bytes};
 use crate::num::prefetch;
-use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, In, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
+use crate::work::Triangle;
 
 crate::choices! {
     /// How the rasterisers that a triangle is sent to are found.
@@ -29,49 +32,30 @@ crate::knobs! {
         overlap: Overlap ["", Allowed::Choice(Overlap::NAMES), "hardware tests bounding boxes (Molnar et al. 1994)"],
         /// Triangles routed a cycle by each geometry unit.
         triangles_per_cycle: u32 ["triangles/cycle", Allowed::Range(1, 16), "as the clipper delivers them"],
-        /// Triangles that the link from a geometry unit to a rasteriser takes a cycle.
-        link_width: u32 ["triangles/cycle", Allowed::Range(1, 16), "one setup unit at its end"],
-        /// Cycles through the redistribution network.
-        latency: u32 ["cycles", Allowed::Range(1, 256), "two crossbar stages and a synchroniser"],
-        /// Triangles queued at the end of each link.
-        queue: u32 ["triangles", Allowed::Range(2, 4096), "ATTILA bGPU.ini SetupFIFOSize = 32"],
-    }
-}
-
-crate::counters! {
-    /// What redistribution costs.
-    pub struct SortCounts {
-        /// Triangles routed, those that no rasteriser needs included.
-        triangles: "triangles",
-        /// Triangles sent to at least one rasteriser.
-        sent: "triangles",
-        /// Triangles sent to rasterisers, each copy counted.
-        redistributed_items: "triangles",
-        /// Their bytes.
-        redistributed_bytes: "bytes",
-        /// Marks sent so that rasterisers can restore the order.
-        marks: "marks",
     }
 }
 
 /// Distribution. Its items are triangles.
 pub struct Distribute {
     config: DistributeConfig,
+    /// Its number.
+    number: usize,
     input: In<Run>,
-    /// To each rasteriser.
-    outputs: Vec<Out<TriangleToken>>,
+    /// To all rasterisers.
+    network: Sender<TriangleToken>,
     /// Triangles of the run at the head that are done.
     done: u32,
     /// Rasterisers that the triangle at hand, or the mark, has still to be sent to; none at hand if empty.
     pending: u64,
+    /// Whether a copy of the triangle at hand is on its way: over a shared link it brings the others with it.
+    shared: bool,
     counts: SortCounts,
 }
 
 impl Distribute {
-    /// An empty one.
-    pub fn new(config: DistributeConfig, input: In<Run>, outputs: Vec<Out<TriangleToken>>) -> Distribute {
-        assert!(outputs.len() <= MAX_PIPELINES, "pipelines fit a mask");
-        Distribute { config, input, outputs, done: 0, pending: 0, counts: SortCounts::default() }
+    /// An empty one, of that number.
+    pub fn new(config: DistributeConfig, number: usize, input: In<Run>, network: Sender<TriangleToken>) -> Distribute {
+        Distribute { config, number, input, network, done: 0, pending: 0, shared: false, counts: SortCounts::default() }
     }
 
     /// What it has sent.
@@ -79,78 +63,111 @@ impl Distribute {
         self.counts
     }
 
-    /// The rasterisers of a triangle; none if it covers no sample, which is seen here by the time its receivers are sought.
-    #[inline(always)]
-    fn receivers(&self, card: &Card, slot: u16, triangle: u32) -> u64 {
-        let work = card.work(slot);
-        let triangle = &work.segment.triangles[triangle as usize];
-        if self.outputs.len() == 1 && self.config.overlap == Overlap::Exact {
-            return u64::from(triangle.visits > 0);
-        }
-        let all = u64::MAX >> (64 - self.outputs.len());
-        let mut mask = 0;
-        match self.config.overlap {
-            Overlap::Exact if !work.owners.is_empty() => {
-                for visit in work.visits(triangle) {
-                    mask |= 1 << work.owners[visit.tile as usize];
-                    if mask == all {
-                        break;
-                    }
-                }
-            }
-            Overlap::Exact => {
-                'all: for visit in work.visits(triangle) {
-                    let tile = &work.segment.tiles[visit.tile as usize];
-                    for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
-                        mask |= 1 << card.interleave.owner(u32::from(block.x), u32::from(block.y));
-                        if mask == all {
-                            break 'all;
-                        }
-                    }
-                }
-            }
-            Overlap::Bounds => {
-                let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
-                let step = card.interleave.tile() / crate::work::BLOCK;
-                let mut y = y0 / step * step;
-                'all: while y < y1 {
-                    let mut x = x0 / step * step;
-                    while x < x1 {
-                        mask |= 1 << card.interleave.owner(x, y);
-                        if mask == all {
-                            break 'all;
-                        }
-                        x += step;
-                    }
-                    y += step;
-                }
-            }
-        }
-        mask
-    }
-
     /// Sends a token to all pending rasterisers that have room; true when none is pending any more.
     #[inline(always)]
     fn send(&mut self, wires: &mut Wires, token: TriangleToken, size: u32, moved: &mut bool) -> bool {
+        if self.network.is_shared() {
+            return self.send_shared(wires, token, size, moved);
+        }
         let mut left = self.pending;
         while left != 0 {
             let to = left.trailing_zeros();
             left &= left - 1;
-            let output = &self.outputs[to as usize];
-            if wires.can_push(output) {
-                wires.push_sized(output, token, size);
+            if self.network.can_send(wires, to as usize) {
+                self.network.send(wires, to as usize, token, size);
                 self.pending &= !(1 << to);
                 *moved = true;
-                if token.kind == Kind::DATA {
-                    self.counts.redistributed_items += 1;
-                    self.counts.redistributed_bytes += u64::from(size);
-                } else {
-                    self.counts.marks += 1;
-                }
+                self.count(to as usize, token.kind, size);
             }
         }
         self.pending == 0
     }
+
+    /// Counts a copy that was sent.
+    #[inline(always)]
+    fn count(&mut self, to: usize, kind: Kind, size: u32) {
+        if kind == Kind::DATA {
+            self.counts.copy(1, size, to != self.number);
+        } else {
+            self.counts.marks += 1;
+        }
+    }
+
+    /// [`Distribute::send`] over a link that all rasterisers listen to: one transfer reaches all that it is for.
+    fn send_shared(&mut self, wires: &mut Wires, token: TriangleToken, size: u32, moved: &mut bool) -> bool {
+        if token.kind != Kind::DATA {
+            if !self.network.can_send_all(wires) {
+                return false;
+            }
+            self.network.send_all(wires, token, size);
+            self.counts.marks += 1;
+            self.pending = 0;
+            *moved = true;
+            return true;
+        }
+        while self.pending != 0 {
+            let to = self.pending.trailing_zeros();
+            if !self.network.can_send(wires, to as usize) {
+                return false;
+            }
+            let size = if std::mem::replace(&mut self.shared, true) { 0 } else { size };
+            self.network.send(wires, to as usize, token, size);
+            self.pending &= self.pending - 1;
+            self.count(to as usize, token.kind, size);
+            *moved = true;
+        }
+        self.shared = false;
+        true
+    }
+}
+
+/// Of so many pipelines those that own what a triangle touches; none if it covers no sample, which is seen by the time that they are
+/// sought.
+#[inline(always)]
+pub fn owners(card: &Card, work: &Work, triangle: &Triangle, overlap: Overlap, pipelines: usize) -> u64 {
+    if pipelines == 1 {
+        return u64::from(overlap == Overlap::Bounds || triangle.visits > 0);
+    }
+    let all = u64::MAX >> (64 - pipelines);
+    let mut mask = 0;
+    match overlap {
+        Overlap::Exact if !work.owners.is_empty() => {
+            for visit in work.visits(triangle) {
+                mask |= 1 << work.owners[visit.tile as usize];
+                if mask == all {
+                    break;
+                }
+            }
+        }
+        Overlap::Exact => {
+            'all: for visit in work.visits(triangle) {
+                let tile = &work.segment.tiles[visit.tile as usize];
+                for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
+                    mask |= 1 << card.interleave.owner(u32::from(block.x), u32::from(block.y));
+                    if mask == all {
+                        break 'all;
+                    }
+                }
+            }
+        }
+        Overlap::Bounds => {
+            let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+            let step = card.interleave.tile() / crate::work::BLOCK;
+            let mut y = y0 / step * step;
+            'all: while y < y1 {
+                let mut x = x0 / step * step;
+                while x < x1 {
+                    mask |= 1 << card.interleave.owner(x, y);
+                    if mask == all {
+                        break 'all;
+                    }
+                    x += step;
+                }
+                y += step;
+            }
+        }
+    }
+    mask
 }
 
 /// Asks the host for the first blocks of a triangle, which traversal will want in some cycles. No part of the model.
@@ -164,7 +181,7 @@ fn ask_ahead(card: &Card, slot: u16, triangle: u32) {
 
 impl Unit<Card> for Distribute {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        let mut moved = false;
+        let mut moved = self.network.poll(wires);
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
             let Some(run) = wires.front(&self.input) else {
@@ -181,9 +198,13 @@ impl Unit<Card> for Distribute {
                 self.pending = match run.kind {
                     Kind::DATA => {
                         ask_ahead(card, run.slot, triangle);
-                        self.receivers(card, run.slot, triangle)
+                        {
+                            let work = card.work(run.slot);
+                            let triangle = &work.segment.triangles[triangle as usize];
+                            owners(card, work, triangle, self.config.overlap, self.network.receivers())
+                        }
                     }
-                    _ => u64::MAX >> (64 - self.outputs.len()),
+                    _ => u64::MAX >> (64 - self.network.receivers()),
                 };
                 self.counts.sent += u64::from(data && self.pending != 0);
                 moved = true;
@@ -198,7 +219,7 @@ impl Unit<Card> for Distribute {
 
             // 3. Sent to all.
             if data {
-                self.counts.triangles += 1;
+                self.counts.sorted_items += 1;
                 card.funnel.triangles_setup += 1;
                 self.done += 1;
             }
@@ -210,7 +231,7 @@ impl Unit<Card> for Distribute {
     }
 
     fn items(&self) -> u64 {
-        self.counts.triangles
+        self.counts.sorted_items
     }
 
     fn resident(&self) -> u64 {

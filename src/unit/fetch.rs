@@ -4,12 +4,14 @@
 use std::collections::VecDeque;
 
 use super::card::{Card, Work};
+use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
-use super::token::{Kind, Piece, VertexBatch, WarpToken};
+use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
 use super::warp::{Item, Program};
 use crate::gfx::state::StepMode;
 use crate::mem::MemoryPort;
+use crate::num::Cycle;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::assembly::MAX_BATCHES;
 use crate::unit::knob::Allowed;
@@ -34,6 +36,9 @@ crate::knobs! {
         misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Batches of vertices in flight, from the first index to the last primitive assembled.
         batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
+        /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
+        /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
+        patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
         /// Batches queued before each core.
@@ -41,10 +46,30 @@ crate::knobs! {
     }
 }
 
+/// What vertex fetch is given.
+pub enum FetchInput {
+    /// Whole segments, from the command processor.
+    Segments(In<Piece>),
+    /// Runs of primitives, whose indices are read here.
+    Runs(In<Run>),
+    /// Runs of primitives that bring the numbers of their vertices with them.
+    Routed(In<Run>),
+    /// Runs of primitives that bring their vertices' attributes with them.
+    Brought(In<Run>),
+}
+
+impl FetchInput {
+    /// Whether they are runs.
+    #[inline(always)]
+    fn in_runs(&self) -> bool {
+        !matches!(self, FetchInput::Segments(_))
+    }
+}
+
 /// Ports of vertex fetch.
 pub struct FetchPorts {
-    /// Segments and fences from the command processor.
-    pub input: In<Piece>,
+    /// Primitives and fences.
+    pub input: FetchInput,
     /// Vertex batches to each core that shades vertices, with the core's cluster of warps.
     pub cores: Vec<(usize, Out<WarpToken>)>,
     /// Batches in order, to assembly.
@@ -68,6 +93,8 @@ struct Gathered {
     needs: Option<u32>,
     /// Announced to assembly already.
     announced: bool,
+    /// Data, or a mark, which is only announced.
+    kind: Kind,
 }
 
 /// Vertex fetch. Its items are indices.
@@ -80,8 +107,15 @@ pub struct Fetch {
     index_misses: Misses,
     /// Next line of indices to be requested, and how many of the segment were; relative to its first.
     index_next: u64,
-    /// Next entry of the stream.
+    /// The vertices at hand, and the next of them.
+    walk: Walk,
     position: u32,
+    /// The segment that was begun last.
+    segment: Option<u32>,
+    /// When the open batch is started even if it is not full.
+    start_at: Cycle,
+    /// Slot of the segment whose vertices are in the open batch.
+    open_slot: u16,
     /// The attribute and line of the current vertex to be looked up; the vertex is in the batch already.
     attribute: usize,
     attribute_line: u64,
@@ -96,6 +130,12 @@ pub struct Fetch {
     recent: VecDeque<(u32, u32)>,
     draw: Option<u32>,
     begun: bool,
+    /// Runs taken in ahead.
+    runs: IndexRuns,
+    /// Whether the vertices of the input are counted here.
+    counts: bool,
+    /// Whether attributes have come with the primitives.
+    brought: bool,
     /// Vertices of the batches gathered, in order, and of the one that is open.
     vertices: VecDeque<u32>,
     open: u32,
@@ -103,6 +143,8 @@ pub struct Fetch {
     number: u32,
     in_flight: u32,
     gathered: VecDeque<Gathered>,
+    /// Of runs, the batches that are closed and not yet on a core.
+    closed: VecDeque<Gathered>,
     core: usize,
     epoch: u32,
     items: u64,
@@ -116,7 +158,11 @@ impl Fetch {
             misses: Misses::new(config.misses),
             index_misses: Misses::new(config.index_lines),
             index_next: 0,
+            walk: Walk::default(),
             position: 0,
+            segment: None,
+            start_at: 0,
+            open_slot: 0,
             attribute: 0,
             attribute_line: 0,
             vertex_open: false,
@@ -127,12 +173,16 @@ impl Fetch {
             recent: VecDeque::with_capacity(config.reuse as usize + 1),
             draw: None,
             begun: false,
+            runs: IndexRuns::new(config.index_lines),
+            counts: matches!(ports.input, FetchInput::Segments(_) | FetchInput::Runs(_)),
+            brought: matches!(ports.input, FetchInput::Brought(_)),
             vertices: VecDeque::new(),
             open: 0,
             open_needs: None,
             number: 0,
             in_flight: 0,
             gathered: VecDeque::new(),
+            closed: VecDeque::new(),
             core: 0,
             epoch: 0,
             items: 0,
@@ -175,16 +225,42 @@ impl Fetch {
         }
         self.last_line = u64::MAX;
         self.last_needs = self.misses.frontier();
+        self.segment = Some(work.number);
+    }
+
+    /// Takes a segment or a run in hand.
+    fn open(&mut self, card: &Card, run: Run) {
+        let work = card.work(run.slot);
+        if self.segment != Some(work.number) {
+            self.begin(card, run.slot);
+        }
+        self.walk = if self.ports.input.in_runs() {
+            self.announce(Kind::RUN, run.slot, run.sequence, run.first, run.count);
+            Walk::run(&work.segment, run.first, run.count)
+        } else {
+            Walk::segment(&work.segment)
+        };
         self.position = 0;
         self.index_next = 0;
         self.begun = true;
+    }
+
+    /// Puts a mark for assembly behind the batches.
+    fn announce(&mut self, kind: Kind, slot: u16, number: u32, stream_end: u32, count: u32) {
+        self.gathered.push_back(Gathered { slot, number, stream_end, count, needs: None, announced: false, kind });
+    }
+
+    /// Entries of the segment's stream that have been read, as far as primitives of the run at hand are concerned.
+    #[inline(always)]
+    fn stream_end(&self) -> u32 {
+        if self.begun && self.position >= self.walk.head_count { self.walk.entry(self.position) } else { 0 }
     }
 
     /// Requests lines of indices ahead of their use; true if any was.
     #[inline(always)]
     fn request_indices(&mut self, wires: &mut Wires, work: &Work) -> bool {
         let Some(start) = work.segment.index_address else { return false };
-        let bytes = work.segment.stream.len() as u64 * u64::from(work.segment.index_bytes);
+        let bytes = u64::from(self.walk.length) * u64::from(work.segment.index_bytes);
         if bytes == 0 {
             return false;
         }
@@ -202,10 +278,10 @@ impl Fetch {
         moved
     }
 
-    /// The first entry of the stream whose index has not come.
+    /// The first vertex at hand whose index has not come.
     #[inline(always)]
     fn indices_here(&self, work: &Work) -> u32 {
-        let length = work.segment.stream.len() as u32;
+        let length = self.walk.length;
         let Some(start) = work.segment.index_address else { return length };
         // The misses of this segment are the last `index_next` issued; those before the frontier are back.
         let away = self.index_misses.in_flight().min(self.index_next as u32);
@@ -269,62 +345,120 @@ impl Fetch {
 
     /// Closes the open batch.
     fn close(&mut self, slot: u16) {
-        self.gathered.push_back(Gathered {
+        let batch = Gathered {
             slot,
             number: self.number,
-            stream_end: self.position,
+            stream_end: self.stream_end(),
             count: self.open,
             needs: self.open_needs,
             announced: false,
-        });
+            kind: Kind::DATA,
+        };
+        self.gathered.push_back(batch);
+        if self.ports.input.in_runs() {
+            self.closed.push_back(batch);
+        }
         self.number = self.number.wrapping_add(1);
         self.in_flight += u32::from(self.open > 0);
         self.open = 0;
         self.open_needs = None;
     }
 
-    /// Announces the batch at the head to assembly, and starts it on a core when its attributes are there.
+    /// Announces batches to assembly, and starts them on cores when their attributes are there.
     #[inline(always)]
     fn start(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
+        // Assembly may wait for a batch of runs before its announcement has a place on the way there.
+        while let Some(&batch) = self.closed.front() {
+            if let Err(stall) = self.shade(wires, card, batch) {
+                did = did.or(stall);
+                break;
+            }
+            self.closed.pop_front();
+            did = Tick::Moved;
+        }
         while let Some(batch) = self.gathered.front_mut() {
             if !batch.announced {
-                let Gathered { slot, number, stream_end, count, .. } = *batch;
-                let token = VertexBatch { slot, kind: Kind::DATA, number, stream_end, vertices: count };
+                let Gathered { slot, kind, number, stream_end, count, .. } = *batch;
+                let token = VertexBatch { slot, kind, number, stream_end, vertices: count };
                 if !wires.try_push(&self.ports.batches, token) {
                     return did.or(Tick::Blocked);
                 }
                 batch.announced = true;
                 did = Tick::Moved;
             }
-            if batch.count > 0 {
-                if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
-                    return did.or(Tick::Memory);
-                }
-                let cores = self.ports.cores.len();
-                let free = (0..cores).map(|ahead| (self.core + ahead) % cores).find(|&core| {
-                    let (_, output) = &self.ports.cores[core];
-                    wires.can_push(output)
-                });
-                let Some(core) = free else { return did.or(Tick::Blocked) };
-                self.core = (core + 1) % cores;
-                let (cluster, output) = &self.ports.cores[core];
-                let Card { work, warps, .. } = card;
-                let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
-                let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.vertex.registers);
-                let warp = &mut warps[*cluster][index];
-                warp.number = batch.number;
-                for vertex in self.vertices.drain(..batch.count as usize) {
-                    let vertex = &work.segment.vertices[vertex as usize];
-                    warp.items.push(Item { source: 0, request: vertex.first_request, cost: vertex.cost });
-                }
-                warp.merge(|_| &work.segment.costs);
-                wires.push(output, WarpToken { warp: index });
+            let batch = *batch;
+            if !self.ports.input.in_runs()
+                && batch.count > 0
+                && let Err(stall) = self.shade(wires, card, batch)
+            {
+                return did.or(stall);
             }
             self.gathered.pop_front();
             did = Tick::Moved;
         }
         did
+    }
+
+    /// Starts a batch on a core.
+    #[inline(always)]
+    fn shade(&mut self, wires: &mut Wires, card: &mut Card, batch: Gathered) -> Result<(), Tick> {
+        if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
+            return Err(Tick::Memory);
+        }
+        let cores = self.ports.cores.len();
+        let free = (0..cores).map(|ahead| (self.core + ahead) % cores).find(|&core| {
+            let (_, output) = &self.ports.cores[core];
+            wires.can_push(output)
+        });
+        let Some(core) = free else { return Err(Tick::Blocked) };
+        self.core = (core + 1) % cores;
+        let (cluster, output) = &self.ports.cores[core];
+        let Card { work, warps, .. } = card;
+        let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
+        let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.vertex.registers);
+        let warp = &mut warps[*cluster][index];
+        warp.number = batch.number;
+        for vertex in self.vertices.drain(..batch.count as usize) {
+            let vertex = &work.segment.vertices[vertex as usize];
+            warp.items.push(Item { source: 0, request: vertex.first_request, cost: vertex.cost });
+        }
+        warp.merge(|_| &work.segment.costs);
+        wires.push(output, WarpToken { warp: index });
+        Ok(())
+    }
+
+    /// What is at the head of the input, or of the runs that have been taken in ahead.
+    #[inline(always)]
+    fn front(&mut self, wires: &mut Wires) -> Option<Run> {
+        match &self.ports.input {
+            FetchInput::Segments(input) => {
+                let Piece { slot, kind } = wires.front(input)?;
+                Some(Run { slot, kind, sequence: 0, first: 0, count: 0 })
+            }
+            _ => self.runs.front(),
+        }
+    }
+
+    /// Takes it.
+    fn take(&mut self, wires: &mut Wires) {
+        match &self.ports.input {
+            FetchInput::Segments(input) => wires.take(input),
+            _ => self.runs.take(),
+        }
+    }
+
+    /// With nothing at the input: in time the open batch is started as it is.
+    fn wait(&mut self, wires: &mut Wires) -> Tick {
+        if self.open == 0 || !self.ports.input.in_runs() {
+            return Tick::Starved;
+        }
+        if self.start_at > wires.now() {
+            wires.sleep_until(self.start_at);
+            return Tick::Starved;
+        }
+        self.close(self.open_slot);
+        Tick::Moved
     }
 
     /// Reads indices, finds vertices that must be shaded, looks up their attributes.
@@ -334,30 +468,58 @@ impl Fetch {
         let mut indices = self.config.indices_per_cycle;
         let mut lookups = self.config.lookups_per_cycle;
         loop {
-            let Some(piece) = wires.front(&self.ports.input) else { return did };
-            if piece.kind != Kind::DATA {
+            let Some(piece) = self.front(wires) else { return did.or(self.wait(wires)) };
+            if piece.kind.is_fence() {
+                // In runs the batch may still be open.
+                if self.open > 0 {
+                    self.close(self.open_slot);
+                    return Tick::Moved;
+                }
                 // A fence follows the batches before it.
-                if !self.gathered.is_empty() {
+                if !self.gathered.is_empty() || !self.closed.is_empty() {
                     return did;
                 }
-                let token = VertexBatch { slot: piece.slot, kind: piece.kind, number: 0, stream_end: 0, vertices: 0 };
+                let Run { slot, kind, sequence, .. } = piece;
+                let token = VertexBatch { slot, kind, number: sequence, stream_end: 0, vertices: 0 };
                 if !wires.try_push(&self.ports.batches, token) {
                     return did.or(Tick::Blocked);
                 }
-                wires.pop(&self.ports.input);
+                self.take(wires);
+                did = Tick::Moved;
+                continue;
+            }
+            if !self.begun && self.gathered.len() > 2 * self.config.batches as usize {
+                // What assembly waits for may be the open batch.
+                if self.open > 0 {
+                    self.close(self.open_slot);
+                    return Tick::Moved;
+                }
+                return did.or(Tick::Blocked);
+            }
+            if piece.kind == Kind::END {
+                self.announce(Kind::END, piece.slot, piece.sequence, 0, 0);
+                self.take(wires);
                 did = Tick::Moved;
                 continue;
             }
             if !self.begun {
-                self.begin(card, piece.slot);
+                // A warp runs one program with one state, and vertices are known by their number in a segment.
+                if self.open > 0 && self.segment != Some(card.work(piece.slot).number) {
+                    self.close(self.open_slot);
+                }
+                self.open(card, piece);
                 did = Tick::Moved;
             }
             let work = card.work[usize::from(piece.slot)].as_ref().expect("a piece is in flight");
-            if self.request_indices(wires, work) {
+            if !self.ports.input.in_runs() && self.request_indices(wires, work) {
                 did = Tick::Moved;
             }
-            let length = work.segment.stream.len() as u32;
-            let here = self.indices_here(work);
+            let length = self.walk.length;
+            let here = if self.ports.input.in_runs() {
+                self.runs.here(work, &self.walk, self.position)
+            } else {
+                self.indices_here(work)
+            };
             loop {
                 // 1. The attributes of the vertex at hand.
                 if self.vertex_open {
@@ -382,7 +544,7 @@ impl Fetch {
                     return did.or(Tick::Blocked);
                 }
                 // 3. Indices of vertices that are still among the last few shaded need nothing more.
-                let stream = &work.segment.stream[self.position as usize..here as usize];
+                let stream = self.walk.ahead(&work.segment, self.position, here.max(self.position));
                 let mut vertex = u32::MAX;
                 let (mut read, mut restarts) = (0, 0);
                 for &next in &stream[..stream.len().min(indices as usize)] {
@@ -401,7 +563,9 @@ impl Fetch {
                 indices -= read;
                 self.position += read;
                 self.items += u64::from(read - restarts);
-                card.funnel.vertices_in += u64::from(read - restarts);
+                if self.counts {
+                    card.funnel.vertices_in += u64::from(read - restarts);
+                }
                 if vertex == u32::MAX {
                     continue;
                 }
@@ -418,12 +582,19 @@ impl Fetch {
                 }
                 self.vertices.push_back(vertex);
                 self.open += 1;
-                (self.attribute, self.attribute_line, self.vertex_open) = (0, 0, true);
+                self.open_slot = piece.slot;
+                self.start_at = wires.now() + Cycle::from(self.config.patience);
+                (self.attribute, self.attribute_line, self.vertex_open) = (0, 0, !self.brought);
             }
-            // 5. The segment is read: what is left of it is a batch too.
-            self.close(piece.slot);
+            // 5. All is read. What is left of a segment is a batch too; what is left of a run waits for that of the next.
+            if !self.ports.input.in_runs() {
+                self.close(piece.slot);
+            } else {
+                let waits = u32::from(self.open > 0);
+                self.announce(Kind::PART, piece.slot, self.number, self.stream_end(), waits);
+            }
             self.begun = false;
-            wires.pop(&self.ports.input);
+            self.take(wires);
             did = Tick::Moved;
         }
     }
@@ -438,9 +609,11 @@ impl Unit<Card> for Fetch {
             self.misses.answer(tag);
             did = Tick::Moved;
         }
-        while let Some(tag) = self.ports.index.answer(wires) {
-            self.index_misses.answer(tag);
-            did = Tick::Moved;
+        if !self.ports.input.in_runs() {
+            while let Some(tag) = self.ports.index.answer(wires) {
+                self.index_misses.answer(tag);
+                did = Tick::Moved;
+            }
         }
         while wires.pop(&self.ports.retired).is_some() {
             self.in_flight -= 1;
@@ -451,6 +624,13 @@ impl Unit<Card> for Fetch {
         did = did.or(self.start(wires, card));
 
         // 3. Indices come in.
+        match &self.ports.input {
+            FetchInput::Segments(_) => {}
+            FetchInput::Runs(input) => did = did.or(self.runs.take_in(wires, card, input, Some(&self.ports.index))),
+            FetchInput::Routed(input) | FetchInput::Brought(input) => {
+                did = did.or(self.runs.take_in(wires, card, input, None));
+            }
+        }
         did.or(self.read(wires, card))
     }
 
@@ -459,6 +639,9 @@ impl Unit<Card> for Fetch {
     }
 
     fn resident(&self) -> u64 {
-        self.gathered.len() as u64 + u64::from(self.open) + u64::from(self.in_flight)
+        (self.gathered.len() + self.closed.len()) as u64
+            + u64::from(self.open)
+            + u64::from(self.in_flight)
+            + self.runs.resident()
     }
 }

@@ -145,6 +145,11 @@ macro_rules! choices {
         impl $name {
             /// The names, in order.
             pub const NAMES: &'static [&'static str] = &[$($text),*];
+
+            /// Its name.
+            pub const fn name(self) -> &'static str {
+                match self { $($name::$variant => $text,)* }
+            }
         }
 
         impl $crate::unit::knob::Value for $name {
@@ -156,7 +161,7 @@ macro_rules! choices {
             }
 
             fn to_setting(&self) -> $crate::unit::knob::Setting {
-                $crate::unit::knob::Setting::Name(match self { $($name::$variant => $text,)* }.to_owned())
+                $crate::unit::knob::Setting::Name(self.name().to_owned())
             }
         }
     };

@@ -1,9 +1,11 @@
 //! Triangle setup, one unit a rasteriser: takes triangles from all geometry units in the order of their sequence numbers.
 
 use super::card::Card;
+use super::network::Receiver;
+use super::sorting::{OrderClock, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use crate::num::prefetch;
-use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 
 crate::knobs! {
@@ -23,8 +25,8 @@ crate::knobs! {
 /// Triangle setup. Its items are triangles.
 pub struct Setup {
     config: SetupConfig,
-    /// From each geometry unit.
-    inputs: Vec<In<TriangleToken>>,
+    /// From all geometry units.
+    input: Receiver<TriangleToken>,
     output: Out<TriangleToken>,
     /// The sequence number that is being taken.
     sequence: u32,
@@ -32,43 +34,55 @@ pub struct Setup {
     current: usize,
     /// Whether `current` holds `sequence`, and not an earlier one.
     found: bool,
+    /// Whether the end of a sequence number is told on.
+    marks: bool,
+    clock: OrderClock,
     free_at: u64,
     items: u64,
 }
 
 impl Setup {
-    /// An empty one.
-    pub fn new(config: SetupConfig, inputs: Vec<In<TriangleToken>>, output: Out<TriangleToken>) -> Setup {
-        let found = inputs.len() == 1;
-        Setup { config, inputs, output, sequence: 0, current: 0, found, free_at: 0, items: 0 }
+    /// An empty one. With `marks` the end of a sequence number is told on, for those behind it who restore the order again.
+    pub fn new(config: SetupConfig, input: Receiver<TriangleToken>, marks: bool, output: Out<TriangleToken>) -> Setup {
+        let found = input.senders() == 1;
+        Setup {
+            config,
+            input,
+            output,
+            sequence: 0,
+            current: 0,
+            found,
+            marks,
+            clock: OrderClock::default(),
+            free_at: 0,
+            items: 0,
+        }
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> OrderCounts {
+        self.clock.counts()
     }
 
     /// The next token in order, if it is here.
     #[inline(always)]
     fn next(&mut self, wires: &mut Wires) -> Option<TriangleToken> {
         if self.found {
-            return wires.front(&self.inputs[self.current]);
+            return self.input.front(wires, self.current);
         }
-        // Sequence numbers are dealt round-robin today, but the search does not depend on it.
-        for (index, input) in self.inputs.iter().enumerate() {
-            if let Some(token) = wires.front(input)
-                && token.sequence == self.sequence
-            {
-                self.current = index;
-                self.found = true;
-                return Some(token);
-            }
-        }
-        None
+        let (from, token) = self.input.find(wires, |token| token.sequence == self.sequence)?;
+        self.current = from;
+        self.found = true;
+        Some(token)
     }
 
     /// The token is taken; one that ends its sequence number opens the next.
     #[inline(always)]
     fn take(&mut self, wires: &mut Wires, kind: Kind) {
-        wires.pop(&self.inputs[self.current]);
+        self.input.take(wires, self.current);
         if kind != Kind::DATA {
             self.sequence = self.sequence.wrapping_add(1);
-            self.found = self.inputs.len() == 1;
+            self.found = self.input.senders() == 1;
         }
     }
 }
@@ -86,13 +100,20 @@ fn ask_ahead(card: &Card, token: TriangleToken) {
 
 impl Unit<Card> for Setup {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        self.clock.begin(wires.now());
+        self.input.poll(wires);
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
-            let Some(token) = self.next(wires) else { return wires.stop(did, Tick::Starved) };
+            let Some(token) = self.next(wires) else {
+                if !self.found && self.input.find(wires, |_| true).is_some() {
+                    self.clock.wait(wires.now());
+                }
+                return wires.stop(did, Tick::Starved);
+            };
             match token.kind {
-                // 1. The end of a sequence number is seen and forgotten.
-                Kind::END => {
+                // 1. The end of a sequence number is seen and forgotten where the order is restored here.
+                Kind::END if !self.marks => {
                     self.take(wires, token.kind);
                     did = Tick::Moved;
                 }
@@ -117,7 +138,7 @@ impl Unit<Card> for Setup {
                     }
                     did = Tick::Moved;
                 }
-                // 3. Fences pass in order.
+                // 3. Marks pass in order.
                 _ => {
                     if !wires.try_push(&self.output, token) {
                         return wires.stop(did, Tick::Blocked);
@@ -134,6 +155,6 @@ impl Unit<Card> for Setup {
     }
 
     fn resident(&self) -> u64 {
-        0
+        self.input.resident()
     }
 }

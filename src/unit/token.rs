@@ -16,11 +16,17 @@ impl Kind {
     pub const SEGMENT: Kind = Kind(2);
     /// The end of a pass: caches are written back.
     pub const PASS: Kind = Kind(3);
+    /// The end of a tile: what is on the chip of it is written to memory where it is wanted.
+    pub const TILE: Kind = Kind(6);
+    /// To assembly: a run of primitives begins.
+    pub const RUN: Kind = Kind(4);
+    /// To assembly: what has been read of a run needs no more than the batch of vertices that is being gathered.
+    pub const PART: Kind = Kind(5);
 
     /// Whether all pipelines must see it.
     #[inline(always)]
     pub fn is_fence(self) -> bool {
-        self.0 >= Kind::SEGMENT.0
+        self == Kind::SEGMENT || self == Kind::PASS
     }
 }
 
@@ -40,13 +46,13 @@ pub struct Piece {
 pub struct VertexBatch {
     /// Slot of the segment.
     pub slot: u16,
-    /// Data or fence.
+    /// Data, or a mark.
     pub kind: Kind,
-    /// Running number of the batch; primitives wait until it is shaded.
+    /// Running number of the batch; primitives wait until it is shaded. Of a mark, its sequence number.
     pub number: u32,
-    /// Entries of the segment's stream that are read once this batch is shaded.
+    /// Entries of the segment's stream that are read once this batch is shaded. Of a run, its first primitive.
     pub stream_end: u32,
-    /// Vertices in it; a batch without any needs no shading.
+    /// Vertices in it; a batch without any needs no shading. Of a run, how many primitives it has.
     pub vertices: u32,
 }
 
@@ -110,6 +116,18 @@ pub struct DepthBounds {
     pub pass: u32,
 }
 
+/// A tile whose list is to be drawn, a fence, or the end of a round of tiles.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct TileToken {
+    /// Its number, row by row.
+    pub tile: u32,
+    /// Of a fence, its slot; of a tile, whether more of the pass follows.
+    pub slot: u16,
+    /// Data, fence, or end.
+    pub kind: Kind,
+}
+
 /// A warp on its way between its maker, a core and a texture unit.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -132,6 +150,8 @@ pub struct Ack {
 pub mod bytes {
     /// A quad between rasteriser, cores and ROPs: position, coverage, depth and where its attributes are.
     pub const QUAD: u32 = 16;
+    /// A quad on its way to a ROP elsewhere: position, coverage and four depths, beside what its shader has written.
+    pub const FRAGMENT_QUAD: u32 = 24;
     /// A transformed triangle in the redistribution network: three vertices of position and, on average, eight attribute words.
     pub const TRIANGLE: u32 = 144;
     /// A mark.

@@ -53,6 +53,8 @@ pub enum Territory {
     Screen,
     /// On the whole screen, all of which is its pipeline's own.
     Copy,
+    /// In one tile after the other of so many blocks across; each triangle comes with the number of the tile.
+    Bins(u32),
 }
 
 /// Bounds on the stored depths of a block, as ordered keys.
@@ -143,6 +145,43 @@ impl Traverse {
         self.territory != Territory::Tiles || owner == self.pipeline
     }
 
+    /// Whether this unit, which has its triangle for one tile, traverses a block.
+    #[inline(always)]
+    fn in_bin(&self, card: &Card, x: u32, y: u32) -> bool {
+        let Territory::Bins(side) = self.territory else { return true };
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        y / side * across + x / side == self.place.sequence
+    }
+
+    /// The visit of a triangle that its tile is in. Visits are in the order of tiles, and a tile to be drawn is no larger than those.
+    fn visit_of_bin(&self, card: &Card, work: &Work, triangle: &Triangle, number: u32, side: u32) -> u32 {
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
+        let visits = work.visits(triangle);
+        let at = |visit: &crate::work::Visit| {
+            let tile = &work.segment.tiles[visit.tile as usize];
+            (u32::from(tile.y), u32::from(tile.x))
+        };
+        visits.partition_point(|visit| at(visit) < (y, x)) as u32
+    }
+
+    /// Of a triangle's visits the one that its tile is in, if it is there.
+    fn bin_visits<'a>(&self, card: &Card, work: &'a Work, triangle: &Triangle) -> &'a [crate::work::Visit] {
+        let visits = work.visits(triangle);
+        if self.past_bin(card, work, triangle) { &[] } else { &visits[self.place.visit as usize..][..1] }
+    }
+
+    /// Whether the visit at hand is no longer that of the tile that the triangle came for.
+    fn past_bin(&self, card: &Card, work: &Work, triangle: &Triangle) -> bool {
+        let Territory::Bins(side) = self.territory else { return false };
+        let Some(visit) = work.visits(triangle).get(self.place.visit as usize) else { return true };
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let number = self.place.sequence;
+        let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
+        let tile = &work.segment.tiles[visit.tile as usize];
+        (u32::from(tile.x), u32::from(tile.y)) != (x, y)
+    }
+
     /// Makes the hierarchical Z buffer that of the current pass.
     #[cold]
     fn begin_pass(&mut self, card: &Card) {
@@ -171,9 +210,12 @@ impl Traverse {
             self.hierarchical.max_valid &= !raises;
             self.hierarchical.min_valid &= !lowers;
         }
-        let empty = self.empty_blocks(card, work, triangle);
-        let TriangleToken { slot, sequence, triangle, .. } = token;
-        self.place = Place { active: true, slot, sequence, triangle, empty, ..Place::default() };
+        let TriangleToken { slot, sequence, triangle: number, .. } = token;
+        self.place = Place { active: true, slot, sequence, triangle: number, ..Place::default() };
+        if let Territory::Bins(side) = self.territory {
+            self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
+        }
+        self.place.empty = self.empty_blocks(card, work, triangle);
     }
 
     /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
@@ -181,13 +223,15 @@ impl Traverse {
     fn empty_blocks(&self, card: &Card, work: &Work, triangle: &Triangle) -> u32 {
         let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
         let (mut inside, mut covered) = (0, 0);
-        for visit in work.visits(triangle) {
+        let bins = matches!(self.territory, Territory::Bins(_));
+        let visits = if bins { self.bin_visits(card, work, triangle) } else { work.visits(triangle) };
+        for visit in visits {
             let tile = &work.segment.tiles[visit.tile as usize];
             let side = TILE / BLOCK;
             let (tx, ty) = (u32::from(tile.x) * side, u32::from(tile.y) * side);
             let (left, right) = (x0.max(tx), x1.min(tx + side));
             let (top, bottom) = (y0.max(ty), y1.min(ty + side));
-            match work.owners.get(visit.tile as usize) {
+            match work.owners.get(visit.tile as usize).filter(|_| !bins) {
                 Some(&owner) if self.enters(owner) => {
                     inside += right.saturating_sub(left) * bottom.saturating_sub(top);
                     covered += visit.blocks;
@@ -195,7 +239,7 @@ impl Traverse {
                 Some(_) => {}
                 // Several pipelines share the tile.
                 None => {
-                    let mine = |x: u32, y: u32| u32::from(self.enters(card.interleave.owner(x, y)));
+                    let mine = |x: u32, y: u32| u32::from(self.in_bin(card, x, y) && self.enters(card.interleave.owner(x, y)));
                     inside += (top..bottom).map(|y| (left..right).map(|x| mine(x, y)).sum::<u32>()).sum::<u32>();
                     let blocks = &tile.blocks[visit.first_block as usize..][..visit.blocks as usize];
                     covered += blocks.iter().map(|block| mine(block.x.into(), block.y.into())).sum::<u32>();
@@ -270,7 +314,8 @@ impl Unit<Card> for Traverse {
             let work = card.work[usize::from(self.place.slot)].as_ref().expect("a triangle's segment is in flight");
             let triangle = &work.segment.triangles[self.place.triangle as usize];
             let visits = work.visits(triangle);
-            let Some(visit) = visits.get(self.place.visit as usize) else {
+            let at_end = self.territory != Territory::Tiles && self.past_bin(card, work, triangle);
+            let Some(visit) = visits.get(self.place.visit as usize).filter(|_| !at_end) else {
                 // 4. All covered blocks are done; what is left of the empty ones takes all tests.
                 let found = self.place.empty.min(tests);
                 self.place.empty -= found;
@@ -282,7 +327,8 @@ impl Unit<Card> for Traverse {
                 self.place.active = false;
                 continue;
             };
-            let whole = work.owners.get(visit.tile as usize);
+            let bins = matches!(self.territory, Territory::Bins(_));
+            let whole = work.owners.get(visit.tile as usize).filter(|_| !bins);
             if self.place.block == visit.blocks || whole.is_some_and(|&owner| !self.enters(owner)) {
                 self.place.visit += 1;
                 self.place.block = 0;
@@ -291,7 +337,7 @@ impl Unit<Card> for Traverse {
             let tile = &work.segment.tiles[visit.tile as usize];
             let block = &tile.blocks[(visit.first_block + self.place.block) as usize];
             let (x, y) = (u32::from(block.x), u32::from(block.y));
-            if whole.is_none() && !self.enters(card.interleave.owner(x, y)) {
+            if whole.is_none() && !(self.in_bin(card, x, y) && (bins || self.enters(card.interleave.owner(x, y)))) {
                 self.place.block += 1;
                 continue;
             }

@@ -54,6 +54,8 @@ pub struct Scene {
     pub segments: u32,
     pub stencil: bool,
     pub discard: bool,
+    /// Every covered quad is shaded, as for machines whose early tests do not see all depths.
+    pub covered: bool,
     pub seed: u64,
 }
 
@@ -76,6 +78,7 @@ impl Default for Scene {
             segments: 2,
             stencil: false,
             discard: false,
+            covered: false,
             seed: 7,
         }
     }
@@ -466,7 +469,7 @@ impl Shading<'_> {
         if self.early {
             live = test(live, self.reference);
         }
-        let shaded = live != 0;
+        let shaded = live != 0 || self.scene.covered;
         let mut payload = 0;
         let first_request = tile.requests.len() as u32;
         let variant = u16::from((x / 2 + y / 2) % 7 == 0);

@@ -2,22 +2,28 @@
 
 use super::{Builder, CONTROL, Ends};
 use crate::sim::{In, Link, Out};
-use crate::unit::assembly::{Assembly, AssemblyPorts};
+use crate::unit::assembly::{Assembly, AssemblyPorts, Mode};
+use crate::unit::bin::{Bin, BinPorts};
 use crate::unit::clip::Clip;
 use crate::unit::command::{Command, CommandPorts};
 use crate::unit::compute::{Compute, ComputePorts};
+use crate::unit::deal::Deal;
 use crate::unit::distribute::Distribute;
-use crate::unit::fetch::{Fetch, FetchPorts};
+use crate::unit::fetch::{Fetch, FetchInput, FetchPorts};
+use crate::unit::gather::Gather;
+use crate::unit::network::{Receiver, Sender};
+use crate::unit::route::{Retained, Route, RoutePorts};
 use crate::unit::setup::Setup;
-use crate::unit::token::{Ack, Piece, Run, TriangleToken, WarpToken, bytes};
+use crate::unit::tile_fetch::{TileFetch, TileFetchPorts};
+use crate::unit::token::{Ack, Piece, Run, TriangleToken, WarpToken};
 
 impl Builder<'_> {
-    /// The command processor and what it commands directly: compute dispatch, resolve, scan-out. Gives the stream of segments to
-    /// the unit `to`.
+    /// The command processor and what it commands directly: compute dispatch, resolve, scan-out. Gives the stream of segments.
     pub fn command(&mut self) -> In<Piece> {
         let config = self.config;
         let command = self.id.command;
-        let (to_fetch, pieces) = self.wiring.channel("pieces", 0, CONTROL, command, self.id.fetch[0]);
+        let (to_fetch, pieces) =
+            self.wiring.channel("pieces", 0, CONTROL, command, self.id.deal.first().copied().unwrap_or(self.id.fetch[0]));
         let (to_compute, compute_input) = self.wiring.channel("workgroups", 0, CONTROL, command, self.id.compute);
         let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, self.id.compute, command);
         let (to_resolve, resolve_input) = self.wiring.channel("resolves", 0, CONTROL, command, self.id.resolve);
@@ -73,7 +79,7 @@ impl Builder<'_> {
 
     /// Vertex fetch, shading and assembly: a front for each input. The primitives of front `f` go to the clippers whose number
     /// modulo the number of fronts is `f`.
-    pub fn vertices(&mut self, inputs: Vec<In<Piece>>) -> Vec<In<Run>> {
+    pub fn vertices(&mut self, inputs: Vec<FetchInput>, mode: Mode) -> Vec<In<Run>> {
         let config = self.config;
         let fronts = inputs.len();
         let unified = config.core.unified;
@@ -98,6 +104,8 @@ impl Builder<'_> {
         // A cluster of warps is a pipeline's; vertex cores have one of their own.
         let per_pipeline = config.core.per_pipeline as usize;
         let cluster = |n: usize| if unified { n / per_pipeline } else { config.card.pipelines as usize };
+        // Those that route have read the indices.
+        let indices = self.id.route.len();
         let mut to_shading = to_shading.into_iter().enumerate().map(|(n, output)| (cluster(n), output));
         let mut from_shading = from_shading.into_iter();
         let mut geometry: Vec<Vec<_>> = (0..fronts).map(|_| Vec::new()).collect();
@@ -111,13 +119,13 @@ impl Builder<'_> {
                 cores: to_shading.by_ref().take(per_front).collect(),
                 batches,
                 retired: from_assembly,
-                index: self.port("index", front, fetch[front]),
+                index: self.port("index", indices + front, fetch[front]),
                 vertex: self.port("vertex", front, fetch[front]),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
             let shaded = from_shading.by_ref().take(per_front).collect();
             let ports = AssemblyPorts { batches: from_fetch, shaded, retired, geometry };
-            self.made.assembly.push(Assembly::new(config.assembly.clone(), ports));
+            self.made.assembly.push(Assembly::new(config.assembly.clone(), mode, ports));
         }
         clip_input
     }
@@ -131,36 +139,97 @@ impl Builder<'_> {
 
     /// Clipping, culling, and distribution of triangles to the rasterisers that own what they touch: for each of these its ways
     /// from all distribution units.
-    pub fn clip_and_distribute(&mut self, inputs: Vec<In<Run>>) -> Vec<Vec<In<TriangleToken>>> {
+    pub fn clip_and_distribute(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
         let config = self.config;
-        let pipelines = self.pipelines();
+        let (clip, distribute) = (self.id.clip.clone(), self.id.distribute.clone());
+        let to = if self.id.bin.is_empty() { self.id.setup.clone() } else { self.id.bin.clone() };
+        let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
+        let (outputs, clipped) = self.chain("triangles", triangles, &clip, &distribute);
+        let clipped = self.clip(inputs, outputs, clipped);
+        let (senders, receivers) = self.sort_network(&distribute, &to);
+        for (n, (input, network)) in clipped.into_iter().zip(senders).enumerate() {
+            self.made.distribute.push(Distribute::new(config.distribute.clone(), n, input, network));
+        }
+        receivers
+    }
+
+    /// Clipping and culling in pipelines whose geometry is their own, each with a way to its own rasteriser.
+    pub fn clip_in_place(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
+        let config = self.config;
         let (clip, distribute, setup) = (self.id.clip.clone(), self.id.distribute.clone(), self.id.setup.clone());
         let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
         let (outputs, clipped) = self.chain("triangles", triangles, &clip, &distribute);
         let clipped = self.clip(inputs, outputs, clipped);
-        let sorted =
-            Link::bytes(config.distribute.queue, config.distribute.link_width * bytes::TRIANGLE, config.distribute.latency);
-        let pairs = distribute.iter().flat_map(|&from| setup.iter().map(move |&to| (from, to)));
-        let (to_setup, setup_input) = self.join("sorted", sorted, pairs);
-        let mut to_setup = to_setup.into_iter();
-        for input in clipped {
-            let outputs = to_setup.by_ref().take(pipelines).collect();
-            self.made.distribute.push(Distribute::new(config.distribute.clone(), input, outputs));
+        let link = Link::items(config.setup.queue, config.distribute.triangles_per_cycle, 1);
+        let (outputs, inputs) = self.chain("clipped", link, &distribute, &setup);
+        for (input, output) in clipped.into_iter().zip(outputs) {
+            let network = Sender::direct(vec![output]);
+            self.made.distribute.push(Distribute::new(config.distribute.clone(), 0, input, network));
         }
-        let mut of_setup: Vec<Vec<_>> = (0..pipelines).map(|_| Vec::new()).collect();
-        for (index, input) in setup_input.into_iter().enumerate() {
-            of_setup[index % pipelines].push(input);
-        }
-        of_setup
+        inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
     }
 
-    /// Triangle setup in each pipeline.
-    pub fn setup(&mut self, inputs: Vec<Vec<In<TriangleToken>>>) -> Vec<In<TriangleToken>> {
+    /// Routing of primitives by their bounds, to the fronts of the pipelines that own what they touch.
+    pub fn route(&mut self, inputs: Vec<In<Run>>) -> Vec<FetchInput> {
+        let config = self.config;
+        let (route, gather, fetch) = (self.id.route.clone(), self.id.gather.clone(), self.id.fetch.clone());
+        let (senders, receivers) = self.sort_network(&route, &gather);
+        for (n, (input, network)) in inputs.into_iter().zip(senders).enumerate() {
+            let index = self.port("index", n, route[n]);
+            let position = self.port("position", n, route[n]);
+            let ports = RoutePorts { input, network, index, position };
+            let (overlap, lines) = (config.distribute.overlap, config.fetch.index_lines);
+            self.made.route.push(Route::new(config.route.clone(), overlap, lines, n as u8, ports));
+        }
+        let link = Link::items(config.assembly.queue, 2, 1);
+        let (outputs, gathered) = self.chain("gathered", link, &gather, &fetch);
+        let rate = config.assembly.primitives_per_cycle;
+        let ends = receivers.into_iter().zip(outputs);
+        self.made.gather = ends.map(|(input, output)| Gather::new(rate, input, output)).collect();
+        let brought = config.route.mode == Retained::Immediate;
+        let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
+        gathered.into_iter().map(input).collect()
+    }
+
+    /// Dealing of batches to units of all pipelines.
+    pub fn deal(&mut self, input: In<Piece>) -> Vec<In<Run>> {
+        let config = self.config;
+        let deal = self.id.deal[0];
+        let link = Link::items(config.assembly.queue, 1, 1);
+        let to = if self.id.route.is_empty() { self.id.fetch.clone() } else { self.id.route.clone() };
+        let (outputs, inputs) = self.join("batches", link, to.into_iter().map(|to| (deal, to)));
+        self.made.deal.push(Deal::new(&config.assembly, input, outputs));
+        inputs
+    }
+
+    /// Binning of all triangles into the lists of tiles, which the pipelines read one after the other.
+    pub fn bin(&mut self, input: Receiver<TriangleToken>) -> Vec<Receiver<TriangleToken>> {
+        let config = self.config;
+        let bin = self.id.bin[0];
+        let (fetch, setup) = (self.id.tile_fetch.clone(), self.id.setup.clone());
+        let tiles = Link::items(4, 1, 1);
+        let (to_fetch, fetch_input) = self.join("tiles", tiles, fetch.iter().map(|&fetch| (bin, fetch)));
+        let (read, from_fetch) = self.join("tiles_read", tiles, fetch.iter().map(|&fetch| (fetch, bin)));
+        let link = Link::items(config.setup.queue, config.setup.triangles_per_cycle, 1);
+        let (outputs, inputs) = self.chain("binned", link, &fetch, &setup);
+        let memory = self.port("bin", 0, bin);
+        let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, memory };
+        self.made.bin.push(Bin::new(config.bin.clone(), config.command.segments, ports));
+        for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
+            let memory = self.port("tile_fetch", n, fetch[n]);
+            let ports = TileFetchPorts { input, read, output, memory };
+            self.made.tile_fetch.push(TileFetch::new(config.bin.clone(), ports));
+        }
+        inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
+    }
+
+    /// Triangle setup in each pipeline. With `marks` the order is restored behind it.
+    pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Vec<In<TriangleToken>> {
         let setup = &self.config.setup;
         let link = Link::items(setup.queue, setup.triangles_per_cycle, setup.latency);
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
-        let units = inputs.into_iter().zip(outputs).map(|(inputs, output)| Setup::new(setup.clone(), inputs, output));
+        let units = inputs.into_iter().zip(outputs).map(|(input, output)| Setup::new(setup.clone(), input, marks, output));
         self.made.setup = units.collect();
         set_up
     }

@@ -9,23 +9,40 @@ use super::parts::Parts;
 use crate::mem::{MemoryPlan, MemoryPort};
 use crate::sim::{In, Link, One, Out, Token, UnitId, Wiring};
 use crate::unit::assembly::Assembly;
+use crate::unit::bin::Bin;
 use crate::unit::clip::Clip;
-use crate::unit::color::{Color, ColorPorts};
+use crate::unit::color::{Color, ColorConfig, ColorPorts};
 use crate::unit::command::Command;
 use crate::unit::compute::Compute;
+use crate::unit::deal::Deal;
 use crate::unit::depth::Depth;
 use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
 use crate::unit::fetch::Fetch;
+use crate::unit::gather::Gather;
 use crate::unit::interpolate::Interpolate;
+use crate::unit::network::{CreditReturn, Names, Network, NetworkMap, NetworkPlan, Receiver, Router, Sender};
+use crate::unit::order::Order;
 use crate::unit::resolve::Resolve;
+use crate::unit::route::Route;
 use crate::unit::scanout::Scanout;
 use crate::unit::setup::Setup;
+use crate::unit::tile_fetch::TileFetch;
 use crate::unit::token::{Ack, GroupToken, Piece, WarpToken, bytes};
 use crate::unit::traverse::Traverse;
 
 /// Both ends of channels, as they are handed out.
 pub(super) type Ends<T> = (Vec<Out<T>>, Vec<In<T>>);
+
+/// A machine that is wired.
+pub(super) struct Built {
+    /// Its units.
+    pub parts: Parts,
+    /// Names of its memory clients, and the number of ports of each.
+    pub clients: Clients,
+    /// The network that sorts.
+    pub network: Option<NetworkMap>,
+}
 
 /// Names of memory clients, and the number of ports of each.
 pub type Clients = Vec<(&'static str, usize)>;
@@ -39,22 +56,40 @@ pub(super) struct Shape {
     pub clippers: usize,
     /// Distribution units.
     pub distributors: usize,
+    /// Units that deal batches.
+    pub dealers: usize,
+    /// Units that route primitives, and as many that gather them.
+    pub routers: usize,
+    /// Units that bin.
+    pub bins: usize,
+    /// Units that read tiles.
+    pub tile_fetches: usize,
+    /// Units that restore the order at the ROP.
+    pub orders: usize,
+    /// Ends of the network that sorts: senders and receivers.
+    pub network: Option<(usize, usize)>,
 }
 
 /// Numbers of the units.
 struct Ids {
     command: UnitId,
+    deal: Vec<UnitId>,
+    route: Vec<UnitId>,
+    gather: Vec<UnitId>,
     fetch: Vec<UnitId>,
     vertex_core: Vec<UnitId>,
     vertex_texture: Vec<UnitId>,
     assembly: Vec<UnitId>,
     clip: Vec<UnitId>,
     distribute: Vec<UnitId>,
+    bin: Vec<UnitId>,
+    tile_fetch: Vec<UnitId>,
     setup: Vec<UnitId>,
     traverse: Vec<UnitId>,
     depth: Vec<UnitId>,
     interpolate: Vec<UnitId>,
     dispatch: Vec<UnitId>,
+    order: Vec<UnitId>,
     compute: UnitId,
     core: Vec<UnitId>,
     texture: Vec<UnitId>,
@@ -67,17 +102,28 @@ struct Ids {
 #[derive(Default)]
 struct Made {
     command: Option<Command>,
+    deal: Vec<Deal>,
+    route: Vec<Route>,
+    gather: Vec<Gather>,
     fetch: Vec<Fetch>,
     assembly: Vec<Assembly>,
     clip: Vec<Clip>,
     distribute: Vec<Distribute>,
+    bin: Vec<Bin>,
+    tile_fetch: Vec<TileFetch>,
     setup: Vec<Setup>,
     traverse: Vec<Traverse>,
     depth: Vec<Depth>,
     interpolate: Vec<Interpolate>,
     dispatch: Vec<Dispatch>,
+    router: Vec<Router>,
+    credit_return: Option<CreditReturn>,
+    network: Option<NetworkMap>,
+    order: Vec<Order>,
     compute: Option<Compute>,
     color_ends: Vec<ColorPorts>,
+    /// Ways of the colour caches.
+    color_ways: u32,
     resolve_ends: Option<(In<Piece>, Out<Ack>)>,
     scanout_ends: Option<(In<Piece>, Out<Ack>)>,
     /// Of each core that shades vertices.
@@ -95,6 +141,7 @@ pub(super) struct Builder<'a> {
     config: &'a Config,
     wiring: Wiring,
     memory: MemoryPlan,
+    network: Option<NetworkPlan>,
     id: Ids,
     made: Made,
 }
@@ -118,19 +165,32 @@ impl<'a> Builder<'a> {
         let vertex_cores = if config.core.unified { 0 } else { config.core.vertex_cores as usize };
         // In the order of the machine's fields.
         let mut w = Wiring::new();
+        let mut network = None;
         let id = Ids {
             command: w.unit("command", 0),
+            deal: w.bank("deal", shape.dealers),
+            route: w.bank("route", shape.routers),
+            gather: w.bank("gather", shape.routers),
             fetch: w.bank("fetch", shape.fronts),
             vertex_core: w.bank("vertex_core", vertex_cores),
             vertex_texture: w.bank("vertex_texture", vertex_cores),
             assembly: w.bank("assembly", shape.fronts),
             clip: w.bank("clip", shape.clippers),
             distribute: w.bank("distribute", shape.distributors),
-            setup: w.bank("setup", pipelines),
+            bin: w.bank("bin", shape.bins),
+            tile_fetch: w.bank("tile_fetch", shape.tile_fetches),
+            setup: {
+                if let Some((senders, receivers)) = shape.network {
+                    let plan = NetworkPlan::declare(&config.network, Names::SORT, senders, receivers, &mut w)?;
+                    network = Some(plan);
+                }
+                w.bank("setup", pipelines)
+            },
             traverse: w.bank("traverse", pipelines),
             depth: w.bank("depth", pipelines),
             interpolate: w.bank("interpolate", pipelines),
             dispatch: w.bank("dispatch", pipelines),
+            order: w.bank("order", shape.orders),
             compute: w.unit("compute", 0),
             core: w.bank("core", cores),
             texture: w.bank("texture", cores),
@@ -139,7 +199,7 @@ impl<'a> Builder<'a> {
             scanout: w.unit("scanout", 0),
         };
         let memory = MemoryPlan::declare(config.memory()?, &mut w)?;
-        Ok(Builder { config, wiring: w, memory, id, made: Made::default() })
+        Ok(Builder { config, wiring: w, memory, network, id, made: Made::default() })
     }
 
     /// Pipelines.
@@ -164,40 +224,63 @@ impl<'a> Builder<'a> {
         self.join(name, link, from.iter().copied().zip(to.iter().copied()))
     }
 
+    /// The network that sorts, between these units.
+    fn sort_network<T: Token>(&mut self, from: &[UnitId], to: &[UnitId]) -> (Vec<Sender<T>>, Vec<Receiver<T>>) {
+        let plan = self.network.take().expect("the machine's shape has a network");
+        let Network { senders, receivers, routers, credit_return, map } = plan.connect(&mut self.wiring, from, to);
+        self.made.router = routers;
+        self.made.credit_return = credit_return;
+        self.made.network = Some(map);
+        (senders, receivers)
+    }
+
     /// The link from the cores to the ROPs.
     fn to_rop(&self) -> Link {
         let dispatch = &self.config.dispatch;
         quads(dispatch.output_queue, dispatch.output_quads, dispatch.output_latency)
     }
 
-    /// The machine, and the names of its memory clients.
-    pub fn finish(mut self) -> (Parts, Clients) {
+    /// The machine.
+    pub fn finish(mut self) -> Built {
         let config = self.config;
         let cores = self.cores();
         let color = self.id.color.clone();
         let ends = std::mem::take(&mut self.made.color_ends).into_iter().enumerate();
-        let colors =
-            ends.map(|(n, ports)| Color::new(config.color.clone(), n as u8, ports, self.port("color", n, color[n]))).collect();
+        let colors = ends
+            .map(|(n, ports)| {
+                let config = ColorConfig { cache_ways: self.made.color_ways, ..config.color.clone() };
+                Color::new(config, n as u8, ports, self.port("color", n, color[n]))
+            })
+            .collect();
         let (input, output) = self.made.resolve_ends.take().expect("a machine resolves");
         let resolve = Resolve::new(config.resolve.clone(), input, output, self.port("resolve", 0, self.id.resolve));
         let (input, output) = self.made.scanout_ends.take().expect("a machine shows frames");
         let scanout = Scanout::new(config.scanout.clone(), input, output, self.port("scanout", 0, self.id.scanout));
         let Builder { mut wiring, memory, made, .. } = self;
         let memory = memory.build(&mut wiring);
-        let machine = Parts::new(
+        let network = made.network;
+        let parts = Parts::new(
             wiring,
             One(made.command.expect("a machine has a command processor")),
+            made.deal,
+            made.route,
+            made.gather,
             made.fetch,
             cores.vertex_core,
             cores.vertex_texture,
             made.assembly,
             made.clip,
             made.distribute,
+            made.bin,
+            made.tile_fetch,
+            made.router,
+            made.credit_return,
             made.setup,
             made.traverse,
             made.depth,
             made.interpolate,
             made.dispatch,
+            made.order,
             One(made.compute.expect("a machine computes")),
             cores.core,
             cores.texture,
@@ -210,7 +293,7 @@ impl<'a> Builder<'a> {
             memory.return_path,
             memory.ideal,
         );
-        (machine, memory.clients)
+        Built { parts, clients: memory.clients, network }
     }
 }
 

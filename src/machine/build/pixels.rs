@@ -3,17 +3,22 @@
 use super::{Builder, CONTROL, Ends, Shaded, quads};
 use crate::sim::{In, Link, Out};
 use crate::unit::color::ColorPorts;
-use crate::unit::depth::{Depth, DepthPorts, TestPorts};
-use crate::unit::dispatch::{Dispatch, DispatchPorts};
+use crate::unit::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
+use crate::unit::dispatch::{Dispatch, DispatchPorts, Outlet};
 use crate::unit::interpolate::Interpolate;
+use crate::unit::order::Order;
 use crate::unit::token::{Ack, GroupToken, TriangleToken, WarpToken};
-use crate::unit::traverse::{Territory, Traverse};
+use crate::unit::traverse::{Territory, Traverse, TraverseConfig};
 
 impl Builder<'_> {
     /// Pipelines that own what they draw, from traversal to the colour buffer: early and late tests share a depth unit.
-    pub fn pipelines_with_early_tests(&mut self, inputs: Vec<In<TriangleToken>>) {
+    pub fn pipelines_with_early_tests(&mut self, inputs: Vec<In<TriangleToken>>, territory: Territory) {
         let config = self.config;
-        let (t, d) = (&config.traverse, &config.depth);
+        // A tile's buffer on the chip has a place for each of its blocks, wherever it lies.
+        let on_chip = matches!(territory, Territory::Bins(_));
+        let depth_ways = if on_chip { config.depth.cache_blocks } else { config.depth.cache_ways };
+        self.made.color_ways = if on_chip { config.color.cache_blocks } else { config.color.cache_ways };
+        let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
         let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
         let (color, dispatch) = (self.id.color.clone(), self.id.dispatch.clone());
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
@@ -28,9 +33,7 @@ impl Builder<'_> {
 
         let traverses = inputs.into_iter().zip(bounds).zip(to_depth).enumerate();
         self.made.traverse = traverses
-            .map(|(n, ((input, bounds), output))| {
-                Traverse::new(t.clone(), n as u8, Territory::Tiles, input, Some(bounds), output)
-            })
+            .map(|(n, ((input, bounds), output))| Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output))
             .collect();
         let acks = std::mem::take(&mut self.made.depth_acks);
         let ends = early.into_iter().zip(to_interpolate).zip(late).zip(tested_late).zip(to_traverse).zip(ended).zip(acks);
@@ -45,13 +48,53 @@ impl Builder<'_> {
             let memory = self.port("depth", n, depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
-        self.shade(interpolated, to_late.into_iter().zip(to_color).collect());
+        let outlets = to_late.into_iter().zip(to_color).map(|(late, color)| Outlet::Own { late, color });
+        self.shade(interpolated, outlets.collect());
+        let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
+        self.colors(inputs, end);
+    }
+
+    /// Pipelines that draw anywhere and send what they have shaded to the ROPs that own the pixels, where it is tested and blended
+    /// in order.
+    pub fn pipelines_sorting_fragments(&mut self, inputs: Vec<In<TriangleToken>>) {
+        let config = self.config;
+        let (t, d) = (&config.traverse, &config.depth);
+        let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
+        let (color, dispatch, order) = (self.id.color.clone(), self.id.dispatch.clone(), self.id.order.clone());
+        let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
+        let (to_interpolate, rasterized) =
+            self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &interpolate);
+        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &order, &depth);
+        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &order, &color);
+        let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
+        let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
+        let (senders, receivers) = self.sort_network(&dispatch, &order);
+        self.made.color_ways = config.color.cache_ways;
+
+        // Hierarchical Z would have to know what other pipelines have drawn.
+        let blind = TraverseConfig { hierarchical_z: false, ..t.clone() };
+        let traverses = inputs.into_iter().zip(to_interpolate).enumerate();
+        self.made.traverse = traverses
+            .map(|(n, (input, output))| Traverse::new(blind.clone(), n as u8, Territory::Screen, input, None, output))
+            .collect();
+        self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
+        let rate = config.dispatch.output_quads;
+        let ends = receivers.into_iter().zip(to_late).zip(to_color).enumerate();
+        self.made.order = ends.map(|(n, ((input, late), color))| Order::new(n as u8, rate, input, late, color)).collect();
+        let acks = std::mem::take(&mut self.made.depth_acks);
+        let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
+        for (n, (((input, output), end), ack)) in ends {
+            let late = Some(TestPorts { input, output });
+            let ports = DepthPorts { early: None, late, updates: None, end, ack };
+            let memory = self.port("depth", n, depth[n]);
+            self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
+        }
         let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
         self.colors(inputs, end);
     }
 
     /// Interpolation and dispatch to the cores.
-    fn shade(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<(Out<GroupToken>, Out<GroupToken>)>) {
+    fn shade(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Outlet>) {
         let config = self.config;
         let (i, p) = (&config.interpolate, &config.dispatch);
         let per_pipeline = config.core.per_pipeline as usize;
@@ -69,10 +112,10 @@ impl Builder<'_> {
         let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
         self.made.fragment_ends = fragment_input.into_iter().zip(fragment_output).collect();
         let (mut to_cores, mut from_cores) = (to_cores.into_iter(), from_cores.into_iter());
-        for (n, (input, (late, color))) in interpolated.into_iter().zip(outputs).enumerate() {
+        for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
             let shaded = from_cores.by_ref().take(per_pipeline).collect();
-            let ports = DispatchPorts { input, cores, shaded, late, color };
+            let ports = DispatchPorts { input, cores, shaded, output };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }

@@ -8,8 +8,14 @@ use crate::unit::warp::MAX_WIDTH;
 crate::choices! {
     /// Where work is sorted to the pipelines that own the pixels.
     pub enum SortClass {
+        /// Primitives, before geometry, by bounds that a pre-transformation finds.
+        First "sort-first",
         /// Screen-space triangles, between geometry and rasterisation, as they come.
         Middle "sort-middle",
+        /// Screen-space triangles, into the lists of tiles, which are drawn one after the other when the pass is complete.
+        MiddleBinned "sort-middle-binned",
+        /// Shaded quads, between the cores and the ROPs.
+        LastFragment "sort-last-fragment",
     }
 }
 
@@ -210,6 +216,27 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             config.color.blends_per_cycle, config.color.quads_per_cycle
         ));
     }
+    let own_geometry = matches!(config.card.sort, SortClass::First | SortClass::LastFragment);
+    if own_geometry && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
+        return Err(format!(
+            "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
+            config.core.vertex_cores,
+            config.card.pipelines,
+            config.card.sort.name()
+        ));
+    }
+    if config.card.sort == SortClass::MiddleBinned {
+        let blocks = (config.bin.tile / crate::work::BLOCK).pow(2);
+        for (key, has) in [("depth.cache_blocks", config.depth.cache_blocks), ("color.cache_blocks", config.color.cache_blocks)]
+        {
+            if has < blocks {
+                return Err(format!(
+                    "{key} is {has}, and must be at least {blocks} to hold a tile of bin.tile = {}",
+                    config.bin.tile
+                ));
+            }
+        }
+    }
     debug_assert!(config.core.warp_width <= MAX_WIDTH);
     let memory = config.memory().map_err(|message| format!("memory.l2: {message}"))?;
     if let MemoryConfig::Dram { dram, slices, channels, .. } = memory {
@@ -231,7 +258,12 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
         ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
         ("assembly.queue", config.assembly.queue, 1, config.assembly.latency),
         ("clip.queue", config.clip.queue, 1, config.clip.latency),
-        ("distribute.queue", config.distribute.queue, config.distribute.link_width, config.distribute.latency),
+        (
+            "network.receive_queue",
+            config.network.receive_queue,
+            config.network.link_bytes.div_ceil(crate::unit::token::bytes::TRIANGLE),
+            config.network.link_latency,
+        ),
         ("setup.queue", config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
         ("traverse.queue", config.traverse.queue, group(config.traverse.quads_per_cycle), config.traverse.latency),
         ("traverse.hierarchical_queue", config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),

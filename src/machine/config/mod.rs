@@ -12,11 +12,12 @@ pub use text::documentation;
 
 use crate::unit::knob::Section;
 use crate::unit::{
-    assembly::AssemblyConfig, clip::ClipConfig, color::ColorConfig, command::CommandConfig, compute::ComputeConfig,
-    core::CoreConfig, depth::DepthConfig, dispatch::DispatchConfig, distribute::DistributeConfig, fetch::FetchConfig,
-    interpolate::InterpolateConfig, resolve::ResolveConfig, scanout::ScanoutConfig, setup::SetupConfig, texture::TextureConfig,
-    traverse::TraverseConfig,
+    assembly::AssemblyConfig, bin::BinConfig, clip::ClipConfig, color::ColorConfig, command::CommandConfig,
+    compute::ComputeConfig, core::CoreConfig, depth::DepthConfig, dispatch::DispatchConfig, distribute::DistributeConfig,
+    fetch::FetchConfig, interpolate::InterpolateConfig, network::NetworkConfig, resolve::ResolveConfig, route::RouteConfig,
+    scanout::ScanoutConfig, setup::SetupConfig, texture::TextureConfig, traverse::TraverseConfig,
 };
+use crate::work::{RenderKey, Shade};
 
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
@@ -121,6 +122,12 @@ config! {
     clip: ClipConfig = "clip",
     /// Distribution.
     distribute: DistributeConfig = "distribute",
+    /// Pre-transformation and routing.
+    route: RouteConfig = "route",
+    /// Binning.
+    bin: BinConfig = "bin",
+    /// The sort network.
+    network: NetworkConfig = "network",
     /// Triangle setup.
     setup: SetupConfig = "setup",
     /// Traversal.
@@ -188,6 +195,16 @@ impl Config {
     /// The rule that they break.
     pub fn check(&self) -> Result<(), ConfigError> {
         knobs::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+    }
+
+    /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
+    /// that they would have thrown away.
+    pub fn render_key(&self) -> RenderKey {
+        let shade = match self.card.sort {
+            SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
+            SortClass::LastFragment => Shade::Covered,
+        };
+        RenderKey { shade, ..RenderKey::default() }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

@@ -174,7 +174,7 @@ fn a_queue_too_short_for_its_latency_is_warned_of() {
         ("fetch.queue", "fetch.latency", 1),
         ("assembly.queue", "assembly.latency", 1),
         ("clip.queue", "clip.latency", 1),
-        ("distribute.queue", "distribute.latency", 1),
+        ("network.receive_queue", "network.link_latency", 1),
         ("setup.queue", "setup.latency", 1),
         ("traverse.queue", "traverse.latency", 1),
         ("traverse.hierarchical_queue", "traverse.hierarchical_latency", 1),

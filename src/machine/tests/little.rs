@@ -99,7 +99,8 @@ fn the_integral_of_occupancy_is_the_sum_of_residence_times_on_every_channel() {
     let cube = rendered("cube");
     the_counts_are_what_is_seen(&config("baseline", &[]), &cube);
     // Short queues, which are full much of the time.
-    let short = ["traverse.queue=2", "depth.output_queue=2", "distribute.queue=2", "memory.port_queue=2", "texture.queue=2"];
+    let short =
+        ["traverse.queue=2", "depth.output_queue=2", "network.receive_queue=2", "memory.port_queue=2", "texture.queue=2"];
     the_counts_are_what_is_seen(&config("baseline", &short), &cube);
     // Samples that are resolved, and workgroups over several frames.
     the_counts_are_what_is_seen(&config("baseline", &["memory.kind=ideal"]), &rendered("spokes-msaa"));

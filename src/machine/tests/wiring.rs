@@ -10,7 +10,7 @@ fn key(channel: &str) -> Option<&'static str> {
         "vertex_warps" => "fetch.queue",
         "primitives" => "assembly.queue",
         "triangles" => "clip.queue",
-        "sorted" => "distribute.queue",
+        "sorted" => "network.receive_queue",
         "set_up" => "setup.queue",
         "rasterized" => "traverse.queue",
         "depth_bounds" => "traverse.hierarchical_queue",

@@ -42,7 +42,8 @@ impl Routed {
 }
 
 impl<T: Token> Sender<T> {
-    pub(super) fn direct(outputs: Vec<Out<T>>) -> Sender<T> {
+    /// One with a channel to each receiver.
+    pub fn direct(outputs: Vec<Out<T>>) -> Sender<T> {
         Sender(ToNetwork::Direct(outputs))
     }
 
@@ -259,7 +260,8 @@ impl<T: Token> Arrived<T> {
 }
 
 impl<T: Token> Receiver<T> {
-    pub(super) fn direct(inputs: Vec<In<T>>) -> Receiver<T> {
+    /// One with a channel from each sender.
+    pub fn direct(inputs: Vec<In<T>>) -> Receiver<T> {
         Receiver(FromNetwork::Direct { inputs, turn: 0 })
     }
 

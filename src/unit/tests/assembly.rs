@@ -7,7 +7,7 @@ use super::scenery::{card, draw, primitive};
 use crate::num::Cycle;
 use crate::sim::{Link, One, Unit, Wiring};
 use crate::unit::Card;
-use crate::unit::assembly::{Assembly, AssemblyConfig, AssemblyPorts};
+use crate::unit::assembly::{Assembly, AssemblyConfig, AssemblyPorts, Deal, Mode};
 use crate::unit::token::{Kind, Run, VertexBatch, WarpToken};
 use crate::work::{Outcome, Segment};
 
@@ -21,7 +21,7 @@ crate::circuit! {
     }
 }
 
-const CONFIG: AssemblyConfig = AssemblyConfig { primitives_per_cycle: 2, batch: 4, latency: 3, queue: 64 };
+const CONFIG: AssemblyConfig = AssemblyConfig { deal: Deal::Turn, primitives_per_cycle: 2, batch: 4, latency: 3, queue: 64 };
 
 /// When each geometry unit gets which runs (kind, sequence number, first, count), and when batches are given back.
 type Assembled = (Vec<Vec<(Cycle, (Kind, u32, u32, u32))>>, Vec<(Cycle, u32)>);
@@ -63,7 +63,7 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
                 wiring,
                 One(Source::new(tokens, announce)),
                 One(Source::new(shaded, finish)),
-                One(Assembly::new(config.clone(), ports)),
+                One(Assembly::new(config.clone(), Mode::Segments, ports)),
                 One(Sink::new(retired)),
                 sinks,
             );

@@ -7,8 +7,10 @@ use super::scenery::{card_of_tiles, draw, row_of_tiles};
 use crate::num::Cycle;
 use crate::sim::{Link, One, Wiring};
 use crate::unit::Card;
-use crate::unit::distribute::{Distribute, DistributeConfig, Overlap, SortCounts};
+use crate::unit::distribute::{Distribute, DistributeConfig, Overlap};
 use crate::unit::interleave::Pattern;
+use crate::unit::network::Sender;
+use crate::unit::sorting::SortCounts;
 use crate::unit::token::{Kind, Run, TriangleToken, bytes};
 use crate::work::Segment;
 
@@ -21,11 +23,16 @@ crate::circuit! {
 }
 
 fn config(overlap: Overlap, tile: u32) -> DistributeConfig {
-    DistributeConfig { tile, pattern: Pattern::Skewed, overlap, triangles_per_cycle: 1, link_width: 1, latency: 3, queue: 8 }
+    DistributeConfig { tile, pattern: Pattern::Skewed, overlap, triangles_per_cycle: 1 }
 }
 
 /// When each of so many rasterisers receives triangles, and what is counted, for a run of all triangles of a segment.
 fn distributed(pipelines: usize, config: &DistributeConfig, segment: &Segment) -> (Vec<Vec<Cycle>>, SortCounts) {
+    linked(pipelines, config, 1, segment)
+}
+
+/// The same over links that take so many triangles a cycle.
+fn linked(pipelines: usize, config: &DistributeConfig, link_width: u32, segment: &Segment) -> (Vec<Vec<Cycle>>, SortCounts) {
     let run = Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count: segment.triangles.len() as u32 };
     let end = Run { kind: Kind::END, count: 0, ..run };
     let (times, counts) = settle(
@@ -36,7 +43,7 @@ fn distributed(pipelines: usize, config: &DistributeConfig, segment: &Segment) -
             let (output, into) = wiring.channel("in", 0, FREE, a, b);
             let (mut outputs, mut sink) = (Vec::new(), Vec::new());
             for (index, &id) in sinks.iter().enumerate() {
-                let link = Link::bytes(config.queue, config.link_width * bytes::TRIANGLE, config.latency);
+                let link = Link::bytes(8, link_width * bytes::TRIANGLE, 3);
                 let (out, input) = wiring.channel("out", index, link, b, id);
                 outputs.push(out);
                 sink.push(Sink::new(input));
@@ -44,12 +51,12 @@ fn distributed(pipelines: usize, config: &DistributeConfig, segment: &Segment) -
             let mut card = card_of_tiles(pipelines, config.tile);
             card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
             let source = One(Source::new(vec![(0, run), (0, end)], output));
-            let unit = One(Distribute::new(config.clone(), into, outputs));
+            let unit = One(Distribute::new(config.clone(), 0, into, Sender::direct(outputs)));
             (DistributeCircuit::new(wiring, source, unit, sink), card)
         },
         |c, _| c.sink.iter().all(|sink| sink.got.last().is_some_and(|(_, token)| token.kind == Kind::END)),
         |c, card| {
-            assert_eq!(card.funnel.triangles_setup, c.distribute.counts().triangles);
+            assert_eq!(card.funnel.triangles_setup, c.distribute.counts().sorted_items);
             let data = |sink: &Sink<TriangleToken>| {
                 sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>()
             };
@@ -65,7 +72,7 @@ fn a_triangle_goes_to_every_owner_of_what_it_covers_and_to_no_other() {
     for overlap in [Overlap::Exact, Overlap::Bounds] {
         let (times, counts) = distributed(4, &config(overlap, 64), &row_of_tiles(3, 8, 4, 0));
         assert_eq!(times, [vec![4], vec![4], vec![4], vec![]], "{overlap:?}");
-        assert_eq!((counts.triangles, counts.sent, counts.redistributed_items), (1, 1, 3));
+        assert_eq!((counts.sorted_items, counts.sent, counts.redistributed_items), (1, 1, 3));
         assert_eq!((counts.redistributed_bytes, counts.marks), (3 * u64::from(bytes::TRIANGLE), 4));
     }
     // A bounding box with eight rows of blocks more reaches the tiles below, which belong to pipelines 3, 0 and 1 (a step of 3).
@@ -87,11 +94,11 @@ fn a_triangle_that_covers_nothing_is_dropped_where_that_is_seen() {
         let (times, counts) = distributed(pipelines, &config(Overlap::Exact, 64), &segment);
         // It has taken its turn of the routing.
         assert_eq!(times[0], [5], "{pipelines} pipelines");
-        assert_eq!((counts.triangles, counts.sent, counts.redistributed_items), (2, 1, 1));
+        assert_eq!((counts.sorted_items, counts.sent, counts.redistributed_items), (2, 1, 1));
         // A bounding box says nothing of coverage.
         let (times, counts) = distributed(pipelines, &config(Overlap::Bounds, 64), &segment);
         assert_eq!(times[0], [4, 5], "{pipelines} pipelines");
-        assert_eq!((counts.triangles, counts.sent, counts.redistributed_items), (2, 2, 2));
+        assert_eq!((counts.sorted_items, counts.sent, counts.redistributed_items), (2, 2, 2));
     }
 }
 
@@ -100,8 +107,8 @@ fn so_many_are_routed_a_cycle_and_the_links_take_their_width() {
     let mut segment = row_of_tiles(1, 8, 4, 0);
     segment.triangles = vec![segment.triangles[0]; 6];
     let times = |routed, link_width| {
-        let config = DistributeConfig { triangles_per_cycle: routed, link_width, ..config(Overlap::Exact, 64) };
-        distributed(2, &config, &segment).0[0].clone()
+        let config = DistributeConfig { triangles_per_cycle: routed, ..config(Overlap::Exact, 64) };
+        linked(2, &config, link_width, &segment).0[0].clone()
     };
     assert_eq!(times(1, 1), [4, 5, 6, 7, 8, 9]);
     assert_eq!(times(2, 2), [4, 4, 5, 5, 6, 6]);

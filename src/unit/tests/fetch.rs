@@ -10,7 +10,7 @@ use crate::mem::Ideal;
 use crate::num::Cycle;
 use crate::sim::{One, Unit, Wiring};
 use crate::unit::Card;
-use crate::unit::fetch::{Fetch, FetchConfig, FetchPorts};
+use crate::unit::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts};
 use crate::unit::tags::CacheCounts;
 use crate::unit::token::{Kind, Piece, VertexBatch, WarpToken};
 use crate::work::*;
@@ -28,6 +28,7 @@ crate::circuit! {
 
 fn config() -> FetchConfig {
     FetchConfig {
+        patience: 16,
         indices_per_cycle: 2,
         index_lines: 16,
         reuse: 16,
@@ -85,7 +86,7 @@ fn fetched(
             let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], ends[0]);
             let (retire, from_assembly) = wiring.channel("retired", 0, FREE, ends[1], ids[1]);
             let ports = FetchPorts {
-                input,
+                input: FetchInput::Segments(input),
                 cores: to_cores,
                 batches: announce,
                 retired: from_assembly,

@@ -1,0 +1,94 @@
+//! Dealing: parts the primitives of segments into numbered batches and gives each to a pipeline whose geometry is its own.
+
+use super::assembly::{AssemblyConfig, Deal as Policy};
+use super::card::Card;
+use super::token::{Kind, Piece, Run};
+use crate::sim::{In, Out, Tick, Unit, Wires};
+
+/// Dealing. Its items are batches.
+pub struct Deal {
+    policy: Policy,
+    /// Primitives of a batch.
+    batch: u32,
+    input: In<Piece>,
+    /// To each pipeline.
+    outputs: Vec<Out<Run>>,
+    /// The next primitive of the segment at hand.
+    next: u32,
+    /// The next sequence number.
+    sequence: u32,
+    /// The pipeline whose turn it is.
+    turn: usize,
+    /// The pipeline that has the batch just dealt, and has still to be told of its end.
+    open: Option<usize>,
+    items: u64,
+}
+
+impl Deal {
+    /// An idle one.
+    pub fn new(config: &AssemblyConfig, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
+        Deal { policy: config.deal, batch: config.batch, input, outputs, next: 0, sequence: 0, turn: 0, open: None, items: 0 }
+    }
+
+    /// The next in turn.
+    fn advance(&mut self) {
+        self.turn = (self.turn + 1) % self.outputs.len();
+        self.sequence = self.sequence.wrapping_add(1);
+    }
+}
+
+impl Unit<Card> for Deal {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        loop {
+            let Some(Piece { slot, kind }) = wires.front(&self.input) else { return did };
+
+            // 1. The end of the batch just dealt.
+            let sequence = self.sequence;
+            if let Some(output) = self.open {
+                let end = Run { slot, kind: Kind::END, sequence, first: 0, count: 0 };
+                if !wires.try_push(&self.outputs[output], end) {
+                    return did.or(Tick::Blocked);
+                }
+                self.open = None;
+                self.advance();
+                did = Tick::Moved;
+                continue;
+            }
+
+            // 2. All of a segment is dealt.
+            let left = if kind == Kind::DATA { card.work(slot).segment.primitives.len() as u32 - self.next } else { 0 };
+            if kind == Kind::DATA && left == 0 {
+                self.next = 0;
+                wires.take(&self.input);
+                did = Tick::Moved;
+                continue;
+            }
+
+            // 3. A batch, or a fence with a number of its own.
+            let output = self.policy.choose(wires, &self.outputs, self.turn);
+            let count = left.min(self.batch);
+            let run = Run { slot, kind, sequence, first: self.next, count };
+            if !wires.try_push(&self.outputs[output], run) {
+                return did.or(Tick::Blocked);
+            }
+            did = Tick::Moved;
+            if kind == Kind::DATA {
+                self.next += count;
+                self.items += 1;
+                self.open = Some(output);
+            } else {
+                wires.take(&self.input);
+                self.advance();
+            }
+        }
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.open.is_some())
+    }
+}

@@ -1,0 +1,117 @@
+//! Every sort class draws the picture of API order, on any number of pipelines, with any pattern, tile and network; whatever keeps the
+//! order on it is needed.
+
+mod machine_common;
+mod synthetic;
+
+use fillrate::gfx::format::Format;
+use fillrate::gfx::state::Compare;
+use fillrate::machine::{Config, Machine, MachineReport};
+use fillrate::sim::Clock;
+use fillrate::work::Shade;
+use machine_common::{accounts_add_up, frames_add_up};
+use synthetic::{Scene, events};
+
+fn config(changes: &[&str]) -> Config {
+    let mut config = Config::built_in("baseline").unwrap();
+    for change in changes {
+        config.set(change).unwrap_or_else(|error| panic!("{error}"));
+    }
+    config.check().unwrap_or_else(|error| panic!("{error}"));
+    config
+}
+
+fn run(config: &Config, scene: &Scene, clock: Clock) -> MachineReport {
+    let scene = Scene { covered: config.render_key().shade == Shade::Covered, ..scene.clone() };
+    let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));
+    machine.run(events(&scene).into_iter(), clock).unwrap_or_else(|error| panic!("{:?} {scene:?}: {error}", config.card))
+}
+
+/// Pixels that differ from API order.
+fn wrong(report: &MachineReport) -> u64 {
+    let pictures = report.frames.iter().map(|frame| frame.picture.as_ref().expect("a picture"));
+    pictures.map(|picture| picture.wrong_pixels).sum()
+}
+
+fn scenes() -> Vec<Scene> {
+    let plain = Scene::default();
+    vec![
+        plain.clone(),
+        Scene { blend: true, depth_format: None, size: 120.0, ..plain.clone() },
+        Scene { samples: 4, blend: true, early: false, discard: true, ..plain.clone() },
+        Scene { compare: Compare::Always, depth_format: Some(Format::Depth16Unorm), stencil: true, ..plain.clone() },
+        Scene { compare: Compare::LessEqual, size: 4.0, triangles: 400, draws: 3, frames: 2, ..plain },
+    ]
+}
+
+const CLASSES: [&str; 4] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"];
+
+#[test]
+fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
+    for class in CLASSES {
+        for (pipelines, more) in [
+            (1, &[][..]),
+            (2, &["distribute.pattern=rows", "distribute.tile=16"][..]),
+            (3, &["distribute.pattern=hashed", "distribute.overlap=bounding-box", "bin.overlap=bounding-box"]),
+            (5, &["distribute.pattern=morton", "distribute.tile=8", "assembly.batch=3", "core.warp_width=8"]),
+            (8, &["assembly.deal=least-loaded", "bin.tile=8", "core.unified=false", "core.vertex_cores=8"]),
+            (16, &["memory.kind=ideal", "bin.tile=64", "route.mode=immediate"]),
+        ] {
+            let (sort, pipes) = (format!("sort={class}"), format!("pipelines={pipelines}"));
+            let config = config(&[&[sort.as_str(), pipes.as_str()], more].concat());
+            for scene in scenes() {
+                let report = run(&config, &scene, Clock::SkipIdle);
+                assert_eq!(wrong(&report), 0, "{class} on {pipelines} pipelines: {scene:?}");
+                frames_add_up(&report);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_class_draws_it_over_any_network() {
+    for class in CLASSES {
+        for topology in ["point-to-point", "bus", "crossbar", "ring", "mesh", "butterfly"] {
+            for queue in ["network.receive_queue=2", "network.receive_queue=32"] {
+                let (sort, network) = (format!("sort={class}"), format!("network.topology={topology}"));
+                let config = config(&[&sort, "pipelines=6", &network, queue, "network.link_bytes=32"]);
+                for scene in &scenes()[1..4] {
+                    assert_eq!(wrong(&run(&config, scene, Clock::SkipIdle)), 0, "{class}, {topology}, {queue}: {scene:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn clocks_and_orders_of_ticks_change_nothing_on_any_class() {
+    let scene = Scene { blend: true, early: false, triangles: 40, ..Scene::default() };
+    for class in CLASSES {
+        for topology in ["point-to-point", "ring"] {
+            let (sort, network) = (format!("sort={class}"), format!("network.topology={topology}"));
+            let config = config(&[&sort, "pipelines=3", &network, "assembly.deal=least-loaded", "assembly.batch=4"]);
+            let every = run(&config, &scene, Clock::EveryCycle);
+            accounts_add_up(&every.total);
+            for clock in [Clock::SkipIdle, Clock::Shuffled(1), Clock::Shuffled(2)] {
+                let other = run(&config, &scene, clock);
+                assert_eq!(every.cycles, other.cycles, "{class}, {topology}, {clock:?}");
+                assert_eq!(every.total.json().to_string(), other.total.json().to_string(), "{class}, {topology}, {clock:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_full_list_memory_is_drawn_in_parts() {
+    let config = |kib: u32| config(&["sort=sort-middle-binned", &format!("bin.memory_kib={kib}"), "bin.compression=true"]);
+    let mut renders = Vec::new();
+    for kib in [16384, 32, 16] {
+        for scene in scenes() {
+            let report = run(&config(kib), &Scene { triangles: 150, ..scene.clone() }, Clock::SkipIdle);
+            assert_eq!(wrong(&report), 0, "{kib} KiB: {scene:?}");
+            renders.push(report.total.number("binning.partial_renders").unwrap());
+        }
+    }
+    assert!(renders[..5].iter().all(|&n| n == 0.0), "{renders:?}");
+    assert!(renders[5..].iter().all(|&n| n > 0.0), "{renders:?}");
+}
