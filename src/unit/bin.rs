@@ -272,7 +272,8 @@ impl Bin {
 
     /// The next token in order, and who sends it, if it is here.
     fn head(&mut self, wires: &mut Wires) -> Option<(usize, TriangleToken)> {
-        if let Some(from) = self.current {
+        // One geometry unit sends in order, and tells no ends.
+        if let Some(from) = self.current.or((self.ports.input.senders() == 1).then_some(0)) {
             return Some((from, self.input_front(wires, from)?));
         }
         let (from, token) = self.ports.input.find(wires, |token| token.sequence == self.sequence)?;

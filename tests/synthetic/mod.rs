@@ -56,6 +56,8 @@ pub struct Scene {
     pub discard: bool,
     /// Every covered quad is shaded, as for machines whose early tests do not see all depths.
     pub covered: bool,
+    /// Corners of the triangles of each draw, in pixels; random ones if there are none.
+    pub shapes: Vec<[[f32; 2]; 3]>,
     pub seed: u64,
 }
 
@@ -79,6 +81,7 @@ impl Default for Scene {
             stencil: false,
             discard: false,
             covered: false,
+            shapes: Vec::new(),
             seed: 7,
         }
     }
@@ -325,11 +328,10 @@ fn segment_of<const S: usize>(
         }
         segment.stream.extend([base, base + 1, base + 2]);
         let (cx, cy) = (random.unit() * scene.width as f32, random.unit() * scene.height as f32);
-        let corners: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {
-            x: fillrate::num::snap(cx + (random.unit() - 0.5) * scene.size),
-            y: fillrate::num::snap(cy + (random.unit() - 0.5) * scene.size),
-            z: random.unit(),
-            inv_w: 1.0,
+        let corners: [ScreenVertex; 3] = std::array::from_fn(|corner| {
+            let (x, y) = (cx + (random.unit() - 0.5) * scene.size, cy + (random.unit() - 0.5) * scene.size);
+            let [x, y] = scene.shapes.get((first + t) as usize).map_or([x, y], |shape| shape[corner]);
+            ScreenVertex { x: fillrate::num::snap(x), y: fillrate::num::snap(y), z: random.unit(), inv_w: 1.0 }
         });
         let tint = [random.unit(), random.unit(), random.unit(), random.unit()];
         let first_triangle = segment.triangles.len() as u32;
