@@ -110,12 +110,70 @@ fn help_shows_an_example_each() {
 #[test]
 fn configs_lists_and_prints() {
     let (_, list, _) = run(&["configs"]);
-    for name in ["baseline", "tiny", "attila", "wide"] {
-        assert!(list.contains(name), "{list}");
+    for (name, _) in fillrate::machine::config::BUILT_IN {
+        assert!(list.lines().any(|line| line.split_whitespace().next() == Some(name)), "{name} in\n{list}");
         let (code, text, _) = run(&["configs", name]);
         assert_eq!(code, 0);
         assert!(text.contains("pipelines"), "{text}");
     }
+}
+
+#[test]
+fn a_machine_is_drawn_from_itself() {
+    for class in ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"] {
+        let (code, dot, message) = run(&["configs", class, "--draw"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(dot.starts_with("digraph") && dot.contains("label=\"setup x4\", shape=box3d"), "{dot}");
+        assert_eq!(dot.matches('{').count(), dot.matches('}').count());
+        assert_eq!(run(&["configs", class, "--draw", "dot"]).1, dot, "the same again");
+        let (code, svg, _) = run(&["configs", class, "--draw", "svg"]);
+        assert_eq!(code, 0);
+        assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"), "{svg}");
+        assert!(svg.contains(&format!(">{class}, 4 pipelines<")) && svg.contains("traverse x4"), "{svg}");
+        assert_eq!(run(&["configs", class, "--draw=svg"]).1, svg, "the same again");
+        // What only this class has.
+        let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4"];
+        let place = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"].iter().position(|c| *c == class);
+        assert!(svg.contains(own[place.expect("a class")]) && dot.contains(own[place.expect("a class")]));
+        assert!(!svg.contains("router"));
+    }
+    // It is the machine that is drawn, knobs and all.
+    let (_, svg, _) =
+        run(&["configs", "sort-first", "--set", "network.topology=ring", "--set", "pipelines=3", "--draw", "svg"]);
+    assert!(svg.contains("router x3") && svg.contains("route x3"), "{svg}");
+    assert!(refused(&["configs", "--draw"]).contains("NAME"));
+    assert!(refused(&["configs", "tiny", "--draw", "jpeg"]).contains("jpeg"));
+    assert!(refused(&["configs", "tiny", "--set", "pipelines=99", "--draw"]).contains("pipelines"));
+}
+
+#[test]
+fn a_replay_tells_what_sorting_cost() {
+    let sections = |changes: &[&str]| {
+        let (code, report, message) = run(&[&["replay", "traces/triangle"], changes].concat());
+        assert_eq!(code, 0, "{message}");
+        let section = report.split("What sorting cost\n").nth(1).unwrap_or_else(|| panic!("{report}"));
+        let section = section.split("\n\n").next().unwrap_or_default();
+        section.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
+    };
+    for (class, what, own) in [
+        ("sort-first", "primitives sorted 1", "to another pipeline"),
+        ("sort-middle", "triangles sorted 1", "to another pipeline"),
+        ("sort-middle-binned", "triangles sorted 1", "partial renders 0"),
+        ("sort-last-fragment", "quads sorted", "to another pipeline"),
+    ] {
+        let lines = sections(&["--config", class]);
+        assert_eq!(lines[0], format!("{class}, 4 pipelines"));
+        let wanted =
+            [what, "overlap", own, "load imbalance", "waiting for the order", "busiest link of the network", "wrong pixels 0"];
+        for part in wanted {
+            assert!(lines.iter().any(|line| line.contains(part)), "{part}: {lines:#?}");
+        }
+        assert!(lines.iter().any(|line| line.contains(" from ") && line.contains("sorted[")), "the hot spot: {lines:#?}");
+    }
+    // One pipeline: whatever is sent stays in it.
+    let lines = sections(&["--set", "pipelines=1", "--set", "geometry_units=1"]);
+    assert_eq!(lines[0], "sort-middle, 1 pipeline");
+    assert!(lines.contains(&"to another pipeline 0 0.0 %; 0 B".to_owned()), "{lines:#?}");
 }
 
 #[test]

@@ -5,13 +5,15 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::machine::Config;
 use crate::machine::config::BUILT_IN;
+use crate::machine::{Config, Machine};
+use crate::report::diagram::Diagram;
 
-/// List the built-in configurations; with NAME, print one fully resolved
+/// List the built-in configurations; with NAME, print one fully resolved, or draw its machine
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  fillrate configs\n  fillrate configs tiny\n  fillrate configs baseline --set memory.ideal=true > mine.ron"
+    after_help = "Examples:\n  fillrate configs\n  fillrate configs tiny\n  fillrate configs baseline --set memory.kind=ideal > mine.ron\n  \
+fillrate configs sort-first --draw | dot -Tpdf > machine.pdf\n  fillrate configs sort-first --draw=svg > machine.svg"
 )]
 pub struct Arguments {
     /// A built-in configuration, or a file
@@ -19,14 +21,32 @@ pub struct Arguments {
     /// Set one knob; may be repeated
     #[arg(long, value_name = "PATH=VALUE", requires = "name")]
     set: Vec<String>,
+    /// Draw the machine from itself, units and channels as they are wired: for Graphviz, or as a picture
+    #[arg(long, value_enum, value_name = "FORMAT", requires = "name", num_args = 0..=1, default_missing_value = "dot")]
+    draw: Option<Drawing>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Drawing {
+    /// The language of Graphviz
+    Dot,
+    /// A picture, laid out here
+    Svg,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.name {
-        Some(name) => print!("{}", load(name, &arguments.set)?.resolved()),
+        Some(name) => {
+            let config = load(name, &arguments.set)?;
+            match arguments.draw {
+                None => print!("{}", config.resolved()),
+                Some(Drawing::Dot) => print!("{}", Diagram::new(&Machine::new(&config)?).dot()),
+                Some(Drawing::Svg) => print!("{}", Diagram::new(&Machine::new(&config)?).svg()),
+            }
+        }
         None => {
             for (name, text) in BUILT_IN {
-                println!("{name:<12}{}", about(text));
+                println!("{name:<20}{}", about(text));
             }
         }
     }

@@ -18,7 +18,7 @@ use crate::sim::Clock;
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  \
-fillrate replay traces/cube --config tiny --set memory.latency=400 --clock every-cycle\n  \
+fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
 fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n\n\
 Leaves in --out: frame-NNNN.png (the trace's own frame numbers), stats.json, stats.csv, config.ron.")]
 pub struct Arguments {
@@ -139,6 +139,8 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
         print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
         print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
+        let pipelines = options.config.card.pipelines;
+        print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
         let rate = if seconds > 0.0 { frames as f64 / seconds } else { 0.0 };
         println!(
             "\n{} cycles, {rate:.1} frames a second at {} MHz",
@@ -153,10 +155,6 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
             shaded / host.max(1e-9) / 1e6,
             done.clock_time.as_secs_f64()
         );
-        let wrong = number("sort.wrong_pixels")?;
-        if wrong > 0.0 {
-            println!("{} pixels differ from API order", summary::grouped(wrong as u64));
-        }
     } else {
         println!("\nhost: {:.3} s in all", done.clock_time.as_secs_f64());
     }

@@ -17,7 +17,7 @@ pub use report::{FrameReport, MachineReport, Picture};
 
 use self::build::Built;
 use self::config::SortClass;
-use crate::sim::{self, Circuit, Clock, Stuck};
+use crate::sim::{self, Circuit, Clock, Stuck, Wire};
 use crate::unit::Fault;
 use crate::unit::card::{Card, Pool};
 use crate::unit::interleave::Interleave;
@@ -81,6 +81,16 @@ impl Machine {
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// The name of each unit and its number among those of that name, in data-flow order.
+    pub fn units(&self) -> impl Iterator<Item = (&'static str, usize)> {
+        self.circuit.wires().units()
+    }
+
+    /// Each channel, with the units at its ends by their place in [`Machine::units`].
+    pub fn wires(&self) -> impl Iterator<Item = Wire> {
+        self.circuit.wires().wires()
     }
 
     /// Runs a stream of events to its end and keeps every frame's report.

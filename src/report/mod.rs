@@ -1,6 +1,7 @@
-//! Floor 5: what people and scripts read: pictures, text, JSON, CSV, comparisons, generated pages.
+//! Floor 5: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
 
 pub mod compare;
+pub mod diagram;
 pub mod files;
 pub mod pages;
 pub mod picture;

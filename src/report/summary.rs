@@ -1,6 +1,6 @@
 //! The short text that a replay prints.
 
-use crate::stats::{Node, Tree};
+use crate::stats::{Leaf, Node, Tree};
 
 /// Writes the funnel: what went in, and what was thrown away where.
 pub fn funnel(total: &Tree) -> String {
@@ -107,6 +107,63 @@ pub fn memory(total: &Tree) -> String {
     text
 }
 
+/// Writes what the sort class cost: copies and their bytes, uneven load, waiting for the order, the network, wrong pixels.
+pub fn sorting(total: &Tree, pipelines: u32) -> String {
+    let text = |path: &str| match total.get(path) {
+        Some(Node::Leaf(Leaf::Text(text))) => text.as_str(),
+        _ => "",
+    };
+    let class = text("sort.class");
+    let s = if pipelines == 1 { "" } else { "s" };
+    let mut out = format!("  {class}, {pipelines} pipeline{s}\n");
+    let mut row = |name: &str, value: String, rest: String| {
+        out.push_str(format!("  {name:<26}{value:>14}   {rest}").trim_end());
+        out.push('\n');
+    };
+    let n = |path: &str| total.number(path).unwrap_or(0.0);
+    let count = |path: &str| grouped(n(path) as u64);
+    let share = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
+
+    // 1. What was sorted, and sent how often.
+    let items = match class {
+        "sort-first" => "primitives",
+        "sort-last-fragment" => "quads",
+        _ => "triangles",
+    };
+    let (sorted, sent) = (n("sort.sorted_items"), n("sort.sent"));
+    let nowhere = if sent < sorted { format!("{} of them to nobody", grouped((sorted - sent) as u64)) } else { String::new() };
+    row(&format!("{items} sorted"), count("sort.sorted_items"), nowhere);
+    let (copies, size) = (n("sort.redistributed_items"), n("sort.redistributed_bytes"));
+    let copied = match class {
+        "sort-middle-binned" => "entries in tiles' lists",
+        _ => "copies sent",
+    };
+    row(copied, grouped(copies as u64), format!("overlap {:.3}; {}", n("sort.overlap"), bytes(size)));
+    if class != "sort-middle-binned" {
+        let away = format!("{:.1} %; {}", share(n("sort.foreign_items"), copies), bytes(n("sort.foreign_bytes")));
+        row("  to another pipeline", count("sort.foreign_items"), away);
+    }
+    if class == "sort-middle-binned" {
+        let written = n("binning.triangle_bytes") + n("binning.list_bytes");
+        row("triangles and lists", bytes(written), format!("written; {} read back", bytes(n("binning.read_bytes"))));
+        let empty = format!("and {} in whose lists nothing was", count("binning.empty_tiles"));
+        row("tiles drawn", count("binning.tiles"), empty);
+        row("partial renders", count("binning.partial_renders"), "because the memory for lists was full".to_owned());
+    }
+
+    // 2. What else it cost.
+    let imbalance = format!("{:.3}", n("sort.load_imbalance"));
+    row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
+    row("waiting for the order", count("sort.order_waiting_cycles"), "cycles, summed over those that restore it".to_owned());
+    if n("sort.network.hops") > 0.0 {
+        let busiest = format!("{:.1} %", 100.0 * n("sort.network.hottest_share"));
+        let mean = 100.0 * n("sort.network.mean_share");
+        row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", text("sort.network.hot_spot")));
+    }
+    row("wrong pixels", count("sort.wrong_pixels"), "those that differ from API order".to_owned());
+    out
+}
+
 /// A count with thin groups of three digits.
 pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
@@ -162,6 +219,45 @@ mod tests {
         let text = units(&total);
         assert!(text.find("rop x2").unwrap() < text.find("setup x2").unwrap(), "{text}");
         assert!(text.contains("Busiest: rop, 70.0 % of the cycles; the rest mostly starved for input."), "{text}");
+    }
+
+    #[test]
+    fn sorting_names_the_class_and_what_it_cost() {
+        let mut total = Tree::new();
+        let sort = total.child("sort");
+        sort.text("class", "sort-first");
+        for (name, value) in [
+            ("sorted_items", 1000),
+            ("sent", 900),
+            ("redistributed_items", 1800),
+            ("redistributed_bytes", 28800),
+            ("foreign_items", 1350),
+            ("foreign_bytes", 21600),
+            ("order_waiting_cycles", 4321),
+            ("wrong_pixels", 7),
+        ] {
+            sort.count(name, value);
+        }
+        sort.real("overlap", 2.0);
+        sort.real("load_imbalance", 1.25);
+        let network = sort.child("network");
+        network.count("hops", 5);
+        network.real("hottest_share", 0.5);
+        network.real("mean_share", 0.125);
+        network.text("hot_spot", "sorted[1] from a[0] to b[1]");
+        let text = sorting(&total, 4);
+        let lines: Vec<String> = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+        let expected = [
+            "sort-first, 4 pipelines",
+            "primitives sorted 1,000 100 of them to nobody",
+            "copies sent 1,800 overlap 2.000; 28.12 KiB",
+            "to another pipeline 1,350 75.0 %; 21.09 KiB",
+            "load imbalance 1.250 quads of the busiest pipeline by the mean",
+            "waiting for the order 4,321 cycles, summed over those that restore it",
+            "busiest link of the network 50.0 % sorted[1] from a[0] to b[1]; mean of all 12.5 %",
+            "wrong pixels 7 those that differ from API order",
+        ];
+        assert_eq!(lines, expected);
     }
 
     #[test]

@@ -156,7 +156,6 @@ impl Channel {
     }
 
     /// Its shape.
-    #[cfg(test)]
     pub fn link(&self) -> Link {
         let by_bytes = self.byte_mask != 0;
         Link { capacity: self.capacity, latency: self.latency.into(), width: self.link_width, by_bytes }

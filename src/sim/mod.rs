@@ -56,7 +56,7 @@ pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble};
 pub use clock::{Clock, Stuck, run};
 pub use unit::{Tick, Unit};
-pub use wires::{In, Out, Reading, Token, UnitId, Wires, Wiring};
+pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires, Wiring};
 
 #[cfg(test)]
 pub(crate) mod tests;

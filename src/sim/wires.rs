@@ -400,10 +400,20 @@ impl Wires {
         self.channels.iter().map(|channel| u64::from(channel.len())).sum()
     }
 
-    /// The name, the number and the shape of each channel, in the order of declaration.
-    #[cfg(test)]
-    pub(crate) fn links(&self) -> impl Iterator<Item = (&'static str, usize, Link)> {
-        self.labels.iter().zip(&self.channels).map(|(label, channel)| (label.name, label.index, channel.link()))
+    /// The name of each unit and its number among those of that name, in the order of declaration, which is that of the data flow.
+    pub fn units(&self) -> impl Iterator<Item = (&'static str, usize)> {
+        self.units.iter().map(|label| (label.name, label.index))
+    }
+
+    /// Each channel, in the order of declaration.
+    pub fn wires(&self) -> impl Iterator<Item = Wire> {
+        self.labels.iter().zip(&self.channels).map(|(label, channel)| Wire {
+            name: label.name,
+            index: label.index,
+            link: channel.link(),
+            from: usize::from(channel.producer.0),
+            to: usize::from(channel.consumer.0),
+        })
     }
 
     /// Items in each channel, in the order of declaration.
@@ -474,6 +484,21 @@ impl Wires {
         }
         tree
     }
+}
+
+/// A channel as it is wired: its name and number, its shape, and the units at its ends, by their place in the order of declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wire {
+    /// What the channels of its kind are called.
+    pub name: &'static str,
+    /// Which of them it is.
+    pub index: usize,
+    /// Its shape.
+    pub link: Link,
+    /// The unit that pushes.
+    pub from: usize,
+    /// The unit that pops.
+    pub to: usize,
 }
 
 /// All that the wires count, at one moment.

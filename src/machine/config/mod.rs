@@ -25,7 +25,17 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("tiny", include_str!("../../../configs/tiny.ron")),
     ("attila", include_str!("../../../configs/attila.ron")),
     ("wide", include_str!("../../../configs/wide.ron")),
+    ("sort-first", include_str!("../../../configs/sort-first.ron")),
+    ("sort-middle", include_str!("../../../configs/sort-middle.ron")),
+    ("sort-middle-binned", include_str!("../../../configs/sort-middle-binned.ron")),
+    ("sort-last-fragment", include_str!("../../../configs/sort-last-fragment.ron")),
 ];
+
+/// Their names, as messages list them.
+fn built_in_names() -> String {
+    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+    names.split_last().map_or(String::new(), |(last, rest)| format!("{} and {last}", rest.join(", ")))
+}
 
 /// What is wrong with a configuration.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -69,7 +79,7 @@ pub enum ConfigError {
         key: String,
     },
     /// The configuration that is extended is not there.
-    #[error("{file}: there is no configuration {name}; built in are baseline, tiny, attila and wide")]
+    #[error("{file}: there is no configuration {name}; built in are {}", built_in_names())]
     Unknown {
         /// The file or name that names it.
         file: String,

@@ -25,6 +25,25 @@ fn every_built_in_configuration_is_sound_and_survives_its_text() {
     }
 }
 
+#[test]
+fn a_class_has_a_configuration_of_its_name_that_is_the_baseline_otherwise() {
+    for class in SortClass::NAMES {
+        let config = Config::built_in(class).unwrap_or_else(|error| panic!("{error}"));
+        let mut baseline = Config::built_in("baseline").unwrap();
+        baseline.set(&format!("sort={class}")).unwrap();
+        assert_eq!(config, Config { name: (*class).to_owned(), ..baseline });
+        assert_eq!(config.card.pipelines, 4);
+    }
+}
+
+#[test]
+fn a_name_that_is_none_is_told_what_there_is() {
+    let message = Config::built_in("sort-nothing").unwrap_err().to_string();
+    for (name, _) in BUILT_IN {
+        assert!(message.contains(name), "{name} in {message}");
+    }
+}
+
 fn message(text: &str) -> String {
     Config::parse("mine.ron", text).unwrap_err().to_string()
 }

@@ -38,7 +38,7 @@ fn the_counts_are_what_is_seen(config: &Config, events: &[Event]) {
     let mut machine = Machine::new(config).unwrap();
     machine.card.events.extend(events.iter().cloned());
     machine.card.closed = true;
-    let links: Vec<_> = machine.circuit.wires().links().collect();
+    let links: Vec<_> = machine.wires().map(|wire| (wire.name, wire.index, wire.link)).collect();
     let mut seen = vec![Seen::default(); links.len()];
     let mut looked: Cycle = 0;
     loop {

@@ -1,7 +1,7 @@
 //! The channels of a machine against its configuration.
 
 use crate::machine::{Config, Machine};
-use crate::sim::Circuit;
+use crate::sim::Wire;
 use crate::unit::knob::Allowed;
 
 /// The key of the queue that a channel is, if it is a knob; all others must be long enough whatever the knobs say.
@@ -51,7 +51,7 @@ fn every_channel_that_cannot_carry_its_width_is_warned_of() {
         }
         let warnings = config.warnings();
         let machine = Machine::new(&config).unwrap();
-        for (name, index, link) in machine.circuit.wires().links() {
+        for Wire { name, index, link, .. } in machine.wires() {
             match key(name) {
                 _ if link.sustains_width() => fine += 1,
                 Some(key) => {
