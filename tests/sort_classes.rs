@@ -52,6 +52,9 @@ fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
         for (pipelines, more) in [
             (1, &[][..]),
             (2, &["distribute.pattern=rows", "distribute.tile=16"][..]),
+            (4, &["distribute.pattern=balanced", "distribute.tile=8"]),
+            (6, &["distribute.pattern=blocks", "distribute.tile=16"]),
+            (7, &["distribute.pattern=bands", "distribute.tile=8"]),
             (3, &["distribute.pattern=hashed", "distribute.overlap=bounding-box", "bin.overlap=bounding-box"]),
             (5, &["distribute.pattern=morton", "distribute.tile=8", "assembly.batch=3", "core.warp_width=8"]),
             (8, &["assembly.deal=least-loaded", "bin.tile=8", "core.unified=false", "core.vertex_cores=8"]),
@@ -114,4 +117,40 @@ fn a_full_list_memory_is_drawn_in_parts() {
     }
     assert!(renders[..5].iter().all(|&n| n == 0.0), "{renders:?}");
     assert!(renders[5..].iter().all(|&n| n > 0.0), "{renders:?}");
+}
+
+#[test]
+fn whatever_keeps_the_order_is_needed() {
+    let blended = &scenes()[1];
+    for class in ["sort-first", "sort-middle", "sort-last-fragment"] {
+        let sort = format!("sort={class}");
+        let changes = [sort.as_str(), "pipelines=4", "geometry_units=4", "assembly.batch=2"];
+        let kept = run(&config(&changes), blended, Clock::SkipIdle);
+        let lost = run(&config(&[&changes[..], &["order.keep=never"]].concat()), blended, Clock::SkipIdle);
+        assert_eq!(wrong(&kept), 0, "{class}");
+        assert!(wrong(&lost) > 100, "{class}: {} pixels", wrong(&lost));
+    }
+    let sort = "sort=sort-middle-binned";
+    let mut binned = Config::built_in("baseline").unwrap();
+    binned.set(sort).unwrap();
+    binned.set("order.keep=never").unwrap();
+    assert!(binned.check().unwrap_err().to_string().contains("order.keep is never"));
+}
+
+#[test]
+fn opaque_quads_need_no_order_but_among_ties() {
+    let changes = ["sort=sort-last-fragment", "pipelines=4", "assembly.batch=2"];
+    let relaxed = [&changes[..], &["order.keep=where-needed"]].concat();
+    for scene in scenes() {
+        let (kept, free) = (run(&config(&changes), &scene, Clock::SkipIdle), run(&config(&relaxed), &scene, Clock::SkipIdle));
+        // No two triangles of these scenes have the same depth in a pixel that they share.
+        assert_eq!(wrong(&free), 0, "{scene:?}");
+        let waited = |report: &MachineReport| report.total.number("sort.order_waiting_cycles").unwrap();
+        let opaque = !scene.blend && !scene.stencil && scene.compare != Compare::Always;
+        if opaque {
+            assert!(waited(&free) < waited(&kept), "{scene:?}: {} of {}", waited(&free), waited(&kept));
+        } else {
+            assert_eq!(waited(&free), waited(&kept), "{scene:?}");
+        }
+    }
 }

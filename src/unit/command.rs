@@ -234,6 +234,7 @@ impl Command {
         self.passes += 1;
         let blocks = (across * down) as usize;
         card.pass = Some(PassState { number, depth_start, blocks, pass: pass.clone(), color, depth, blocks_across: across });
+        card.interleave.begin_pass(pass.width, pass.height);
         self.clears = clears;
         u64::from(flags).div_ceil(u64::from(self.clears_per_cycle))
     }
@@ -337,6 +338,7 @@ impl Command {
                     }
                     _ => State::Over,
                 };
+                card.interleave.end_frame();
                 self.ended = Some(end.clone());
             }
         }

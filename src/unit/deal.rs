@@ -2,6 +2,7 @@
 
 use super::assembly::{AssemblyConfig, Deal as Policy};
 use super::card::Card;
+use super::sorting::{Keep, any_order};
 use super::token::{Kind, Piece, Run};
 use crate::sim::{In, Out, Tick, Unit, Wires};
 
@@ -21,13 +22,41 @@ pub struct Deal {
     turn: usize,
     /// The pipeline that has the batch just dealt, and has still to be told of its end.
     open: Option<usize>,
+    /// Whether quads of opaque draws may come in any order.
+    relaxed: bool,
+    /// The first number since which all draws are opaque, by the direction in which depth decides, and the pass in which.
+    opaque: Option<(u32, bool, u32)>,
     items: u64,
 }
 
 impl Deal {
     /// An idle one.
-    pub fn new(config: &AssemblyConfig, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
-        Deal { policy: config.deal, batch: config.batch, input, outputs, next: 0, sequence: 0, turn: 0, open: None, items: 0 }
+    pub fn new(config: &AssemblyConfig, keep: Keep, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
+        Deal {
+            policy: config.deal,
+            batch: config.batch,
+            input,
+            outputs,
+            next: 0,
+            sequence: 0,
+            turn: 0,
+            open: None,
+            relaxed: keep == Keep::WhereNeeded,
+            opaque: None,
+            items: 0,
+        }
+    }
+
+    /// Notes from which number on the quads of a segment, which is dealt from now on, may come in any order.
+    fn relax(&mut self, card: &mut Card, slot: u16) {
+        let pass = card.pass.as_ref().map_or(0, |pass| pass.number);
+        self.opaque = any_order(card.work(slot)).map(|less| match self.opaque {
+            Some((first, same, in_pass)) if same == less && in_pass == pass => (first, less, pass),
+            _ => (self.sequence, less, pass),
+        });
+        if let Some(work) = &mut card.work[usize::from(slot)] {
+            work.order_from = self.opaque.map(|(first, _, _)| first);
+        }
     }
 
     /// The next in turn.
@@ -63,6 +92,10 @@ impl Unit<Card> for Deal {
                 wires.take(&self.input);
                 did = Tick::Moved;
                 continue;
+            }
+
+            if self.relaxed && kind == Kind::DATA && self.next == 0 {
+                self.relax(card, slot);
             }
 
             // 3. A batch, or a fence with a number of its own.

@@ -3,7 +3,7 @@
 
 use super::card::Card;
 use super::network::Receiver;
-use super::sorting::{OrderClock, OrderCounts};
+use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
 use super::token::{Kind, Run, TriangleToken};
 use crate::sim::{Out, Tick, Unit, Wires};
 
@@ -16,14 +16,27 @@ pub struct Gather {
     /// The sequence number that is being taken, and who sends it, once it is known.
     sequence: u32,
     current: Option<usize>,
+    keep: Keep,
+    /// What has ended, where no order is kept.
+    ended: Ended,
     clock: OrderClock,
     items: u64,
 }
 
 impl Gather {
     /// One at the beginning of the order, which takes so many primitives a cycle.
-    pub fn new(rate: u32, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
-        Gather { rate, input, output, sequence: 0, current: None, clock: OrderClock::default(), items: 0 }
+    pub fn new(rate: u32, keep: Keep, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
+        Gather {
+            rate,
+            input,
+            output,
+            sequence: 0,
+            current: None,
+            keep,
+            ended: Ended::default(),
+            clock: OrderClock::default(),
+            items: 0,
+        }
     }
 
     /// What it has counted.
@@ -36,8 +49,14 @@ impl Gather {
         if let Some(from) = self.current {
             return Some((from, self.input.front(wires, from)?));
         }
-        let (from, token) = self.input.find(wires, |token| token.sequence == self.sequence)?;
-        self.current = Some(from);
+        let sought = |token: &TriangleToken| match self.keep {
+            Keep::Never => self.ended.takes(token.kind, token.sequence),
+            _ => token.sequence == self.sequence,
+        };
+        let (from, token) = self.input.find(wires, sought)?;
+        if self.keep != Keep::Never {
+            self.current = Some(from);
+        }
         Some((from, token))
     }
 }
@@ -62,6 +81,9 @@ impl Unit<Card> for Gather {
                     return did.or(Tick::Blocked);
                 }
                 self.input.take(wires, from);
+                if self.keep == Keep::Never {
+                    self.ended.note(sequence);
+                }
                 self.sequence = self.sequence.wrapping_add(1);
                 self.current = None;
                 did = Tick::Moved;

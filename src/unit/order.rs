@@ -1,41 +1,11 @@
 //! The order at the ROP, one unit a pipeline of a machine that sorts fragments: takes quads from all pipelines in the order of their
 //! sequence numbers, or as they come where order does not matter, and hands them to the ROP's tests and blending.
 
-use std::collections::VecDeque;
-
 use super::card::Card;
 use super::network::Receiver;
-use super::sorting::{OrderClock, OrderCounts};
+use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
 use super::token::{GroupToken, Kind, bytes};
 use crate::sim::{Budget, Out, Tick, Unit, Wires};
-
-/// Sequence numbers that have ended, of which all before the first that has not are known by it.
-#[derive(Debug, Default)]
-struct Ended {
-    /// The first that has not ended.
-    first: u32,
-    /// Whether it and those after it have.
-    after: VecDeque<bool>,
-}
-
-impl Ended {
-    fn note(&mut self, sequence: u32) {
-        let place = sequence.wrapping_sub(self.first) as usize;
-        if self.after.len() <= place {
-            self.after.resize(place + 1, false);
-        }
-        self.after[place] = true;
-        while self.after.front() == Some(&true) {
-            self.after.pop_front();
-            self.first = self.first.wrapping_add(1);
-        }
-    }
-
-    /// Whether all before a number have.
-    fn before(&self, sequence: u32) -> bool {
-        self.first.wrapping_sub(sequence) as i32 >= 0
-    }
-}
 
 /// The order at a ROP. Its items are quads.
 pub struct Order {
@@ -47,6 +17,7 @@ pub struct Order {
     /// To the depth test, and straight to the colour unit.
     late: Out<GroupToken>,
     color: Out<GroupToken>,
+    keep: Keep,
     ended: Ended,
     /// Place in the ROP's order.
     place: u32,
@@ -56,8 +27,26 @@ pub struct Order {
 
 impl Order {
     /// One at the beginning of the order, which hands on so many quads a cycle.
-    pub fn new(pipeline: u8, rate: u32, input: Receiver<GroupToken>, late: Out<GroupToken>, color: Out<GroupToken>) -> Order {
-        Order { pipeline, rate, input, late, color, ended: Ended::default(), place: 0, clock: OrderClock::default(), items: 0 }
+    pub fn new(
+        pipeline: u8,
+        rate: u32,
+        keep: Keep,
+        input: Receiver<GroupToken>,
+        late: Out<GroupToken>,
+        color: Out<GroupToken>,
+    ) -> Order {
+        Order {
+            pipeline,
+            rate,
+            input,
+            late,
+            color,
+            keep,
+            ended: Ended::default(),
+            place: 0,
+            clock: OrderClock::default(),
+            items: 0,
+        }
     }
 
     /// What it has counted.
@@ -70,6 +59,7 @@ impl Order {
     fn due(&self, card: &Card, token: &GroupToken) -> bool {
         match token.kind {
             Kind::END => true,
+            Kind::DATA if self.keep == Keep::Never => true,
             Kind::DATA => {
                 let group = &card.groups[usize::from(self.pipeline)][token.group];
                 self.ended.before(card.work(group.slot).order_from.unwrap_or(token.sequence))

@@ -2,7 +2,7 @@
 
 use super::card::Card;
 use super::network::Receiver;
-use super::sorting::{OrderClock, OrderCounts};
+use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use crate::num::prefetch;
 use crate::sim::{Budget, Out, Tick, Unit, Wires};
@@ -36,6 +36,9 @@ pub struct Setup {
     found: bool,
     /// Whether the end of a sequence number is told on.
     marks: bool,
+    keep: Keep,
+    /// What has ended, where no order is kept.
+    ended: Ended,
     clock: OrderClock,
     free_at: u64,
     items: u64,
@@ -43,7 +46,13 @@ pub struct Setup {
 
 impl Setup {
     /// An empty one. With `marks` the end of a sequence number is told on, for those behind it who restore the order again.
-    pub fn new(config: SetupConfig, input: Receiver<TriangleToken>, marks: bool, output: Out<TriangleToken>) -> Setup {
+    pub fn new(
+        config: SetupConfig,
+        input: Receiver<TriangleToken>,
+        marks: bool,
+        keep: Keep,
+        output: Out<TriangleToken>,
+    ) -> Setup {
         let found = input.senders() == 1;
         Setup {
             config,
@@ -53,6 +62,8 @@ impl Setup {
             current: 0,
             found,
             marks,
+            keep,
+            ended: Ended::default(),
             clock: OrderClock::default(),
             free_at: 0,
             items: 0,
@@ -70,17 +81,24 @@ impl Setup {
         if self.found {
             return self.input.front(wires, self.current);
         }
-        let (from, token) = self.input.find(wires, |token| token.sequence == self.sequence)?;
+        let sought = |token: &TriangleToken| match self.keep {
+            Keep::Never => self.ended.takes(token.kind, token.sequence),
+            _ => token.sequence == self.sequence,
+        };
+        let (from, token) = self.input.find(wires, sought)?;
         self.current = from;
-        self.found = true;
+        self.found = self.keep != Keep::Never;
         Some(token)
     }
 
     /// The token is taken; one that ends its sequence number opens the next.
     #[inline(always)]
-    fn take(&mut self, wires: &mut Wires, kind: Kind) {
+    fn take(&mut self, wires: &mut Wires, TriangleToken { kind, sequence, .. }: TriangleToken) {
         self.input.take(wires, self.current);
         if kind != Kind::DATA {
+            if self.keep == Keep::Never {
+                self.ended.note(sequence);
+            }
             self.sequence = self.sequence.wrapping_add(1);
             self.found = self.input.senders() == 1;
         }
@@ -114,7 +132,7 @@ impl Unit<Card> for Setup {
             match token.kind {
                 // 1. The end of a sequence number is seen and forgotten where the order is restored here.
                 Kind::END if !self.marks => {
-                    self.take(wires, token.kind);
+                    self.take(wires, token);
                     did = Tick::Moved;
                 }
                 // 2. Triangles take their time.
@@ -131,7 +149,7 @@ impl Unit<Card> for Setup {
                     }
                     ask_ahead(card, token);
                     budget.spend();
-                    self.take(wires, token.kind);
+                    self.take(wires, token);
                     self.items += 1;
                     if self.config.interval > 1 {
                         self.free_at = wires.now() + u64::from(self.config.interval);
@@ -143,7 +161,7 @@ impl Unit<Card> for Setup {
                     if !wires.try_push(&self.output, token) {
                         return wires.stop(did, Tick::Blocked);
                     }
-                    self.take(wires, token.kind);
+                    self.take(wires, token);
                     did = Tick::Moved;
                 }
             }

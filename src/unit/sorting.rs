@@ -1,7 +1,13 @@
 //! What every way of sorting counts, whatever it sorts: primitives before geometry, triangles before rasterisation, or quads before
 //! the ROPs.
 
+use std::collections::VecDeque;
+
+use super::card::Work;
+use super::token::Kind;
+use crate::gfx::state::Compare;
 use crate::num::Cycle;
+use crate::unit::knob::Allowed;
 
 crate::counters! {
     /// What sorting costs.
@@ -74,4 +80,71 @@ impl OrderClock {
     pub fn counts(&self) -> OrderCounts {
         self.counts
     }
+}
+
+crate::choices! {
+    /// Where API order is kept.
+    pub enum Keep {
+        /// Everywhere.
+        Always "always",
+        /// Among quads of opaque draws, whose depth decides, it is not: they reach the ROP as they come.
+        WhereNeeded "where-needed",
+        /// Nowhere: everything is taken as it comes, which shows what keeping the order is for.
+        Never "never",
+    }
+}
+
+crate::knobs! {
+    /// API order, where it is restored.
+    pub struct OrderConfig {
+        /// Where API order is kept.
+        keep: Keep ["", Allowed::Choice(Keep::NAMES),
+            "APIs demand it; where-needed is for sort-last-fragment (Molnar et al. 1994), never for no real card"],
+    }
+}
+
+/// Sequence numbers that have ended, of which all before the first that has not are known by it.
+#[derive(Debug, Default)]
+pub struct Ended {
+    /// The first that has not ended.
+    first: u32,
+    /// Whether it and those after it have.
+    after: VecDeque<bool>,
+}
+
+impl Ended {
+    /// A number has ended.
+    pub fn note(&mut self, sequence: u32) {
+        let place = sequence.wrapping_sub(self.first) as usize;
+        if self.after.len() <= place {
+            self.after.resize(place + 1, false);
+        }
+        self.after[place] = true;
+        while self.after.front() == Some(&true) {
+            self.after.pop_front();
+            self.first = self.first.wrapping_add(1);
+        }
+    }
+
+    /// Whether all before a number have.
+    pub fn before(&self, sequence: u32) -> bool {
+        self.first.wrapping_sub(sequence) as i32 >= 0
+    }
+
+    /// Whether a token may be taken where no order is kept: a fence waits for all before it.
+    pub fn takes(&self, kind: Kind, sequence: u32) -> bool {
+        !kind.is_fence() || self.before(sequence)
+    }
+}
+
+/// Whether quads of a draw may reach the ROP in any order among those of draws like it, by the direction in which depth decides: what
+/// is nearer wins, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
+pub fn any_order(work: &Work) -> Option<bool> {
+    let depth = work.depth.as_ref().filter(|depth| depth.writes_depth() && !depth.uses_stencil())?;
+    let less = match depth.compare() {
+        Compare::Less | Compare::LessEqual => true,
+        Compare::Greater | Compare::GreaterEqual => false,
+        _ => return None,
+    };
+    work.colors.iter().flatten().all(|color| !color.reads()).then_some(less)
 }

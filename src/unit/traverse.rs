@@ -355,6 +355,9 @@ impl Unit<Card> for Traverse {
                 let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
                 let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
                 let hidden = self.hidden(card, triangle, x, y, number);
+                if card.interleave.is_balanced() {
+                    card.interleave.note(y, block.quads.into());
+                }
                 let funnel = &mut card.funnel;
                 funnel.tiles_visited += 1;
                 funnel.quads_rasterized += u64::from(block.quads);

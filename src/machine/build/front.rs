@@ -185,7 +185,7 @@ impl Builder<'_> {
         let (outputs, gathered) = self.chain("gathered", link, &gather, &fetch);
         let rate = config.assembly.primitives_per_cycle;
         let ends = receivers.into_iter().zip(outputs);
-        self.made.gather = ends.map(|(input, output)| Gather::new(rate, input, output)).collect();
+        self.made.gather = ends.map(|(input, output)| Gather::new(rate, config.order.keep, input, output)).collect();
         let brought = config.route.mode == Retained::Immediate;
         let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
         gathered.into_iter().map(input).collect()
@@ -198,7 +198,7 @@ impl Builder<'_> {
         let link = Link::items(config.assembly.queue, 1, 1);
         let to = if self.id.route.is_empty() { self.id.fetch.clone() } else { self.id.route.clone() };
         let (outputs, inputs) = self.join("batches", link, to.into_iter().map(|to| (deal, to)));
-        self.made.deal.push(Deal::new(&config.assembly, input, outputs));
+        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, input, outputs));
         inputs
     }
 
@@ -225,11 +225,12 @@ impl Builder<'_> {
 
     /// Triangle setup in each pipeline. With `marks` the order is restored behind it.
     pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Vec<In<TriangleToken>> {
-        let setup = &self.config.setup;
+        let (setup, keep) = (&self.config.setup, self.config.order.keep);
         let link = Link::items(setup.queue, setup.triangles_per_cycle, setup.latency);
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
-        let units = inputs.into_iter().zip(outputs).map(|(input, output)| Setup::new(setup.clone(), input, marks, output));
+        let units =
+            inputs.into_iter().zip(outputs).map(|(input, output)| Setup::new(setup.clone(), input, marks, keep, output));
         self.made.setup = units.collect();
         set_up
     }

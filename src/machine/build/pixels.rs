@@ -80,7 +80,8 @@ impl Builder<'_> {
         self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
         let rate = config.dispatch.output_quads;
         let ends = receivers.into_iter().zip(to_late).zip(to_color).enumerate();
-        self.made.order = ends.map(|(n, ((input, late), color))| Order::new(n as u8, rate, input, late, color)).collect();
+        self.made.order =
+            ends.map(|(n, ((input, late), color))| Order::new(n as u8, rate, config.order.keep, input, late, color)).collect();
         let acks = std::mem::take(&mut self.made.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
         for (n, (((input, output), end), ack)) in ends {

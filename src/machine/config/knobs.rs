@@ -3,6 +3,7 @@
 use super::Config;
 use crate::mem::{CacheShape, DramConfig, IdealConfig, L2Config, MemoryConfig};
 use crate::unit::knob::Allowed;
+use crate::unit::sorting::Keep;
 use crate::unit::warp::MAX_WIDTH;
 
 crate::choices! {
@@ -222,6 +223,18 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
             config.core.vertex_cores,
             config.card.pipelines,
+            config.card.sort.name()
+        ));
+    }
+    let order_allowed = match config.order.keep {
+        Keep::Always => true,
+        Keep::WhereNeeded => config.card.sort == SortClass::LastFragment,
+        Keep::Never => config.card.sort != SortClass::MiddleBinned,
+    };
+    if !order_allowed {
+        return Err(format!(
+            "order.keep is {}, which a machine whose sort is {} does not do",
+            config.order.keep.name(),
             config.card.sort.name()
         ));
     }

@@ -15,7 +15,7 @@ use crate::unit::{
     assembly::AssemblyConfig, bin::BinConfig, clip::ClipConfig, color::ColorConfig, command::CommandConfig,
     compute::ComputeConfig, core::CoreConfig, depth::DepthConfig, dispatch::DispatchConfig, distribute::DistributeConfig,
     fetch::FetchConfig, interpolate::InterpolateConfig, network::NetworkConfig, resolve::ResolveConfig, route::RouteConfig,
-    scanout::ScanoutConfig, setup::SetupConfig, texture::TextureConfig, traverse::TraverseConfig,
+    scanout::ScanoutConfig, setup::SetupConfig, sorting::OrderConfig, texture::TextureConfig, traverse::TraverseConfig,
 };
 use crate::work::{RenderKey, Shade};
 
@@ -138,6 +138,8 @@ config! {
     bin: BinConfig = "bin",
     /// The sort network.
     network: NetworkConfig = "network",
+    /// API order.
+    order: OrderConfig = "order",
     /// Triangle setup.
     setup: SetupConfig = "setup",
     /// Traversal.
