@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use fillrate::machine::Config;
+use fillrate::machine::config::SortClass;
 use fillrate::report::pages;
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::sim::Clock;
@@ -31,13 +32,15 @@ fn configuration_page_is_up_to_date() {
 #[test]
 fn every_statistic_of_a_replay_is_explained() {
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("the trace is there");
-    for config in ["tiny", "baseline"] {
-        let options = Options {
-            config: Config::built_in(config).expect("built in"),
-            fidelity: Fidelity::Cycle,
-            clock: Clock::SkipIdle,
-            frames: 0..u32::MAX,
-        };
+    let classes = SortClass::NAMES.iter().map(|class| ("baseline", Some(format!("sort={class}"))));
+    for (config, class) in [("tiny", None), ("baseline", None)].into_iter().chain(classes) {
+        let mut machine = Config::built_in(config).expect("built in");
+        if let Some(class) = &class {
+            for change in [class.as_str(), "bin.hide=true", "network.topology=crossbar"] {
+                machine.set(change).expect("a knob");
+            }
+        }
+        let options = Options { config: machine, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
         let done = replay(&trace, &options, &|_| ()).expect("the replay runs");
         let mut unexplained = Vec::new();
         let mut seen = 0;
@@ -48,7 +51,7 @@ fn every_statistic_of_a_replay_is_explained() {
             }
         });
         assert!(seen > 200, "{seen} statistics");
-        assert!(unexplained.is_empty(), "{config}: not in docs/statistics.md: {unexplained:#?}");
+        assert!(unexplained.is_empty(), "{config} {class:?}: not in docs/statistics.md: {unexplained:#?}");
     }
     assert!(!pages::explains("units.setup[0].nonsense") && !pages::explains("setup[0].busy"));
 }

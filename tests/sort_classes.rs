@@ -55,7 +55,7 @@ fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
             (4, &["distribute.pattern=balanced", "distribute.tile=8"]),
             (6, &["distribute.pattern=blocks", "distribute.tile=16"]),
             (7, &["distribute.pattern=bands", "distribute.tile=8"]),
-            (3, &["distribute.pattern=hashed", "distribute.overlap=bounding-box", "bin.overlap=bounding-box"]),
+            (3, &["distribute.pattern=hashed", "distribute.overlap=bounding-box", "bin.overlap=bounding-box", "bin.hide=true"]),
             (5, &["distribute.pattern=morton", "distribute.tile=8", "assembly.batch=3", "core.warp_width=8"]),
             (8, &["assembly.deal=least-loaded", "bin.tile=8", "core.unified=false", "core.vertex_cores=8"]),
             (16, &["memory.kind=ideal", "bin.tile=64", "route.mode=immediate"]),
@@ -153,4 +153,28 @@ fn opaque_quads_need_no_order_but_among_ties() {
             assert_eq!(waited(&free), waited(&kept), "{scene:?}");
         }
     }
+}
+
+#[test]
+fn what_is_hidden_in_a_tile_is_not_shaded() {
+    let shaded = |scene: &Scene, hide: &str| {
+        let report = run(&config(&["sort=sort-middle-binned", hide]), scene, Clock::SkipIdle);
+        assert_eq!(wrong(&report), 0, "{hide}: {scene:?}");
+        let of = |name: &str| report.total.number(name).unwrap();
+        let hidden =
+            (0..4).map(|n| report.total.number(&format!("hiding.hide[{n}].hidden_fragments")).unwrap_or(0.0)).sum::<f64>();
+        (of("funnel.fragments_shaded"), of("funnel.fragments_written"), hidden)
+    };
+    let opaque = Scene { compare: Compare::LessEqual, draws: 1, ..Scene::default() };
+    for scene in [opaque.clone(), Scene { samples: 4, ..opaque.clone() }] {
+        let (all, _, none) = shaded(&scene, "bin.hide=false");
+        let (seen, written, hidden) = shaded(&scene, "bin.hide=true");
+        assert_eq!(none, 0.0);
+        // Of one sample a pixel, each is shaded once.
+        assert!(seen < 0.95 * all && seen == written && seen + hidden == all, "{seen} + {hidden} of {all}: {scene:?}");
+        assert!(scene.samples > 1 || seen <= f64::from(scene.width * scene.height), "{seen} shaded");
+    }
+    // What shows through is not hidden.
+    let blended = Scene { blend: true, ..opaque };
+    assert_eq!(shaded(&blended, "bin.hide=true").2, 0.0);
 }

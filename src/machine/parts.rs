@@ -16,6 +16,7 @@ use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
 use crate::unit::fetch::Fetch;
 use crate::unit::gather::Gather;
+use crate::unit::hide::Hide;
 use crate::unit::interpolate::Interpolate;
 use crate::unit::network::{CreditReturn, Router};
 use crate::unit::order::Order;
@@ -64,6 +65,8 @@ crate::circuit! {
         traverse: Vec<Traverse>,
         /// Early and late depth and stencil tests.
         depth: Vec<Depth>,
+        /// Holds opaque quads of a tile back until it is known which are seen.
+        hide: Vec<Hide>,
         /// Interpolates attributes.
         interpolate: Vec<Interpolate>,
         /// Packs quads into warps, restores their order after shading.

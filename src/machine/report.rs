@@ -141,6 +141,9 @@ fn read(machine: &mut Machine) -> Reading {
     for unit in &circuit.bin {
         tree.child("binning").extend(unit.counts().tree());
     }
+    for (index, unit) in circuit.hide.iter().enumerate() {
+        tree.child("hiding").element("hide", index).extend(unit.counts().tree());
+    }
     for (index, unit) in circuit.route.iter().enumerate() {
         tree.child("routing").element("route", index).extend(unit.counts().tree());
     }

@@ -21,6 +21,7 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
         network: Some((geometry, 1)),
         bins: 1,
         tile_fetches: pipelines,
+        hides: if config.bin.hide { pipelines } else { 0 },
         ..Shape::default()
     };
     let mut machine = Builder::new(config, shape)?;

@@ -6,8 +6,11 @@ use crate::machine::{Config, ConfigError};
 use crate::mem::{ClientCounts, DramCounts, L2Counts};
 use crate::sim::ChannelCounts;
 use crate::stats::{Cycles, Declaration, Group, page};
+use crate::unit::bin::BinCounts;
 use crate::unit::block_cache::BlockCounts;
 use crate::unit::core::CoreCounts;
+use crate::unit::hide::HideCounts;
+use crate::unit::route::RouteCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::unit::texture::TextureCounts;
@@ -87,6 +90,9 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
         ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
+        ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
+        ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),
+        ("routing.route[i]", "Sort-first: pre-transformation.", RouteCounts::DECLARATIONS.to_vec()),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ]
 }

@@ -28,6 +28,8 @@ crate::knobs! {
         triangle_bytes: u32 ["bytes", Allowed::Range(16, 1024), "three transformed vertices: positions and eight words of attributes"],
         /// Whether entries of lists are stored as differences to the one before: 1 to 5 bytes instead of 4.
         compression: bool ["", Allowed::Switch, "variable-length differences"],
+        /// Whether opaque quads of a tile are held back until it is known which of them are seen, and only these are shaded.
+        hide: bool ["", Allowed::Switch, "deferred shading of Imagination PowerVR; others rely on early tests"],
         /// Memory for triangles and lists.
         memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "parameter buffers of 2 to 64 MB in phones"],
         /// Requests for lists and triangles in flight, in each pipeline.

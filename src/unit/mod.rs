@@ -23,6 +23,7 @@ pub mod distribute;
 pub mod fetch;
 pub mod frame;
 pub mod gather;
+pub mod hide;
 pub mod index_runs;
 pub mod interleave;
 pub mod interpolate;

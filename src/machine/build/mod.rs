@@ -20,6 +20,7 @@ use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
 use crate::unit::fetch::Fetch;
 use crate::unit::gather::Gather;
+use crate::unit::hide::Hide;
 use crate::unit::interpolate::Interpolate;
 use crate::unit::network::{CreditReturn, Names, Network, NetworkMap, NetworkPlan, Receiver, Router, Sender};
 use crate::unit::order::Order;
@@ -64,6 +65,8 @@ pub(super) struct Shape {
     pub bins: usize,
     /// Units that read tiles.
     pub tile_fetches: usize,
+    /// Units that remove hidden surfaces.
+    pub hides: usize,
     /// Units that restore the order at the ROP.
     pub orders: usize,
     /// Ends of the network that sorts: senders and receivers.
@@ -87,6 +90,7 @@ struct Ids {
     setup: Vec<UnitId>,
     traverse: Vec<UnitId>,
     depth: Vec<UnitId>,
+    hide: Vec<UnitId>,
     interpolate: Vec<UnitId>,
     dispatch: Vec<UnitId>,
     order: Vec<UnitId>,
@@ -114,6 +118,7 @@ struct Made {
     setup: Vec<Setup>,
     traverse: Vec<Traverse>,
     depth: Vec<Depth>,
+    hide: Vec<Hide>,
     interpolate: Vec<Interpolate>,
     dispatch: Vec<Dispatch>,
     router: Vec<Router>,
@@ -188,6 +193,7 @@ impl<'a> Builder<'a> {
             },
             traverse: w.bank("traverse", pipelines),
             depth: w.bank("depth", pipelines),
+            hide: w.bank("hide", shape.hides),
             interpolate: w.bank("interpolate", pipelines),
             dispatch: w.bank("dispatch", pipelines),
             order: w.bank("order", shape.orders),
@@ -278,6 +284,7 @@ impl<'a> Builder<'a> {
             made.setup,
             made.traverse,
             made.depth,
+            made.hide,
             made.interpolate,
             made.dispatch,
             made.order,

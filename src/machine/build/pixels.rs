@@ -5,10 +5,12 @@ use crate::sim::{In, Link, Out};
 use crate::unit::color::ColorPorts;
 use crate::unit::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
 use crate::unit::dispatch::{Dispatch, DispatchPorts, Outlet};
+use crate::unit::hide::Hide;
 use crate::unit::interpolate::Interpolate;
 use crate::unit::order::Order;
 use crate::unit::token::{Ack, GroupToken, TriangleToken, WarpToken};
 use crate::unit::traverse::{Territory, Traverse, TraverseConfig};
+use crate::work::BLOCK;
 
 impl Builder<'_> {
     /// Pipelines that own what they draw, from traversal to the colour buffer: early and late tests share a depth unit.
@@ -25,7 +27,18 @@ impl Builder<'_> {
         let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
         let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &depth);
         let (to_traverse, bounds) = self.chain("depth_bounds", updates, &depth, &traverse);
-        let (to_interpolate, interpolated) = self.chain("tested_early", tested, &depth, &interpolate);
+        let hide = self.id.hide.clone();
+        let (to_interpolate, interpolated) = if hide.is_empty() {
+            self.chain("tested_early", tested, &depth, &interpolate)
+        } else {
+            let (to_hide, held) = self.chain("tested_early", tested, &depth, &hide);
+            let (outputs, seen) = self.chain("seen", tested, &hide, &interpolate);
+            let side = config.bin.tile / BLOCK;
+            let units = held.into_iter().zip(outputs).enumerate();
+            self.made.hide =
+                units.map(|(n, (input, output))| Hide::new(n as u8, side, d.quads_per_cycle, input, output)).collect();
+            (to_hide, seen)
+        };
         let (to_late, late) = self.chain("to_late_test", self.to_rop(), &dispatch, &depth);
         let (to_color, shaded) = self.chain("shaded", self.to_rop(), &dispatch, &color);
         let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
