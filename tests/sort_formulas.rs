@@ -180,8 +180,7 @@ fn all_but_an_nth_leaves_its_own_pipeline_where_routing_is_uniform() {
         let even = pipelines.is_power_of_two();
         for class in ["sort-first", "sort-middle", "sort-last-fragment"] {
             // A batch is a primitive, so that all geometry takes part.
-            let geometry = format!("geometry_units={}", pipelines.min(2));
-            let report = replay(&machine(class, pipelines, &["assembly.batch=1", &geometry]), &scene);
+            let report = replay(&machine(class, pipelines, &["assembly.batch=1"]), &scene);
             let f = Figures(&report.total);
             let n = u64::from(pipelines);
             let (all, foreign) = (f.at("sort.redistributed_items"), f.at("sort.foreign_items"));

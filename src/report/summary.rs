@@ -148,7 +148,7 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         row("triangles and lists", bytes(written), format!("written; {} read back", bytes(n("binning.read_bytes"))));
         let empty = format!("and {} in whose lists nothing was", count("binning.empty_tiles"));
         row("tiles drawn", count("binning.tiles"), empty);
-        row("partial renders", count("binning.partial_renders"), "because the memory for lists was full".to_owned());
+        row("partial renders", count("binning.partial_renders"), "for want of room for lists".to_owned());
     }
 
     // 2. What else it cost.

@@ -87,7 +87,7 @@ impl Distribute {
     #[inline(always)]
     fn count(&mut self, to: usize, kind: Kind, size: u32) {
         if kind == Kind::DATA {
-            self.counts.copy(1, size, to != self.number);
+            self.counts.copy(1, size, to != self.number % self.network.receivers());
         } else {
             self.counts.marks += 1;
         }

@@ -20,7 +20,7 @@ crate::counters! {
         redistributed_items: "items",
         /// Their bytes.
         redistributed_bytes: "bytes",
-        /// Of the items, those that went to another pipeline than the one of that number which sent them.
+        /// Of the items, those that went to another pipeline than that of the unit which sent them (by its number, modulo the pipelines).
         foreign_items: "items",
         /// Their bytes.
         foreign_bytes: "bytes",
