@@ -124,7 +124,10 @@ fn lawful(config: &Config, works: &[Vec<Vec<Event>>; 2], number: usize, clocks: 
         assert_eq!(frame.picture.as_ref().map(|picture| picture.wrong_pixels), Some(0), "{}", config.resolved());
     }
     for &clock in clocks {
-        assert!(everything(&run(config, events, clock)) == text, "{clock:?} on\n{}", config.resolved());
+        let other = everything(&run(config, events, clock));
+        let at = text.bytes().zip(other.bytes()).take_while(|(a, b)| a == b).count();
+        let around = |text: &str| text[at.saturating_sub(200)..(at + 100).min(text.len())].to_owned();
+        assert!(other == text, "{clock:?}: {}\nagainst {}\non {}", around(&other), around(&text), config.resolved());
     }
 }
 

@@ -631,7 +631,8 @@ impl Unit<Card> for Fetch {
                 did = did.or(self.runs.take_in(wires, card, input, None));
             }
         }
-        did.or(self.read(wires, card))
+        did = did.or(self.read(wires, card));
+        if self.runs.freed() { Tick::Moved } else { did }
     }
 
     fn items(&self) -> u64 {

@@ -87,12 +87,14 @@ pub struct IndexRuns {
     /// Lines held or on their way, of at most so many.
     held: u32,
     lines: u32,
+    /// Places were given up since it was asked last.
+    freed: bool,
 }
 
 impl IndexRuns {
     /// None yet, with places for so many lines of indices.
     pub fn new(lines: u32) -> IndexRuns {
-        IndexRuns { runs: VecDeque::with_capacity(AHEAD), misses: Misses::new(lines), held: 0, lines }
+        IndexRuns { runs: VecDeque::with_capacity(AHEAD), misses: Misses::new(lines), held: 0, lines, freed: false }
     }
 
     /// Runs and marks inside, and lines on their way.
@@ -109,6 +111,7 @@ impl IndexRuns {
     /// Takes it.
     pub fn take(&mut self) {
         if let Some(ahead) = self.runs.pop_front() {
+            self.freed |= ahead.asked != ahead.used;
             self.held -= ahead.asked - ahead.used;
         }
     }
@@ -155,6 +158,11 @@ impl IndexRuns {
         did
     }
 
+    /// Whether places were given up since this was asked last: then there is more to take in, and the unit ticks again.
+    pub fn freed(&mut self) -> bool {
+        std::mem::take(&mut self.freed)
+    }
+
     /// Of the run at the head, whose walk is given and has come to `position`, the first vertex whose index has not come. Lines that
     /// were read give their places up.
     #[inline(always)]
@@ -166,6 +174,7 @@ impl IndexRuns {
         let index_bytes = u64::from(work.segment.index_bytes);
         let used = ((start % LINE + u64::from(position) * index_bytes) / LINE) as u32;
         let used = used.min(ahead.asked);
+        self.freed |= used != ahead.used;
         self.held -= used - ahead.used;
         ahead.used = used;
         let mut here = used;

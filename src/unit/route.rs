@@ -393,7 +393,8 @@ impl Unit<Card> for Route {
         did = did.or(self.runs.take_in(wires, card, &self.ports.input, Some(&self.ports.index)));
 
         // 4. Their vertices are looked up and transformed.
-        did.or(self.read(wires, card))
+        did = did.or(self.read(wires, card));
+        if self.runs.freed() { Tick::Moved } else { did }
     }
 
     fn items(&self) -> u64 {

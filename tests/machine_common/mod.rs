@@ -215,7 +215,10 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     // Quads: culled early, or shaded (or done, where there is no fragment stage).
     assert_eq!(units("traverse"), f.funnel("quads_rasterized"));
     assert!(f.funnel("tiles_hiz_culled") <= f.funnel("tiles_visited"));
-    let kept = f.funnel("quads_rasterized") - f.funnel("quads_early_culled");
+    // Of opaque quads that are held back, those that are not seen end here.
+    let hidden =
+        if config.bin.hide && config.card.sort == SortClass::MiddleBinned { f.sum("hiding.hide", "hidden_quads") } else { 0 };
+    let kept = f.funnel("quads_rasterized") - f.funnel("quads_early_culled") - hidden;
     assert_eq!(units("interpolate"), f.funnel("quads_shaded"));
     assert_eq!(units("dispatch"), f.funnel("quads_shaded"));
     let lost = f.funnel("fragments_discarded") + f.funnel("fragments_late_failed");

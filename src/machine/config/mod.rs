@@ -12,10 +12,26 @@ pub use text::documentation;
 
 use crate::unit::knob::Section;
 use crate::unit::{
-    assembly::AssemblyConfig, bin::BinConfig, clip::ClipConfig, color::ColorConfig, command::CommandConfig,
-    compute::ComputeConfig, core::CoreConfig, depth::DepthConfig, dispatch::DispatchConfig, distribute::DistributeConfig,
-    fetch::FetchConfig, interpolate::InterpolateConfig, network::NetworkConfig, resolve::ResolveConfig, route::RouteConfig,
-    scanout::ScanoutConfig, setup::SetupConfig, sorting::OrderConfig, texture::TextureConfig, traverse::TraverseConfig,
+    assembly::AssemblyConfig,
+    bin::BinConfig,
+    clip::ClipConfig,
+    color::ColorConfig,
+    command::CommandConfig,
+    compute::ComputeConfig,
+    core::CoreConfig,
+    depth::DepthConfig,
+    dispatch::DispatchConfig,
+    distribute::DistributeConfig,
+    fetch::FetchConfig,
+    interpolate::InterpolateConfig,
+    network::NetworkConfig,
+    resolve::ResolveConfig,
+    route::RouteConfig,
+    scanout::ScanoutConfig,
+    setup::SetupConfig,
+    sorting::{Keep, OrderConfig},
+    texture::TextureConfig,
+    traverse::TraverseConfig,
 };
 use crate::work::{RenderKey, Shade};
 
@@ -213,6 +229,7 @@ impl Config {
     /// that they would have thrown away.
     pub fn render_key(&self) -> RenderKey {
         let shade = match self.card.sort {
+            _ if self.order.keep == Keep::Never => Shade::Covered,
             SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
             SortClass::LastFragment => Shade::Covered,
         };
