@@ -6,6 +6,7 @@ pub mod parts;
 mod report;
 mod sort_first;
 mod sort_last_fragment;
+mod sort_last_image;
 mod sort_middle;
 mod sort_middle_binned;
 
@@ -19,7 +20,9 @@ use self::build::Built;
 use self::config::SortClass;
 use crate::sim::{self, Circuit, Clock, Stuck, Wire};
 use crate::unit::Fault;
+use crate::unit::assembly::Deal;
 use crate::unit::card::{Card, Pool};
+use crate::unit::frame::Frame;
 use crate::unit::interleave::Interleave;
 use crate::unit::network::NetworkMap;
 use crate::unit::warp::Warps;
@@ -66,15 +69,20 @@ impl Machine {
             SortClass::Middle => sort_middle::build,
             SortClass::MiddleBinned => sort_middle_binned::build,
             SortClass::LastFragment => sort_last_fragment::build,
+            SortClass::LastImage => sort_last_image::build,
         };
         let Built { parts: circuit, clients, network } = build(config).map_err(rule)?;
         let pipelines = config.card.pipelines as usize;
-        let card = Card::new(
+        let mut card = Card::new(
             pipelines,
             config.command.segments as usize,
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
         );
+        if config.card.sort == SortClass::LastImage {
+            card.copies = vec![Frame::default(); pipelines];
+            card.chunks = pipelines > 1 && config.assembly.deal == Deal::Contiguous;
+        }
         Ok(Machine { config: config.clone(), circuit, card, clients, network })
     }
 
@@ -118,7 +126,7 @@ impl Machine {
         self.card.closed = false;
         loop {
             // 1. There is always an event for the command processor to read, until the last.
-            while !self.card.closed && self.card.events.len() < AHEAD {
+            while !self.card.closed && self.reads_ahead() {
                 match events.next() {
                     Some(event) => self.card.events.push_back(event),
                     None => self.card.closed = true,
@@ -151,6 +159,17 @@ impl Machine {
         }
         self.empty()?;
         Ok(readings.total(self))
+    }
+
+    /// Whether another event is to be read: until there are some, and where pipelines have runs of a pass until all of it is there,
+    /// whose primitives are counted before the first is dealt.
+    fn reads_ahead(&self) -> bool {
+        let events = &self.card.events;
+        let open = || {
+            let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass));
+            matches!(edge, Some(Event::BeginPass(_)))
+        };
+        events.len() < AHEAD || self.card.chunks && open()
     }
 
     /// Nothing may be left inside.

@@ -8,6 +8,7 @@ use crate::unit::card::Card;
 use crate::unit::clip::Clip;
 use crate::unit::color::Color;
 use crate::unit::command::Command;
+use crate::unit::compose::Compose;
 use crate::unit::compute::Compute;
 use crate::unit::core::Core;
 use crate::unit::deal::Deal;
@@ -81,6 +82,8 @@ crate::circuit! {
         texture: Vec<Texture>,
         /// Blends into colour buffers.
         color: Vec<Color>,
+        /// Composes the frame buffers of pipelines that draw apart from each other.
+        compose: Vec<Compose>,
         /// Turns samples into pixels.
         resolve: One<Resolve>,
         /// Shows frames.

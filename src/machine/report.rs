@@ -55,6 +55,8 @@ struct Reading {
     quads: Vec<u64>,
     sort: SortCounts,
     order: OrderCounts,
+    /// Passes that need an order which the machine does not keep.
+    disordered: usize,
 }
 
 /// Readings so far.
@@ -132,6 +134,7 @@ fn read(machine: &mut Machine) -> Reading {
         SortClass::MiddleBinned => circuit.bin.iter().for_each(|unit| sort += unit.sorting()),
         SortClass::Middle => circuit.distribute.iter().for_each(|unit| sort += unit.counts()),
         SortClass::LastFragment => circuit.dispatch.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::LastImage => circuit.compose.iter().for_each(|unit| sort += unit.sorting()),
     }
     let mut order = OrderCounts::default();
     circuit.gather.iter().for_each(|unit| order += unit.counts());
@@ -147,8 +150,12 @@ fn read(machine: &mut Machine) -> Reading {
     for (index, unit) in circuit.route.iter().enumerate() {
         tree.child("routing").element("route", index).extend(unit.counts().tree());
     }
+    for (index, unit) in circuit.compose.iter().enumerate() {
+        tree.child("composition").element("compose", index).extend(unit.counts().tree());
+    }
     let quads = circuit.traverse.iter().map(crate::sim::Unit::<Card>::items).collect();
-    Reading { tree, cycles, quads, sort, order }
+    let disordered = machine.card.disordered.len();
+    Reading { tree, cycles, quads, sort, order, disordered }
 }
 
 /// The statistics between two readings.
@@ -171,11 +178,28 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u6
     leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
     leaves.extend(now.order.since(&earlier.order).tree());
     leaves.count("wrong_pixels", wrong_pixels);
+    if machine.config.card.sort == SortClass::LastImage {
+        let passes = &machine.card.disordered[earlier.disordered..now.disordered];
+        leaves.count("passes_needing_order", passes.len() as u64);
+        leaves.text("passes_out_of_order", &names(passes));
+    }
     if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
         let traffic = network.traffic(channels, cycles).tree();
         tree.child("sort").child("network").extend(traffic);
     }
     tree
+}
+
+/// The numbers and labels of some passes, as far as a line goes.
+fn names(passes: &[(u32, String)]) -> String {
+    const MOST: usize = 16;
+    let name =
+        |(number, label): &(u32, String)| if label.is_empty() { number.to_string() } else { format!("{number} {label}") };
+    let mut text = passes.iter().take(MOST).map(name).collect::<Vec<_>>().join(", ");
+    if passes.len() > MOST {
+        text.push_str(&format!(" and {} more", passes.len() - MOST));
+    }
+    text
 }
 
 impl Readings {

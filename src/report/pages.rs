@@ -8,6 +8,7 @@ use crate::sim::ChannelCounts;
 use crate::stats::{Cycles, Declaration, Group, page};
 use crate::unit::bin::BinCounts;
 use crate::unit::block_cache::BlockCounts;
+use crate::unit::compose::ComposeCounts;
 use crate::unit::core::CoreCounts;
 use crate::unit::hide::HideCounts;
 use crate::unit::route::RouteCounts;
@@ -57,6 +58,12 @@ const SORT: &[Declaration] = &[
         "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
     one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
+    one(
+        "passes_needing_order",
+        "passes",
+        "Sort-last-image: passes whose picture may depend on an order that its pipelines do not keep: blended, stencilled, or with draws that treat depths or channels differently.",
+    ),
+    one("passes_out_of_order", "", "Their numbers and labels, up to 16."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];
 
@@ -93,6 +100,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
         ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),
         ("routing.route[i]", "Sort-first: pre-transformation.", RouteCounts::DECLARATIONS.to_vec()),
+        (
+            "composition.compose[i]",
+            "Sort-last-image: what each pipeline sends and composes.",
+            ComposeCounts::DECLARATIONS.to_vec(),
+        ),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ]
 }

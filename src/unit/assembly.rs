@@ -12,6 +12,8 @@ crate::choices! {
         Turn "round-robin",
         /// To the one with the most room in its queue; of several the next in turn.
         Least "least-loaded",
+        /// To each pipeline one run of a pass's primitives, as long as all others; in sort-last-image only.
+        Contiguous "contiguous",
     }
 }
 
@@ -19,7 +21,7 @@ impl Deal {
     /// The output that gets the next batch: the one whose turn it is, or one with more room.
     #[inline(always)]
     pub fn choose<T: Token>(self, wires: &mut Wires, outputs: &[Out<T>], turn: usize) -> usize {
-        if self == Deal::Turn || outputs.len() == 1 {
+        if self != Deal::Least || outputs.len() == 1 {
             return turn;
         }
         let (mut best, mut most) = (turn, 0);

@@ -185,12 +185,11 @@ impl BlockCache {
             *left = Some((surface, block));
         }
         let store = &frame.stores[surface];
-        match store.blocks[block as usize] {
-            BlockState::Cleared => self.counts.cleared_fills += 1,
-            BlockState::Stored(bytes) => {
+        match store.stored(block) {
+            None => self.counts.cleared_fills += 1,
+            Some((address, bytes)) => {
                 self.counts.fills += 1;
-                let address = store.address(block);
-                self.send(address, u32::from(bytes), false);
+                self.send(address, bytes, false);
             }
         }
         let needs = self.misses.issued().wrapping_add(self.unsent());

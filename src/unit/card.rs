@@ -6,13 +6,14 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::copies::{self, Marks, PassOrder};
 use super::frame::Frame;
 use super::interleave::Interleave;
 use super::warp::Warps;
 use crate::gfx::format::Format;
 use crate::gfx::rop::{ColorState, DepthStencilState};
 use crate::gfx::state::ColorTarget;
-use crate::work::{Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Segment, TILE, Target, Triangle, Visit};
+use crate::work::{Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Quad, Segment, TILE, Target, Triangle, Visit};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -41,6 +42,8 @@ pub struct Work {
     pub depth_format: Format,
     /// For each colour target of the draw how it is written.
     pub colors: Vec<Option<ColorState>>,
+    /// What its quads leave in the stamps of a copy, where pipelines have copies.
+    pub marks: Marks,
 }
 
 impl Work {
@@ -195,6 +198,12 @@ pub enum Fault {
         /// The knob that says so.
         key: &'static str,
     },
+    /// More primitives in a pass than pipelines with copies can number.
+    #[error("a pass has {most} primitives or more, which pipelines with copies of their own cannot number")]
+    Primitives {
+        /// How many are too many.
+        most: u32,
+    },
     /// A quad passed this machine's early tests but was not shaded in API order.
     #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
     Visibility {
@@ -231,6 +240,10 @@ pub struct PassState {
     pub depth: Option<usize>,
     /// Blocks across the pass's area.
     pub blocks_across: u32,
+    /// Primitives of the pass, where they are known before it is drawn.
+    pub primitives: u64,
+    /// Where pipelines have copies, of what kind its draws are.
+    pub order: PassOrder,
 }
 
 /// A dispatch's workgroups in flight.
@@ -256,6 +269,14 @@ pub struct Card {
     pub pass: Option<PassState>,
     /// The machine's own surfaces.
     pub frame: Frame,
+    /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
+    pub copies: Vec<Frame>,
+    /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
+    pub chunks: bool,
+    /// Primitives of the pass so far, where there are copies.
+    pub primitives: u32,
+    /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
+    pub disordered: Vec<(u32, String)>,
     /// Which pipeline owns which pixels.
     pub interleave: Interleave,
     /// The lists of tiles, by number, on a machine that bins.
@@ -285,6 +306,10 @@ impl Card {
             warps: vec![Warps::default(); pipelines + 1],
             pass: None,
             frame: Frame::default(),
+            copies: Vec::new(),
+            chunks: false,
+            primitives: 0,
+            disordered: Vec::new(),
             interleave,
             bins: Vec::new(),
             funnel: Funnel::default(),
@@ -335,11 +360,46 @@ impl Card {
             let state = ColorTarget { format: attachment.surface.format, blend: target.blend, write_mask: target.write_mask };
             Some(ColorState::new(&state, draw.blend_constant))
         };
-        let colors = draw.targets.iter().zip(attachments).map(color).collect();
+        let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();
+        let marks = if self.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
         let number = self.segments;
         self.segments = number.wrapping_add(1);
-        self.work[usize::from(slot)] =
-            Some(Work { segment, draw, early, draw_number, number, order_from: None, owners, depth, depth_format, colors });
+        self.work[usize::from(slot)] = Some(Work {
+            segment,
+            draw,
+            early,
+            draw_number,
+            number,
+            order_from: None,
+            owners,
+            depth,
+            depth_format,
+            colors,
+            marks,
+        });
+    }
+
+    /// Notes a segment that is drawn in copies.
+    #[cold]
+    fn note(
+        &mut self,
+        segment: &Segment,
+        draw: &Draw,
+        depth: Option<&DepthStencilState>,
+        colors: &[Option<ColorState>],
+    ) -> Marks {
+        let Some(pass) = &mut self.pass else { return Marks::default() };
+        let marks = pass.order.note(draw, depth, colors);
+        // Depths of fragments that are discarded after an early test stay, without their colours.
+        let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
+        let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
+        pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
+        let first = self.primitives;
+        self.primitives = first.saturating_add(segment.primitives.len() as u32);
+        if self.primitives >= copies::MAX_PRIMITIVES {
+            self.stop(Fault::Primitives { most: copies::MAX_PRIMITIVES });
+        }
+        Marks { first, over: marks.over && self.chunks, ..marks }
     }
 
     /// Stops the run; the first fault stands.

@@ -3,11 +3,15 @@
 use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts};
-use super::card::Card;
+use super::card::{Card, Group, Work};
 use super::compression::Compression;
+use super::copies::own;
+use super::depth::mark;
+use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
 use super::traverse::fragments;
+use crate::gfx::rop::composes_over;
 use crate::mem::MemoryPort;
 use crate::num::Cycle;
 use crate::sim::{In, Out, Tick, Unit, Wires};
@@ -111,7 +115,8 @@ impl Color {
     /// Blends one group into one target.
     #[inline(always)]
     fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
-        let Card { groups, work, pass, frame, .. } = card;
+        let Card { groups, work, pass, frame, copies, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let target = usize::from(entry.target);
@@ -119,6 +124,9 @@ impl Color {
         let state = work.colors.get(target).and_then(Option::as_ref);
         let slot = work.draw.targets.get(target).and_then(Option::as_ref);
         let (Some(surface), Some(state), Some(slot)) = (surface, state, slot) else { return };
+        if work.marks.over && state.blends() {
+            empty(frame, work, group, surface);
+        }
         let store = &mut frame.stores[surface];
         let samples = store.surface.samples as usize;
         let tile = &work.segment.tiles[group.tile as usize];
@@ -201,6 +209,9 @@ impl Color {
                 let group = &card.groups[pipeline][entry.token.group];
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel.fragments_written += u64::from(written);
+                if let Some(copy) = card.copies.get_mut(pipeline) {
+                    mark(card.work[usize::from(group.slot)].as_ref().expect("in flight"), group, &mut copy.stamps, true);
+                }
                 card.groups[pipeline].remove(entry.token.group);
             }
             self.fifo.pop_front();
@@ -212,7 +223,8 @@ impl Color {
     /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
     #[cold]
     fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
-        let Card { frame, pass, .. } = card;
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
         let keep = |surface: usize| {
@@ -231,7 +243,8 @@ impl Color {
     /// Writes the cache back at the end of a pass, then passes the fence on.
     #[cold]
     fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
-        let Card { frame, pass, .. } = card;
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("a pass is ending");
         let keep = |surface: usize| {
             let index = pass.color.iter().position(|&index| index == Some(surface));
@@ -281,7 +294,8 @@ impl Color {
             let from = wires.now() + Cycle::from(self.config.latency);
             let mut entry = Entry { token, target: self.target, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
-                let Card { groups, work, pass, frame, .. } = card;
+                let Card { groups, work, pass, frame, copies, .. } = card;
+                let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
                 let writes = |target: usize| {
@@ -322,6 +336,27 @@ impl Color {
                     return did;
                 }
             }
+        }
+    }
+}
+
+/// Where a copy is blended over nothing, to be put over what is behind it later: empties the samples that are blended first.
+#[cold]
+fn empty(copy: &mut Frame, work: &Work, group: &Group, surface: usize) {
+    let Frame { stores, stamps } = copy;
+    let store = &mut stores[surface];
+    if !composes_over(store.surface.format) {
+        return;
+    }
+    let words = store.words as usize;
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        let mut left = stamps.untouched(group.block, quad.position, live);
+        let run = store.quad_mut(group.block, quad.position);
+        while left != 0 {
+            let bit = left.trailing_zeros() as usize;
+            left &= left - 1;
+            (0..words).for_each(|w| run[bit / 4 * 4 * words + 4 * w + bit % 4] = 0);
         }
     }
 }

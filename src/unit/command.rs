@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
+use super::copies::{self, PassOrder};
 use super::frame::{BlockState, Store};
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
@@ -49,6 +50,10 @@ pub struct CommandPorts {
     pub scanout: Out<Piece>,
     /// Surfaces that were.
     pub scanned: In<Ack>,
+    /// Passes to be composed, to each composition unit; and what each of them has composed.
+    pub compose: Vec<Out<Piece>>,
+    /// See `compose`.
+    pub composed: Vec<In<Ack>>,
     /// Fences seen by each colour unit, and passes ended by each depth unit.
     pub acks: Vec<In<Ack>>,
     /// Memory, for copies and clears.
@@ -64,6 +69,8 @@ enum State {
     Clearing,
     /// The pass drains: reports of its end still to come.
     Ending(u32),
+    /// Copies of the attachments are being composed: units still to be told, and those that are not done.
+    Composing(usize, usize),
     /// Attachments are being resolved: how many still.
     Resolving(u32),
     /// Memory is moved.
@@ -223,7 +230,7 @@ impl Command {
                     let key = depth_key(format, texel::depth_code(format, f32::from_bits(value[0])));
                     Some((key, key))
                 }
-                _ if self.depth_known == Some(attachment.surface.key) => None,
+                _ if self.depth_known == Some(attachment.surface.key) && card.copies.is_empty() => None,
                 _ => Some((0, u32::MAX)),
             };
             self.depth_known = Some(attachment.surface.key);
@@ -233,7 +240,38 @@ impl Command {
         let number = self.passes;
         self.passes += 1;
         let blocks = (across * down) as usize;
-        card.pass = Some(PassState { number, depth_start, blocks, pass: pass.clone(), color, depth, blocks_across: across });
+        let (order, primitives) = (PassOrder::default(), primitives_ahead(card));
+        let state = PassState {
+            number,
+            depth_start,
+            blocks,
+            pass: pass.clone(),
+            color,
+            depth,
+            blocks_across: across,
+            primitives,
+            order,
+        };
+        if !card.copies.is_empty() {
+            let cleared = |&&surface: &&usize| {
+                let address = card.frame.stores[surface].surface.address;
+                clears.iter().any(|&(at, _)| at == address)
+            };
+            let written: Vec<usize> = state.color.iter().flatten().chain(&state.depth).filter(cleared).copied().collect();
+            copies::begin(&card.frame, &mut card.copies, &state, &written);
+            card.primitives = 0;
+            // Beside the surfaces all copies are cleared; a single pipeline's is the surface.
+            let pipelines = card.copies.len();
+            if pipelines > 1 {
+                let own = clears.clone();
+                for pipeline in 0..pipelines {
+                    let behind = copies::offset(pipeline, pipelines);
+                    clears.extend(own.iter().map(|&(address, bytes)| (address + behind, bytes)));
+                }
+                flags *= pipelines as u32 + 1;
+            }
+        }
+        card.pass = Some(state);
         card.interleave.begin_pass(pass.width, pass.height);
         self.clears = clears;
         u64::from(flags).div_ceil(u64::from(self.clears_per_cycle))
@@ -348,6 +386,15 @@ impl Command {
         Some(())
     }
 
+    /// The pass is drawn: its attachments are resolved.
+    fn begin_resolves(&mut self, card: &Card) {
+        let Some(pass) = &card.pass else { return };
+        let resolves = |attachment: &Option<Attachment>| attachment.is_some_and(|a| a.resolve.is_some());
+        let locations = pass.pass.color.iter().enumerate().filter(|(_, attachment)| resolves(attachment));
+        self.resolves = locations.map(|(location, _)| location as u16).collect();
+        self.state = State::Resolving(self.resolves.len() as u32);
+    }
+
     /// Goes on with what takes longer than an event.
     fn proceed(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         match &mut self.state {
@@ -367,11 +414,37 @@ impl Command {
                     return Tick::Starved;
                 }
                 let Some(pass) = &card.pass else { return Tick::Starved };
-                let resolves = |attachment: &Option<Attachment>| attachment.is_some_and(|a| a.resolve.is_some());
-                let locations = pass.pass.color.iter().enumerate().filter(|(_, attachment)| resolves(attachment));
-                self.resolves = locations.map(|(location, _)| location as u16).collect();
-                self.state = State::Resolving(self.resolves.len() as u32);
+                if pass.order.drawn {
+                    if pass.order.matters && card.copies.len() > 1 {
+                        card.disordered.push((pass.pass.number, pass.pass.label.clone()));
+                    }
+                    self.state = State::Composing(0, self.ports.compose.len());
+                    return Tick::Moved;
+                }
+                self.begin_resolves(card);
                 Tick::Moved
+            }
+            State::Composing(told, left) => {
+                let mut did = Tick::Starved;
+                while *told < self.ports.compose.len() {
+                    if !wires.try_push(&self.ports.compose[*told], Piece { slot: 0, kind: Kind::PASS }) {
+                        did = Tick::Blocked;
+                        break;
+                    }
+                    *told += 1;
+                    did = Tick::Moved;
+                }
+                for port in &self.ports.composed {
+                    while wires.pop(port).is_some() {
+                        *left -= 1;
+                        did = Tick::Moved;
+                    }
+                }
+                if *left == 0 {
+                    self.begin_resolves(card);
+                    did = Tick::Moved;
+                }
+                did
             }
             State::Resolving(left) => {
                 let mut did = Tick::Starved;
@@ -419,6 +492,13 @@ impl Command {
             }
         }
     }
+}
+
+/// Primitives up to the end of the pass, of the events that are here.
+fn primitives_ahead(card: &Card) -> u64 {
+    let pass = card.events.iter().skip(1).take_while(|event| !matches!(event, Event::EndPass));
+    let primitives = |event: &Event| if let Event::Segment(segment) = event { segment.primitives.len() as u64 } else { 0 };
+    pass.map(primitives).sum()
 }
 
 /// Notes that a surface holds its clear value: by flag, or as a write to memory still to be done.

@@ -26,12 +26,17 @@ pub struct Deal {
     relaxed: bool,
     /// The first number since which all draws are opaque, by the direction in which depth decides, and the pass in which.
     opaque: Option<(u32, bool, u32)>,
+    /// Whether fences go to all pipelines, and not to one that tells the others; and those that the fence at hand has still to go to.
+    everyone: bool,
+    waiting: u64,
+    /// Primitives of the pass that are dealt.
+    dealt: u64,
     items: u64,
 }
 
 impl Deal {
-    /// An idle one.
-    pub fn new(config: &AssemblyConfig, keep: Keep, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
+    /// An idle one. With `everyone` fences go to all pipelines, and not to one that tells the others.
+    pub fn new(config: &AssemblyConfig, keep: Keep, everyone: bool, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
         Deal {
             policy: config.deal,
             batch: config.batch,
@@ -43,6 +48,9 @@ impl Deal {
             open: None,
             relaxed: keep == Keep::WhereNeeded,
             opaque: None,
+            everyone,
+            waiting: 0,
+            dealt: 0,
             items: 0,
         }
     }
@@ -57,6 +65,27 @@ impl Deal {
         if let Some(work) = &mut card.work[usize::from(slot)] {
             work.order_from = self.opaque.map(|(first, _, _)| first);
         }
+    }
+
+    /// Sends a fence to all; false while some have no room.
+    fn fence(&mut self, wires: &mut Wires, fence: Run) -> bool {
+        if self.waiting == 0 {
+            self.waiting = u64::MAX >> (64 - self.outputs.len());
+        }
+        for (n, output) in self.outputs.iter().enumerate() {
+            if self.waiting >> n & 1 == 1 && wires.try_push(output, fence) {
+                self.waiting &= !(1 << n);
+            }
+        }
+        self.waiting == 0
+    }
+
+    /// The pipeline whose run of the pass the next primitive is in, and how many more are.
+    fn run_of(&self, primitives: u64) -> (usize, u64) {
+        let pipelines = self.outputs.len() as u64;
+        let end = |pipeline: u64| primitives * (pipeline + 1) / pipelines;
+        let pipeline = (0..pipelines).find(|&pipeline| self.dealt < end(pipeline)).unwrap_or(pipelines - 1);
+        (pipeline as usize, end(pipeline).saturating_sub(self.dealt).max(1))
     }
 
     /// The next in turn.
@@ -101,6 +130,26 @@ impl Unit<Card> for Deal {
             // 3. A batch, or a fence with a number of its own.
             let output = self.policy.choose(wires, &self.outputs, self.turn);
             let count = left.min(self.batch);
+            // 3. A fence for all.
+            if kind != Kind::DATA && self.everyone {
+                if !self.fence(wires, Run { slot, kind, sequence, first: 0, count: 0 }) {
+                    return did.or(Tick::Blocked);
+                }
+                if kind == Kind::PASS {
+                    self.dealt = 0;
+                }
+                wires.take(&self.input);
+                self.advance();
+                did = Tick::Moved;
+                continue;
+            }
+
+            // 4. A batch, or a fence with a number of its own.
+            let (output, most) = match (self.policy, &card.pass) {
+                (Policy::Contiguous, Some(pass)) => self.run_of(pass.primitives),
+                _ => (self.policy.choose(wires, &self.outputs, self.turn), u64::MAX),
+            };
+            let count = left.min(self.batch).min(most.min(u64::from(u32::MAX)) as u32);
             let run = Run { slot, kind, sequence, first: self.next, count };
             if !wires.try_push(&self.outputs[output], run) {
                 return did.or(Tick::Blocked);
@@ -108,6 +157,7 @@ impl Unit<Card> for Deal {
             did = Tick::Moved;
             if kind == Kind::DATA {
                 self.next += count;
+                self.dealt += u64::from(count);
                 self.items += 1;
                 self.open = Some(output);
             } else {

@@ -4,8 +4,9 @@
 use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts};
-use super::card::{Card, Work};
+use super::card::{Card, Group, Work};
 use super::compression::Compression;
+use super::copies::{Stamps, own};
 use super::frame::Store;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
@@ -133,7 +134,8 @@ impl Depth {
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
     #[inline(always)]
     fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
-        let Card { groups, work, pass, frame, .. } = card;
+        let Card { groups, work, pass, frame, copies, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let Some(pass) = pass else { return Ok(None) };
@@ -160,7 +162,8 @@ impl Depth {
     // Not inlined: the early and the late test share it, and the host's instruction cache is small.
     #[inline(never)]
     fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
-        let Card { groups, work, pass, frame, funnel, .. } = card;
+        let Card { groups, work, pass, frame, copies, funnel, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let group = &mut groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let pass = pass.as_ref().expect("quads are tested in a pass");
@@ -282,6 +285,9 @@ impl Depth {
                 // Depth and stencil only: done.
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel.fragments_written += u64::from(written);
+                if let Some(copy) = card.copies.get_mut(pipeline) {
+                    mark(work, &group, &mut copy.stamps, false);
+                }
                 card.groups[pipeline].remove(token.group);
             } else if token.quads == 0 {
                 card.groups[pipeline].remove(token.group);
@@ -374,7 +380,8 @@ impl Depth {
         if self.ended || self.away > 0 || !self.late.is_empty() {
             return Tick::Starved;
         }
-        let Card { frame, pass, .. } = card;
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again.
         let keep = token.group != 0 || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
@@ -387,9 +394,12 @@ impl Depth {
     #[cold]
     fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
-        let Card { frame, pass, .. } = card;
+        let Card { frame, copies, pass, .. } = card;
+        // Copies are composed by their depths, stored or not.
+        let composed = copies.len() > 1;
+        let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("a pass is ending");
-        let keep = pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
+        let keep = composed || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
         let did = self.cache.flush(frame, |_| keep);
         if did == Tick::Moved || !self.cache.flushed() {
             return did;
@@ -399,6 +409,16 @@ impl Depth {
         }
         wires.pop(&self.ports.end);
         Tick::Moved
+    }
+}
+
+/// Leaves in the stamps of a copy who has written a group's samples.
+#[cold]
+pub(super) fn mark(work: &Work, group: &Group, stamps: &mut Stamps, colors: bool) {
+    let primitive = work.segment.triangles[group.triangle as usize].primitive;
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        stamps.mark(group.block, quad.position, live, work.marks, primitive, colors);
     }
 }
 

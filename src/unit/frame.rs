@@ -4,6 +4,7 @@
 //! sees. In a block lie 16 quads row by row; in a quad sample after sample, in a sample word after word, and last the four
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
+use super::copies::Stamps;
 use crate::gfx::format::Format;
 use crate::work::{BLOCK, Surface, SurfaceKey};
 
@@ -22,6 +23,8 @@ pub struct Store {
     pub words: u32,
     /// Words a block.
     pub block_words: u32,
+    /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
+    pub offset: u64,
 }
 
 /// How a block lies in memory.
@@ -31,6 +34,8 @@ pub enum BlockState {
     Cleared,
     /// As this many bytes: its size where it is not compressed.
     Stored(u16),
+    /// Of a copy: as this many bytes where the surface itself lies; the copy has none of its own yet.
+    Shared(u16),
 }
 
 impl Store {
@@ -41,8 +46,15 @@ impl Store {
         let words = surface.format.block_bytes().div_ceil(4);
         let block_words = BLOCK * BLOCK * surface.samples * words;
         let blocks = (across * down) as usize;
-        let mut store =
-            Store { surface, codes: vec![0; blocks * block_words as usize], blocks: Vec::new(), across, words, block_words };
+        let mut store = Store {
+            surface,
+            codes: vec![0; blocks * block_words as usize],
+            blocks: Vec::new(),
+            across,
+            words,
+            block_words,
+            offset: 0,
+        };
         store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
         store
     }
@@ -56,7 +68,17 @@ impl Store {
     /// Address of a block.
     #[inline(always)]
     pub fn address(&self, block: u32) -> u64 {
-        self.surface.address + u64::from(block) * u64::from(self.block_bytes())
+        self.surface.address + self.offset + u64::from(block) * u64::from(self.block_bytes())
+    }
+
+    /// Bytes of a block in memory and their address; none where a flag says what it holds.
+    #[inline(always)]
+    pub fn stored(&self, block: u32) -> Option<(u64, u32)> {
+        match self.blocks[block as usize] {
+            BlockState::Cleared => None,
+            BlockState::Stored(bytes) => Some((self.address(block), u32::from(bytes))),
+            BlockState::Shared(bytes) => Some((self.address(block) - self.offset, u32::from(bytes))),
+        }
     }
 
     /// The codes of a block.
@@ -208,6 +230,8 @@ impl Store {
 pub struct Frame {
     /// The surfaces.
     pub stores: Vec<Store>,
+    /// Of a pipeline's copies of a pass's attachments, who wrote each sample; else empty.
+    pub stamps: Stamps,
 }
 
 impl Frame {

@@ -24,9 +24,9 @@ crate::knobs! {
 
 /// A transfer to come.
 #[derive(Clone, Copy, Debug)]
-struct Operation {
-    address: u64,
-    bytes: u32,
+pub(super) struct Operation {
+    pub(super) address: u64,
+    pub(super) bytes: u32,
 }
 
 /// The resolve unit. Its items are blocks.
@@ -70,7 +70,7 @@ impl Resolve {
 }
 
 /// Cuts a run of bytes into requests.
-fn requests(mut address: u64, bytes: u32, queue: &mut VecDeque<Operation>) -> u32 {
+pub(super) fn requests(mut address: u64, bytes: u32, queue: &mut VecDeque<Operation>) -> u32 {
     let end = address + u64::from(bytes);
     let mut count = 0;
     while address < end {
@@ -177,10 +177,8 @@ impl Unit<Card> for Resolve {
         // 4. Ask for the samples of the next.
         while self.asked < blocks && self.reads.is_empty() && self.waiting.len() < self.config.misses as usize {
             let store = &frame.stores[from];
-            let count = match store.blocks[self.asked as usize] {
-                BlockState::Cleared => 0,
-                BlockState::Stored(bytes) => requests(store.address(self.asked), u32::from(bytes), &mut self.reads),
-            };
+            let stored = store.stored(self.asked);
+            let count = stored.map_or(0, |(address, bytes)| requests(address, bytes, &mut self.reads));
             self.waiting.push_back(self.misses.issued().wrapping_add(count));
             self.asked += 1;
             did = Tick::Moved;

@@ -9,6 +9,7 @@ mod blend;
 #[cfg(target_arch = "x86_64")]
 mod block;
 mod channels;
+mod compose;
 mod depth;
 mod number;
 mod resolve;
@@ -17,6 +18,7 @@ mod resolve;
 mod tests;
 
 pub use blend::ColorState;
+pub use compose::{compare_depths, composes_over, over};
 pub use depth::DepthStencilState;
 pub use resolve::{alpha_to_coverage, resolve};
 

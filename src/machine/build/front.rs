@@ -35,6 +35,10 @@ impl Builder<'_> {
         self.made.depth_acks = acks.split_off(self.pipelines());
         self.made.color_acks = acks;
 
+        let compose = self.id.compose.clone();
+        let (to_compose, compose_input) = self.join("composes", CONTROL, compose.iter().map(|&compose| (command, compose)));
+        let (composed, from_compose) = self.join("composed", CONTROL, compose.iter().map(|&compose| (compose, command)));
+        self.made.compose_commands = compose_input.into_iter().zip(composed).collect();
         let memory = self.port("command", 0, command);
         self.made.command = Some(Command::new(
             config.command.clone(),
@@ -49,6 +53,8 @@ impl Builder<'_> {
                 resolved: from_resolve,
                 scanout: to_scanout,
                 scanned: from_scanout,
+                compose: to_compose,
+                composed: from_compose,
                 acks: from_acks,
                 memory,
             },
@@ -198,7 +204,9 @@ impl Builder<'_> {
         let link = Link::items(config.assembly.queue, 1, 1);
         let to = if self.id.route.is_empty() { self.id.fetch.clone() } else { self.id.route.clone() };
         let (outputs, inputs) = self.join("batches", link, to.into_iter().map(|to| (deal, to)));
-        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, input, outputs));
+        // Where nothing behind tells all pipelines of a fence, it is done here.
+        let everyone = !self.id.compose.is_empty();
+        self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, input, outputs));
         inputs
     }
 

@@ -1,5 +1,6 @@
 //! Building blocks of machines: each joins one stage of the data flow to the next. A sort class is a list of them.
 
+mod compose;
 mod cores;
 mod front;
 mod pixels;
@@ -13,6 +14,7 @@ use crate::unit::bin::Bin;
 use crate::unit::clip::Clip;
 use crate::unit::color::{Color, ColorConfig, ColorPorts};
 use crate::unit::command::Command;
+use crate::unit::compose::Compose;
 use crate::unit::compute::Compute;
 use crate::unit::deal::Deal;
 use crate::unit::depth::Depth;
@@ -69,6 +71,8 @@ pub(super) struct Shape {
     pub hides: usize,
     /// Units that restore the order at the ROP.
     pub orders: usize,
+    /// Units that compose frame buffers.
+    pub composers: usize,
     /// Ends of the network that sorts: senders and receivers.
     pub network: Option<(usize, usize)>,
 }
@@ -98,6 +102,7 @@ struct Ids {
     core: Vec<UnitId>,
     texture: Vec<UnitId>,
     color: Vec<UnitId>,
+    compose: Vec<UnitId>,
     resolve: UnitId,
     scanout: UnitId,
 }
@@ -127,6 +132,9 @@ struct Made {
     order: Vec<Order>,
     compute: Option<Compute>,
     color_ends: Vec<ColorPorts>,
+    compose: Vec<Compose>,
+    /// Of each composition unit, from and to the command processor.
+    compose_commands: Vec<(In<Piece>, Out<Ack>)>,
     /// Ways of the colour caches.
     color_ways: u32,
     resolve_ends: Option<(In<Piece>, Out<Ack>)>,
@@ -201,6 +209,7 @@ impl<'a> Builder<'a> {
             core: w.bank("core", cores),
             texture: w.bank("texture", cores),
             color: w.bank("color", pipelines),
+            compose: w.bank("compose", shape.composers),
             resolve: w.unit("resolve", 0),
             scanout: w.unit("scanout", 0),
         };
@@ -292,6 +301,7 @@ impl<'a> Builder<'a> {
             cores.core,
             cores.texture,
             colors,
+            made.compose,
             One(resolve),
             One(scanout),
             memory.crossbar,

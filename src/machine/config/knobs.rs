@@ -2,6 +2,7 @@
 
 use super::Config;
 use crate::mem::{CacheShape, DramConfig, IdealConfig, L2Config, MemoryConfig};
+use crate::unit::assembly::Deal;
 use crate::unit::knob::Allowed;
 use crate::unit::sorting::Keep;
 use crate::unit::warp::MAX_WIDTH;
@@ -17,6 +18,8 @@ crate::choices! {
         MiddleBinned "sort-middle-binned",
         /// Shaded quads, between the cores and the ROPs.
         LastFragment "sort-last-fragment",
+        /// Whole frame buffers, one a pipeline, when the pass is drawn.
+        LastImage "sort-last-image",
     }
 }
 
@@ -217,12 +220,19 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             config.color.blends_per_cycle, config.color.quads_per_cycle
         ));
     }
-    let own_geometry = matches!(config.card.sort, SortClass::First | SortClass::LastFragment);
+    let own_geometry = matches!(config.card.sort, SortClass::First | SortClass::LastFragment | SortClass::LastImage);
     if own_geometry && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
         return Err(format!(
             "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
             config.core.vertex_cores,
             config.card.pipelines,
+            config.card.sort.name()
+        ));
+    }
+    if config.assembly.deal == Deal::Contiguous && config.card.sort != SortClass::LastImage {
+        return Err(format!(
+            "assembly.deal is \"contiguous\", and must be another where sort is \"{}\": only sort-last-image gives each pipeline one run \
+             of a pass",
             config.card.sort.name()
         ));
     }

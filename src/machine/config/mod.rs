@@ -17,6 +17,7 @@ use crate::unit::{
     clip::ClipConfig,
     color::ColorConfig,
     command::CommandConfig,
+    compose::ComposeConfig,
     compute::ComputeConfig,
     core::CoreConfig,
     depth::DepthConfig,
@@ -172,6 +173,8 @@ config! {
     texture: TextureConfig = "texture",
     /// Colour ROPs.
     color: ColorConfig = "color",
+    /// Composition.
+    compose: ComposeConfig = "compose",
     /// Compute dispatch.
     compute: ComputeConfig = "compute",
     /// Resolve.
@@ -231,7 +234,7 @@ impl Config {
         let shade = match self.card.sort {
             _ if self.order.keep == Keep::Never => Shade::Covered,
             SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
-            SortClass::LastFragment => Shade::Covered,
+            SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
         };
         RenderKey { shade, ..RenderKey::default() }
     }

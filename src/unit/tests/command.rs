@@ -128,6 +128,8 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         resolved,
         scanout,
         scanned,
+        compose: Vec::new(),
+        composed: Vec::new(),
         acks,
         memory: port(&mut plan, &mut wiring, ids[0]),
     };

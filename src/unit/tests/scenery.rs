@@ -159,5 +159,15 @@ pub fn begin_pass(card: &mut Card, pass: Pass, cleared: bool) {
     let depth = pass.depth.as_ref().map(&mut install);
     let blocks_across = pass.width / BLOCK;
     let blocks = (blocks_across * pass.height / BLOCK) as usize;
-    card.pass = Some(PassState { number: 0, depth_start: None, blocks, pass: Arc::new(pass), color, depth, blocks_across });
+    card.pass = Some(PassState {
+        number: 0,
+        depth_start: None,
+        blocks,
+        pass: Arc::new(pass),
+        color,
+        depth,
+        blocks_across,
+        primitives: 0,
+        order: Default::default(),
+    });
 }
