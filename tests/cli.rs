@@ -120,7 +120,8 @@ fn configs_lists_and_prints() {
 
 #[test]
 fn a_machine_is_drawn_from_itself() {
-    for class in ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"] {
+    let classes = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
+    for class in classes {
         let (code, dot, message) = run(&["configs", class, "--draw"]);
         assert_eq!(code, 0, "{message}");
         assert!(dot.starts_with("digraph") && dot.contains("label=\"setup x4\", shape=box3d"), "{dot}");
@@ -132,8 +133,8 @@ fn a_machine_is_drawn_from_itself() {
         assert!(svg.contains(&format!(">{class}, 4 pipelines<")) && svg.contains("traverse x4"), "{svg}");
         assert_eq!(run(&["configs", class, "--draw=svg"]).1, svg, "the same again");
         // What only this class has.
-        let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4"];
-        let place = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"].iter().position(|c| *c == class);
+        let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4", "compose x4"];
+        let place = classes.iter().position(|c| *c == class);
         assert!(svg.contains(own[place.expect("a class")]) && dot.contains(own[place.expect("a class")]));
         assert!(!svg.contains("router"));
     }
@@ -160,6 +161,7 @@ fn a_replay_tells_what_sorting_cost() {
         ("sort-middle", "triangles sorted 1", "to another pipeline"),
         ("sort-middle-binned", "triangles sorted 1", "partial renders 0"),
         ("sort-last-fragment", "quads sorted", "to another pipeline"),
+        ("sort-last-image", "samples sorted", "passes needing order 0"),
     ] {
         let lines = sections(&["--config", class]);
         assert_eq!(lines[0], format!("{class}, 4 pipelines"));

@@ -121,7 +121,10 @@ fn lawful(config: &Config, works: &[Vec<Vec<Event>>; 2], number: usize, clocks: 
     conserved(config, &report.total, true);
     // Without order the picture is what it is.
     for frame in report.frames.iter().filter(|_| config.order.keep == Keep::Always) {
-        assert_eq!(frame.picture.as_ref().map(|picture| picture.wrong_pixels), Some(0), "{}", config.resolved());
+        // Blending needs an order, which pipelines with frame buffers of their own do not keep, and say so.
+        if frame.tree.number("sort.passes_needing_order").unwrap_or(0.0) == 0.0 {
+            assert_eq!(frame.picture.as_ref().map(|picture| picture.wrong_pixels), Some(0), "{}", config.resolved());
+        }
     }
     for &clock in clocks {
         let other = everything(&run(config, events, clock));

@@ -128,6 +128,7 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     let items = match class {
         "sort-first" => "primitives",
         "sort-last-fragment" => "quads",
+        "sort-last-image" => "samples",
         _ => "triangles",
     };
     let (sorted, sent) = (n("sort.sorted_items"), n("sort.sent"));
@@ -149,6 +150,10 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         let empty = format!("and {} in whose lists nothing was", count("binning.empty_tiles"));
         row("tiles drawn", count("binning.tiles"), empty);
         row("partial renders", count("binning.partial_renders"), "for want of room for lists".to_owned());
+    }
+
+    if class == "sort-last-image" {
+        row("passes needing order", count("sort.passes_needing_order"), text("sort.passes_out_of_order").to_owned());
     }
 
     // 2. What else it cost.

@@ -67,17 +67,19 @@ impl Deal {
         }
     }
 
-    /// Sends a fence to all; false while some have no room.
+    /// Sends a fence to all that have room; whether any had.
     fn fence(&mut self, wires: &mut Wires, fence: Run) -> bool {
+        let mut moved = false;
         if self.waiting == 0 {
             self.waiting = u64::MAX >> (64 - self.outputs.len());
         }
         for (n, output) in self.outputs.iter().enumerate() {
             if self.waiting >> n & 1 == 1 && wires.try_push(output, fence) {
                 self.waiting &= !(1 << n);
+                moved = true;
             }
         }
-        self.waiting == 0
+        moved
     }
 
     /// The pipeline whose run of the pass the next primitive is in, and how many more are.
@@ -127,12 +129,12 @@ impl Unit<Card> for Deal {
                 self.relax(card, slot);
             }
 
-            // 3. A batch, or a fence with a number of its own.
-            let output = self.policy.choose(wires, &self.outputs, self.turn);
-            let count = left.min(self.batch);
             // 3. A fence for all.
             if kind != Kind::DATA && self.everyone {
-                if !self.fence(wires, Run { slot, kind, sequence, first: 0, count: 0 }) {
+                if self.fence(wires, Run { slot, kind, sequence, first: 0, count: 0 }) {
+                    did = Tick::Moved;
+                }
+                if self.waiting != 0 {
                     return did.or(Tick::Blocked);
                 }
                 if kind == Kind::PASS {

@@ -46,6 +46,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("sort-middle", include_str!("../../../configs/sort-middle.ron")),
     ("sort-middle-binned", include_str!("../../../configs/sort-middle-binned.ron")),
     ("sort-last-fragment", include_str!("../../../configs/sort-last-fragment.ron")),
+    ("sort-last-image", include_str!("../../../configs/sort-last-image.ron")),
 ];
 
 /// Their names, as messages list them.

@@ -120,7 +120,12 @@ mod tests {
 
     #[test]
     fn every_unit_and_every_channel_is_in_it_once() {
-        for changes in [&[][..], &["sort=sort-first", "network.topology=mesh"], &["sort=sort-last-fragment", "pipelines=7"]] {
+        for changes in [
+            &[][..],
+            &["sort=sort-first", "network.topology=mesh"],
+            &["sort=sort-last-fragment", "pipelines=7"],
+            &["sort=sort-last-image", "pipelines=3"],
+        ] {
             let mut config = Config::built_in("baseline").unwrap();
             changes.iter().for_each(|change| config.set(change).unwrap());
             let machine = Machine::new(&config).unwrap();
