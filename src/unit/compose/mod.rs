@@ -4,7 +4,7 @@
 //! A unit reads blocks to be sent from its copy in memory, and blocks to be composed when others come; what it has composed it
 //! writes back to its copy, or in the last step to the surface itself. Along a chain a block goes on without being written. Of a block
 //! the sender never changes anything after it was sent, so that the receiver takes the bytes from the sender's copy. See
-//! [`copies`](super::copies) for which bytes remain.
+//! [`super::copies`] for which bytes remain.
 
 mod plan;
 
