@@ -37,7 +37,7 @@ fn scenes() -> Vec<Scene> {
     let plain = Scene::default();
     vec![
         plain.clone(),
-        Scene { blend: true, depth_format: None, size: 120.0, ..plain.clone() },
+        Scene { blend: true, depth_format: None, size: 120.0, discard: true, ..plain.clone() },
         Scene { samples: 4, blend: true, early: false, discard: true, ..plain.clone() },
         Scene { compare: Compare::Always, depth_format: Some(Format::Depth16Unorm), stencil: true, ..plain.clone() },
         Scene { compare: Compare::LessEqual, size: 4.0, triangles: 400, draws: 3, frames: 2, ..plain },

@@ -171,7 +171,8 @@ impl Dispatch {
             }
         }
         // A test that comes before the shader in API order is made before what the shader discards is dropped, wherever it is made.
-        let keeps = work.draw.fragment.is_some() && !(work.early && matches!(self.ports.output, Outlet::Owners(_)));
+        let tested_there = work.early && work.depth.is_some() && matches!(self.ports.output, Outlet::Owners(_));
+        let keeps = work.draw.fragment.is_some() && !tested_there;
         let mut alive = 0;
         for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
             if keeps {

@@ -466,8 +466,8 @@ impl Shading<'_> {
                 passed
             }
         };
-        // With an early test nothing is discarded in these scenes.
-        let kept = if self.early { quad.mask } else { kept };
+        // With an early test nothing is discarded in these scenes; without a depth buffer there is none.
+        let kept = if self.early && self.depth.is_some() { quad.mask } else { kept };
         if self.early {
             live = test(live, self.reference);
         }
@@ -490,9 +490,7 @@ impl Shading<'_> {
                 tile.lines.extend([line, line + 1]);
                 tile.requests.push(Request { first_line, lines: 2, operations: 4 });
             }
-            if !self.early {
-                live = test(live & kept, self.reference);
-            }
+            live = if self.early { live & kept } else { test(live & kept, self.reference) };
             let mut run = self.reference.run(&self.reference.color, x, y);
             if self.blend {
                 tile.payload.extend(colors.iter().flatten());
