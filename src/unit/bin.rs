@@ -267,7 +267,7 @@ impl Bin {
         }
         let TriangleToken { slot, triangle, .. } = token;
         let address = TRIANGLES + number * u64::from(self.config.triangle_bytes);
-        card.bins[tile as usize].entries.push(TileEntry { slot, bytes: bytes as u8, triangle, address });
+        card.bins[tile as usize].push(TileEntry { slot, bytes: bytes as u8, triangle, address });
         self.counts.list_bytes += u64::from(bytes);
         self.sorting.copy(1, bytes, false);
     }

@@ -155,21 +155,24 @@ pub struct TileList {
     pub entries: Vec<TileEntry>,
     /// Where its pieces are in memory.
     pub chunks: Vec<u64>,
+    /// Bytes of its entries.
+    pub bytes: u64,
     /// Bytes read of it and its triangles.
     pub read_bytes: u64,
 }
 
 impl TileList {
-    /// Bytes of its entries.
-    pub fn bytes(&self) -> u64 {
-        self.entries.iter().map(|entry| u64::from(entry.bytes)).sum()
+    /// Appends an entry.
+    pub fn push(&mut self, entry: TileEntry) {
+        self.bytes += u64::from(entry.bytes);
+        self.entries.push(entry);
     }
 
-    /// Empties it.
+    /// Empties it, and keeps its room.
     pub fn clear(&mut self) {
         self.entries.clear();
         self.chunks.clear();
-        self.read_bytes = 0;
+        (self.bytes, self.read_bytes) = (0, 0);
     }
 }
 

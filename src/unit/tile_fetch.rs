@@ -114,7 +114,7 @@ impl TileFetch {
             let mut bytes = 0;
             while self.chunks < list.chunks.len() && (self.chunks as u64) * super::bin::CHUNK < end {
                 let chunk = list.chunks[self.chunks];
-                let length = (list.bytes() - self.chunks as u64 * super::bin::CHUNK).min(super::bin::CHUNK);
+                let length = (list.bytes - self.chunks as u64 * super::bin::CHUNK).min(super::bin::CHUNK);
                 bytes += self.request(chunk, length as u32);
                 self.chunks += 1;
             }
