@@ -24,7 +24,9 @@ pub use dram::{Dram, DramConfig, DramCounts};
 pub use ideal::{Ideal, IdealConfig};
 pub use l2::{L2Config, L2Counts, L2Slice};
 pub use misses::Misses;
-pub use port::{Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
+pub use port::{
+    Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
+};
 pub use system::{Interleave, Memory, MemoryConfig, MemoryPlan, memory_tree};
 #[cfg(test)]
 mod tests;

@@ -8,6 +8,18 @@ use crate::sim::{In, Out, Wires};
 /// less, so that a request is the business of one of them.
 pub const REQUEST_BYTES: u64 = 256;
 
+/// Cuts a run of bytes into requests: address and bytes of each.
+#[inline(always)]
+pub fn requests(address: u64, bytes: u32) -> impl Iterator<Item = (u64, u32)> {
+    let end = address + u64::from(bytes);
+    let mut start = address;
+    std::iter::from_fn(move || {
+        let address = start;
+        start = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
+        (address < end).then(|| (address, (start - address) as u32))
+    })
+}
+
 /// What a request does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]

@@ -8,7 +8,7 @@ use super::distribute::Overlap;
 use super::network::Receiver;
 use super::sorting::{OrderClock, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
-use crate::mem::{MemoryPort, REQUEST_BYTES};
+use crate::mem::{MemoryPort, REQUEST_BYTES, requests};
 use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{BLOCK, Triangle};
@@ -231,13 +231,7 @@ impl Bin {
             *length += bytes;
             return;
         }
-        let end = address + u64::from(bytes);
-        let mut address = address;
-        while address < end {
-            let stop = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
-            self.writes.push_back((address, (stop - address) as u32));
-            address = stop;
-        }
+        self.writes.extend(requests(address, bytes));
     }
 
     /// Appends the triangle at hand to a tile's list.

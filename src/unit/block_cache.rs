@@ -6,7 +6,7 @@ use super::compression::Compression;
 use super::frame::{BlockState, Frame};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
-use crate::mem::{MemoryPort, REQUEST_BYTES};
+use crate::mem::{MemoryPort, requests};
 use crate::sim::{Tick, Wires};
 
 crate::counters! {
@@ -124,13 +124,8 @@ impl BlockCache {
         self.outbox.iter().filter(|operation| !operation.write).count() as u32
     }
 
-    fn send(&mut self, mut address: u64, bytes: u32, write: bool) {
-        let end = address + u64::from(bytes);
-        while address < end {
-            let stop = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
-            self.outbox.push_back(Operation { address, bytes: (stop - address) as u32, write });
-            address = stop;
-        }
+    fn send(&mut self, address: u64, bytes: u32, write: bool) {
+        self.outbox.extend(requests(address, bytes).map(|(address, bytes)| Operation { address, bytes, write }));
     }
 
     /// Writes a dirty block back.

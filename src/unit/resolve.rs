@@ -7,7 +7,7 @@ use super::frame::{BlockState, Frame};
 use super::misses::Misses;
 use super::token::{Ack, Kind, Piece};
 use crate::gfx::rop;
-use crate::mem::{MemoryPort, REQUEST_BYTES};
+use crate::mem::{self, MemoryPort};
 use crate::num::Cycle;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
@@ -70,16 +70,10 @@ impl Resolve {
 }
 
 /// Cuts a run of bytes into requests.
-pub(super) fn requests(mut address: u64, bytes: u32, queue: &mut VecDeque<Operation>) -> u32 {
-    let end = address + u64::from(bytes);
-    let mut count = 0;
-    while address < end {
-        let stop = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
-        queue.push_back(Operation { address, bytes: (stop - address) as u32 });
-        address = stop;
-        count += 1;
-    }
-    count
+pub(super) fn requests(address: u64, bytes: u32, queue: &mut VecDeque<Operation>) -> u32 {
+    let before = queue.len();
+    queue.extend(mem::requests(address, bytes).map(|(address, bytes)| Operation { address, bytes }));
+    (queue.len() - before) as u32
 }
 
 /// Resolves a block of one surface into another.

@@ -7,7 +7,7 @@ use super::bin::BinConfig;
 use super::card::Card;
 use super::misses::Misses;
 use super::token::{Kind, TileToken, TriangleToken};
-use crate::mem::{MemoryPort, REQUEST_BYTES};
+use crate::mem::{MemoryPort, requests};
 use crate::sim::{In, Out, Tick, Unit, Wires};
 
 /// Ports of tile reading.
@@ -61,13 +61,8 @@ impl TileFetch {
     }
 
     /// Requests bytes; gives how many.
-    fn request(&mut self, mut address: u64, bytes: u32) -> u64 {
-        let end = address + u64::from(bytes);
-        while address < end {
-            let stop = end.min((address / REQUEST_BYTES + 1) * REQUEST_BYTES);
-            self.requests.push_back((address, (stop - address) as u32));
-            address = stop;
-        }
+    fn request(&mut self, address: u64, bytes: u32) -> u64 {
+        self.requests.extend(requests(address, bytes));
         u64::from(bytes)
     }
 
