@@ -130,7 +130,8 @@ impl Trace {
         let mut store = Store::default();
         for (name, entry) in header.files {
             let path = folder.join(&name);
-            let size = std::fs::metadata(&path).map_err(|error| TraceError::new(&path, error))?.len();
+            let gone = |error| TraceError::new(&path, format!("{error}; {} names it under `files`", file.display()));
+            let size = std::fs::metadata(&path).map_err(gone)?.len();
             if size != entry.size {
                 let reason = format!("is {size} bytes long, the trace says {}", entry.size);
                 return Err(TraceError::new(&path, reason));
