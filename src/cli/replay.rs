@@ -137,6 +137,8 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
     if options.fidelity == Fidelity::Cycle {
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
+        let phases: Vec<_> = done.frames.iter().map(|frame| frame.phases.as_slice()).collect();
+        print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
         print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
         print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
         let pipelines = options.config.card.pipelines;

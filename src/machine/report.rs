@@ -7,6 +7,7 @@ use crate::num::Cycle;
 use crate::sim::Circuit;
 use crate::stats::{Group, Node, Tree};
 use crate::unit::card::Card;
+use crate::unit::phase::Phase;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::work::{EndFrame, Funnel, Surface};
@@ -31,6 +32,8 @@ pub struct FrameReport {
     pub cycles: Cycle,
     /// Its statistics, by the names of the design.
     pub tree: Tree,
+    /// What the command processor did one after another, and for how long: the cycles add up to the frame's.
+    pub phases: Vec<(Phase, Cycle)>,
     /// What was shown.
     pub picture: Option<Picture>,
 }
@@ -229,8 +232,9 @@ impl Readings {
         self.wrong_pixels += wrong_pixels;
         let tree = between(machine, &self.last, &now, wrong_pixels);
         let cycles = now.cycles - self.last.cycles;
+        let phases = machine.card.phases.take(self.last.cycles, now.cycles);
         self.last = now;
-        FrameReport { number, cycles, tree, picture }
+        FrameReport { number, cycles, tree, phases, picture }
     }
 
     /// The run has ended.

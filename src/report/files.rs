@@ -2,8 +2,21 @@
 
 use serde_json::{Value, json};
 
+use crate::num::Cycle;
 use crate::stats::Tree;
+use crate::unit::phase::Phase;
 use crate::work::Funnel;
+
+/// The statistics of a frame.
+#[derive(Clone, Debug, Default)]
+pub struct FrameStatistics {
+    /// The trace's own number of it.
+    pub number: u32,
+    /// Its counters.
+    pub tree: Tree,
+    /// What was done one after another, and for how long; empty where no time is simulated.
+    pub phases: Vec<(Phase, Cycle)>,
+}
 
 /// The statistics of a replay.
 #[derive(Clone, Debug, Default)]
@@ -16,8 +29,8 @@ pub struct Statistics {
     pub fidelity: String,
     /// Over all frames.
     pub total: Tree,
-    /// By frame, with the trace's own frame numbers.
-    pub frames: Vec<(u32, Tree)>,
+    /// By frame.
+    pub frames: Vec<FrameStatistics>,
 }
 
 impl Statistics {
@@ -26,10 +39,13 @@ impl Statistics {
         let frames: Vec<Value> = self
             .frames
             .iter()
-            .map(|(number, tree)| {
+            .map(|FrameStatistics { number, tree, phases }| {
                 let mut frame = tree.json();
                 if let Value::Object(map) = &mut frame {
                     map.shift_insert(0, "frame".into(), json!(number));
+                    if !phases.is_empty() {
+                        map.insert("phases".into(), phases.iter().map(phase_json).collect());
+                    }
                 }
                 frame
             })
@@ -47,14 +63,18 @@ impl Statistics {
     /// The contents of `stats.csv`: a header, then a row a frame.
     pub fn csv(&self) -> String {
         let mut text = String::new();
-        if let Some((_, first)) = self.frames.first() {
-            text.push_str(&format!("frame,{}\n", first.csv_header()));
+        if let Some(first) = self.frames.first() {
+            text.push_str(&format!("frame,{}\n", first.tree.csv_header()));
         }
-        for (number, tree) in &self.frames {
+        for FrameStatistics { number, tree, .. } in &self.frames {
             text.push_str(&format!("{number},{}\n", tree.csv_row()));
         }
         text
     }
+}
+
+fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
+    json!({ "kind": phase.kind.name(), "number": phase.number, "label": phase.label, "cycles": cycles })
 }
 
 /// A funnel as a subtree of counters.
@@ -70,16 +90,19 @@ pub fn funnel_tree(funnel: &Funnel) -> Tree {
 mod tests {
     use super::*;
     use crate::stats::Node;
+    use crate::unit::phase::PhaseKind;
 
     #[test]
     fn a_row_a_frame_and_the_same_names_in_both_files() {
-        let frame = |quads| {
+        let tree = |quads| {
             let mut tree = Tree::new();
             tree.count("cycles", 10);
             tree.set("funnel", Node::Tree(funnel_tree(&Funnel { quads_shaded: quads, ..Funnel::default() })));
             tree
         };
-        let statistics = Statistics { frames: vec![(3, frame(1)), (4, frame(2))], total: frame(3), ..Statistics::default() };
+        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky".into(), begin: 0 };
+        let frame = |number, quads| FrameStatistics { number, tree: tree(quads), phases: vec![(phase.clone(), 10)] };
+        let statistics = Statistics { frames: vec![frame(3, 1), frame(4, 2)], total: tree(3), ..Statistics::default() };
         let csv = statistics.csv();
         let lines: Vec<_> = csv.lines().collect();
         assert_eq!(lines.len(), 3);
@@ -87,6 +110,7 @@ mod tests {
         assert!(lines[1].starts_with("3,10,"));
         let json = statistics.json();
         assert_eq!(json["frames"][1]["frame"], 4);
+        assert_eq!(json["frames"][1]["phases"][0], json!({ "kind": "pass", "number": 7, "label": "sky", "cycles": 10 }));
         assert_eq!(json["frames"][1]["funnel"]["quads_shaded"], 2);
         assert_eq!(json["total"]["funnel"]["quads_shaded"], 3);
     }

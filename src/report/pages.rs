@@ -26,6 +26,13 @@ const RUN: &[Declaration] = &[
     one("seconds", "s", "The same at the configuration's `clock_mhz`."),
 ];
 
+const PHASE: &[Declaration] = &[
+    one("kind", "", "`transfers` (uploads, copies and clears outside passes), `pass`, `dispatch` or `scan-out`."),
+    one("number", "", "Number of the pass or dispatch in the trace; 0 elsewhere."),
+    one("label", "", "Label of the pass, or of the dispatch's pipeline."),
+    one("cycles", "cycles", "From its beginning to that of the next; together those of the frame."),
+];
+
 const UNIT: &[Declaration] =
     &[one("items", "items", "What went through: vertices, primitives, triangles, quads, warps, requests or bursts.")];
 
@@ -83,6 +90,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             "What went in, and where it was thrown away. Under `--fidelity functional` with full reuse of vertices.",
             funnel,
         ),
+        ("phases[i]", "Of a frame, in `stats.json` only: what is done one after another.", PHASE.to_vec()),
         ("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.", all(Cycles::DECLARATIONS, UNIT)),
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
         (

@@ -8,12 +8,14 @@ use anyhow::{Context, Result, anyhow};
 use crossbeam::channel;
 
 use crate::machine::{Config, Machine};
+use crate::num::Cycle;
 use crate::render::{self, Skips};
-use crate::report::files::{Statistics, funnel_tree};
+use crate::report::files::{FrameStatistics, Statistics, funnel_tree};
 use crate::report::picture::picture;
 use crate::sim::Clock;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
+use crate::unit::phase::Phase;
 use crate::work::{Event, Funnel, RenderKey, Surface};
 
 use super::host::Stopwatch;
@@ -49,6 +51,8 @@ pub struct Frame {
     pub shown: Option<(Surface, Vec<u8>)>,
     /// Its statistics.
     pub tree: Tree,
+    /// What was done one after another, and for how long; empty where no time is simulated.
+    pub phases: Vec<(Phase, Cycle)>,
 }
 
 /// What a replay came to.
@@ -92,7 +96,12 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Resul
                 total += funnel;
                 let tree = functional_tree(&std::mem::take(&mut funnel));
                 progress(end.number);
-                frames.push(Frame { number: end.number, shown: end.shown.map(|s| (s, end.reference.to_vec())), tree });
+                frames.push(Frame {
+                    number: end.number,
+                    shown: end.shown.map(|s| (s, end.reference.to_vec())),
+                    tree,
+                    phases: Vec::new(),
+                });
             }
             _ => {}
         }
@@ -126,7 +135,7 @@ fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> R
         let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
             progress(frame.number);
             let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-            frames.push(Frame { number: frame.number, shown, tree: frame.tree });
+            frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases });
         });
         let machine_time = busy.elapsed();
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
@@ -161,7 +170,11 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
             Fidelity::Cycle => "cycle".into(),
         },
         total: replay.total.clone(),
-        frames: replay.frames.iter().map(|frame| (frame.number, frame.tree.clone())).collect(),
+        frames: replay
+            .frames
+            .iter()
+            .map(|frame| FrameStatistics { number: frame.number, tree: frame.tree.clone(), phases: frame.phases.clone() })
+            .collect(),
     };
     put("stats.json", serde_json::to_string_pretty(&statistics.json())?.as_bytes())?;
     put("stats.csv", statistics.csv().as_bytes())?;

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::copies::{self, Marks, PassOrder};
 use super::frame::Frame;
 use super::interleave::Interleave;
+use super::phase::Phases;
 use super::warp::Warps;
 use crate::gfx::format::Format;
 use crate::gfx::rop::{ColorState, DepthStencilState};
@@ -284,6 +285,8 @@ pub struct Card {
     pub interleave: Interleave,
     /// The lists of tiles, by number, on a machine that bins.
     pub bins: Vec<TileList>,
+    /// What the command processor has begun in this frame.
+    pub phases: Phases,
     /// What was thrown away where, on this machine.
     pub funnel: Funnel,
     /// Events that the command processor has not read yet; never empty before the last.
@@ -315,6 +318,7 @@ impl Card {
             disordered: Vec::new(),
             interleave,
             bins: Vec::new(),
+            phases: Phases::default(),
             funnel: Funnel::default(),
             events: VecDeque::new(),
             closed: false,

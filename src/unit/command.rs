@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
 use super::copies::{self, PassOrder};
 use super::frame::{BlockState, Store};
+use super::phase::PhaseKind;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
 use crate::gfx::format::{Format, TexelKind};
@@ -320,6 +321,7 @@ impl Command {
             }
             Event::BeginPass(pass) => {
                 let pass = pass.clone();
+                card.phases.begin(PhaseKind::Pass, pass.number, &pass.label, now);
                 cycles += self.begin_pass(card, &pass);
                 card.epoch += 1;
                 self.state = State::Clearing;
@@ -330,6 +332,7 @@ impl Command {
                 self.draw = None;
             }
             Event::Dispatch(dispatch) => {
+                card.phases.begin(PhaseKind::Dispatch, dispatch.number, &dispatch.label, now);
                 self.dispatch = Some(dispatch.clone());
                 card.epoch += 1;
             }
@@ -359,6 +362,7 @@ impl Command {
                 if !drained {
                     return None;
                 }
+                card.phases.begin(PhaseKind::Transfers, 0, "", now);
                 self.stream.begin(transfer.from, transfer.to, transfer.bytes);
                 self.state = State::Moving(transfer.surfaces);
                 card.epoch += 1;
@@ -376,6 +380,7 @@ impl Command {
                     }
                     _ => State::Over,
                 };
+                card.phases.begin(PhaseKind::ScanOut, 0, "", now);
                 card.interleave.end_frame();
                 self.ended = Some(end.clone());
             }

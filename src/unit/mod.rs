@@ -32,6 +32,7 @@ pub mod interpolate;
 pub mod misses;
 pub mod network;
 pub mod order;
+pub mod phase;
 pub mod resolve;
 pub mod route;
 pub mod scanout;

@@ -131,6 +131,12 @@ pub fn frames_add_up(report: &MachineReport) {
     let mut sums = std::collections::BTreeMap::<String, u64>::new();
     for frame in &report.frames {
         accounts_add_up(&frame.tree);
+        assert_eq!(
+            frame.phases.iter().map(|(_, cycles)| cycles).sum::<u64>(),
+            frame.cycles,
+            "phases of frame {}",
+            frame.number
+        );
         frame.tree.leaves(&mut |path, leaf| {
             if let Leaf::Count(value) = leaf {
                 *sums.entry(path.to_owned()).or_default() += value;
