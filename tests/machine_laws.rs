@@ -156,6 +156,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                     ("route.", "sort=sort-first"),
                     ("bin.", "sort=sort-middle-binned"),
                     ("order.", "sort=sort-last-fragment"),
+                    ("order.early_", "order.early=remote"),
                     ("compose.", "sort=sort-last-image"),
                     ("network.", "network.topology=butterfly"),
                 ] {

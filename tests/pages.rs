@@ -36,7 +36,8 @@ fn every_statistic_of_a_replay_is_explained() {
     for (config, class) in [("tiny", None), ("baseline", None)].into_iter().chain(classes) {
         let mut machine = Config::built_in(config).expect("built in");
         if let Some(class) = &class {
-            for change in [class.as_str(), "bin.hide=true", "network.topology=crossbar"] {
+            let early = if class.ends_with("fragment") { "order.early=local" } else { "order.early=none" };
+            for change in [class.as_str(), early, "bin.hide=true", "network.topology=crossbar"] {
                 machine.set(change).expect("a knob");
             }
         }

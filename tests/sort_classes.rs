@@ -10,7 +10,7 @@ use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::work::Shade;
 use machine_common::{accounts_add_up, frames_add_up};
-use synthetic::{Scene, events};
+use synthetic::{Scene, events, in_two_passes};
 
 fn config(changes: &[&str]) -> Config {
     let mut config = Config::built_in("baseline").unwrap();
@@ -177,4 +177,137 @@ fn what_is_hidden_in_a_tile_is_not_shaded() {
     // What shows through is not hidden.
     let blended = Scene { blend: true, ..opaque };
     assert_eq!(shaded(&blended, "bin.hide=true").2, 0.0);
+}
+
+/// Scenes in which depth decides one way, the other way, or does not, and early tests must know which.
+fn scenes_of_all_directions() -> Vec<Scene> {
+    use Compare::{Always, Equal, Greater, GreaterEqual, Less, LessEqual, NotEqual};
+    let plain = Scene { width: 88, height: 72, size: 80.0, triangles: 20, draws: 4, segments: 1, ..Scene::default() };
+    let of = |compares: &[Compare]| Scene { compares: compares.to_vec(), ..plain.clone() };
+    let counted = Scene { depth_format: Some(Format::Depth24PlusStencil8), stencil: true, ..plain.clone() };
+    vec![
+        of(&[Less, Greater]),
+        of(&[LessEqual, GreaterEqual, LessEqual, LessEqual]),
+        of(&[Less, Always, Less, Less]),
+        of(&[Less, NotEqual, Less, Equal]),
+        of(&[Less, Less, Equal, Greater]),
+        Scene { samples: 4, ..of(&[Less, GreaterEqual, Less]) },
+        // Reversed: what is far is 0.
+        Scene { compare: Greater, ..of(&[Greater, GreaterEqual]) },
+        Scene { compare: Greater, depth_format: Some(Format::Depth24PlusStencil8), ..of(&[GreaterEqual, Less, Greater]) },
+        counted.clone(),
+        Scene { compares: vec![Less, Greater], discard: true, early: false, ..counted },
+        // What a late draw discards has no depth.
+        Scene { discard: true, early: false, ..of(&[Less]) },
+        Scene { discard: true, early: false, samples: 4, blend: true, ..of(&[LessEqual]) },
+    ]
+}
+
+#[test]
+fn early_tests_change_no_picture() {
+    let mut culled = 0.0;
+    for scene in scenes().into_iter().chain(scenes_of_all_directions()) {
+        for early in ["order.early=local", "order.early=remote"] {
+            for (pipelines, more) in [
+                (1, &[][..]),
+                (2, &["depth.cache_blocks=4", "depth.cache_ways=2", "assembly.batch=3"][..]),
+                (4, &["order.early_latency=40", "order.early_queue=3", "color.fast_clear=false"]),
+                (7, &["order.early_bytes=4", "assembly.batch=2", "network.topology=ring", "distribute.tile=8"]),
+            ] {
+                let pipes = format!("pipelines={pipelines}");
+                let config = config(&[&["sort=sort-last-fragment", early, &pipes], more].concat());
+                let report = run(&config, &scene, Clock::SkipIdle);
+                assert_eq!(wrong(&report), 0, "{early} on {pipelines} pipelines: {scene:?}");
+                frames_add_up(&report);
+                culled += report.total.number("funnel.quads_early_culled").unwrap();
+            }
+        }
+    }
+    assert!(culled > 50_000.0, "{culled} quads");
+}
+
+#[test]
+fn early_tests_know_what_a_pass_has_loaded() {
+    let scene = Scene { draws: 2, segments: 1, size: 110.0, covered: true, ..Scene::default() };
+    for early in ["local", "remote"] {
+        for pipelines in [1, 3, 4] {
+            let (pipes, early) = (format!("pipelines={pipelines}"), format!("order.early={early}"));
+            let config = config(&["sort=sort-last-fragment", &pipes, &early]);
+            let mut machine = Machine::new(&config).unwrap();
+            let report = machine.run(in_two_passes(&scene).into_iter(), Clock::SkipIdle).unwrap();
+            assert_eq!(wrong(&report), 0, "{pipes} {early}");
+            assert!(report.total.number("funnel.quads_early_culled").unwrap() > 1000.0);
+        }
+    }
+}
+
+#[test]
+fn clocks_and_orders_of_ticks_change_nothing_on_early_tests() {
+    let opaque = Scene { width: 88, height: 72, size: 60.0, triangles: 20, ..Scene::default() };
+    for scene in [opaque.clone(), Scene { samples: 4, early: false, discard: true, ..opaque }] {
+        for early in ["order.early=local", "order.early=remote"] {
+            for keep in ["always", "where-needed", "never"] {
+                let keep = format!("order.keep={keep}");
+                let config = config(&["sort=sort-last-fragment", "pipelines=3", early, &keep, "assembly.batch=4"]);
+                let every = run(&config, &scene, Clock::EveryCycle);
+                accounts_add_up(&every.total);
+                for clock in [Clock::SkipIdle, Clock::Shuffled(1), Clock::Shuffled(2)] {
+                    let other = run(&config, &scene, clock);
+                    assert_eq!(every.total.json().to_string(), other.total.json().to_string(), "{early}, {keep}, {clock:?}");
+                    assert!(every.frames[0].picture == other.frames[0].picture, "{early}, {keep}, {clock:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn early_tests_save_shading_and_traffic() {
+    let scene = Scene { size: 150.0, triangles: 120, ..Scene::default() };
+    for samples in [1, 4] {
+        let scene = Scene { samples, ..scene.clone() };
+        let of = |early: &str| {
+            let report = run(&config(&["sort=sort-last-fragment", early, "pipelines=4"]), &scene, Clock::SkipIdle);
+            assert_eq!(wrong(&report), 0, "{early}");
+            let number = |path: &str| report.total.number(path).unwrap_or(0.0) as u64;
+            let each = |name: &str| (0..4).map(|n| number(&format!("early.early[{n}].{name}"))).sum::<u64>();
+            let (asked, culled) = (each("asked"), each("culled"));
+            // All that is asked is answered, and what is not thrown away is shaded and sent.
+            assert_eq!(asked, each("answered"), "{early}");
+            assert_eq!(culled, number("funnel.quads_early_culled"), "{early}");
+            assert_eq!(number("funnel.quads_rasterized") - culled, number("funnel.quads_shaded"), "{early}");
+            assert_eq!(number("sort.sorted_items"), number("funnel.quads_shaded"), "{early}");
+            assert_eq!(number("sort.redistributed_bytes"), 40 * number("funnel.quads_shaded"), "{early}");
+            // Depths of four bytes a sample; a question for each group of up to four quads.
+            let (questions, answers) = (each("question_bytes"), each("answer_bytes"));
+            if early.ends_with("remote") {
+                assert_eq!(answers, asked * 16 * u64::from(samples));
+                assert!((8 * asked.div_ceil(4)..=8 * asked).contains(&questions), "{questions}");
+            } else {
+                assert_eq!((questions, answers), (0, 0), "{early}");
+            }
+            (number("funnel.quads_shaded"), number("funnel.fragments_written"))
+        };
+        let [(none, written), (local, other), (remote, another)] =
+            ["order.early=none", "order.early=local", "order.early=remote"].map(of);
+        assert_eq!((written, written), (other, another));
+        // A pipeline of four knows a quarter of what hides; the owner knows all that has come.
+        assert!(local < none * 9 / 10 && remote < local, "{none}, {local}, {remote} quads shaded");
+    }
+}
+
+#[test]
+fn early_tests_ahead_of_an_owner_are_refused_where_pipelines_own_what_they_draw() {
+    for class in CLASSES {
+        let mut config = Config::built_in("baseline").unwrap();
+        config.set(&format!("sort={class}")).unwrap();
+        config.set("order.early=remote").unwrap();
+        let checked = config.check();
+        if class == "sort-last-fragment" {
+            assert!(checked.is_ok());
+        } else {
+            let text = checked.unwrap_err().to_string();
+            assert!(text.contains("order.early is \"remote\"") && text.contains(class), "{text}");
+        }
+    }
 }

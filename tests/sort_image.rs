@@ -10,9 +10,9 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare};
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
-use fillrate::work::{Event, Load};
+use fillrate::work::Event;
 use machine_common::{accounts_add_up, frames_add_up};
-use synthetic::{Scene, events};
+use synthetic::{Scene, events, in_two_passes};
 
 const SCHEMES: [&str; 3] = ["binary-swap", "direct-send", "pipeline"];
 
@@ -272,24 +272,7 @@ fn passes_that_need_order_are_counted_and_named() {
 #[test]
 fn what_is_loaded_is_in_every_copy() {
     // Two passes: the second loads what the first has drawn. Together they are the picture of one.
-    let scene = Scene { draws: 2, segments: 1, covered: true, ..Scene::default() };
-    let mut out = Vec::new();
-    let mut pass = None;
-    for event in events(&scene) {
-        if let Event::BeginPass(begun) = &event {
-            pass = Some(begun.as_ref().clone());
-        }
-        if matches!(&event, Event::Draw(draw) if draw.number == 1) {
-            let mut second = pass.clone().unwrap();
-            second.number = 1;
-            second.color.iter_mut().flatten().chain(&mut second.depth).for_each(|attachment| {
-                attachment.load = Load::Load;
-                attachment.stencil_load = Load::Load;
-            });
-            out.extend([Event::EndPass, Event::BeginPass(Arc::new(second))]);
-        }
-        out.push(event);
-    }
+    let out = in_two_passes(&Scene { draws: 2, segments: 1, covered: true, ..Scene::default() });
     for pipelines in [1, 2, 4, 5] {
         for scheme in SCHEMES {
             let (pipes, scheme) = (format!("pipelines={pipelines}"), format!("compose.scheme={scheme}"));

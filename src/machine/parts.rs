@@ -15,6 +15,7 @@ use crate::unit::deal::Deal;
 use crate::unit::depth::Depth;
 use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
+use crate::unit::early::Early;
 use crate::unit::fetch::Fetch;
 use crate::unit::gather::Gather;
 use crate::unit::hide::Hide;
@@ -64,6 +65,8 @@ crate::circuit! {
         setup: Vec<Setup>,
         /// Finds blocks and quads, culls by hierarchical Z.
         traverse: Vec<Traverse>,
+        /// Early depth tests in pipelines that do not own the pixels they draw.
+        early: Vec<Early>,
         /// Early and late depth and stencil tests.
         depth: Vec<Depth>,
         /// Holds opaque quads of a tile back until it is known which are seen.

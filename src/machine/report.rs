@@ -7,6 +7,7 @@ use crate::num::Cycle;
 use crate::sim::Circuit;
 use crate::stats::{Group, Node, Tree};
 use crate::unit::card::Card;
+use crate::unit::early::Early;
 use crate::unit::phase::Phase;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
@@ -96,6 +97,9 @@ fn read(machine: &mut Machine) -> Reading {
     for (index, unit) in circuit.depth.iter().enumerate() {
         cache("depth", index, unit.cache());
     }
+    for (index, (tags, _)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
+        cache("early", index, tags);
+    }
     for (index, unit) in circuit.color.iter().enumerate() {
         cache("color", index, unit.cache());
     }
@@ -119,6 +123,9 @@ fn read(machine: &mut Machine) -> Reading {
     let rop = tree.child("rop");
     for (index, unit) in circuit.depth.iter().enumerate() {
         rop.element("depth", index).extend(unit.counts().tree());
+    }
+    for (index, (_, moved)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
+        rop.element("early", index).extend(moved.tree());
     }
     for (index, unit) in circuit.color.iter().enumerate() {
         rop.element("color", index).extend(unit.counts().tree());
@@ -146,6 +153,9 @@ fn read(machine: &mut Machine) -> Reading {
     circuit.bin.iter().for_each(|unit| order += unit.order());
     for unit in &circuit.bin {
         tree.child("binning").extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.early.iter().enumerate() {
+        tree.child("early").element("early", index).extend(unit.counts().tree());
     }
     for (index, unit) in circuit.hide.iter().enumerate() {
         tree.child("hiding").element("hide", index).extend(unit.counts().tree());

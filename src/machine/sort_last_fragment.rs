@@ -1,10 +1,12 @@
 //! The sort-last machine that sorts fragments: primitives are dealt to pipelines, each of which transforms, rasterises and shades its
-//! own, wherever on the screen they lie; shaded quads go through a network to the ROPs that own the pixels.
+//! own, wherever on the screen they lie; shaded quads go through a network to the ROPs that own the pixels. What is certainly hidden there
+//! can be thrown away before it is shaded, if a knob says so.
 
 use super::build::{Builder, Built, Shape};
 use super::config::Config;
 use crate::unit::assembly::Mode;
 use crate::unit::fetch::FetchInput;
+use crate::unit::sorting::EarlyTest;
 
 /// The machine of a configuration.
 ///
@@ -19,6 +21,7 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
         distributors: pipelines,
         network: Some((pipelines, pipelines)),
         orders: pipelines,
+        earlies: if config.order.early == EarlyTest::None { 0 } else { pipelines },
         ..Shape::default()
     };
     let mut machine = Builder::new(config, shape)?;

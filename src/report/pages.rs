@@ -10,6 +10,7 @@ use crate::unit::bin::BinCounts;
 use crate::unit::block_cache::BlockCounts;
 use crate::unit::compose::ComposeCounts;
 use crate::unit::core::CoreCounts;
+use crate::unit::early::EarlyCounts;
 use crate::unit::hide::HideCounts;
 use crate::unit::route::RouteCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
@@ -95,17 +96,22 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
         (
             "caches.NAME[i]",
-            "Caches: `vertex` (attributes), `texture`, `depth`, `color`, `l2`.",
+            "Caches: `vertex` (attributes), `position`, `texture`, `depth`, `early` (the copies of early tests), `color`, `l2`.",
             CacheCounts::DECLARATIONS.to_vec(),
         ),
         ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
         ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),
         ("memory.l2[i]", "Second-level slices, beside their caches.", L2Counts::DECLARATIONS.to_vec()),
-        ("rop.NAME[i]", "What the depth and colour caches of the ROPs moved.", BlockCounts::DECLARATIONS.to_vec()),
+        (
+            "rop.NAME[i]",
+            "What the depth and colour caches of the ROPs moved, and those of early tests.",
+            BlockCounts::DECLARATIONS.to_vec(),
+        ),
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
         ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
         ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
+        ("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.", EarlyCounts::DECLARATIONS.to_vec()),
         ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),
         ("routing.route[i]", "Sort-first: pre-transformation.", RouteCounts::DECLARATIONS.to_vec()),
         (

@@ -154,6 +154,18 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         row("partial renders", count("binning.partial_renders"), "for want of room for lists".to_owned());
     }
 
+    if let Some(Node::Tree(early)) = total.get("early")
+        && let Some(Node::List(list)) = early.get("early")
+    {
+        let of = |name: &str| list.iter().map(|tree| tree.number(name).unwrap_or(0.0)).sum::<f64>();
+        let asked = bytes(of("question_bytes") + of("answer_bytes"));
+        let culled = format!(
+            "{} behind, {:.1} %; {asked} asked and answered",
+            grouped(of("culled") as u64),
+            share(of("culled"), of("asked"))
+        );
+        row("quads tested early", grouped(of("asked") as u64), culled);
+    }
     if class == "sort-last-image" {
         row("passes needing order", count("sort.passes_needing_order"), text("sort.passes_out_of_order").to_owned());
     }

@@ -249,6 +249,11 @@ impl BlockCache {
         Tick::Memory
     }
 
+    /// Forgets all blocks, none of which is in use or worth writing.
+    pub fn forget(&mut self) {
+        self.tags.clear();
+    }
+
     /// Whether a flush is complete, which resets it.
     pub fn flushed(&mut self) -> bool {
         let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();

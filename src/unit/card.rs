@@ -12,6 +12,7 @@ use super::interleave::Interleave;
 use super::phase::Phases;
 use super::warp::Warps;
 use crate::gfx::format::Format;
+use crate::gfx::hierarchical::may_raise_lower;
 use crate::gfx::rop::{ColorState, DepthStencilState};
 use crate::gfx::state::ColorTarget;
 use crate::work::{Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Quad, Segment, TILE, Target, Triangle, Visit};
@@ -41,6 +42,8 @@ pub struct Work {
     pub depth: Option<DepthStencilState>,
     /// Format of the stored depths; that of no depth where there are none.
     pub depth_format: Format,
+    /// The depth test that its quads may have ahead of that at the ROP, if there is one that is safe.
+    pub ahead: Option<DepthStencilState>,
     /// For each colour target of the draw how it is written.
     pub colors: Vec<Option<ColorState>>,
     /// What its quads leave in the stamps of a copy, where pipelines have copies.
@@ -248,6 +251,29 @@ pub struct PassState {
     pub primitives: u64,
     /// Where pipelines have copies, of what kind its draws are.
     pub order: PassOrder,
+    /// Whether a draw of it up to now may have raised depths, and lowered them.
+    pub raised: bool,
+    /// See `raised`.
+    pub lowered: bool,
+}
+
+impl PassState {
+    /// Notes which way a draw can move depths, and gives the test that its quads may have ahead, against a depth that was stored before
+    /// by something that comes earlier in API order.
+    fn ahead(&mut self, draw: &Draw, early: bool, depth: &DepthStencilState) -> Option<DepthStencilState> {
+        if depth.writes_depth() {
+            let (raises, lowers) = may_raise_lower(depth.compare());
+            self.raised |= raises;
+            self.lowered |= lowers;
+        }
+        // Where the shader comes first it may change depths and coverage; where stencil values are written, failures count.
+        if !early || draw.depth_words > 0 || depth.writes_stencil() {
+            return None;
+        }
+        let ahead = depth.ahead(!self.raised, !self.lowered)?;
+        // Only the owner knows what the stencil test throws away, and thus which depths are written.
+        Some(if depth.uses_stencil() { ahead.read_only() } else { ahead })
+    }
 }
 
 /// A dispatch's workgroups in flight.
@@ -275,6 +301,9 @@ pub struct Card {
     pub frame: Frame,
     /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
     pub copies: Vec<Frame>,
+    /// Where pipelines test ahead of the owners of their pixels against what they have drawn themselves, each one's copy of the pass's
+    /// depths, by the same index; else none.
+    pub seen: Vec<Frame>,
     /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
     pub chunks: bool,
     /// Primitives of the pass so far, where there are copies.
@@ -313,6 +342,7 @@ impl Card {
             pass: None,
             frame: Frame::default(),
             copies: Vec::new(),
+            seen: Vec::new(),
             chunks: false,
             primitives: 0,
             disordered: Vec::new(),
@@ -361,6 +391,10 @@ impl Card {
             }
             None => (None, Format::Stencil8),
         };
+        let ahead = match (&mut self.pass, &depth) {
+            (Some(pass), Some(state)) => pass.ahead(&draw, early, state),
+            _ => None,
+        };
         let attachments = self.pass.as_ref().map_or(&[][..], |pass| &pass.pass.color);
         let color = |(target, attachment): (&Option<Target>, &Option<Attachment>)| {
             let (target, attachment) = (target.as_ref()?, attachment.as_ref()?);
@@ -381,6 +415,7 @@ impl Card {
             owners,
             depth,
             depth_format,
+            ahead,
             colors,
             marks,
         });

@@ -215,6 +215,7 @@ impl Command {
                 index
             }));
         }
+        let color_flags = flags;
         let depth = pass.depth.map(|attachment| {
             let index = card.frame.surface(&attachment.surface);
             let store = &mut card.frame.stores[index];
@@ -252,7 +253,21 @@ impl Command {
             blocks_across: across,
             primitives,
             order,
+            raised: false,
+            lowered: false,
         };
+        if let Some(surface) = state.depth
+            && !card.seen.is_empty()
+        {
+            // Each pipeline's copy of the depths is cleared as the surface is: by flag, or in memory.
+            flags += (flags - color_flags) * card.seen.len() as u32;
+            let address = card.frame.stores[surface].surface.address;
+            let written = clears.iter().find(|&&(at, _)| at == address).copied();
+            copies::begin_seen(&card.frame, &mut card.seen, surface, written.is_some());
+            if let Some((address, bytes)) = written {
+                clears.extend((0..card.seen.len()).map(|pipeline| (address + copies::behind(pipeline), bytes)));
+            }
+        }
         if !card.copies.is_empty() {
             let cleared = |&&surface: &&usize| {
                 let address = card.frame.stores[surface].surface.address;

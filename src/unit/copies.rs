@@ -178,9 +178,13 @@ impl PassOrder {
 }
 
 /// How far behind a surface a pipeline's copy of it lies in memory.
+pub fn behind(pipeline: usize) -> u64 {
+    (pipeline as u64 + 1) * COPY
+}
+
+/// The same where pipelines draw in their copies: a single one draws in the surface itself.
 pub fn offset(pipeline: usize, pipelines: usize) -> u64 {
-    // A single pipeline draws in the surface itself.
-    if pipelines > 1 { (pipeline as u64 + 1) * COPY } else { 0 }
+    if pipelines > 1 { behind(pipeline) } else { 0 }
 }
 
 /// Where a pipeline draws: in its own copy where there are copies.
@@ -192,26 +196,39 @@ pub fn own<'a>(frame: &'a mut Frame, copies: &'a mut [Frame], pipeline: u8) -> &
     }
 }
 
-/// Makes the copies of the attachments with which a pass begins. Those in `written` were cleared in memory, copy by copy.
+/// Makes a pipeline's copy of a surface with which a pass begins; `written`: it was cleared in memory, copy by copy.
 ///
 /// Loaded contents are not copied: until a pipeline writes back a block of its own, it reads the surface's.
+fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, written: bool) {
+    while copy.stores.len() <= surface {
+        copy.stores.push(Store { codes: Vec::new(), blocks: Vec::new(), ..frame.stores[copy.stores.len()] });
+    }
+    let (source, target) = (&frame.stores[surface], &mut copy.stores[surface]);
+    let mut codes = std::mem::take(&mut target.codes);
+    codes.clone_from(&source.codes);
+    let state = |&state: &BlockState| match state {
+        BlockState::Stored(bytes) if !written => BlockState::Shared(bytes),
+        state => state,
+    };
+    let blocks = source.blocks.iter().map(state).collect();
+    *target = Store { codes, blocks, offset, ..*source };
+}
+
+/// Makes the copies of the depths against which pipelines test ahead of the owners; `written` as for [`begin`]. They are all behind the
+/// surface, that of a single pipeline too: the surface is the owner's.
+pub fn begin_seen(frame: &Frame, seen: &mut [Frame], surface: usize, written: bool) {
+    for (pipeline, copy) in seen.iter_mut().enumerate() {
+        begin_store(frame, copy, surface, behind(pipeline), written);
+    }
+}
+
+/// Makes the copies of the attachments with which a pass begins. Those in `written` were cleared in memory, copy by copy.
 pub fn begin(frame: &Frame, copies: &mut [Frame], pass: &PassState, written: &[usize]) {
     let pipelines = copies.len();
     for (pipeline, copy) in copies.iter_mut().enumerate() {
         copy.stamps.begin(pass.blocks, pass.pass.samples);
         for surface in pass.color.iter().flatten().chain(&pass.depth).copied() {
-            while copy.stores.len() <= surface {
-                copy.stores.push(Store { codes: Vec::new(), blocks: Vec::new(), ..frame.stores[copy.stores.len()] });
-            }
-            let (source, target) = (&frame.stores[surface], &mut copy.stores[surface]);
-            let mut codes = std::mem::take(&mut target.codes);
-            codes.clone_from(&source.codes);
-            let state = |&state: &BlockState| match state {
-                BlockState::Stored(bytes) if !written.contains(&surface) => BlockState::Shared(bytes),
-                state => state,
-            };
-            let blocks = source.blocks.iter().map(state).collect();
-            *target = Store { codes, blocks, offset: offset(pipeline, pipelines), ..*source };
+            begin_store(frame, copy, surface, offset(pipeline, pipelines), written.contains(&surface));
         }
     }
 }

@@ -173,8 +173,9 @@ impl Dispatch {
         // A test that comes before the shader in API order is made before what the shader discards is dropped, wherever it is made.
         let tested_there = work.early && work.depth.is_some() && matches!(self.ports.output, Outlet::Owners(_));
         let keeps = work.draw.fragment.is_some() && !tested_there;
-        let mut alive = 0;
+        let (mut come, mut alive) = (0, 0);
         for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
+            come += u32::from(*live != 0);
             if keeps {
                 let shaded = fragments(*live);
                 *live &= quad.kept;
@@ -191,11 +192,12 @@ impl Dispatch {
                 self.sequence = self.sequence.wrapping_add(1);
             }
             Outlet::Owners(network) => {
-                let size = count * (bytes::FRAGMENT_QUAD + 4 * u32::from(work.draw.payload_words));
+                // Quads that an early test has thrown away are not among them.
+                let size = come * (bytes::FRAGMENT_QUAD + 4 * u32::from(work.draw.payload_words));
                 network.send(wires, usize::from(token.pool), token, size);
-                self.sorting.sorted_items += u64::from(count);
-                self.sorting.sent += u64::from(count);
-                self.sorting.copy(count, size, token.pool != self.pipeline);
+                self.sorting.sorted_items += u64::from(come);
+                self.sorting.sent += u64::from(come);
+                self.sorting.copy(come, size, token.pool != self.pipeline);
             }
         }
         true

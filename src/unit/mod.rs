@@ -22,6 +22,7 @@ pub mod deal;
 pub mod depth;
 pub mod dispatch;
 pub mod distribute;
+pub mod early;
 pub mod fetch;
 pub mod frame;
 pub mod gather;

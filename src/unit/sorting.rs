@@ -94,12 +94,33 @@ crate::choices! {
     }
 }
 
+crate::choices! {
+    /// Early depth tests in pipelines that do not own the pixels they draw.
+    pub enum EarlyTest {
+        /// None: every covered quad is shaded.
+        None "none",
+        /// Against a copy of the depths, one in each pipeline, which knows what that pipeline has drawn.
+        Local "local",
+        /// Against the owner's depths, which are asked for.
+        Remote "remote",
+    }
+}
+
 crate::knobs! {
-    /// API order, where it is restored.
+    /// API order, where it is restored, and what can be known ahead of it.
     pub struct OrderConfig {
         /// Where API order is kept.
         keep: Keep ["", Allowed::Choice(Keep::NAMES),
             "APIs demand it; where-needed is for sort-last-fragment (Molnar et al. 1994), never for no real card"],
+        /// Early depth tests where the pixels have another owner: sort-last-fragment.
+        early: EarlyTest ["", Allowed::Choice(EarlyTest::NAMES),
+            "Molnar et al. 1994 have none; the others show what an early test is worth there"],
+        /// Groups of quads that wait for the depths of their early test.
+        early_queue: u32 ["groups", Allowed::Range(1, 4096), "covers a question and its answer"],
+        /// Remote early tests: cycles that a question takes to the owner of its pixels, and an answer back.
+        early_latency: u32 ["cycles", Allowed::Range(1, 1024), "as network.link_latency"],
+        /// Remote early tests: bytes a cycle of each way between two pipelines, there and back.
+        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "the depths of four quads, one sample a pixel"],
     }
 }
 

@@ -116,6 +116,26 @@ pub struct DepthBounds {
     pub pass: u32,
 }
 
+/// A question for the depths that an owner holds of a group's pixels.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Question {
+    /// What the asker calls it.
+    pub ticket: u32,
+    /// Index in the groups of the owner.
+    pub group: u32,
+}
+
+/// The owner's answer: the group's quads are tested against what it holds.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct Answer {
+    /// Of the question.
+    pub ticket: u32,
+    /// Bytes of depths in it.
+    pub bytes: u32,
+}
+
 /// A tile whose list is to be drawn, a fence, or the end of a round of tiles.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -154,6 +174,8 @@ pub mod bytes {
     pub const FRAGMENT_QUAD: u32 = 24;
     /// A transformed triangle in the redistribution network: three vertices of position and, on average, eight attribute words.
     pub const TRIANGLE: u32 = 144;
+    /// A question for a group's depths: the block, and which of its quads.
+    pub const QUESTION: u32 = 8;
     /// A mark.
     pub const MARK: u32 = 4;
 }

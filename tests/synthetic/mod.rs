@@ -10,7 +10,7 @@ use fillrate::gfx::rop::{ColorState, DepthStencilState};
 use fillrate::gfx::setup::{self, Bounds, DepthBias, SAMPLES_1, SAMPLES_4, ScreenVertex, SetupState};
 use fillrate::gfx::state::{
     Blend, BlendComponent, BlendFactor, BlendOp, ColorTarget, Compare, CullMode, DepthStencil, FrontFace, Rect, StencilFace,
-    StepMode, Viewport,
+    StencilOp, StepMode, Viewport,
 };
 use fillrate::gfx::traverse;
 use fillrate::work::*;
@@ -44,6 +44,8 @@ pub struct Scene {
     /// Edge of the square in which a triangle lies, in pixels.
     pub size: f32,
     pub compare: Compare,
+    /// Comparisons of the draws, over and over; that above if there are none.
+    pub compares: Vec<Compare>,
     pub depth_format: Option<Format>,
     pub early: bool,
     pub blend: bool,
@@ -52,6 +54,7 @@ pub struct Scene {
     pub instructions: u32,
     pub frames: u32,
     pub segments: u32,
+    /// Where the format has a stencil, every other draw counts there what fails, and all are let through only where the count is even.
     pub stencil: bool,
     pub discard: bool,
     /// Every covered quad is shaded, as for machines whose early tests do not see all depths.
@@ -71,6 +74,7 @@ impl Default for Scene {
             triangles: 60,
             size: 60.0,
             compare: Compare::Less,
+            compares: Vec::new(),
             depth_format: Some(Format::Depth32Float),
             early: true,
             blend: false,
@@ -204,14 +208,19 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     let factor = |src, dst| BlendComponent { src, dst, op: BlendOp::Add };
     let over = factor(BlendFactor::SrcAlpha, BlendFactor::OneMinusSrcAlpha);
     let blend = scene.blend.then_some(Blend { color: over, alpha: over });
+    let compare = scene.compares.get(number as usize % scene.compares.len().max(1)).copied().unwrap_or(scene.compare);
+    let stencil = scene.stencil && scene.depth_format.is_some_and(|format| format.has_stencil());
+    let counts = StencilOp::IncrementWrap;
+    let even = StencilFace { compare: Compare::Equal, fail_op: counts, depth_fail_op: counts, pass_op: StencilOp::Keep };
+    let face = if stencil { even } else { StencilFace::default() };
     let state = scene.depth_format.map(|format| DepthStencil {
         format,
         depth_write: true,
-        depth_compare: scene.compare,
-        stencil_front: StencilFace::default(),
-        stencil_back: StencilFace::default(),
-        stencil_read_mask: !0,
-        stencil_write_mask: !0,
+        depth_compare: compare,
+        stencil_front: face,
+        stencil_back: face,
+        stencil_read_mask: if stencil { 1 } else { !0 },
+        stencil_write_mask: if stencil && number % 2 == 1 { 0 } else { !0 },
         bias: 0,
         bias_slope: 0.0,
         bias_clamp: 0.0,
@@ -240,7 +249,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         depth_words: 0,
         payload_words: words,
         early,
-        hierarchical_z: early,
+        hierarchical_z: early && !stencil,
         depth_range: [0.0, 1.0],
     };
     out.push(Event::Draw(Arc::new(draw)));
@@ -510,4 +519,26 @@ impl Shading<'_> {
         let flags = if shaded { QUAD_SHADED } else { 0 };
         Quad { coverage: quad.mask, kept, position, flags, cost: variant, payload, first_request }
     }
+}
+
+/// The events of a scene of one frame with its draws in two passes, the second of which loads what the first has drawn.
+pub fn in_two_passes(scene: &Scene) -> Vec<Event> {
+    let mut out = Vec::new();
+    let mut pass = None;
+    for event in events(scene) {
+        if let Event::BeginPass(begun) = &event {
+            pass = Some(begun.as_ref().clone());
+        }
+        if matches!(&event, Event::Draw(draw) if draw.number == 1) {
+            let mut second = pass.clone().expect("a pass");
+            second.number = 1;
+            second.color.iter_mut().flatten().chain(&mut second.depth).for_each(|attachment| {
+                attachment.load = Load::Load;
+                attachment.stencil_load = Load::Load;
+            });
+            out.extend([Event::EndPass, Event::BeginPass(Arc::new(second))]);
+        }
+        out.push(event);
+    }
+    out
 }

@@ -114,6 +114,22 @@ impl DepthStencilState {
         self
     }
 
+    /// The depth test that can be made ahead, against a depth that was stored before: `upper` says that what is stored by now can be no
+    /// greater than it, `lower` that it can be no less. What fails it fails this state's depth test too. None: nothing is certain to
+    /// fail. The stencil is left aside; depths are written as this state does, which keeps a bound one.
+    pub fn ahead(&self, upper: bool, lower: bool) -> Option<DepthStencilState> {
+        let compare = match self.compare {
+            Compare::Always => return None,
+            compare if upper && lower || compare == Compare::Never => compare,
+            compare @ (Compare::Less | Compare::LessEqual) if upper => compare,
+            compare @ (Compare::Greater | Compare::GreaterEqual) if lower => compare,
+            Compare::Equal if upper => Compare::LessEqual,
+            Compare::Equal if lower => Compare::GreaterEqual,
+            _ => return None,
+        };
+        Some(DepthStencilState { accept: Accept::new(compare), compare, stencil: None, write_mask: 0, ..*self })
+    }
+
     /// Whether every fragment passes and nothing is written.
     pub fn is_idle(&self) -> bool {
         self.compare == Compare::Always && !self.depth_write && self.stencil.is_none()
@@ -392,5 +408,58 @@ fn apply(op: StencilOp, stored: u8, reference: u8) -> u8 {
         StencilOp::DecrementClamp => stored.saturating_sub(1),
         StencilOp::IncrementWrap => stored.wrapping_add(1),
         StencilOp::DecrementWrap => stored.wrapping_sub(1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fails_ahead_fails_later() {
+        let depths = [0.0_f32, -0.0, 0.25, 0.5, 0.75, 1.0, f32::NAN];
+        let mut certain = [0; 2];
+        for &compare in Compare::ALL {
+            for format in [Format::Depth32Float, Format::Depth16Unorm, Format::Depth24PlusStencil8] {
+                let faces = StencilFace::default();
+                let state = DepthStencil {
+                    format,
+                    depth_write: false,
+                    depth_compare: compare,
+                    stencil_front: faces,
+                    stencil_back: faces,
+                    stencil_read_mask: !0,
+                    stencil_write_mask: !0,
+                    bias: 0,
+                    bias_slope: 0.0,
+                    bias_clamp: 0.0,
+                };
+                let state = DepthStencilState::new(&state, 0, [0.0, 1.0]);
+                let passes = |state: &DepthStencilState, new: f32, old: f32| {
+                    let code = |depth| [[state.code(depth); 4]];
+                    state.test_quad(1, false, 1, &code(new), &mut code(old)[0]) == 1
+                };
+                for (upper, lower) in [(true, false), (false, true), (true, true), (false, false)] {
+                    let Some(ahead) = state.ahead(upper, lower) else { continue };
+                    for &known in &depths {
+                        for &stored in &depths {
+                            // What is stored has moved only as it may; where it is no number, nothing moves it.
+                            let same = known.to_bits() == stored.to_bits();
+                            let moved = upper && !lower && stored <= known || lower && !upper && stored >= known;
+                            if !same && (!moved || known.is_nan()) {
+                                continue;
+                            }
+                            for &new in &depths {
+                                if !passes(&ahead, new, known) {
+                                    assert!(!passes(&state, new, stored), "{compare:?} {format:?}: {new} {known} {stored}");
+                                    certain[usize::from(upper && lower)] += 1;
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        assert!(certain.iter().all(|&n| n > 300), "{certain:?}");
     }
 }

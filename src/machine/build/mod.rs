@@ -20,6 +20,7 @@ use crate::unit::deal::Deal;
 use crate::unit::depth::Depth;
 use crate::unit::dispatch::Dispatch;
 use crate::unit::distribute::Distribute;
+use crate::unit::early::Early;
 use crate::unit::fetch::Fetch;
 use crate::unit::gather::Gather;
 use crate::unit::hide::Hide;
@@ -67,6 +68,8 @@ pub(super) struct Shape {
     pub bins: usize,
     /// Units that read tiles.
     pub tile_fetches: usize,
+    /// Units that test depths ahead of the ROPs that own them.
+    pub earlies: usize,
     /// Units that remove hidden surfaces.
     pub hides: usize,
     /// Units that restore the order at the ROP.
@@ -93,6 +96,7 @@ struct Ids {
     tile_fetch: Vec<UnitId>,
     setup: Vec<UnitId>,
     traverse: Vec<UnitId>,
+    early: Vec<UnitId>,
     depth: Vec<UnitId>,
     hide: Vec<UnitId>,
     interpolate: Vec<UnitId>,
@@ -122,6 +126,7 @@ struct Made {
     tile_fetch: Vec<TileFetch>,
     setup: Vec<Setup>,
     traverse: Vec<Traverse>,
+    early: Vec<Early>,
     depth: Vec<Depth>,
     hide: Vec<Hide>,
     interpolate: Vec<Interpolate>,
@@ -200,6 +205,7 @@ impl<'a> Builder<'a> {
                 w.bank("setup", pipelines)
             },
             traverse: w.bank("traverse", pipelines),
+            early: w.bank("early", shape.earlies),
             depth: w.bank("depth", pipelines),
             hide: w.bank("hide", shape.hides),
             interpolate: w.bank("interpolate", pipelines),
@@ -292,6 +298,7 @@ impl<'a> Builder<'a> {
             made.credit_return,
             made.setup,
             made.traverse,
+            made.early,
             made.depth,
             made.hide,
             made.interpolate,

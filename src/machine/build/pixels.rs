@@ -2,12 +2,16 @@
 
 use super::{Builder, CONTROL, Ends, Shaded, quads};
 use crate::sim::{In, Link, Out};
+use crate::unit::block_cache::BlockCache;
 use crate::unit::color::ColorPorts;
-use crate::unit::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
+use crate::unit::compression::Compression;
+use crate::unit::depth::{Depth, DepthConfig, DepthPorts, QuestionPorts, TestPorts};
 use crate::unit::dispatch::{Dispatch, DispatchPorts, Outlet};
+use crate::unit::early::{Early, EarlyRate, Known};
 use crate::unit::hide::Hide;
 use crate::unit::interpolate::Interpolate;
 use crate::unit::order::Order;
+use crate::unit::sorting::EarlyTest;
 use crate::unit::token::{Ack, GroupToken, TriangleToken, WarpToken};
 use crate::unit::traverse::{Territory, Traverse, TraverseConfig};
 use crate::work::BLOCK;
@@ -54,6 +58,7 @@ impl Builder<'_> {
             let ports = DepthPorts {
                 early: Some(TestPorts { input: early, output: interpolate }),
                 late: Some(TestPorts { input: late, output: color }),
+                questions: None,
                 updates: Some((bounds, t.hierarchical_update)),
                 end,
                 ack,
@@ -75,8 +80,16 @@ impl Builder<'_> {
         let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
         let (color, dispatch, order) = (self.id.color.clone(), self.id.dispatch.clone(), self.id.order.clone());
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
-        let (to_interpolate, rasterized) =
-            self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &interpolate);
+        let link = quads(t.queue, t.quads_per_cycle, t.latency);
+        let early = self.id.early.clone();
+        let (from_traverse, rasterized, questions) = if early.is_empty() {
+            let (outputs, rasterized) = self.chain("rasterized", link, &traverse, &interpolate);
+            (outputs, rasterized, Vec::new())
+        } else {
+            let (outputs, inputs) = self.chain("rasterized", link, &traverse, &early);
+            let (tested, rasterized) = self.chain("tested_early", tested, &early, &interpolate);
+            (outputs, rasterized, self.early_tests(inputs, tested))
+        };
         let (to_late, late) = self.chain("to_late_test", self.to_rop(), &order, &depth);
         let (to_color, shaded) = self.chain("shaded", self.to_rop(), &order, &color);
         let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
@@ -86,7 +99,7 @@ impl Builder<'_> {
 
         // Hierarchical Z would have to know what other pipelines have drawn.
         let blind = TraverseConfig { hierarchical_z: false, ..t.clone() };
-        let traverses = inputs.into_iter().zip(to_interpolate).enumerate();
+        let traverses = inputs.into_iter().zip(from_traverse).enumerate();
         self.made.traverse = traverses
             .map(|(n, (input, output))| Traverse::new(blind.clone(), n as u8, Territory::Screen, input, None, output))
             .collect();
@@ -97,14 +110,44 @@ impl Builder<'_> {
             ends.map(|(n, ((input, late), color))| Order::new(n as u8, rate, config.order.keep, input, late, color)).collect();
         let acks = std::mem::take(&mut self.made.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
+        let mut questions = questions.into_iter();
         for (n, (((input, output), end), ack)) in ends {
             let late = Some(TestPorts { input, output });
-            let ports = DepthPorts { early: None, late, updates: None, end, ack };
+            let ports = DepthPorts { early: None, late, questions: questions.next(), updates: None, end, ack };
             let memory = self.port("depth", n, depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
         let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
         self.colors(inputs, end);
+    }
+
+    /// Early tests of quads whose pixels have other owners; gives for each of these the ways of questions, if they are asked.
+    fn early_tests(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Out<GroupToken>>) -> Vec<QuestionPorts> {
+        let (o, d) = (&self.config.order, &self.config.depth);
+        let (early, depth) = (self.id.early.clone(), self.id.depth.clone());
+        let rate = EarlyRate { quads_per_cycle: d.quads_per_cycle, queue: o.early_queue, latency: d.latency };
+        let (known, ports) = if o.early == EarlyTest::Remote {
+            // A way holds what is on it, and a little that waits at its end.
+            let link = Link::bytes(o.early_queue.min(o.early_latency + 8), o.early_bytes, o.early_latency);
+            let pairs: Vec<_> = early.iter().flat_map(|&early| depth.iter().map(move |&depth| (early, depth))).collect();
+            let back: Vec<_> = depth.iter().flat_map(|&depth| early.iter().map(move |&early| (depth, early))).collect();
+            let (ask, questions) = self.join("depth_questions", link, pairs);
+            let (answer, answers) = self.join("depth_answers", link, back);
+            let known = by_first(ask, early.len()).zip(by_second(answers, early.len()));
+            let known: Vec<_> = known.map(|(questions, answers)| Known::Owners { questions, answers }).collect();
+            let ports = by_second(questions, depth.len()).zip(by_first(answer, depth.len()));
+            (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
+        } else {
+            let copy = |n: usize| {
+                let compression = Compression { enabled: d.compression };
+                let memory = self.port("early", n, early[n]);
+                Known::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
+            };
+            ((0..early.len()).map(copy).collect(), Vec::new())
+        };
+        let units = known.into_iter().zip(inputs).zip(outputs).enumerate();
+        self.made.early = units.map(|(n, ((known, input), output))| Early::new(n as u8, rate, input, output, known)).collect();
+        ports
     }
 
     /// Interpolation and dispatch to the cores.
@@ -141,4 +184,17 @@ impl Builder<'_> {
         let ports = ends.map(|((shaded, end), ack)| ColorPorts { shaded: shaded.color, tested: shaded.late, end, ack });
         self.made.color_ends = ports.collect();
     }
+}
+
+/// Of the ends of a square of ways, row after row, each row.
+fn by_first<T>(ends: Vec<T>, count: usize) -> impl Iterator<Item = Vec<T>> {
+    let mut ends = ends.into_iter();
+    (0..count).map(move |_| ends.by_ref().take(count).collect())
+}
+
+/// Of the ends of a square of ways, row after row, each column.
+fn by_second<T>(ends: Vec<T>, count: usize) -> impl Iterator<Item = Vec<T>> {
+    let mut columns: Vec<Vec<T>> = (0..count).map(|_| Vec::with_capacity(count)).collect();
+    ends.into_iter().enumerate().for_each(|(n, end)| columns[n % count].push(end));
+    columns.into_iter()
 }

@@ -4,7 +4,7 @@ use super::Config;
 use crate::mem::{CacheShape, DramConfig, IdealConfig, L2Config, MemoryConfig};
 use crate::unit::assembly::Deal;
 use crate::unit::knob::Allowed;
-use crate::unit::sorting::Keep;
+use crate::unit::sorting::{EarlyTest, Keep};
 use crate::unit::warp::MAX_WIDTH;
 
 crate::choices! {
@@ -245,6 +245,13 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
         return Err(format!(
             "order.keep is {}, which a machine whose sort is {} does not do",
             config.order.keep.name(),
+            config.card.sort.name()
+        ));
+    }
+    if config.order.early != EarlyTest::None && config.card.sort != SortClass::LastFragment {
+        return Err(format!(
+            "order.early is \"{}\", and must be \"none\" where sort is \"{}\": only in sort-last-fragment pipelines draw pixels that others own",
+            config.order.early.name(),
             config.card.sort.name()
         ));
     }

@@ -131,6 +131,7 @@ fn run(
             let (updates, at_traverse) = wiring.channel("updates", 0, FREE, ids[3], ids[6]);
             let (ack, at_command) = wiring.channel("ack", 0, FREE, ids[3], ids[7]);
             let ports = DepthPorts {
+                questions: None,
                 early: Some(TestPorts { input: from_traverse, output: interpolate }),
                 late: Some(TestPorts { input: from_cores, output: color }),
                 updates: Some((updates, scene.update)),

@@ -13,6 +13,7 @@ mod core;
 mod depth;
 mod dispatch;
 mod distribute;
+mod early;
 mod fetch;
 mod interpolate;
 mod kit;

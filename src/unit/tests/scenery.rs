@@ -169,5 +169,7 @@ pub fn begin_pass(card: &mut Card, pass: Pass, cleared: bool) {
         blocks_across,
         primitives: 0,
         order: Default::default(),
+        raised: false,
+        lowered: false,
     });
 }

@@ -1,23 +1,28 @@
 //! Depth and stencil, one unit a pipeline: the early tests of quads on their way to the cores and the late tests of those that come
 //! back, through one Z cache. The tests are applied for real to the machine's own depth buffer, in the order of arrival.
 
+mod depths;
+mod questions;
+
 use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts};
 use super::card::{Card, Group, Work};
 use super::compression::Compression;
 use super::copies::{Stamps, own};
-use super::frame::Store;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::traverse::{HierarchicalUpdate, fragments};
-use crate::gfx::hierarchical::depth_key;
-use crate::gfx::setup::{SAMPLES_1, SAMPLES_4};
 use crate::mem::MemoryPort;
-use crate::num::{Cycle, SUBPIXEL};
+use crate::num::Cycle;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::BLOCK;
+use depths::{bounds, sample_depths};
+use questions::Questions;
+
+pub(super) use depths::test_ahead;
+pub use questions::QuestionPorts;
 
 crate::knobs! {
     /// Depth and stencil tests, early and late.
@@ -49,6 +54,8 @@ pub struct DepthPorts {
     pub early: Option<TestPorts>,
     /// Shaded quads to be tested, and to the colour unit; none: this unit tests only what is not yet shaded.
     pub late: Option<TestPorts>,
+    /// Questions of pipelines that draw here and own nothing, if there are any.
+    pub questions: Option<QuestionPorts>,
     /// New bounds, to hierarchical Z, and when it is told of them.
     pub updates: Option<(Out<DepthBounds>, HierarchicalUpdate)>,
     /// The colour unit has seen the end of the pass.
@@ -82,6 +89,7 @@ pub struct Depth {
     cache: BlockCache,
     early: VecDeque<Entry>,
     late: VecDeque<Entry>,
+    questions: Option<Box<Questions>>,
     /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
     away: u32,
     /// The end of a tile is under way: nothing of the next is looked up.
@@ -97,12 +105,13 @@ pub struct Depth {
 
 impl Depth {
     /// An empty one, for one pipeline.
-    pub fn new(config: DepthConfig, pipeline: u8, ports: DepthPorts, memory: MemoryPort) -> Depth {
+    pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
         let compression = Compression { enabled: config.compression };
         Depth {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
             early: VecDeque::with_capacity(config.fifo as usize),
             late: VecDeque::with_capacity(config.fifo as usize),
+            questions: ports.questions.take().map(|ports| Box::new(Questions::new(ports))),
             away: 0,
             ending: false,
             ended: false,
@@ -188,7 +197,7 @@ impl Depth {
             } else {
                 let x = (left + u32::from(quad.position) % 4 * 2) as i32;
                 let y = (top + u32::from(quad.position) / 4 * 2) as i32;
-                sample_depths(work, triangle, x, y, samples, &mut codes);
+                sample_depths(state, triangle, x, y, samples, &mut codes);
             }
             let before = fragments(*live);
             *live = state.test_quad(samples, triangle.back, *live, &codes, store.quad_mut(group.block, quad.position));
@@ -441,34 +450,6 @@ fn drop_discarded(card: &mut Card, pipeline: usize, token: GroupToken) -> u8 {
     alive
 }
 
-/// Depths of a quad's samples, as codes.
-#[inline(always)]
-fn sample_depths(work: &Work, triangle: &crate::work::Triangle, x: i32, y: i32, samples: usize, codes: &mut [[u32; 4]; 4]) {
-    let Some(state) = &work.depth else { return };
-    let positions: &[[i32; 2]] = if samples == 1 { &SAMPLES_1 } else { &SAMPLES_4 };
-    for (codes, &[dx, dy]) in codes.iter_mut().zip(positions) {
-        let (dx, dy) = (dx as f32 / SUBPIXEL as f32 + 0.5, dy as f32 / SUBPIXEL as f32 + 0.5);
-        *codes = state.code_quad(std::array::from_fn(|p| {
-            triangle.depth.at((x + p as i32 % 2) as f32 + dx, (y + p as i32 / 2) as f32 + dy)
-        }));
-    }
-}
-
-/// The bounds of a block's depths, from its own bytes.
-fn bounds(store: &Store, block: u32, pass: u32) -> DepthBounds {
-    let format = store.surface.format;
-    let (mut min, mut max) = (u32::MAX, 0);
-    let stride = 4 * store.words as usize;
-    for pixels in store.block(block).chunks_exact(stride) {
-        for &code in &pixels[..4] {
-            let key = depth_key(format, code);
-            min = min.min(key);
-            max = max.max(key);
-        }
-    }
-    DepthBounds { block, min, max, pass }
-}
-
 impl Unit<Card> for Depth {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         // 1. Memory: blocks come, requests go.
@@ -486,10 +467,12 @@ impl Unit<Card> for Depth {
 
         // 3. Test, late before early: what is nearer the end makes room.
         did = did.or(self.drain(wires, card, true));
+        did = did.or(self.answer(wires, card));
         did = did.or(self.drain(wires, card, false));
 
         // 4. Look the next ones up.
         did = did.or(self.accept_late(wires, card));
+        did = did.or(self.take_questions(wires, card));
         did = did.or(self.accept_early(wires, card));
 
         // 5. The end of the pass.
@@ -501,6 +484,7 @@ impl Unit<Card> for Depth {
     }
 
     fn resident(&self) -> u64 {
-        (self.early.len() + self.late.len() + self.bounds.len()) as u64 + self.cache.resident()
+        let questions = self.questions.as_ref().map_or(0, |questions| questions.resident());
+        (self.early.len() + self.late.len() + self.bounds.len() + questions) as u64 + self.cache.resident()
     }
 }
