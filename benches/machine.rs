@@ -2,12 +2,9 @@
 //!
 //! `cargo bench --bench machine [-- CONFIG]`
 
-#[path = "../tests/synthetic/mod.rs"]
-mod synthetic;
-
+use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::machine::{Config, Machine};
 use fillrate::sim::Clock;
-use synthetic::{Scene, events};
 
 /// CPU time of this thread in seconds: what other programs on the host take does not count.
 fn cpu_seconds() -> f64 {

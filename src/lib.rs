@@ -10,7 +10,8 @@
 //! | 3 | [`render`], [`mod@unit`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
-//! | 6 | [`cli`] |
+//! | 6 | [`accuracy`] |
+//! | 7 | [`cli`] |
 
 pub mod num;
 
@@ -31,5 +32,7 @@ pub mod machine;
 
 pub mod report;
 pub mod run;
+
+pub mod accuracy;
 
 pub mod cli;

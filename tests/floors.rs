@@ -19,7 +19,14 @@ const TABLE: &[(&str, &[&str])] = &[
     ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
     ("report", &["num", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
     ("run", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "report"]),
-    ("cli", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report"]),
+    (
+        "accuracy",
+        &[
+            "num", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine", "report",
+            "run",
+        ],
+    ),
+    ("cli", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report", "accuracy"]),
 ];
 
 /// Source files below a folder, those of unit tests left out.
@@ -88,7 +95,9 @@ fn what_and_when_stay_apart() {
             assert!(!text.contains("Cycle"), "{} knows a cycle", file.display());
         }
     }
-    for module in ["num", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine"] {
+    for module in
+        ["num", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine", "accuracy"]
+    {
         let mut files = Vec::new();
         sources(&root.join(module), &mut files);
         for file in files {

@@ -2,8 +2,9 @@
 //! ticks.
 
 mod machine_common;
-mod synthetic;
 
+use fillrate::accuracy::Random;
+use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::machine::{Config, Machine, MachineError};
 use fillrate::sim::Clock;
 use fillrate::unit::Fault;
@@ -11,7 +12,6 @@ use fillrate::unit::knob::Allowed;
 use fillrate::unit::sorting::Keep;
 use fillrate::work::{Event, Funnel, Shade};
 use machine_common::{accounts_add_up, config, conserved, dispatch, everything, frames_add_up, rendered, run};
-use synthetic::{Random, Scene, events};
 
 /// Scenes of `traces/`, and whether all their draws have a fragment stage.
 const SCENES: [(&str, bool); 8] = [
@@ -195,7 +195,7 @@ fn some(allowed: Allowed, random: &mut Random) -> String {
 #[test]
 fn machines_made_at_random_are_lawful() {
     let work = [mixture(false), mixture(true)];
-    let mut random = Random(17);
+    let mut random = Random::new(17);
     let mut made = 0;
     while made < 16 {
         let mut config = Config::built_in("baseline").unwrap();

@@ -2,15 +2,15 @@
 //! 1994), bytes that are sent again, and the peak of the slow-down by overlap (Chen et al. 1998).
 
 mod machine_common;
-mod synthetic;
 
+use fillrate::accuracy::Random;
+use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::unit::interleave::{Interleave, Pattern};
 use fillrate::work::{Event, Segment, Shade};
 use machine_common::{Figures, config, run};
-use synthetic::{Random, Scene, events};
 
 /// A scene of these triangles, drawn without depth.
 fn scene_of(width: u32, height: u32, shapes: Vec<[[f32; 2]; 3]>) -> Scene {
@@ -81,7 +81,7 @@ fn mean(values: &[f64]) -> (f64, f64) {
 /// are intervals of W - 1 between centres, and the triangle's extent counts from centre to centre: w - 1 on average.
 #[test]
 fn overlap_at_random_offsets_is_the_formula() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     for (tile, w, h) in [(16.0_f32, 40.0_f32, 24.0_f32), (32.0, 20.0, 50.0), (64.0, 70.0, 70.0)] {
         // Batches of triangles, each of which is one value.
         let (mut boxes, mut exact) = (Vec::new(), Vec::new());
@@ -201,7 +201,7 @@ fn all_but_an_nth_leaves_its_own_pipeline_where_routing_is_uniform() {
 /// Cycles of so many right triangles with legs of so many pixels at random places, and quads of each.
 fn cycles(class: &str, interval: u32, legs: f32) -> (f64, f64) {
     const TRIANGLES: usize = 400;
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let shapes = (0..TRIANGLES)
         .map(|_| right_triangle((192.0 - legs) * random.unit(), (192.0 - legs) * random.unit(), legs, legs))
         .collect();

@@ -2,17 +2,16 @@
 //! the formulas of composition say, and name the passes whose order they do not keep.
 
 mod machine_common;
-mod synthetic;
 
 use std::sync::Arc;
 
+use fillrate::accuracy::synthetic::{Scene, events, in_two_passes};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare};
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::work::Event;
 use machine_common::{accounts_add_up, frames_add_up};
-use synthetic::{Scene, events, in_two_passes};
 
 const SCHEMES: [&str; 3] = ["binary-swap", "direct-send", "pipeline"];
 

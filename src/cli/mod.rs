@@ -1,5 +1,6 @@
-//! Floor 6: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
+//! Floor 7: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
 
+mod accuracy;
 mod compare;
 mod configs;
 mod import;
@@ -8,6 +9,7 @@ mod replay;
 
 use std::process::ExitCode;
 
+use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 
 use crate::render::is_guarded;
@@ -27,6 +29,7 @@ enum Command {
     Inspect(inspect::Arguments),
     Configs(configs::Arguments),
     Compare(compare::Arguments),
+    Accuracy(accuracy::Arguments),
 }
 
 /// How a command ended, short of an error.
@@ -36,6 +39,12 @@ enum Verdict {
     Done,
     /// Done, and what was checked did not hold.
     Failed,
+}
+
+/// Makes so many threads those that everything runs on.
+fn use_threads(threads: Option<u16>) -> Result<()> {
+    let Some(threads) = threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().context("cannot start the threads")
 }
 
 /// Runs the command line and answers the exit code: 0 done, 1 a check failed, 2 bad input or use.
@@ -54,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Configs(arguments) => configs::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Accuracy(arguments) => accuracy::run(&arguments),
     };
     match result {
         Ok(Verdict::Done) => ExitCode::SUCCESS,

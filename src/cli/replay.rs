@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Verdict;
@@ -82,9 +82,7 @@ impl FromStr for Frames {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(threads) = arguments.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().context("cannot start the threads")?;
-    }
+    super::use_threads(arguments.threads)?;
     let config = super::configs::load(&arguments.config, &arguments.set)?;
     for warning in config.warnings() {
         eprintln!("warning: {warning}");

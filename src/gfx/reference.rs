@@ -1,69 +1,136 @@
-//! Coverage by its definition, in exact arithmetic: slow, written independently of setup and traversal, for tests only.
+//! What a primitive covers, and what its fragments hold, by their definitions: slow, and written apart from setup, traversal and
+//! interpolation, which are compared with it. Coverage is computed in whole numbers of any size and hence exactly; weights are
+//! quotients of such numbers, rounded once to `f64`, and depth and perspective are sums of positive `f64` numbers.
 //!
-//! Positions are in 1/256 pixel, y down. Ties are not cases here: positions are moved by `(e, e^2)` with an e so small that it
-//! decides nothing else, and what is left is strict geometry.
+//! Positions are in 1/256 pixel, y down.
+
+use dashu_int::{IBig, Sign};
 
 /// A position in 1/256 pixel.
 pub type Position = [i64; 2];
 
-/// The perturbation's scale: e = 2^-30 of 1/256 pixel, e^2 = 2^-60. An edge function is a whole number below 2^50, and moving
-/// the point changes it by less than 2^25 e < 1: no strict inequality is touched.
-const TRIANGLE_E: u32 = 30;
-
-/// Whether a triangle, of either winding, covers a sample under the top-left rule.
-///
-/// The rule says that a sample on a left edge (inside to the right) or a top edge (inside below) is covered: that is, that the
-/// sample moved by `(e, e^2)` is strictly inside.
-pub fn triangle_covers(v: [Position; 3], sample: Position) -> bool {
-    let e = |j: Position, k: Position| {
-        let scale = |x: i64| i128::from(x) << (2 * TRIANGLE_E);
-        let (sx, sy) = (scale(sample[0]) + (1 << TRIANGLE_E), scale(sample[1]) + 1);
-        i128::from(k[0] - j[0]) * (sy - scale(j[1])) - i128::from(k[1] - j[1]) * (sx - scale(j[0]))
-    };
-    let signs = [e(v[0], v[1]), e(v[1], v[2]), e(v[2], v[0])].map(i128::signum);
-    signs[0] != 0 && signs[0] == signs[1] && signs[1] == signs[2]
-}
-
-/// Whether a line draws a pixel under the diamond-exit rule, its ends moved by `-(e, e^2)`.
+/// Places of the samples of a pixel, in 1/256 pixel from its left upper corner: the centre, or the standard four of Vulkan and
+/// Direct3D, which are given in sixteenths.
 ///
 /// # Panics
-/// In debug, if coordinates are 2^17 or more: the arithmetic would overflow.
+/// If `count` is neither 1 nor 4.
+pub fn samples(count: u32) -> Vec<Position> {
+    let sixteenths: &[Position] = match count {
+        1 => &[[8, 8]],
+        4 => &[[6, 2], [14, 6], [2, 10], [10, 14]],
+        _ => panic!("pixels have 1 or 4 samples"),
+    };
+    sixteenths.iter().map(|&p| p.map(|v| v * 16)).collect()
+}
+
+/// Twice the signed area of a triangle: positive where b, c follow a clockwise on the screen.
+fn cross(a: Position, b: Position, c: Position) -> IBig {
+    let d = |v: i64, w: i64| IBig::from(v) - IBig::from(w);
+    d(b[0], a[0]) * d(c[1], a[1]) - d(b[1], a[1]) * d(c[0], a[0])
+}
+
+/// Whether the edge from a to b of a triangle whose third vertex is c is a top edge, horizontal and above c, or a left edge, not
+/// horizontal and left of c: the edges whose own samples belong to the triangle.
+fn is_top_or_left(a: Position, b: Position, c: Position) -> bool {
+    let d = |v: i64, w: i64| IBig::from(v) - IBig::from(w);
+    if a[1] == b[1] {
+        return a[1] < c[1];
+    }
+    // At c's height the edge's line is at a.x + (c.y - a.y) (b.x - a.x) / (b.y - a.y). That is less than c.x:
+    let (run, rise) = (d(c[1], a[1]) * d(b[0], a[0]), d(b[1], a[1]));
+    let there = d(c[0], a[0]) * &rise;
+    if rise.sign() == Sign::Positive { run < there } else { run > there }
+}
+
+/// Whether a triangle, of either winding, covers a sample: the sample is inside, or on edges all of which are top or left ones.
+pub fn triangle_covers(v: [Position; 3], sample: Position) -> bool {
+    let area = cross(v[0], v[1], v[2]);
+    let zero = IBig::ZERO;
+    let [a, b, c] = if area < zero { [v[0], v[2], v[1]] } else { v };
+    area != zero
+        && [(a, b, c), (b, c, a), (c, a, b)].into_iter().all(|(a, b, c)| {
+            let side = cross(a, b, sample);
+            side > zero || side == zero && is_top_or_left(a, b, c)
+        })
+}
+
+/// Whether a polygon that does not cross itself covers a sample: a ray from it to the right crosses the outline an odd number of
+/// times. The sample is moved to the right by as little as decides ties, and down by even less: that is the top-left rule.
+pub fn polygon_covers(polygon: &[Position], sample: Position) -> bool {
+    let mut inside = false;
+    for (i, &a) in polygon.iter().enumerate() {
+        let b = polygon[(i + 1) % polygon.len()];
+        if (a[1] <= sample[1]) == (b[1] <= sample[1]) {
+            continue;
+        }
+        // The edge crosses the sample's row; it does so right of the sample if the sample is left of the edge, seen upwards.
+        let (lower, upper) = if a[1] > b[1] { (a, b) } else { (b, a) };
+        inside ^= cross(lower, upper, sample) < IBig::ZERO;
+    }
+    inside
+}
+
+/// Weights of a triangle's vertices at a position, linear in the window: areas opposite to them over the triangle's.
+pub fn weights(v: [Position; 3], at: Position) -> [f64; 3] {
+    let area = cross(v[0], v[1], v[2]).to_f64().value();
+    [cross(v[1], v[2], at), cross(v[2], v[0], at), cross(v[0], v[1], at)].map(|part| part.to_f64().value() / area)
+}
+
+/// Perspective-correct weights at a position, and 1/w there, from those of the vertices.
+pub fn perspective(v: [Position; 3], inv_w: [f32; 3], at: Position) -> ([f64; 3], f64) {
+    let linear = weights(v, at);
+    let parts: [f64; 3] = std::array::from_fn(|i| linear[i] * f64::from(inv_w[i]));
+    let sum = parts[0] + parts[1] + parts[2];
+    (parts.map(|part| part / sum), sum)
+}
+
+/// Depth at a position: linear in the window.
+pub fn depth(v: [Position; 3], z: [f32; 3], at: Position) -> f64 {
+    let linear = weights(v, at);
+    linear[0] * f64::from(z[0]) + linear[1] * f64::from(z[1]) + linear[2] * f64::from(z[2])
+}
+
+/// Whether a line draws a pixel under the diamond-exit rule: it meets the diamond of half-diagonal 1/2 about the pixel's centre, and
+/// does not end in it. Both ends are moved to the left by as little as decides ties, and up by even less.
 pub fn line_draws(from: Position, to: Position, pixel: Position) -> bool {
-    // Numbers that decide are whole multiples of 1/2^19 (products of two differences over one), e is below that, and e^2 below
-    // e over such a product.
-    const E: u32 = 21;
-    debug_assert!(from.iter().chain(&to).chain(&pixel).all(|v| v.abs() < 1 << 17));
-    let scale = |x: i64| i128::from(x) << (2 * E);
-    let moved = |p: Position| [scale(p[0]) - (1 << E), scale(p[1]) - 1];
+    // Numbers that decide are whole multiples of 1/2^96 or more (coordinates are far below 2^40, and all are products of at most two
+    // differences over one); the first move is below that, and the second is to the first what the first is to 1.
+    const E: usize = 96;
+    let scale = |x: i64| IBig::from(x) << (2 * E);
+    let moved = |p: Position| [scale(p[0]) - (IBig::ONE << E), scale(p[1]) - IBig::ONE];
     let (p, q) = (moved(from), moved(to));
     let center = pixel.map(|v| scale(v * 256 + 128));
-    let half = scale(128);
-    let mut low: Option<(i128, i128)> = None;
-    let mut high: Option<(i128, i128)> = None;
+    let zero = IBig::ZERO;
+    // The part of the segment inside of all four sides of the diamond, from `low` to `high` as fractions of its length.
+    let mut low: Option<(IBig, IBig)> = None;
+    let mut high: Option<(IBig, IBig)> = None;
     let mut ends_inside = true;
-    for (sx, sy) in [(1, 1), (1, -1), (-1, 1), (-1, -1)] {
+    for (sx, sy) in [(1_i32, 1_i32), (1, -1), (-1, 1), (-1, -1)] {
         // f > 0 inside this side of the diamond; linear along the segment from f0 to f1.
-        let f = |r: [i128; 2]| half - sx * (r[0] - center[0]) - sy * (r[1] - center[1]);
-        let (f0, f1) = (f(p), f(q));
-        ends_inside &= f1 > 0;
+        let f = |r: &[IBig; 2]| -> IBig { scale(128) - (&r[0] - &center[0]) * sx - (&r[1] - &center[1]) * sy };
+        let (f0, f1) = (f(&p), f(&q));
+        ends_inside &= f1 > zero;
         // The zero lies at t = f0 / (f0 - f1).
-        let (num, den) = if f0 > f1 { (f0, f0 - f1) } else { (-f0, f1 - f0) };
-        if den == 0 {
-            if f0 <= 0 {
+        if f0 == f1 {
+            if f0 <= zero {
                 return false;
             }
         } else if f0 > f1 {
-            if high.is_none_or(|(n, d)| num * d < n * den) {
+            let (num, den) = (f0.clone(), f0 - f1);
+            if high.as_ref().is_none_or(|(n, d)| &num * d < n * &den) {
                 high = Some((num, den));
             }
-        } else if low.is_none_or(|(n, d)| num * d > n * den) {
-            low = Some((num, den));
+        } else {
+            let (num, den) = (-&f0, f1 - f0);
+            if low.as_ref().is_none_or(|(n, d)| &num * d > n * &den) {
+                low = Some((num, den));
+            }
         }
     }
     // Some t with low < t < high and 0 <= t <= 1.
-    let below_one = low.is_none_or(|(n, d)| n < d);
-    let above_zero = high.is_none_or(|(n, _)| n > 0);
-    let open = match (low, high) {
+    let below_one = low.as_ref().is_none_or(|(n, d)| n < d);
+    let above_zero = high.as_ref().is_none_or(|(n, _)| *n > zero);
+    let open = match (&low, &high) {
         (Some((ln, ld)), Some((hn, hd))) => ln * hd < hn * ld,
         _ => true,
     };
@@ -73,13 +140,13 @@ pub fn line_draws(from: Position, to: Position, pixel: Position) -> bool {
 /// Whether the rectangle of width 1 about a line covers a sample: from the start on and before the end, and within half a
 /// pixel on either side, the side of negative cross product included.
 pub fn wide_line_covers(from: Position, to: Position, sample: Position) -> bool {
-    let d = [0, 1].map(|i| i128::from(to[i] - from[i]));
-    let s = [0, 1].map(|i| i128::from(sample[i] - from[i]));
-    let along = d[0] * s[0] + d[1] * s[1];
-    let across = d[0] * s[1] - d[1] * s[0];
-    let length2 = d[0] * d[0] + d[1] * d[1];
-    let (left, right) = (across * across, 128 * 128 * length2);
-    0 <= along && along < length2 && (left < right || (left == right && across < 0))
+    let d = [0, 1].map(|i| IBig::from(to[i] - from[i]));
+    let s = [0, 1].map(|i| IBig::from(sample[i] - from[i]));
+    let along = &d[0] * &s[0] + &d[1] * &s[1];
+    let across = &d[0] * &s[1] - &d[1] * &s[0];
+    let length2 = &d[0] * &d[0] + &d[1] * &d[1];
+    let (left, right) = (&across * &across, &length2 * (128 * 128));
+    along >= IBig::ZERO && along < length2 && (left < right || left == right && across < IBig::ZERO)
 }
 
 /// Whether the square of side 1 about a point covers a sample.

@@ -2,12 +2,14 @@
 //!
 //! Newtypes keep cycles, bytes and ids from being mixed up; they cost nothing at run time.
 
+mod edits;
 mod fixed;
 mod ids;
 mod lanes;
 mod prefetch;
 mod words;
 
+pub use edits::edits;
 pub use fixed::{Fx8, snap};
 pub use ids::*;
 pub use lanes::{LANES, Lanes, Mask, QUADS};

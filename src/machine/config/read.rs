@@ -4,6 +4,7 @@ use ron::Value;
 use ron::value::Number;
 
 use super::{BUILT_IN, Config, ConfigError};
+use crate::num::edits;
 use crate::unit::knob::{Allowed, Setting};
 
 /// A knob as written: its path and value.
@@ -143,24 +144,8 @@ fn hint(path: &str) -> String {
         .sections()
         .into_iter()
         .flat_map(|(section, knobs)| knobs.knobs().iter().map(move |knob| join(section, knob.name)));
-    let nearest = paths.min_by_key(|known| distance(known, path));
+    let nearest = paths.min_by_key(|known| edits(known, path));
     nearest
-        .filter(|known| distance(known, path) <= 2 + path.len() / 3)
+        .filter(|known| edits(known, path) <= 2 + path.len() / 3)
         .map_or(String::new(), |known| format!("; {known} is the nearest"))
-}
-
-/// Edits from one text to another.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut corner = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let cost = if x == *y { corner } else { 1 + corner.min(row[j]).min(row[j + 1]) };
-            corner = row[j + 1];
-            row[j + 1] = cost;
-        }
-    }
-    row[b.len()]
 }

@@ -1,0 +1,145 @@
+//! What was measured, as lines of text, as JSON, and as a page.
+
+use std::fmt::Write;
+
+use serde_json::{Value, json};
+
+use super::{Outcome, Row, Section, Size, Target};
+
+/// Columns of [`lines`].
+pub fn header() -> String {
+    line(["target", "case", "expected", "measured", "error", "allowed", "verdict"].map(str::to_owned))
+}
+
+fn line([target, case, expected, measured, error, allowed, verdict]: [String; 7]) -> String {
+    format!("{target:<15} {case:<54} {expected:>12} {measured:>12} {error:>10} {allowed:>10}  {verdict}\n")
+}
+
+/// The rows of an outcome as lines.
+pub fn lines(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    for row in &outcome.rows {
+        let [expected, measured, error, allowed] = [row.expected, row.measured, row.error, row.allowed].map(number);
+        text += &line([outcome.target.id.into(), row.case.clone(), expected, measured, error, allowed, verdict(row.holds())]);
+    }
+    if outcome.rows.is_empty() {
+        text += &format!("{:<15} nothing was measured: fail\n", outcome.target.id);
+    }
+    text
+}
+
+fn verdict(holds: bool) -> String {
+    if holds { "pass".into() } else { "FAIL".into() }
+}
+
+/// A number in at most eleven characters or so: whole numbers whole, others with five figures.
+fn number(value: f64) -> String {
+    if value.fract() == 0.0 && value.abs() < 1e12 {
+        return format!("{}", value + 0.0);
+    }
+    let magnitude = value.abs();
+    if (1e-3..1e6).contains(&magnitude) {
+        let places = (4 - magnitude.log10().floor() as i32).max(1) as usize;
+        return format!("{value:.places$}");
+    }
+    format!("{value:.3e}")
+}
+
+/// The name of a size.
+pub fn size_name(size: Size) -> &'static str {
+    match size {
+        Size::Small => "small",
+        Size::Standard => "standard",
+        Size::Large => "large",
+    }
+}
+
+/// Outcomes as JSON.
+pub fn json(outcomes: &[Outcome]) -> Value {
+    let row = |row: &Row| {
+        json!({
+            "case": row.case,
+            "expected": row.expected,
+            "measured": row.measured,
+            "error": row.error,
+            "allowed": row.allowed,
+            "verdict": if row.holds() { "pass" } else { "fail" },
+        })
+    };
+    let one = |outcome: &Outcome| {
+        json!({
+            "target": outcome.target.id,
+            "section": &outcome.target.section.title()[..1],
+            "seed": outcome.setting.seed,
+            "size": size_name(outcome.setting.size),
+            "verdict": if outcome.holds() { "pass" } else { "fail" },
+            "rows": outcome.rows.iter().map(row).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "verdict": if outcomes.iter().all(Outcome::holds) { "pass" } else { "fail" },
+        "targets": outcomes.iter().map(one).collect::<Vec<_>>(),
+    })
+}
+
+/// Outcomes as the tables of a page: for each case the figures of the first run that has it, and the worst over all runs.
+pub fn markdown(outcomes: &[Outcome]) -> String {
+    let mut text = String::new();
+    for section in Section::ALL {
+        let mut of_section: Vec<&'static Target> = Vec::new();
+        for outcome in outcomes.iter().filter(|outcome| outcome.target.section == section) {
+            if !of_section.iter().any(|known| known.id == outcome.target.id) {
+                of_section.push(outcome.target);
+            }
+        }
+        if of_section.is_empty() {
+            continue;
+        }
+        let _ = write!(text, "\n## {}\n", section.title());
+        for target in of_section {
+            let runs: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.target.id == target.id).collect();
+            let _ = write!(
+                text,
+                "\n### {}\n\n{}. Bound: {}. The fault that it is shown to find: {}.\n\n",
+                target.id, target.what, target.bound, target.fault
+            );
+            text += "| case | expected | measured | error | allowed | worst of all runs | |\n|---|--:|--:|--:|--:|--:|---|\n";
+            for row in &runs[0].rows {
+                let same: Vec<&Row> = runs.iter().flat_map(|run| &run.rows).filter(|other| other.case == row.case).collect();
+                let [expected, measured, error, allowed] = [row.expected, row.measured, row.error, row.allowed].map(number);
+                let worst = same.iter().map(|row| share(row)).fold(0.0, f64::max);
+                let worst = if row.allowed == 0.0 { number(worst) } else { format!("{:.1} %", 100.0 * worst) };
+                let verdict = if same.iter().all(|row| row.holds()) { "pass" } else { "**fail**" };
+                let case = row.case.replace('|', "\\|");
+                let _ = writeln!(text, "| {case} | {expected} | {measured} | {error} | {allowed} | {worst} | {verdict} |");
+            }
+        }
+    }
+    text
+}
+
+/// An error as a share of what is allowed; as it is where nothing is.
+fn share(row: &Row) -> f64 {
+    if row.allowed == 0.0 { row.error } else { row.error / row.allowed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_are_short_and_say_what_they_can() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-3.0, "-3"),
+            (123_456_789.0, "123456789"),
+            (0.758, "0.75800"),
+            (3.018_877, "3.0189"),
+            (99_999.5, "99999.5"),
+            (1.5e-7, "1.500e-7"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+}

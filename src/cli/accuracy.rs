@@ -1,0 +1,109 @@
+//! `fillrate accuracy`
+
+use std::io::Write;
+
+use anyhow::{Context, Result};
+
+use super::Verdict;
+use crate::accuracy::{self, Outcome, Setting, Size, Target};
+
+/// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  fillrate accuracy\n  fillrate accuracy oracle --size large\n  \
+fillrate accuracy fill-rules depth --seed 1,2,3 --json\n  \
+fillrate accuracy --seed 1,2,3 --size small,standard --markdown > docs/accuracy.md\n\n\
+Exit code 1 where a target does not hold.")]
+pub struct Arguments {
+    /// Targets by name [default: all]
+    #[arg(value_name = "TARGET")]
+    targets: Vec<String>,
+    /// Name the targets, and what each is about
+    #[arg(long)]
+    list: bool,
+    /// As JSON, when all is done
+    #[arg(long, conflicts_with = "markdown")]
+    json: bool,
+    /// As the page docs/accuracy.md, when all is done
+    #[arg(long)]
+    markdown: bool,
+    /// Where random numbers begin; several make several runs
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1")]
+    seed: Vec<u64>,
+    /// How much is done; several make several runs
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
+    size: Vec<SizeName>,
+    /// Spoil what is under test, as --list says of each target: to see it fail
+    #[arg(long)]
+    faulty: bool,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SizeName {
+    /// Seconds: what the test suite does
+    Small,
+    /// As much as each target asks for, or more
+    Standard,
+    /// Minutes: millions of cases
+    Large,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let targets: Vec<&'static Target> = if arguments.targets.is_empty() {
+        accuracy::targets().collect()
+    } else {
+        arguments.targets.iter().map(|id| accuracy::find(id)).collect::<Result<_>>()?
+    };
+    if arguments.list {
+        list(&targets);
+        return Ok(Verdict::Done);
+    }
+    super::use_threads(arguments.threads)?;
+    let quiet = arguments.json || arguments.markdown;
+    if !quiet {
+        print!("{}", accuracy::header());
+    }
+    let mut outcomes: Vec<Outcome> = Vec::new();
+    for (&size, &seed) in arguments.size.iter().flat_map(|size| arguments.seed.iter().map(move |seed| (size, seed))) {
+        let size = match size {
+            SizeName::Small => Size::Small,
+            SizeName::Standard => Size::Standard,
+            SizeName::Large => Size::Large,
+        };
+        let setting = Setting { seed, size, faulty: arguments.faulty };
+        if !quiet && arguments.size.len() * arguments.seed.len() > 1 {
+            println!("seed {seed}, size {}", accuracy::size_name(size));
+        }
+        for target in &targets {
+            let outcome = target.run(&setting).with_context(|| format!("target {}", target.id))?;
+            if !quiet {
+                print!("{}", accuracy::lines(&outcome));
+                std::io::stdout().flush()?;
+            }
+            outcomes.push(outcome);
+        }
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&accuracy::json(&outcomes))?);
+    } else if arguments.markdown {
+        print!("{}", accuracy::markdown(&outcomes));
+    }
+    let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
+    if !quiet {
+        println!("{} of {} hold", outcomes.len() - failed, outcomes.len());
+    }
+    Ok(if failed > 0 { Verdict::Failed } else { Verdict::Done })
+}
+
+fn list(targets: &[&'static Target]) {
+    let mut section = None;
+    for target in targets {
+        if section.replace(target.section) != Some(target.section) {
+            println!("{}", target.section.title());
+        }
+        println!("  {:<16} {}", target.id, target.what);
+        println!("  {:<16} bound: {}; fault: {}", "", target.bound, target.fault);
+    }
+}

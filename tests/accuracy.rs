@@ -1,0 +1,30 @@
+//! Every target of the accuracy suite at its small size: it holds, and with its fault it does not.
+
+use fillrate::accuracy::{self, Setting, Size, Target};
+
+fn small(target: &'static Target, faulty: bool) -> accuracy::Outcome {
+    let setting = Setting { seed: 1, size: Size::Small, faulty };
+    target.run(&setting).unwrap_or_else(|error| panic!("{}: {error:#}", target.id))
+}
+
+#[test]
+fn every_target_holds() {
+    for target in accuracy::targets() {
+        let outcome = small(target, false);
+        assert!(outcome.holds(), "\n{}{}", accuracy::header(), accuracy::lines(&outcome));
+    }
+}
+
+#[test]
+fn no_target_holds_with_its_fault() {
+    for target in accuracy::targets() {
+        let outcome = small(target, true);
+        assert!(!outcome.holds(), "{} was not found\n{}{}", target.fault, accuracy::header(), accuracy::lines(&outcome));
+    }
+}
+
+#[test]
+fn an_unknown_target_is_named_with_the_nearest() {
+    let error = accuracy::find("fil-rule").unwrap_err().to_string();
+    assert_eq!(error, "there is no target fil-rule; fill-rules is the nearest, and --list names all");
+}
