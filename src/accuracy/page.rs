@@ -12,7 +12,7 @@ pub fn header() -> String {
 }
 
 fn line([target, case, expected, measured, error, allowed, verdict]: [String; 7]) -> String {
-    format!("{target:<15} {case:<54} {expected:>12} {measured:>12} {error:>10} {allowed:>10}  {verdict}\n")
+    format!("{target:<15} {case:<64} {expected:>12} {measured:>12} {error:>10} {allowed:>10}  {verdict}\n")
 }
 
 /// The rows of an outcome as lines.

@@ -1,12 +1,25 @@
 //! Section B: rasterisation and numbers.
 
+mod arithmetic;
 mod draw;
 mod extreme;
+mod numbers;
 mod oracle;
+mod overshade;
 mod shared;
 
 use super::Target;
 
 /// Targets of the section, in order.
-pub const TARGETS: &[Target] =
-    &[shared::FILL_RULES, oracle::ORACLE, extreme::SNAP, extreme::EXTREME, shared::WATERTIGHT, shared::INTEGER_SHIFT];
+pub const TARGETS: &[Target] = &[
+    shared::FILL_RULES,
+    oracle::ORACLE,
+    extreme::SNAP,
+    extreme::EXTREME,
+    shared::WATERTIGHT,
+    shared::INTEGER_SHIFT,
+    numbers::INTERPOLATION,
+    numbers::DEPTH,
+    arithmetic::ARITHMETIC,
+    overshade::QUAD_OVERSHADE,
+];
