@@ -18,7 +18,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("unit", &["num", "gfx", "stats", "sim", "mem", "work"]),
     ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
     ("report", &["num", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
-    ("run", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "unit", "machine", "report"]),
+    ("run", &["num", "gfx", "trace", "stats", "sim", "mem", "import", "work", "render", "unit", "machine", "report"]),
     (
         "accuracy",
         &[

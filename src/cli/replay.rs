@@ -51,6 +51,8 @@ pub struct Arguments {
 enum FidelityName {
     /// Images and counts, no time
     Functional,
+    /// Images, counts, and cycles from counts and rates: the slowest unit of each pass
+    Bound,
     /// Every cycle of every unit
     Cycle,
 }
@@ -91,6 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         config,
         fidelity: match arguments.fidelity {
             FidelityName::Functional => Fidelity::Functional,
+            FidelityName::Bound => Fidelity::Bound,
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {

@@ -74,7 +74,11 @@ impl Statistics {
 }
 
 fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
-    json!({ "kind": phase.kind.name(), "number": phase.number, "label": phase.label, "cycles": cycles })
+    let mut value = json!({ "kind": phase.kind.name(), "number": phase.number, "label": phase.label, "cycles": cycles });
+    if let (Value::Object(map), false) = (&mut value, phase.limit.is_empty()) {
+        map.insert("limit".into(), phase.limit.into());
+    }
+    value
 }
 
 /// A funnel as a subtree of counters.
@@ -100,7 +104,7 @@ mod tests {
             tree.set("funnel", Node::Tree(funnel_tree(&Funnel { quads_shaded: quads, ..Funnel::default() })));
             tree
         };
-        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky".into(), begin: 0 };
+        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky".into(), begin: 0, limit: "" };
         let frame = |number, quads| FrameStatistics { number, tree: tree(quads), phases: vec![(phase.clone(), 10)] };
         let statistics = Statistics { frames: vec![frame(3, 1), frame(4, 2)], total: tree(3), ..Statistics::default() };
         let csv = statistics.csv();

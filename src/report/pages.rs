@@ -31,6 +31,7 @@ const PHASE: &[Declaration] = &[
     one("kind", "", "`transfers` (uploads, copies and clears outside passes), `pass`, `dispatch` or `scan-out`."),
     one("number", "", "Number of the pass or dispatch in the trace; 0 elsewhere."),
     one("label", "", "Label of the pass, or of the dispatch's pipeline."),
+    one("limit", "", "With `--fidelity bound`, the unit that bounds it; `imbalance` where units and pipelines take turns."),
     one("cycles", "cycles", "From its beginning to that of the next; together those of the frame."),
 ];
 

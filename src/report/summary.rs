@@ -227,6 +227,9 @@ pub fn phases(frames: &[&[(Phase, Cycle)]], most: usize) -> String {
         let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
         let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
         out.push_str(&row);
+        if !phase.limit.is_empty() {
+            out.push_str(&format!("   bound by {}", phase.limit));
+        }
         out.push('\n');
     }
     if !left_out.is_empty() {

@@ -16,8 +16,10 @@ use crate::sim::Clock;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
 use crate::unit::phase::Phase;
+use crate::work::profile::Profiler;
 use crate::work::{Event, Funnel, RenderKey, Surface};
 
+use super::bound::{Bound, FrameEstimate};
 use super::host::Stopwatch;
 
 /// How much of the card is simulated.
@@ -25,6 +27,8 @@ use super::host::Stopwatch;
 pub enum Fidelity {
     /// The image and the funnel: no time.
     Functional,
+    /// The image, the funnel, and cycles from counts and rates ([`bound`](super::bound)).
+    Bound,
     /// Every cycle.
     Cycle,
 }
@@ -78,6 +82,7 @@ const EVENTS_IN_FLIGHT: usize = 8;
 pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
     match options.fidelity {
         Fidelity::Functional => functional(trace, options, progress),
+        Fidelity::Bound => bound(trace, options, progress),
         Fidelity::Cycle => cycle(trace, options, progress),
     }
 }
@@ -108,6 +113,55 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Resul
         Ok(())
     })?;
     Ok(Replay { frames, total: functional_tree(&total), machine_time: Duration::ZERO, clock_time: watch.clock() })
+}
+
+fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Replay> {
+    let watch = Stopwatch::start();
+    let bound = Bound::new(&options.config)?;
+    let mut machine_time = Duration::ZERO;
+    let (mut frames, mut profiler) = (Vec::new(), Profiler::default());
+    let (mut funnel, mut total) = (Funnel::default(), Funnel::default());
+    let mut sum = FrameEstimate::default();
+    let render_options = render::Options {
+        record: true,
+        frames: options.frames.clone(),
+        skips: Skips::default(),
+        key: options.config.render_key(),
+    };
+    render::render(trace, &render_options, &mut |event| {
+        let profile = profiler.event(&event);
+        match event {
+            Event::Segment(segment) => funnel += segment.funnel,
+            Event::EndFrame(end) => {
+                let busy = Stopwatch::start();
+                let estimate = bound.frame(&profile.unwrap_or_default());
+                machine_time += busy.elapsed();
+                total += funnel;
+                let tree = bound_tree(&estimate, &std::mem::take(&mut funnel), &options.config);
+                progress(end.number);
+                let shown = end.shown.map(|s| (s, end.reference.to_vec()));
+                frames.push(Frame { number: end.number, shown, tree, phases: estimate.phases() });
+                sum.phases.extend(estimate.phases);
+            }
+            _ => {}
+        }
+        Ok(())
+    })?;
+    let total = bound_tree(&sum, &total, &options.config);
+    Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
+}
+
+fn bound_tree(estimate: &FrameEstimate, funnel: &Funnel, config: &Config) -> Tree {
+    let mut tree = Tree::new();
+    let cycles = estimate.cycles();
+    tree.count("cycles", cycles.round() as u64);
+    tree.real("seconds", cycles / (f64::from(config.card.clock_mhz) * 1e6));
+    tree.set("funnel", Node::Tree(funnel_tree(funnel)));
+    let bytes = |side: usize| estimate.phases.iter().map(|phase| phase.dram[side]).sum::<f64>().round() as u64;
+    let dram = tree.child("memory").child("dram");
+    dram.count("read_bytes", bytes(0));
+    dram.count("write_bytes", bytes(1));
+    tree
 }
 
 fn functional_tree(funnel: &Funnel) -> Tree {
@@ -167,6 +221,7 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
         config: options.config.name.clone(),
         fidelity: match options.fidelity {
             Fidelity::Functional => "functional".into(),
+            Fidelity::Bound => "bound".into(),
             Fidelity::Cycle => "cycle".into(),
         },
         total: replay.total.clone(),

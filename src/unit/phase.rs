@@ -38,6 +38,8 @@ pub struct Phase {
     pub label: String,
     /// When the command processor began it; it lasts until the next begins.
     pub begin: Cycle,
+    /// The unit that bounds it, where it was estimated; empty where it was simulated.
+    pub limit: &'static str,
 }
 
 /// The phases of a frame so far.
@@ -51,7 +53,7 @@ impl Phases {
     pub fn begin(&mut self, kind: PhaseKind, number: u32, label: &str, begin: Cycle) {
         let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|last| last.kind == kind);
         if !joins {
-            self.list.push(Phase { kind, number, label: label.to_owned(), begin });
+            self.list.push(Phase { kind, number, label: label.to_owned(), begin, limit: "" });
         }
     }
 

@@ -9,6 +9,7 @@
 
 mod cost;
 mod funnel;
+pub mod profile;
 
 use std::sync::Arc;
 
