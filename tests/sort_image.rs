@@ -147,6 +147,21 @@ fn ties_go_to_the_primitive_that_api_order_keeps() {
 }
 
 #[test]
+fn the_numbers_of_primitives_are_needed_for_ties() {
+    for scheme in SCHEMES {
+        let scheme = format!("compose.scheme={scheme}");
+        let lost = config(&["pipelines=4", &scheme, "assembly.batch=3", "order.keep=never"]);
+        // Depths are equal everywhere, and which of the two colours is found says who was composed first.
+        let both = [twice(Compare::Less, true), twice(Compare::LessEqual, false)];
+        let wrong: u64 = both.into_iter().map(|events| wrong(&run_events(&lost, events, Clock::SkipIdle))).sum();
+        assert!(wrong > 1000, "{scheme}: {wrong} pixels");
+        // Where no two depths are equal numbers decide nothing.
+        let scene = &opaque()[0];
+        assert_eq!(self::wrong(&run(&lost, scene, Clock::SkipIdle)), 0, "{scheme}");
+    }
+}
+
+#[test]
 fn composition_sends_what_the_formulas_say() {
     let scene = Scene { width: 256, height: 128, triangles: 12, draws: 1, size: 30.0, ..Scene::default() };
     let area = u64::from(scene.width * scene.height);

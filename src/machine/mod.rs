@@ -25,7 +25,7 @@ use crate::unit::card::{Card, Pool};
 use crate::unit::frame::Frame;
 use crate::unit::interleave::Interleave;
 use crate::unit::network::NetworkMap;
-use crate::unit::sorting::EarlyTest;
+use crate::unit::sorting::{EarlyTest, Keep};
 use crate::unit::warp::Warps;
 use crate::work::Event;
 use parts::Parts;
@@ -82,6 +82,7 @@ impl Machine {
         );
         if config.card.sort == SortClass::LastImage {
             card.copies = vec![Frame::default(); pipelines];
+            card.unnumbered = config.order.keep == Keep::Never;
             card.chunks = pipelines > 1 && config.assembly.deal == Deal::Contiguous;
         }
         if config.order.early == EarlyTest::Local {

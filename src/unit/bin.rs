@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use super::card::{Card, TileEntry, Work};
 use super::distribute::Overlap;
 use super::network::Receiver;
-use super::sorting::{OrderClock, OrderCounts, SortCounts};
+use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use crate::mem::{MemoryPort, REQUEST_BYTES, requests};
 use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
@@ -106,10 +106,7 @@ pub struct Bin {
     segments: u32,
     ports: BinPorts,
     state: State,
-    /// The sequence number that is being taken, and who sends it, once it is known.
-    sequence: u32,
-    current: Option<usize>,
-    clock: OrderClock,
+    merge: Merge,
     /// Tiles of the triangle at hand that have still to be listed: a rectangle or a list, and the next of them.
     tiles: Vec<u32>,
     next: usize,
@@ -131,15 +128,13 @@ const WRITES: usize = 64;
 
 impl Bin {
     /// An empty one, for a machine with so many segments in flight.
-    pub fn new(config: BinConfig, segments: u32, ports: BinPorts) -> Bin {
+    pub fn new(config: BinConfig, keep: Keep, segments: u32, ports: BinPorts) -> Bin {
         Bin {
             config,
             segments,
+            merge: Merge::new(keep, &ports.input),
             ports,
             state: State::Binning,
-            sequence: 0,
-            current: None,
-            clock: OrderClock::default(),
             tiles: Vec::new(),
             next: 0,
             lists: Vec::new(),
@@ -164,7 +159,7 @@ impl Bin {
 
     /// How long it has waited for the order.
     pub fn order(&self) -> OrderCounts {
-        self.clock.counts()
+        self.merge.counts()
     }
 
     /// Blocks across a tile.
@@ -266,27 +261,6 @@ impl Bin {
         self.sorting.copy(1, bytes, false);
     }
 
-    /// The next token in order, and who sends it, if it is here.
-    fn head(&mut self, wires: &mut Wires) -> Option<(usize, TriangleToken)> {
-        // One geometry unit sends in order, and tells no ends.
-        if let Some(from) = self.current.or((self.ports.input.senders() == 1).then_some(0)) {
-            return Some((from, self.input_front(wires, from)?));
-        }
-        let (from, token) = self.ports.input.find(wires, |token| token.sequence == self.sequence)?;
-        self.current = Some(from);
-        Some((from, token))
-    }
-
-    fn input_front(&self, wires: &mut Wires, from: usize) -> Option<TriangleToken> {
-        self.ports.input.front(wires, from)
-    }
-
-    /// The number at hand has ended.
-    fn advance(&mut self) {
-        self.sequence = self.sequence.wrapping_add(1);
-        self.current = None;
-    }
-
     /// Takes triangles in.
     fn bin(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
@@ -296,24 +270,17 @@ impl Bin {
             if self.writes.len() >= WRITES {
                 return did.or(Tick::Blocked);
             }
-            let Some((from, token)) = self.head(wires) else {
-                if self.current.is_none() && self.ports.input.find(wires, |_| true).is_some() {
-                    self.clock.wait(wires.now());
-                }
-                return did;
-            };
+            let Some((from, token)) = self.merge.next(wires, &self.ports.input) else { return did };
             match token.kind {
                 Kind::DATA => {}
                 Kind::END => {
-                    self.ports.input.take(wires, from);
-                    self.advance();
+                    self.merge.take(wires, &mut self.ports.input, from, token);
                     did = Tick::Moved;
                     continue;
                 }
                 kind => {
                     // A fence is held back until what came before it is drawn: at the end of the pass, or when no more can be.
-                    self.ports.input.take(wires, from);
-                    self.advance();
+                    self.merge.take(wires, &mut self.ports.input, from, token);
                     self.fences.push_back((token.slot, kind));
                     let partial = kind != Kind::PASS;
                     if !partial || self.fences.len() as u32 + 1 >= self.segments {
@@ -349,7 +316,7 @@ impl Bin {
                 card.funnel.triangles_setup += 1;
                 did = Tick::Moved;
                 if self.tiles.is_empty() {
-                    self.ports.input.take(wires, from);
+                    self.merge.take(wires, &mut self.ports.input, from, token);
                     continue;
                 }
                 self.sorting.sent += 1;
@@ -366,7 +333,7 @@ impl Bin {
             }
             self.tiles.clear();
             self.triangles += 1;
-            self.ports.input.take(wires, from);
+            self.merge.take(wires, &mut self.ports.input, from, token);
         }
     }
 
@@ -441,7 +408,7 @@ impl Bin {
 
 impl Unit<Card> for Bin {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        self.clock.begin(wires.now());
+        self.merge.begin(wires.now());
         self.ports.input.poll(wires);
         let mut did = Tick::Starved;
 

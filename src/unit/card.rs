@@ -306,6 +306,8 @@ pub struct Card {
     pub seen: Vec<Frame>,
     /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
     pub chunks: bool,
+    /// Whether copies are composed without the numbers of primitives.
+    pub unnumbered: bool,
     /// Primitives of the pass so far, where there are copies.
     pub primitives: u32,
     /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
@@ -344,6 +346,7 @@ impl Card {
             copies: Vec::new(),
             seen: Vec::new(),
             chunks: false,
+            unnumbered: false,
             primitives: 0,
             disordered: Vec::new(),
             interleave,
@@ -431,6 +434,7 @@ impl Card {
         colors: &[Option<ColorState>],
     ) -> Marks {
         let Some(pass) = &mut self.pass else { return Marks::default() };
+        pass.order.unnumbered = self.unnumbered;
         let marks = pass.order.note(draw, depth, colors);
         // Depths of fragments that are discarded after an early test stay, without their colours.
         let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;

@@ -114,6 +114,8 @@ pub struct PassOrder {
     pub writes_depth: bool,
     /// Which depths win: those that are less, or greater; none: the later primitive wins.
     pub nearer: Option<Ordering>,
+    /// Whether nobody looks at the numbers of primitives: where depth does not decide, what is there stays.
+    pub unnumbered: bool,
     /// The kinds of draws so far.
     kinds: u8,
     /// The channels written by the first draw.
@@ -164,12 +166,13 @@ impl PassOrder {
         Marks { first: 0, writes, inclusive: matches!(compare, Compare::LessEqual | Compare::GreaterEqual), over: blended != 0 }
     }
 
-    /// Whether the writer of one sample wins against that of another.
+    /// Whether the writer of one sample wins against that of another, which is there already.
     #[inline(always)]
     fn wins(&self, a: Stamp, b: Stamp, depths: impl Fn() -> Ordering) -> bool {
         let later = a >> 3 > b >> 3;
-        let Some(nearer) = self.nearer else { return later };
+        let Some(nearer) = self.nearer else { return later && !self.unnumbered };
         match depths() {
+            Ordering::Equal if self.unnumbered => false,
             Ordering::Equal if later => a >> 2 & 1 == 1,
             Ordering::Equal => b >> 2 & 1 == 0,
             order => order == nearer,

@@ -2,7 +2,7 @@
 
 use super::assembly::{AssemblyConfig, Deal as Policy};
 use super::card::Card;
-use super::sorting::{Keep, any_order};
+use super::sorting::{Keep, Opaque, any_order};
 use super::token::{Kind, Piece, Run};
 use crate::sim::{In, Out, Tick, Unit, Wires};
 
@@ -24,8 +24,8 @@ pub struct Deal {
     open: Option<usize>,
     /// Whether quads of opaque draws may come in any order.
     relaxed: bool,
-    /// The first number since which all draws are opaque, by the direction in which depth decides, and the pass in which.
-    opaque: Option<(u32, bool, u32)>,
+    /// The first number since which all draws are opaque and of one kind, the kind, and the pass in which.
+    opaque: Option<(u32, Opaque, u32)>,
     /// Whether fences go to all pipelines, and not to one that tells the others; and those that the fence at hand has still to go to.
     everyone: bool,
     waiting: u64,
@@ -58,9 +58,9 @@ impl Deal {
     /// Notes from which number on the quads of a segment, which is dealt from now on, may come in any order.
     fn relax(&mut self, card: &mut Card, slot: u16) {
         let pass = card.pass.as_ref().map_or(0, |pass| pass.number);
-        self.opaque = any_order(card.work(slot)).map(|less| match self.opaque {
-            Some((first, same, in_pass)) if same == less && in_pass == pass => (first, less, pass),
-            _ => (self.sequence, less, pass),
+        self.opaque = any_order(card.work(slot)).map(|kind| match self.opaque {
+            Some((first, same, in_pass)) if same == kind && in_pass == pass => (first, kind, pass),
+            _ => (self.sequence, kind, pass),
         });
         if let Some(work) = &mut card.work[usize::from(slot)] {
             work.order_from = self.opaque.map(|(first, _, _)| first);

@@ -3,7 +3,7 @@
 
 use super::card::Card;
 use super::network::Receiver;
-use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
+use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, Run, TriangleToken};
 use crate::sim::{Out, Tick, Unit, Wires};
 
@@ -13,79 +13,37 @@ pub struct Gather {
     rate: u32,
     input: Receiver<TriangleToken>,
     output: Out<Run>,
-    /// The sequence number that is being taken, and who sends it, once it is known.
-    sequence: u32,
-    current: Option<usize>,
-    keep: Keep,
-    /// What has ended, where no order is kept.
-    ended: Ended,
-    clock: OrderClock,
+    merge: Merge,
     items: u64,
 }
 
 impl Gather {
     /// One at the beginning of the order, which takes so many primitives a cycle.
     pub fn new(rate: u32, keep: Keep, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
-        Gather {
-            rate,
-            input,
-            output,
-            sequence: 0,
-            current: None,
-            keep,
-            ended: Ended::default(),
-            clock: OrderClock::default(),
-            items: 0,
-        }
+        Gather { rate, merge: Merge::new(keep, &input), input, output, items: 0 }
     }
 
     /// What it has counted.
     pub fn counts(&self) -> OrderCounts {
-        self.clock.counts()
-    }
-
-    /// The next token in order, and who sends it, if it is here.
-    fn next(&mut self, wires: &mut Wires) -> Option<(usize, TriangleToken)> {
-        if let Some(from) = self.current {
-            return Some((from, self.input.front(wires, from)?));
-        }
-        let sought = |token: &TriangleToken| match self.keep {
-            Keep::Never => self.ended.takes(token.kind, token.sequence),
-            _ => token.sequence == self.sequence,
-        };
-        let (from, token) = self.input.find(wires, sought)?;
-        if self.keep != Keep::Never {
-            self.current = Some(from);
-        }
-        Some((from, token))
+        self.merge.counts()
     }
 }
 
 impl Unit<Card> for Gather {
     fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
-        self.clock.begin(wires.now());
+        self.merge.begin(wires.now());
         self.input.poll(wires);
         let mut did = Tick::Starved;
         let mut budget = self.rate;
         loop {
-            let Some((from, token)) = self.next(wires) else {
-                if self.input.find(wires, |_| true).is_some() {
-                    self.clock.wait(wires.now());
-                }
-                return did;
-            };
+            let Some((from, token)) = self.merge.next(wires, &self.input) else { return did };
             let TriangleToken { slot, kind, sequence, triangle: first } = token;
             // 1. A number has ended; a fence, which has one of its own, goes on.
             if kind != Kind::DATA {
                 if kind != Kind::END && !wires.try_push(&self.output, Run { slot, kind, sequence, first: 0, count: 0 }) {
                     return did.or(Tick::Blocked);
                 }
-                self.input.take(wires, from);
-                if self.keep == Keep::Never {
-                    self.ended.note(sequence);
-                }
-                self.sequence = self.sequence.wrapping_add(1);
-                self.current = None;
+                self.merge.take(wires, &mut self.input, from, token);
                 did = Tick::Moved;
                 continue;
             }
@@ -103,7 +61,7 @@ impl Unit<Card> for Gather {
                 && next.sequence == sequence
                 && next.triangle == first + run.count
             {
-                self.input.take(wires, from);
+                self.merge.take(wires, &mut self.input, from, next);
                 run.count += 1;
                 budget -= 1;
             }

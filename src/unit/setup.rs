@@ -2,7 +2,7 @@
 
 use super::card::Card;
 use super::network::Receiver;
-use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
+use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use crate::num::prefetch;
 use crate::sim::{Budget, Out, Tick, Unit, Wires};
@@ -28,18 +28,9 @@ pub struct Setup {
     /// From all geometry units.
     input: Receiver<TriangleToken>,
     output: Out<TriangleToken>,
-    /// The sequence number that is being taken.
-    sequence: u32,
-    /// The input that holds it, found by looking at all heads.
-    current: usize,
-    /// Whether `current` holds `sequence`, and not an earlier one.
-    found: bool,
+    merge: Merge,
     /// Whether the end of a sequence number is told on.
     marks: bool,
-    keep: Keep,
-    /// What has ended, where no order is kept.
-    ended: Ended,
-    clock: OrderClock,
     free_at: u64,
     items: u64,
 }
@@ -53,55 +44,12 @@ impl Setup {
         keep: Keep,
         output: Out<TriangleToken>,
     ) -> Setup {
-        let found = input.senders() == 1;
-        Setup {
-            config,
-            input,
-            output,
-            sequence: 0,
-            current: 0,
-            found,
-            marks,
-            keep,
-            ended: Ended::default(),
-            clock: OrderClock::default(),
-            free_at: 0,
-            items: 0,
-        }
+        Setup { config, merge: Merge::new(keep, &input), input, output, marks, free_at: 0, items: 0 }
     }
 
     /// What it has counted.
     pub fn counts(&self) -> OrderCounts {
-        self.clock.counts()
-    }
-
-    /// The next token in order, if it is here.
-    #[inline(always)]
-    fn next(&mut self, wires: &mut Wires) -> Option<TriangleToken> {
-        if self.found {
-            return self.input.front(wires, self.current);
-        }
-        let sought = |token: &TriangleToken| match self.keep {
-            Keep::Never => self.ended.takes(token.kind, token.sequence),
-            _ => token.sequence == self.sequence,
-        };
-        let (from, token) = self.input.find(wires, sought)?;
-        self.current = from;
-        self.found = self.keep != Keep::Never;
-        Some(token)
-    }
-
-    /// The token is taken; one that ends its sequence number opens the next.
-    #[inline(always)]
-    fn take(&mut self, wires: &mut Wires, TriangleToken { kind, sequence, .. }: TriangleToken) {
-        self.input.take(wires, self.current);
-        if kind != Kind::DATA {
-            if self.keep == Keep::Never {
-                self.ended.note(sequence);
-            }
-            self.sequence = self.sequence.wrapping_add(1);
-            self.found = self.input.senders() == 1;
-        }
+        self.merge.counts()
     }
 }
 
@@ -118,21 +66,18 @@ fn ask_ahead(card: &Card, token: TriangleToken) {
 
 impl Unit<Card> for Setup {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        self.clock.begin(wires.now());
+        self.merge.begin(wires.now());
         self.input.poll(wires);
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
-            let Some(token) = self.next(wires) else {
-                if !self.found && self.input.find(wires, |_| true).is_some() {
-                    self.clock.wait(wires.now());
-                }
+            let Some((from, token)) = self.merge.next(wires, &self.input) else {
                 return wires.stop(did, Tick::Starved);
             };
             match token.kind {
                 // 1. The end of a sequence number is seen and forgotten where the order is restored here.
                 Kind::END if !self.marks => {
-                    self.take(wires, token);
+                    self.merge.take(wires, &mut self.input, from, token);
                     did = Tick::Moved;
                 }
                 // 2. Triangles take their time.
@@ -149,7 +94,7 @@ impl Unit<Card> for Setup {
                     }
                     ask_ahead(card, token);
                     budget.spend();
-                    self.take(wires, token);
+                    self.merge.take(wires, &mut self.input, from, token);
                     self.items += 1;
                     if self.config.interval > 1 {
                         self.free_at = wires.now() + u64::from(self.config.interval);
@@ -161,7 +106,7 @@ impl Unit<Card> for Setup {
                     if !wires.try_push(&self.output, token) {
                         return wires.stop(did, Tick::Blocked);
                     }
-                    self.take(wires, token);
+                    self.merge.take(wires, &mut self.input, from, token);
                     did = Tick::Moved;
                 }
             }

@@ -4,10 +4,13 @@
 use std::collections::VecDeque;
 
 use super::card::Work;
-use super::token::Kind;
+use super::network::Receiver;
+use super::token::{Kind, TriangleToken};
 use crate::gfx::state::Compare;
 use crate::num::Cycle;
+use crate::sim::Wires;
 use crate::unit::knob::Allowed;
+use crate::work::Quad;
 
 crate::counters! {
     /// What sorting costs.
@@ -89,7 +92,8 @@ crate::choices! {
         Always "always",
         /// Among quads of opaque draws, whose depth decides, it is not: they reach the ROP as they come.
         WhereNeeded "where-needed",
-        /// Nowhere: everything is taken as it comes, which shows what keeping the order is for.
+        /// Nowhere: everything is taken as it comes, lists of tiles are written so, and frame buffers are composed without the numbers
+        /// of primitives, which shows what keeping the order is for.
         Never "never",
     }
 }
@@ -158,14 +162,107 @@ impl Ended {
     }
 }
 
-/// Whether quads of a draw may reach the ROP in any order among those of draws like it, by the direction in which depth decides: what
-/// is nearer wins, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
-pub fn any_order(work: &Work) -> Option<bool> {
+/// Takes what several senders send in the order of its sequence numbers, or as it comes where no order is kept.
+#[derive(Debug)]
+pub struct Merge {
+    keep: Keep,
+    /// A single sender sends in order, and may tell no ends.
+    alone: bool,
+    /// The sequence number that is being taken, and who sends it, once it is known.
+    sequence: u32,
+    current: Option<usize>,
+    /// What has ended, where no order is kept.
+    ended: Ended,
+    clock: OrderClock,
+}
+
+impl Merge {
+    /// One at the beginning of the order.
+    pub fn new(keep: Keep, input: &Receiver<TriangleToken>) -> Merge {
+        let alone = input.senders() == 1;
+        // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.
+        let keep = if alone { Keep::Always } else { keep };
+        let (ended, clock) = (Ended::default(), OrderClock::default());
+        Merge { keep, alone, sequence: 0, current: alone.then_some(0), ended, clock }
+    }
+
+    /// A tick of its unit begins.
+    #[inline(always)]
+    pub fn begin(&mut self, now: Cycle) {
+        self.clock.begin(now);
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> OrderCounts {
+        self.clock.counts()
+    }
+
+    /// The next token in order and who sends it, if it is here. It stays the next one until it is taken.
+    #[inline(always)]
+    pub fn next(&mut self, wires: &mut Wires, input: &Receiver<TriangleToken>) -> Option<(usize, TriangleToken)> {
+        if let Some(from) = self.current {
+            return Some((from, input.front(wires, from)?));
+        }
+        let sought = |token: &TriangleToken| match self.keep {
+            Keep::Never => self.ended.takes(token.kind, token.sequence),
+            _ => token.sequence == self.sequence,
+        };
+        let found = input.find(wires, sought);
+        if let Some((from, _)) = found {
+            self.current = Some(from);
+        } else if input.find(wires, |_| true).is_some() {
+            self.clock.wait(wires.now());
+        }
+        found
+    }
+
+    /// Takes a token that is the next of its sender; one that ends its sequence number opens the next.
+    #[inline(always)]
+    pub fn take(&mut self, wires: &mut Wires, input: &mut Receiver<TriangleToken>, from: usize, token: TriangleToken) {
+        input.take(wires, from);
+        if token.kind != Kind::DATA {
+            if self.keep == Keep::Never {
+                self.ended.note(token.sequence);
+            }
+            self.sequence = self.sequence.wrapping_add(1);
+        } else if self.keep != Keep::Never {
+            return;
+        }
+        self.current = self.alone.then_some(0);
+    }
+}
+
+/// What draws must have in common for their quads to reach the ROP in any order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Opaque {
+    /// Whether it is the lesser depth that wins.
+    less: bool,
+    /// The targets that are written with it, a bit each.
+    targets: u32,
+}
+
+/// Whether quads of a draw may reach the ROP in any order among those of draws of the same kind: what is nearer wins with all that it
+/// writes, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
+pub fn any_order(work: &Work) -> Option<Opaque> {
     let depth = work.depth.as_ref().filter(|depth| depth.writes_depth() && !depth.uses_stencil())?;
     let less = match depth.compare() {
         Compare::Less | Compare::LessEqual => true,
         Compare::Greater | Compare::GreaterEqual => false,
         _ => return None,
     };
-    work.colors.iter().flatten().all(|color| !color.reads()).then_some(less)
+    // What is discarded after an early test leaves its depth, and not its colours.
+    let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
+    let early = work.early && work.draw.fragment.is_some();
+    if early && work.segment.tiles.iter().any(|tile| tile.quads.iter().any(discards)) {
+        return None;
+    }
+    let mut targets = 0;
+    for (n, (color, target)) in work.colors.iter().zip(&work.draw.targets).enumerate() {
+        let (Some(color), Some(target)) = (color, target) else { continue };
+        if color.reads() {
+            return None;
+        }
+        targets |= u32::from(!color.is_idle() && target.payload.is_some()) << n;
+    }
+    Some(Opaque { less, targets })
 }

@@ -54,6 +54,8 @@ pub struct Scene {
     pub stencil: bool,
     /// Shaders of late draws discard at random.
     pub discard: bool,
+    /// Every other draw, from the first on, writes depths only.
+    pub blind: bool,
     /// Every covered quad is shaded, as for machines whose early tests do not see all depths.
     pub covered: bool,
     /// Corners of the triangles of each draw, in pixels; random ones if there are none.
@@ -84,6 +86,7 @@ impl Default for Scene {
             segments: 2,
             stencil: false,
             discard: false,
+            blind: false,
             covered: false,
             shapes: Vec::new(),
             depths: Vec::new(),
@@ -230,7 +233,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     let early = scene.early || number % 2 == 1;
     let target = Target {
         blend,
-        write_mask: 15,
+        write_mask: if scene.blind && number % 2 == 0 { 0 } else { 15 },
         payload: Some(0),
         words: if scene.blend { 4 } else { 1 },
         packed: !scene.blend,
@@ -255,7 +258,10 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     };
     out.push(Event::Draw(Arc::new(draw)));
     let depth = state.map(|state| DepthStencilState::new(&state, 0, [0.0, 1.0]));
-    let color = ColorState::new(&ColorTarget { format: Format::Rgba8Unorm, blend: target.blend, write_mask: 15 }, [0.0; 4]);
+    let color = ColorState::new(
+        &ColorTarget { format: Format::Rgba8Unorm, blend: target.blend, write_mask: target.write_mask },
+        [0.0; 4],
+    );
     let view =
         Viewport { x: 0.0, y: 0.0, width: scene.width as f32, height: scene.height as f32, min_depth: 0.0, max_depth: 1.0 };
     let scissor = Rect { x: 0, y: 0, width: scene.width, height: scene.height };

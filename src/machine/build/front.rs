@@ -222,7 +222,7 @@ impl Builder<'_> {
         let (outputs, inputs) = self.chain("binned", link, &fetch, &setup);
         let memory = self.port("bin", 0, bin);
         let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, memory };
-        self.made.bin.push(Bin::new(config.bin.clone(), config.command.segments, ports));
+        self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.command.segments, ports));
         for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
             let memory = self.port("tile_fetch", n, fetch[n]);
             let ports = TileFetchPorts { input, read, output, memory };

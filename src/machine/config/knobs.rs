@@ -236,12 +236,7 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             config.card.sort.name()
         ));
     }
-    let order_allowed = match config.order.keep {
-        Keep::Always => true,
-        Keep::WhereNeeded => config.card.sort == SortClass::LastFragment,
-        Keep::Never => config.card.sort != SortClass::MiddleBinned,
-    };
-    if !order_allowed {
+    if config.order.keep == Keep::WhereNeeded && config.card.sort != SortClass::LastFragment {
         return Err(format!(
             "order.keep is {}, which a machine whose sort is {} does not do",
             config.order.keep.name(),
