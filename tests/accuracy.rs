@@ -28,3 +28,18 @@ fn an_unknown_target_is_named_with_the_nearest() {
     let error = accuracy::find("fil-rule").unwrap_err().to_string();
     assert_eq!(error, "there is no target fil-rule; fill-rules is the nearest, and --list names all");
 }
+
+#[test]
+fn the_page_has_every_target_and_no_failure() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/accuracy.md");
+    let page = std::fs::read_to_string(path).expect("the page is there");
+    for target in accuracy::targets() {
+        let heading = format!("\n### {}\n\n{}. Bound: {}. The fault", target.id, target.what, target.bound);
+        assert!(
+            page.contains(&heading),
+            "{} is not in docs/accuracy.md as it is now: the page says how to write it anew",
+            target.id
+        );
+    }
+    assert!(!page.contains("**fail**"));
+}

@@ -269,3 +269,21 @@ fn inspect_and_import_round_trip() {
     assert_eq!(a, b);
     assert!(refused(&["import", "traces/triangle", "--out", &copy]).contains("not empty"));
 }
+
+#[test]
+fn accuracy_lists_its_targets_and_fails_with_a_fault() {
+    let (code, list, _) = run(&["accuracy", "--list"]);
+    assert_eq!(code, 0);
+    for part in ["B. Rasterisation and numbers\n", "  fill-rules ", "  plane-codec ", "bound: ", "fault: "] {
+        assert!(list.contains(part), "no `{part}` in\n{list}");
+    }
+    let (code, text, message) = run(&["accuracy", "integer-shift", "--size", "small", "--seed", "3,4"]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.starts_with("target ") && text.contains("seed 4, size small\n") && text.ends_with("2 of 2 hold\n"), "{text}");
+    let (code, text, _) = run(&["accuracy", "integer-shift", "--size", "small", "--json", "--faulty"]);
+    assert_eq!(code, 1);
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((&json["verdict"], &json["targets"][0]["target"]), (&"fail".into(), &"integer-shift".into()));
+    assert_eq!(json["targets"][0]["rows"][0]["allowed"], 0.0);
+    assert!(refused(&["accuracy", "integershift"]).contains("integer-shift is the nearest"));
+}

@@ -1,8 +1,11 @@
-//! Where the rules for lines and points meet: joints of a strip, borders of pixels. (`fillrate accuracy oracle` has the rules.)
+//! Coverage against its definition, with examples made small where it fails; where the rules for lines and points meet. (`fillrate
+//! accuracy oracle` has the adversarial cases.)
 
 mod raster_common;
 
-use fillrate::gfx::setup::{self, ScreenVertex};
+use fillrate::gfx::reference;
+use fillrate::gfx::setup::{self, SAMPLES_1, SAMPLES_4, ScreenVertex};
+use proptest::prelude::*;
 use raster_common::*;
 
 fn line_pixels(samples: u32, from: [i32; 2], to: [i32; 2], window: [i32; 4]) -> Image {
@@ -50,4 +53,48 @@ fn a_point_is_one_pixel() {
         assert_eq!(image.total(), 1);
         assert_eq!(image.hits(column, row, 0), 1);
     }
+}
+
+/// Compares the samples that a triangle covers in 10x10 pixels with the definition.
+fn is_as_defined<const S: usize>(v: [[i32; 2]; 3]) -> Result<(), TestCaseError> {
+    let window = [0, 0, 10, 10];
+    let mut image = Image::new(window);
+    if let Ok(t) = setup::triangle(&state(S as u32, window), &v.map(|[x, y]| ScreenVertex { x, y, z: 0.5, inv_w: 1.0 })) {
+        image.draw::<S>(&t);
+    }
+    for y in 0..10 {
+        for x in 0..10 {
+            for (s, place) in reference::samples(S as u32).iter().enumerate() {
+                let sample = [i64::from(x) * 256 + place[0], i64::from(y) * 256 + place[1]];
+                let expected = reference::triangle_covers(v.map(|p| p.map(i64::from)), sample);
+                prop_assert_eq!(image.hits(x, y, s), u32::from(expected), "pixel {} {} sample {}", x, y, s);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A coordinate in and about the window, often on a grid of samples, now and then far away.
+fn coordinate() -> impl Strategy<Value = i32> {
+    prop_oneof![-200..2800, (-2..22).prop_map(|v| v * 128), (-4..90).prop_map(|v| v * 32), -(32767 << 8)..(32767 << 8)]
+}
+
+proptest! {
+    #[test]
+    fn triangles_cover_what_their_definition_says(v in prop::array::uniform3(prop::array::uniform2(coordinate()))) {
+        is_as_defined::<1>(v)?;
+        is_as_defined::<4>(v)?;
+    }
+
+    #[test]
+    fn outlines_cover_what_their_triangles_do(v in prop::array::uniform3(prop::array::uniform2(-20i64..120)), at in prop::array::uniform2(-20i64..120)) {
+        // Two definitions, written apart.
+        prop_assert_eq!(reference::polygon_covers(&v, at), reference::triangle_covers(v, at));
+    }
+}
+
+#[test]
+fn samples_are_where_the_specification_has_them() {
+    let offsets = |count| reference::samples(count).iter().map(|p| p.map(|v| v as i32 - 128)).collect::<Vec<_>>();
+    assert_eq!((offsets(1), offsets(4)), (SAMPLES_1.to_vec(), SAMPLES_4.to_vec()));
 }

@@ -1,7 +1,9 @@
-//! Interpolation and depth against f64, and the bounds that hierarchical Z relies on.
+//! Interpolation of batches, lines and clipped triangles; depth bias, and the bounds that hierarchical Z relies on. (`fillrate
+//! accuracy interpolation depth` has the errors against f64.)
 
 mod raster_common;
 
+use fillrate::accuracy::Random;
 use fillrate::gfx::clip::{ClipVolume, Clipped, Polygon};
 use fillrate::gfx::interpolate::{self, Place, Site, Weights};
 use fillrate::gfx::setup::{self, BiasUnit, Bounds, DepthBias, SAMPLES_4, Screen, ScreenVertex, SetupState, Triangle};
@@ -9,11 +11,6 @@ use fillrate::gfx::state::Viewport;
 use fillrate::gfx::traverse;
 use fillrate::num::{LANES, Lanes, QUADS};
 use raster_common::*;
-
-/// Spacing of f32 numbers at a magnitude.
-fn ulp(magnitude: f64) -> f64 {
-    2f64.powi((magnitude.abs().max(f64::from(f32::MIN_POSITIVE))).log2().floor() as i32 - 23)
-}
 
 /// Covered quads of a triangle, as sites with their masks.
 fn sites(t: &Triangle) -> Vec<(Site, u16)> {
@@ -29,21 +26,10 @@ fn sites(t: &Triangle) -> Vec<(Site, u16)> {
     out
 }
 
-/// The linear weights of a position (in 1/256 pixel) in f64, from exact integers.
-fn exact_weights(v: &[ScreenVertex; 3], at: [i64; 2]) -> [f64; 3] {
-    let e = |j: &ScreenVertex, k: &ScreenVertex| {
-        (i64::from(k.x) - i64::from(j.x)) * (at[1] - i64::from(j.y))
-            - (i64::from(k.y) - i64::from(j.y)) * (at[0] - i64::from(j.x))
-    };
-    let e = [e(&v[1], &v[2]), e(&v[2], &v[0]), e(&v[0], &v[1])];
-    let area = (e[0] + e[1] + e[2]) as f64;
-    e.map(|e| e as f64 / area)
-}
-
 fn random_triangle(random: &mut Random, extent: i32, w: bool) -> [ScreenVertex; 3] {
     std::array::from_fn(|_| ScreenVertex {
-        x: random.below(extent * 256),
-        y: random.below(extent * 256),
+        x: random.between(0, extent * 256),
+        y: random.between(0, extent * 256),
         z: random.unit(),
         inv_w: if w { 1.0 / random.range(0.1, 4.0) } else { 1.0 },
     })
@@ -68,77 +54,6 @@ fn each_lane(t: &Triangle, mut check: impl FnMut(f32, f32, f32, bool, [i64; 2], 
 }
 
 #[test]
-fn constants_are_exact_and_weights_are_rounded_once() {
-    let mut random = Random::new(1);
-    let mut worst_affine = 0.0f64;
-    let mut worst_perspective = 0.0f64;
-    let mut worst_w = 0.0f64;
-    let mut lanes = 0;
-    for case in 0..400 {
-        let w = case % 2 == 1;
-        let extent = [3, 10, 40, 300][case / 2 % 4];
-        let v = random_triangle(&mut random, extent, w);
-        let Ok(t) = setup::triangle(&state(1, [0, 0, 300, 300]), &v) else { continue };
-        let values: [f32; 3] = std::array::from_fn(|_| random.range(-10.0, 10.0));
-        let constant = random.range(-1.0e6, 1.0e6);
-        each_lane(&t, |one, two, inv_w, covered, at, lane, weights| {
-            let mut out = Lanes::ZERO;
-            interpolate::attribute_uniform(weights, [constant; 3], &mut out);
-            assert_eq!(out.f32()[lane], constant);
-            if !covered {
-                return;
-            }
-            lanes += 1;
-            let linear = exact_weights(&v, at);
-            let k: [f64; 3] = std::array::from_fn(|i| linear[i] * f64::from(v[i].inv_w));
-            let sum = k[0] + k[1] + k[2];
-            let ideal = [k[0] / sum, k[1] / sum, k[2] / sum];
-            for (got, ideal) in [(one, ideal[1]), (two, ideal[2])] {
-                assert!((f64::from(got) - ideal).abs() <= 0.5001 * ulp(ideal) + 1.0e-14, "{got} {ideal} {v:?}");
-            }
-            worst_w = worst_w.max((f64::from(inv_w) - sum).abs() / ulp(sum));
-            interpolate::attribute_uniform(weights, values, &mut out);
-            let exact: f64 = (0..3).map(|i| ideal[i] * f64::from(values[i])).sum();
-            let largest = values.iter().fold(0.0f64, |m, v| m.max(f64::from(v.abs())));
-            let error = (f64::from(out.f32()[lane]) - exact).abs() / ulp(largest);
-            let worst = if w { &mut worst_perspective } else { &mut worst_affine };
-            *worst = worst.max(error);
-        });
-    }
-    println!("{lanes} lanes: affine {worst_affine:.3}, perspective {worst_perspective:.3}, 1/w {worst_w:.3} ULP");
-    assert!(lanes > 100_000);
-    assert!(worst_affine <= 4.0 && worst_perspective <= 4.0 && worst_w <= 0.51, "{worst_affine} {worst_perspective} {worst_w}");
-}
-
-#[test]
-fn attributes_at_vertices_are_exact() {
-    // Vertices on pixel centres, any w, values of wildly different size: nothing is lost in the differences.
-    let mut random = Random::new(2);
-    let mut checked = 0;
-    for _ in 0..3000 {
-        let v: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {
-            x: random.below(20) * 256 + 128,
-            y: random.below(20) * 256 + 128,
-            z: 0.5,
-            inv_w: 1.0 / random.range(0.01, 100.0),
-        });
-        let Ok(t) = setup::triangle(&state(1, [0, 0, 32, 32]), &v) else { continue };
-        let values: [f32; 3] = std::array::from_fn(|_| random.range(-1.0, 1.0) * 10f32.powi(random.below(17) - 8));
-        for i in 0..3 {
-            let (x, y) = ((v[i].x >> 8) as u16, (v[i].y >> 8) as u16);
-            let site = Site { triangle: 0, x: x & !1, y: y & !1 };
-            let (mut weights, mut out) = (Weights::default(), Lanes::ZERO);
-            interpolate::perspective(&[t], &[site], Place::Center, &mut weights, &mut out);
-            interpolate::attribute_uniform(&weights, values, &mut out);
-            let p = usize::from(x & 1) + 2 * usize::from(y & 1);
-            assert_eq!(out.f32()[p], values[i], "vertex {i} of {v:?} with {values:?}");
-            checked += 1;
-        }
-    }
-    assert!(checked > 8000);
-}
-
-#[test]
 fn mixed_batches_and_uniform_ones_give_the_same_bits() {
     let mut random = Random::new(3);
     let triangles: Vec<Triangle> = std::iter::repeat_with(|| random_triangle(&mut random, 60, true))
@@ -147,11 +62,15 @@ fn mixed_batches_and_uniform_ones_give_the_same_bits() {
         .collect();
     let mut random = Random::new(4);
     for _ in 0..200 {
-        let batch: Vec<Site> = (0..1 + random.below(QUADS as i32))
-            .map(|_| Site { triangle: random.below(40) as u32, x: 2 * random.below(30) as u16, y: 2 * random.below(30) as u16 })
+        let batch: Vec<Site> = (0..1 + random.between(0, QUADS as i32))
+            .map(|_| Site {
+                triangle: random.between(0, 40) as u32,
+                x: 2 * random.between(0, 30) as u16,
+                y: 2 * random.between(0, 30) as u16,
+            })
             .collect();
-        let codes: [u8; LANES] = std::array::from_fn(|_| random.below(5) as u8);
-        let sample = random.below(4) as usize;
+        let codes: [u8; LANES] = std::array::from_fn(|_| random.between(0, 5) as u8);
+        let sample = random.between(0, 4) as usize;
         for place in [Place::Center, Place::Sample(sample), Place::PerLane(&codes)] {
             let (mut all, mut all_w, mut all_z) = (Weights::default(), Lanes::ZERO, Lanes::ZERO);
             interpolate::perspective(&triangles, &batch, place, &mut all, &mut all_w);
@@ -212,8 +131,8 @@ fn lines_and_points_interpolate_by_the_same_road() {
     let mut random = Random::new(6);
     for _ in 0..200 {
         let v: [ScreenVertex; 2] = std::array::from_fn(|_| ScreenVertex {
-            x: random.below(60 * 256),
-            y: random.below(60 * 256),
+            x: random.between(1, 60 * 256),
+            y: random.between(1, 60 * 256),
             z: random.unit(),
             inv_w: 1.0 / random.range(0.5, 2.0),
         });
@@ -242,31 +161,6 @@ fn lines_and_points_interpolate_by_the_same_road() {
 }
 
 #[test]
-fn depth_of_slanted_planes_is_within_the_bound() {
-    let mut random = Random::new(7);
-    let mut samples = 0;
-    for case in 0..3000 {
-        let extent = [4, 30, 250, 2000, 8000][case % 5];
-        let v = random_triangle(&mut random, extent, false);
-        let at = [0, 1].map(|_| random.below(extent).max(1) - 1);
-        let window = [at[0], at[1], at[0] + 24, at[1] + 24];
-        let Ok(t) = setup::triangle(&state(1, window), &v) else { continue };
-        each_lane(&t, |_, _, _, covered, at, _, _| {
-            if !covered {
-                return;
-            }
-            samples += 1;
-            let b = exact_weights(&v, at);
-            let ideal: f64 = (0..3).map(|i| b[i] * f64::from(v[i].z)).sum();
-            let z = f64::from(t.depth.at(at[0] as f32 / 256.0, at[1] as f32 / 256.0));
-            let slope = f64::from(t.depth.dzdx.abs() + t.depth.dzdy.abs());
-            assert!((z - ideal).abs() <= slope / 512.0 + ulp(1.0) / 2.0, "{z} {ideal} slope {slope} {v:?}");
-        });
-    }
-    assert!(samples > 50_000, "{samples}");
-}
-
-#[test]
 fn constant_depth_is_exact_and_bounds_hold_for_every_sample() {
     let mut random = Random::new(8);
     for case in 0..1000 {
@@ -279,7 +173,7 @@ fn constant_depth_is_exact_and_bounds_hold_for_every_sample() {
         let least = v[0].z.min(v[1].z).min(v[2].z);
         let most = v[0].z.max(v[1].z).max(v[2].z);
         for size in [2, 8] {
-            let (x, y) = (random.below(100) & !(size - 1), random.below(100) & !(size - 1));
+            let (x, y) = (random.between(0, 100) & !(size - 1), random.between(0, 100) & !(size - 1));
             let (low, high) = t.depth.block_range(x, y, size);
             assert!(least <= low && low <= high && high <= most);
             for j in 0..size {

@@ -51,7 +51,7 @@ impl Section {
 }
 
 /// How much a check does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Size {
     /// What the test suite can afford.
     Small,

@@ -82,9 +82,41 @@ pub fn json(outcomes: &[Outcome]) -> Value {
     })
 }
 
-/// Outcomes as the tables of a page: for each case the figures of the first run that has it, and the worst over all runs.
+/// What stands before the tables of a page.
+const INTRODUCTION: &str = "# Accuracy
+
+What a correct model must reproduce, measured on the model itself: identities and rules of specifications, which allow no deviation, and
+closed forms with a bound. A check makes its own input from a seed and runs the code that a replay runs; the formula, or arithmetic of
+any precision (`gfx::reference`), is what it compares with. `fillrate accuracy --list` names the targets, `fillrate accuracy TARGET`
+measures one, `--size large` does so on millions of cases, and `--faulty` spoils what is under test, as each target says: all of them
+fail then. The test suite runs every target at its small size, with and without its fault.
+
+";
+
+/// Outcomes as a page: for each case the figures of the first of the largest runs, and the worst over all runs.
 pub fn markdown(outcomes: &[Outcome]) -> String {
-    let mut text = String::new();
+    let mut text = INTRODUCTION.to_owned();
+    let failed = outcomes.iter().filter(|outcome| !outcome.holds()).count();
+    let mut seeds: Vec<String> = Vec::new();
+    let mut sizes: Vec<&str> = Vec::new();
+    for outcome in outcomes {
+        let (seed, size) = (outcome.setting.seed.to_string(), size_name(outcome.setting.size));
+        if !seeds.contains(&seed) {
+            seeds.push(seed);
+        }
+        if !sizes.contains(&size) {
+            sizes.push(size);
+        }
+    }
+    let (seeds, sizes) = (seeds.join(","), sizes.join(","));
+    let _ = writeln!(
+        text,
+        "This page is what `fillrate accuracy --seed {seeds} --size {sizes} --markdown` prints: {} of {} runs of targets hold. Figures are \
+         those of the first seed at the largest size; the last column has the largest error of all runs, as a share of what is allowed \
+         where that is not 0.",
+        outcomes.len() - failed,
+        outcomes.len()
+    );
     for section in Section::ALL {
         let mut of_section: Vec<&'static Target> = Vec::new();
         for outcome in outcomes.iter().filter(|outcome| outcome.target.section == section) {
@@ -104,7 +136,8 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
                 target.id, target.what, target.bound, target.fault
             );
             text += "| case | expected | measured | error | allowed | worst of all runs | |\n|---|--:|--:|--:|--:|--:|---|\n";
-            for row in &runs[0].rows {
+            let Some(shown) = runs.iter().rev().max_by_key(|run| run.setting.size) else { continue };
+            for row in &shown.rows {
                 let same: Vec<&Row> = runs.iter().flat_map(|run| &run.rows).filter(|other| other.case == row.case).collect();
                 let [expected, measured, error, allowed] = [row.expected, row.measured, row.error, row.allowed].map(number);
                 let worst = same.iter().map(|row| share(row)).fold(0.0, f64::max);

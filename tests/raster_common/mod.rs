@@ -1,39 +1,9 @@
-//! What the rasterisation tests share: a seeded generator, plain state, and an image of hit counts.
+//! What the rasterisation tests share: plain state, and an image of hit counts.
 #![allow(dead_code)]
 
 use fillrate::gfx::setup::{Bounds, DepthBias, SetupState, Triangle};
 use fillrate::gfx::state::{CullMode, FrontFace};
 use fillrate::gfx::traverse;
-
-/// A seeded generator (PCG, 32 bits).
-pub struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
-    }
-
-    pub fn bits(&mut self) -> u32 {
-        let old = self.0;
-        self.0 = old.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        ((((old >> 18) ^ old) >> 27) as u32).rotate_right((old >> 59) as u32)
-    }
-
-    /// In `0..n`.
-    pub fn below(&mut self, n: i32) -> i32 {
-        ((u64::from(self.bits()) * n as u64) >> 32) as i32
-    }
-
-    /// In `[0, 1)`.
-    pub fn unit(&mut self) -> f32 {
-        (self.bits() >> 8) as f32 / 16_777_216.0
-    }
-
-    /// In `[low, high)`.
-    pub fn range(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * self.unit()
-    }
-}
 
 /// Setup state that draws everything in a rectangle of pixels.
 pub fn state(samples: u32, [x0, y0, x1, y1]: [i32; 4]) -> SetupState {

@@ -87,7 +87,7 @@ impl Image {
     /// Draws a triangle of the window; each hit counts as `count`.
     pub fn triangle(&mut self, v: &[ScreenVertex; 3], count: impl Fn(&Triangle) -> i32) {
         let Ok(mut triangle) = setup::triangle(&state(self.samples as u32, self.window), v) else { return };
-        if self.faulty && self.drawn % 2 == 0 {
+        if self.faulty && self.drawn.is_multiple_of(2) {
             flip_rule(&mut triangle, 1);
         }
         self.drawn += 1;

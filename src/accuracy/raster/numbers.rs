@@ -120,7 +120,7 @@ fn one_triangle(random: &mut Random, case: u64, faulty: bool) -> Worst {
     let mut worst = Worst::default();
     let any_w = case % 2 == 1;
     let extent = [3, 10, 40, 300][case as usize / 2 % 4];
-    let (samples, sample) = if case % 3 == 0 { (4, random.below(4) as usize) } else { (1, 0) };
+    let (samples, sample) = if case.is_multiple_of(3) { (4, random.below(4) as usize) } else { (1, 0) };
     let v = random_triangle(random, extent, any_w);
     // Of a large triangle a window.
     let [x, y] = [0, 1].map(|_| random.between(0, (extent - 40).max(1)));
@@ -201,12 +201,12 @@ fn interpolation(setting: &Setting) -> Result<Vec<Row>> {
 fn one_plane(random: &mut Random, case: u64, faulty: bool) -> (f64, u64, u64, u64) {
     let extent = [4, 30, 250, 2000, 8000][case as usize % 5];
     let mut v = random_triangle(random, extent, false);
-    let flat = case % 7 == 0;
+    let flat = case.is_multiple_of(7);
     if flat {
         (v[1].z, v[2].z) = (v[0].z, v[0].z);
     }
     let [x, y] = [0, 1].map(|_| random.between(0, extent));
-    let (samples, sample) = if case % 2 == 0 { (4, random.below(4) as usize) } else { (1, 0) };
+    let (samples, sample) = if case.is_multiple_of(2) { (4, random.below(4) as usize) } else { (1, 0) };
     let Ok(t) = setup::triangle(&state(samples, [x, y, x + 24, y + 24]), &v) else { return (0.0, 0, 0, 0) };
     let slope = f64::from(t.depth.dzdx.abs()) + f64::from(t.depth.dzdy.abs());
     let (mut worst, mut outside, mut off, mut count) = (0.0f64, 0, 0, 0);

@@ -2,12 +2,13 @@
 
 use anyhow::{Result, ensure};
 
-use super::draw::{Image, position, vertex, viewport};
+use super::draw::{Image, position, state, vertex, viewport};
 use crate::accuracy::{Random, Row, Section, Setting, Target};
 use crate::gfx::clip::ClipVolume;
+use crate::gfx::interpolate::{self, Place, Site, Weights};
 use crate::gfx::reference::{self, Position};
-use crate::gfx::setup::{Screen, ScreenVertex};
-use crate::num::snap;
+use crate::gfx::setup::{self, Screen, ScreenVertex};
+use crate::num::{Lanes, QUADS, snap};
 
 pub const FILL_RULES: Target = Target {
     id: "fill-rules",
@@ -32,7 +33,8 @@ pub const WATERTIGHT: Target = Target {
 pub const INTEGER_SHIFT: Target = Target {
     id: "integer-shift",
     section: Section::Raster,
-    what: "What is moved by whole pixels covers the same samples, moved by as many pixels",
+    what: "What is moved by whole pixels in the window covers the same samples, moved by as many pixels, with the same weights of its \
+           vertices bit for bit; moved by whole blocks of 8x8 pixels, with the same depths",
     bound: "no sample",
     fault: "the moved triangles lie 1/256 pixel farther to the right",
     check: integer_shift,
@@ -201,7 +203,6 @@ fn draw_sheet(cells: usize, samples: usize, faulty: bool, random: &mut Random) -
     }
     let last = n - 1;
     let ring = (0..last)
-        .map(|i| i)
         .chain((0..last).map(|j| j * n + last))
         .chain((0..last).map(|i| last * n + last - i))
         .chain((0..last).map(|j| (last - j) * n));
@@ -287,25 +288,60 @@ fn behind_the_eye(faulty: bool, random: &mut Random) -> (u64, u64) {
     (image.all().iter().filter(|&&hits| hits > 1).count() as u64 + image.wrong, image.all().iter().map(|&h| h as u64).sum())
 }
 
+/// What becomes of a triangle in 40x40 pixels: hits, and in the order of its quads the weights of its vertices and its depths.
+struct Placed {
+    image: Image,
+    weights: Vec<[u32; 2]>,
+    depths: Vec<u32>,
+}
+
+fn place(v: [ScreenVertex; 3], [dx, dy]: [i32; 2], samples: usize, fault: i32) -> Placed {
+    let moved = v.map(|v| ScreenVertex { x: v.x + dx * 256 + fault, y: v.y + dy * 256, ..v });
+    let window = [dx, dy, dx + 40, dy + 40];
+    let mut placed = Placed { image: Image::new(window, samples, false), weights: Vec::new(), depths: Vec::new() };
+    let Ok(t) = setup::triangle(&state(samples as u32, window), &moved) else { return placed };
+    placed.image.draw(&t, 1);
+    // All quads of the window, in the order of the window: those of a triangle come in the order of blocks, which move.
+    let quads = (0..400).map(|q| (q % 20 * 2, q / 20 * 2));
+    let sites: Vec<Site> = quads.map(|(x, y)| Site { triangle: 0, x: (x + dx) as u16, y: (y + dy) as u16 }).collect();
+    for batch in sites.chunks(QUADS) {
+        let (mut weights, mut inv_w) = (Weights::default(), Lanes::ZERO);
+        interpolate::perspective(&[t], batch, Place::Center, &mut weights, &mut inv_w);
+        for lane in 0..4 * batch.len() {
+            placed.weights.push([weights.one.0[lane], weights.two.0[lane]]);
+        }
+        for site in batch {
+            placed.depths.extend(t.depth.quad(site.x.into(), site.y.into()).map(f32::to_bits));
+        }
+    }
+    placed
+}
+
 fn integer_shift(setting: &Setting) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for samples in [1, 4] {
-        let moved = setting.pieces(setting.pick(100, 20_000, 500_000), |_, random| {
-            let v: [[i32; 2]; 3] = std::array::from_fn(|_| [0, 1].map(|_| 256 * 8 + random.between(0, 256 * 24)));
-            let shift = [random.between(0, 100), random.between(0, 100)];
-            let place = |[dx, dy]: [i32; 2], fault: i32| {
-                let mut image = Image::new([dx, dy, dx + 40, dy + 40], samples, false);
-                image.triangle(&v.map(|[x, y]| vertex([x + dx * 256 + fault, y + dy * 256])), |_| 1);
-                image
-            };
-            let (still, moved) = (place([0, 0], 0), place(shift, i32::from(setting.faulty)));
-            let differ = still.all().iter().zip(moved.all()).filter(|(a, b)| a != b).count() as u64;
-            (differ + moved.wrong, still.all().iter().map(|&hits| hits as u64).sum::<u64>())
+        let moved = setting.pieces(setting.pick(100, 20_000, 500_000), |piece, random| {
+            let v: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {
+                x: 256 * 8 + random.between(0, 256 * 24),
+                y: 256 * 8 + random.between(0, 256 * 24),
+                z: random.unit(),
+                inv_w: 1.0 / random.range(0.1, 4.0),
+            });
+            let blocks = piece.is_multiple_of(2);
+            let shift = [0, 1].map(|_| if blocks { 8 * random.between(0, 13) } else { random.between(0, 100) });
+            let (still, moved) = (place(v, [0, 0], samples, 0), place(v, shift, samples, i32::from(setting.faulty)));
+            let differ = still.image.all().iter().zip(moved.image.all()).filter(|(a, b)| a != b).count() as u64;
+            let weights = still.weights.iter().zip(&moved.weights).filter(|(a, b)| a != b).count() as u64;
+            let depths = still.depths.iter().zip(&moved.depths).filter(|(a, b)| blocks && a != b).count() as u64;
+            let covered = still.image.all().iter().map(|&hits| hits as u64).sum::<u64>();
+            [differ + moved.image.wrong, weights, depths, covered]
         });
-        let (differ, covered) = moved.into_iter().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
-        ensure!(covered > 1_000, "only {covered} samples were covered");
+        let sum = |k: usize| moved.iter().map(|counts| counts[k]).sum::<u64>();
+        ensure!(sum(3) > 1_000, "only {} samples were covered", sum(3));
         let per_pixel = if samples == 1 { "1 sample" } else { "4 samples" };
-        rows.push(Row::none(format!("triangles at random, {per_pixel}: samples that differ"), differ));
+        rows.push(Row::none(format!("triangles at random, {per_pixel}: samples that differ"), sum(0)));
+        rows.push(Row::none(format!("triangles at random, {per_pixel}: weights that differ"), sum(1)));
+        rows.push(Row::none(format!("moved by whole blocks, {per_pixel}: depths that differ"), sum(2)));
     }
     Ok(rows)
 }
