@@ -33,10 +33,11 @@ fn an_unknown_target_is_named_with_the_nearest() {
 fn the_page_has_every_target_and_no_failure() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/accuracy.md");
     let page = std::fs::read_to_string(path).expect("the page is there");
+    let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
     for target in accuracy::targets() {
-        let heading = format!("\n### {}\n\n{}. Bound: {}. The fault", target.id, target.what, target.bound);
+        let about = format!("### {} {}. Bound: {}. The fault", target.id, target.what, target.bound);
         assert!(
-            page.contains(&heading),
+            page.contains(&about),
             "{} is not in docs/accuracy.md as it is now: the page says how to write it anew",
             target.id
         );

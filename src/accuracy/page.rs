@@ -109,14 +109,14 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
         }
     }
     let (seeds, sizes) = (seeds.join(","), sizes.join(","));
-    let _ = writeln!(
-        text,
-        "This page is what `fillrate accuracy --seed {seeds} --size {sizes} --markdown` prints: {} of {} runs of targets hold. Figures are \
-         those of the first seed at the largest size; the last column has the largest error of all runs, as a share of what is allowed \
-         where that is not 0.",
+    let made = format!(
+        "This page is what `fillrate accuracy --seed {seeds} --size {sizes} --markdown` prints: {} of {} runs of targets hold. Figures \
+         are those of the first seed at the largest size; the last column has the largest error of all runs, as a share of what is \
+         allowed where that is not 0.",
         outcomes.len() - failed,
         outcomes.len()
     );
+    text += &wrapped(&made);
     for section in Section::ALL {
         let mut of_section: Vec<&'static Target> = Vec::new();
         for outcome in outcomes.iter().filter(|outcome| outcome.target.section == section) {
@@ -130,11 +130,9 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
         let _ = write!(text, "\n## {}\n", section.title());
         for target in of_section {
             let runs: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.target.id == target.id).collect();
-            let _ = write!(
-                text,
-                "\n### {}\n\n{}. Bound: {}. The fault that it is shown to find: {}.\n\n",
-                target.id, target.what, target.bound, target.fault
-            );
+            let about =
+                format!("{}. Bound: {}. The fault that it is shown to find: {}.", target.what, target.bound, target.fault);
+            let _ = write!(text, "\n### {}\n\n{}\n", target.id, wrapped(&about));
             text += "| case | expected | measured | error | allowed | worst of all runs | |\n|---|--:|--:|--:|--:|--:|---|\n";
             let Some(shown) = runs.iter().rev().max_by_key(|run| run.setting.size) else { continue };
             for row in &shown.rows {
@@ -148,6 +146,23 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             }
         }
     }
+    text
+}
+
+/// A paragraph in lines.
+fn wrapped(paragraph: &str) -> String {
+    let (mut text, mut column) = (String::new(), 0);
+    for word in paragraph.split(' ') {
+        let length = word.chars().count();
+        if column > 0 {
+            let fits = column + 1 + length <= 128;
+            text.push(if fits { ' ' } else { '\n' });
+            column = if fits { column + 1 } else { 0 };
+        }
+        text.push_str(word);
+        column += length;
+    }
+    text.push('\n');
     text
 }
 

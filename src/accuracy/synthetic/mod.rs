@@ -233,7 +233,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     let early = scene.early || number % 2 == 1;
     let target = Target {
         blend,
-        write_mask: if scene.blind && number % 2 == 0 { 0 } else { 15 },
+        write_mask: if scene.blind && number.is_multiple_of(2) { 0 } else { 15 },
         payload: Some(0),
         words: if scene.blend { 4 } else { 1 },
         packed: !scene.blend,
