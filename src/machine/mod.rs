@@ -2,6 +2,7 @@
 
 mod build;
 pub mod config;
+mod loss;
 pub mod parts;
 mod report;
 mod sort_first;
@@ -14,6 +15,7 @@ mod sort_middle_binned;
 mod tests;
 
 pub use config::{Config, ConfigError};
+pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
 
 use self::build::Built;

@@ -2,13 +2,18 @@
 
 use super::Machine;
 use super::config::SortClass;
+use super::loss::{Frame, LossCounts, Waits};
 use crate::mem::ClientCounts;
 use crate::num::Cycle;
 use crate::sim::Circuit;
-use crate::stats::{Group, Node, Tree};
+use crate::stats::{Cycles, Group, Node, Tree};
 use crate::unit::card::Card;
+use crate::unit::dispatch::Dispatch;
+use crate::unit::distribute::Distribute;
 use crate::unit::early::Early;
+use crate::unit::network::SenderCounts;
 use crate::unit::phase::Phase;
+use crate::unit::route::Route;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::work::{EndFrame, Funnel, Surface};
@@ -59,6 +64,9 @@ struct Reading {
     quads: Vec<u64>,
     sort: SortCounts,
     order: OrderCounts,
+    /// Of each unit its name and its account.
+    units: Vec<(&'static str, Cycles)>,
+    waits: Waits,
     /// Passes that need an order which the machine does not keep.
     disordered: usize,
 }
@@ -67,7 +75,28 @@ struct Reading {
 pub(super) struct Readings {
     start: Reading,
     last: Reading,
+    sums: Sums,
+}
+
+/// What frames are summed up of that is no difference of counters.
+#[derive(Clone, Debug, Default)]
+struct Sums {
     wrong_pixels: u64,
+    loss: LossCounts,
+    /// By stage, the work of frames whose loss is measured there.
+    stages: Vec<(&'static str, u64)>,
+}
+
+impl Sums {
+    fn stage(&mut self, (stage, loss): (Option<&'static str>, LossCounts)) {
+        self.loss += loss;
+        let Some(stage) = stage else { return };
+        let work = loss.useful + loss.overlap;
+        match self.stages.iter_mut().find(|(known, _)| *known == stage) {
+            Some((_, sum)) => *sum += work,
+            None => self.stages.push((stage, work)),
+        }
+    }
 }
 
 /// What a machine has counted up to now.
@@ -151,6 +180,8 @@ fn read(machine: &mut Machine) -> Reading {
     circuit.order.iter().for_each(|unit| order += unit.counts());
     circuit.setup.iter().for_each(|unit| order += unit.counts());
     circuit.bin.iter().for_each(|unit| order += unit.order());
+    let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
+    let waits = waits(machine);
     for unit in &circuit.bin {
         tree.child("binning").extend(unit.counts().tree());
     }
@@ -168,11 +199,63 @@ fn read(machine: &mut Machine) -> Reading {
     }
     let quads = circuit.traverse.iter().map(crate::sim::Unit::<Card>::items).collect();
     let disordered = machine.card.disordered.len();
-    Reading { tree, cycles, quads, sort, order, disordered }
+    Reading { tree, cycles, quads, sort, order, units, waits, disordered }
+}
+
+/// What the pipelines have waited for up to now.
+fn waits(machine: &Machine) -> Waits {
+    let circuit = &machine.circuit;
+    let order = |counts: OrderCounts| counts.order_waiting_cycles;
+    let (senders, order) = match machine.config.card.sort {
+        SortClass::First => {
+            (circuit.route.iter().map(Route::waits).collect(), circuit.gather.iter().map(|unit| order(unit.counts())).collect())
+        }
+        SortClass::Middle => (
+            circuit.distribute.iter().map(Distribute::waits).collect(),
+            circuit.setup.iter().map(|unit| order(unit.counts())).collect(),
+        ),
+        SortClass::MiddleBinned => (
+            circuit.distribute.iter().map(Distribute::waits).collect(),
+            circuit.bin.iter().map(|unit| order(unit.order())).collect(),
+        ),
+        SortClass::LastFragment => (
+            circuit.dispatch.iter().map(Dispatch::waits).collect(),
+            circuit.order.iter().map(|unit| order(unit.counts())).collect(),
+        ),
+        // Composition is accounted for as a whole.
+        SortClass::LastImage => (vec![SenderCounts::default()], Vec::new()),
+    };
+    let instructions = circuit.core.iter().map(|core| {
+        let counts = core.counts();
+        (counts.float + counts.integer + counts.special + counts.control, counts.vertex)
+    });
+    Waits {
+        senders,
+        order,
+        passes: circuit.command.waits().waited().to_vec(),
+        composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
+        instructions: instructions.collect(),
+        gates: circuit.wires().gates().collect(),
+    }
+}
+
+/// What became of the pipelines' cycles between two readings.
+fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static str>, LossCounts) {
+    let accounts = now.units.iter().zip(&earlier.units);
+    let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
+    let frame = Frame {
+        class: machine.config.card.sort,
+        pipelines: machine.config.card.pipelines as usize,
+        cycles: now.cycles - earlier.cycles,
+        units: &units,
+        sort: now.sort.since(&earlier.sort),
+        waits: &now.waits.since(&earlier.waits),
+    };
+    frame.split()
 }
 
 /// The statistics between two readings.
-fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u64) -> Tree {
+fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> Tree {
     let difference = now.tree.since(&earlier.tree);
     let mut tree = Tree::new();
     let cycles = now.cycles - earlier.cycles;
@@ -190,7 +273,12 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, wrong_pixels: u6
     leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
     leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
     leaves.extend(now.order.since(&earlier.order).tree());
-    leaves.count("wrong_pixels", wrong_pixels);
+    leaves.count("wrong_pixels", sums.wrong_pixels);
+    let split = leaves.child("loss");
+    let stage = sums.stages.iter().rev().max_by_key(|(_, work)| *work);
+    split.text("stage", stage.map_or("", |(stage, _)| stage));
+    split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
+    split.extend(sums.loss.tree());
     if machine.config.card.sort == SortClass::LastImage {
         let passes = &machine.card.disordered[earlier.disordered..now.disordered];
         leaves.count("passes_needing_order", passes.len() as u64);
@@ -219,7 +307,7 @@ impl Readings {
     /// The first reading.
     pub fn new(machine: &mut Machine) -> Readings {
         let start = read(machine);
-        Readings { last: start.clone(), start, wrong_pixels: 0 }
+        Readings { last: start.clone(), start, sums: Sums::default() }
     }
 
     /// A frame has ended.
@@ -239,8 +327,12 @@ impl Readings {
             })
         });
         let wrong_pixels = picture.as_ref().map_or(0, |picture| picture.wrong_pixels);
-        self.wrong_pixels += wrong_pixels;
-        let tree = between(machine, &self.last, &now, wrong_pixels);
+        let loss = loss(machine, &self.last, &now);
+        self.sums.wrong_pixels += wrong_pixels;
+        self.sums.stage(loss);
+        let mut sums = Sums { wrong_pixels, ..Sums::default() };
+        sums.stage(loss);
+        let tree = between(machine, &self.last, &now, &sums);
         let cycles = now.cycles - self.last.cycles;
         let phases = machine.card.phases.take(self.last.cycles, now.cycles);
         self.last = now;
@@ -248,9 +340,10 @@ impl Readings {
     }
 
     /// The run has ended.
-    pub fn total(self, machine: &mut Machine) -> MachineReport {
+    pub fn total(mut self, machine: &mut Machine) -> MachineReport {
         let now = read(machine);
-        let total = between(machine, &self.start, &now, self.wrong_pixels);
+        self.sums.stage(loss(machine, &self.last, &now));
+        let total = between(machine, &self.start, &now, &self.sums);
         MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles }
     }
 }

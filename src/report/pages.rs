@@ -2,7 +2,7 @@
 //! is stale; `FILLRATE_BLESS=1 cargo test --test pages` writes them anew.
 
 use crate::machine::config::documentation;
-use crate::machine::{Config, ConfigError};
+use crate::machine::{Config, ConfigError, LossCounts};
 use crate::mem::{ClientCounts, DramCounts, L2Counts};
 use crate::sim::ChannelCounts;
 use crate::stats::{Cycles, Declaration, Group, page};
@@ -59,6 +59,15 @@ const NETWORK: &[Declaration] = &[
     one("hot_spot", "", "The busiest link: its channel and its ends."),
 ];
 
+const LOSS: &[Declaration] = &[
+    one(
+        "stage",
+        "",
+        "The stage of the pipelines whose busiest unit worked most; of a run, that with most work over its frames.",
+    ),
+    one("efficiency", "", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
+];
+
 const SORT: &[Declaration] = &[
     one("class", "", "The sort class of the machine."),
     one(
@@ -111,6 +120,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
         ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
+        (
+            "sort.loss",
+            "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
+            all(LOSS, LossCounts::DECLARATIONS),
+        ),
         ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
         ("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.", EarlyCounts::DECLARATIONS.to_vec()),
         ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),

@@ -170,7 +170,19 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         row("passes needing order", count("sort.passes_needing_order"), text("sort.passes_out_of_order").to_owned());
     }
 
-    // 2. What else it cost.
+    // 2. Where the pipelines' cycles went.
+    let cycles = n("sort.loss.pipeline_cycles");
+    if cycles > 0.0 {
+        let at = |name: &str| share(n(&format!("sort.loss.{name}")), cycles);
+        row("pipelines' cycles used", format!("{:.1} %", at("useful")), format!("measured at {}", text("sort.loss.stage")));
+        for part in ["overlap", "imbalance", "network", "order", "memory", "earlier", "later", "supply", "outside"] {
+            if at(part) > 0.0 {
+                row(&format!("  lost to {part}"), format!("{:.1} %", at(part)), String::new());
+            }
+        }
+    }
+
+    // 3. What else it cost.
     let imbalance = format!("{:.3}", n("sort.load_imbalance"));
     row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
     row("waiting for the order", count("sort.order_waiting_cycles"), "cycles, summed over those that restore it".to_owned());
@@ -321,6 +333,11 @@ mod tests {
         }
         sort.real("overlap", 2.0);
         sort.real("load_imbalance", 1.25);
+        let loss = sort.child("loss");
+        loss.text("stage", "core");
+        for (name, value) in [("pipeline_cycles", 4000), ("useful", 3000), ("overlap", 0), ("order", 1000)] {
+            loss.count(name, value);
+        }
         let network = sort.child("network");
         network.count("hops", 5);
         network.real("hottest_share", 0.5);
@@ -333,6 +350,8 @@ mod tests {
             "primitives sorted 1,000 100 of them to nobody",
             "copies sent 1,800 overlap 2.000; 28.12 KiB",
             "to another pipeline 1,350 75.0 %; 21.09 KiB",
+            "pipelines' cycles used 75.0 % measured at core",
+            "lost to order 25.0 %",
             "load imbalance 1.250 quads of the busiest pipeline by the mean",
             "waiting for the order 4,321 cycles, summed over those that restore it",
             "busiest link of the network 50.0 % sorted[1] from a[0] to b[1]; mean of all 12.5 %",

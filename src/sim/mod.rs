@@ -48,6 +48,7 @@ mod budget;
 mod channel;
 mod circuit;
 mod clock;
+mod gate;
 mod unit;
 mod wires;
 
@@ -55,6 +56,7 @@ pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble};
 pub use clock::{Clock, Stuck, run};
+pub use gate::{Gate, GateCounts, STATES};
 pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires, Wiring};
 

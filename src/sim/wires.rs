@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 
 use super::agenda::Agenda;
 use super::channel::{Channel, ChannelCounts, Link, Slot};
+use super::gate::{Gate, GateCounts, GateState};
 use super::unit::Tick;
 use crate::num::{Cycle, NEVER};
 use crate::stats::{Account, Cycles, Group, Tree};
@@ -59,6 +60,7 @@ pub struct Wiring {
     channels: Vec<Channel>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
+    gates: Vec<GateState>,
     places: u32,
 }
 
@@ -104,6 +106,13 @@ impl Wiring {
         (Out(number, PhantomData), In(number, PhantomData))
     }
 
+    /// A gate that some units hang on, in state 0.
+    pub fn gate(&mut self, units: &[UnitId]) -> Gate {
+        let number = u16::try_from(self.gates.len()).expect("fewer than 65,536 gates");
+        self.gates.push(GateState::new(units));
+        Gate(number)
+    }
+
     /// Declarations done: the wires at cycle 0, all channels empty and every unit awake.
     pub(super) fn finish(self) -> Wires {
         Wires {
@@ -117,6 +126,7 @@ impl Wiring {
             units: self.units,
             labels: self.labels,
             show: self.show,
+            gates: self.gates,
         }
     }
 
@@ -141,6 +151,7 @@ pub struct Wires {
     units: Vec<Label>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
+    gates: Vec<GateState>,
 }
 
 impl Wires {
@@ -246,6 +257,12 @@ impl Wires {
         free
     }
 
+    /// Whether there is a slot in this cycle, whatever the width says. Who asks is not woken by it.
+    #[inline(always)]
+    pub fn has_place<T: Token>(&self, port: &Out<T>) -> bool {
+        self.channels[port.0 as usize].room_at(1, &self.slots) <= self.now
+    }
+
     /// Whether there are slots for `items` in this cycle; the width may still spread them over several.
     #[inline(always)]
     pub fn has_room<T: Token>(&mut self, port: &Out<T>, items: u32) -> bool {
@@ -300,6 +317,21 @@ impl Wires {
             self.push(port, item);
         }
         can
+    }
+
+    /// The state of a gate from this cycle on, told in every tick of the unit that knows.
+    #[inline(always)]
+    pub fn tell(&mut self, gate: &Gate, state: u8) {
+        if let Some(gate) = self.gates.get_mut(usize::from(gate.0))
+            && gate.state != state
+        {
+            gate.change(state, self.now, &self.agenda);
+        }
+    }
+
+    /// The counts of all gates, in the order of declaration.
+    pub fn gates(&self) -> impl Iterator<Item = GateCounts> {
+        self.gates.iter().map(|gate| gate.counts(self.now, &self.agenda))
     }
 
     #[cold]

@@ -81,6 +81,18 @@ impl Account {
         self.since = now;
     }
 
+    /// The cycles before `now` in which the unit was at work or waited for data from memory, and those in which its output had no
+    /// room, whether or not it has ticked in `now`.
+    pub fn held(&self, now: Cycle) -> [u64; 2] {
+        let [busy, _, blocked, memory, _] = self.counts;
+        // A unit that has moved in `now` and rests after it is accounted for up to the next cycle.
+        let ahead = self.since.saturating_sub(now);
+        let open = now.saturating_sub(self.since);
+        let held = if matches!(self.why, Why::Busy | Why::Memory) { open } else { 0 };
+        let stuck = if self.why == Why::Blocked { open } else { 0 };
+        [busy + memory - ahead + held, blocked + stuck]
+    }
+
     /// The cycles before `now` by class. Only after [`Account::settle`] at `now` is a trailing starvation told from idleness.
     pub fn read(&self, now: Cycle) -> Cycles {
         let mut counts = self.counts;
@@ -93,6 +105,20 @@ impl Account {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_unit_held_before_a_cycle_does_not_depend_on_its_tick_in_it() {
+        let mut account = Account::new(0);
+        account.note(0, Why::Starved);
+        account.note(4, Why::Memory);
+        account.note(10, Why::Starved);
+        assert_eq!(account.held(12), [6, 0]);
+        // It moves in 12 and rests from 13 on.
+        account.note(12, Why::Busy);
+        assert_eq!(account.held(12), [6, 0]);
+        account.note(13, Why::Blocked);
+        assert_eq!((account.held(12), account.held(13), account.held(20)), ([6, 0], [7, 0], [7, 7]));
+    }
 
     #[test]
     fn spans_add_up_and_trailing_starvation_is_idleness() {

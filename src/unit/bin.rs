@@ -9,7 +9,7 @@ use super::network::Receiver;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use crate::mem::{MemoryPort, REQUEST_BYTES, requests};
-use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{BLOCK, Triangle};
 
@@ -132,7 +132,7 @@ impl Bin {
         Bin {
             config,
             segments,
-            merge: Merge::new(keep, &ports.input),
+            merge: Merge::new(keep, Gate::default(), &ports.input),
             ports,
             state: State::Binning,
             tiles: Vec::new(),

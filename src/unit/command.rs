@@ -8,6 +8,7 @@ use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
 use super::copies::{self, PassOrder};
 use super::frame::{BlockState, Store};
 use super::phase::PhaseKind;
+use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
 use crate::gfx::format::{Format, TexelKind};
@@ -15,7 +16,7 @@ use crate::gfx::hierarchical::depth_key;
 use crate::gfx::texel;
 use crate::mem::MemoryPort;
 use crate::num::Cycle;
-use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::sim::{Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
 
@@ -59,6 +60,8 @@ pub struct CommandPorts {
     pub acks: Vec<In<Ack>>,
     /// Memory, for copies and clears.
     pub memory: MemoryPort,
+    /// Where all units of the pipelines are told whether there is a pass or a dispatch: 1 if so, else 0.
+    pub work: Gate,
 }
 
 /// What the command processor is at.
@@ -112,6 +115,7 @@ pub struct Command {
     depth_known: Option<SurfaceKey>,
     /// The frame that ended.
     ended: Option<EndFrame>,
+    waits: PassWaits,
     items: u64,
 }
 
@@ -141,6 +145,7 @@ impl Command {
             stream: Stream::new(config.copy_misses),
             depth_known: None,
             ended: None,
+            waits: PassWaits::new(pipelines as usize),
             items: 0,
             config,
         }
@@ -149,6 +154,11 @@ impl Command {
     /// Whether a frame has ended and waits to be taken.
     pub fn frame_over(&self) -> bool {
         matches!(self.state, State::Over)
+    }
+
+    /// How long each pipeline has waited, at the ends of passes, for the others.
+    pub fn waits(&self) -> &PassWaits {
+        &self.waits
     }
 
     /// Takes the frame that has ended; the machine goes on with the next.
@@ -173,12 +183,13 @@ impl Command {
     /// Takes reports; true if any came.
     fn collect(&mut self, wires: &mut Wires, card: &mut Card) -> bool {
         let mut moved = false;
-        for port in &self.ports.acks {
+        for (unit, port) in self.ports.acks.iter().enumerate() {
             while let Some(ack) = wires.pop(port) {
                 moved = true;
                 if ack.kind == Kind::PASS {
                     if let State::Ending(left) = &mut self.state {
                         *left -= 1;
+                        self.waits.ended(unit, wires.now(), *left == 0);
                     }
                     continue;
                 }
@@ -569,8 +580,8 @@ fn clear_depth(store: &mut Store, attachment: &Attachment) -> bool {
     whole && format.kind() == TexelKind::Depth
 }
 
-impl Unit<Card> for Command {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+impl Command {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         // 1. Reports free slots and end passes.
         let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
 
@@ -598,6 +609,15 @@ impl Unit<Card> for Command {
         if self.pieces.is_empty() && self.event(wires, card).is_some() {
             did = Tick::Moved;
         }
+        did
+    }
+}
+
+impl Unit<Card> for Command {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        let drawing = card.pass.is_some() && !matches!(self.state, State::Resolving(_));
+        wires.tell(&self.ports.work, u8::from(drawing || self.computing()));
         did
     }
 

@@ -4,13 +4,13 @@
 use std::collections::VecDeque;
 
 use super::card::{Card, Fault};
-use super::network::Sender;
+use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::{GroupToken, Kind, WarpToken, bytes};
 use super::traverse::fragments;
 use super::warp::{Item, Program};
 use crate::num::{Cycle, prefetch};
-use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::sim::{Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::QUAD_SHADED;
 
@@ -46,6 +46,8 @@ pub struct DispatchPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Where shaded quads go.
     pub output: Outlet,
+    /// Where it is told what the network makes it wait for.
+    pub gate: Gate,
 }
 
 /// Where shaded quads go.
@@ -117,6 +119,14 @@ impl Dispatch {
         self.sorting
     }
 
+    /// What it has waited for at the network, where it sends over one.
+    pub fn waits(&self) -> SenderCounts {
+        match &self.ports.output {
+            Outlet::Own { .. } => SenderCounts::default(),
+            Outlet::Owners(network) => network.counts(),
+        }
+    }
+
     /// Sends a mark on; false while it has still to wait.
     fn send_mark(&mut self, wires: &mut Wires, mark: GroupToken) -> bool {
         match &mut self.ports.output {
@@ -153,7 +163,7 @@ impl Dispatch {
         let Card { groups, work, funnel, pass, frame, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let room = match &self.ports.output {
+        let room = match &mut self.ports.output {
             Outlet::Own { late, color } => wires.can_push(if work.early { color } else { late }),
             Outlet::Owners(network) => network.can_send(wires, usize::from(token.pool)),
         };
@@ -266,8 +276,8 @@ impl Dispatch {
     }
 }
 
-impl Unit<Card> for Dispatch {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+impl Dispatch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let pipeline = usize::from(self.pipeline);
         let mut did = Tick::Starved;
 
@@ -410,6 +420,16 @@ impl Unit<Card> for Dispatch {
             } else {
                 did = did.or(Tick::Blocked);
             }
+        }
+        did
+    }
+}
+
+impl Unit<Card> for Dispatch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        if let Outlet::Owners(network) = &self.ports.output {
+            wires.tell(&self.ports.gate, network.waits() as u8);
         }
         did
     }

@@ -1,7 +1,7 @@
 //! Distribution: the sort of a sort-middle machine. Screen-space triangles go to every rasteriser that owns a tile they touch.
 
 use super::card::{Card, Work};
-use super::network::Sender;
+use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, bytes};
 use crate::num::prefetch;
@@ -61,6 +61,11 @@ impl Distribute {
     /// What it has sent.
     pub fn counts(&self) -> SortCounts {
         self.counts
+    }
+
+    /// What it has waited for.
+    pub fn waits(&self) -> SenderCounts {
+        self.network.counts()
     }
 
     /// Sends a token to all pending rasterisers that have room; true when none is pending any more.

@@ -6,13 +6,14 @@ use std::collections::VecDeque;
 use super::card::{Card, Work};
 use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
+use super::sorting::Waits;
 use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
 use super::warp::{Item, Program};
 use crate::gfx::state::StepMode;
 use crate::mem::MemoryPort;
 use crate::num::Cycle;
-use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::sim::{Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::assembly::MAX_BATCHES;
 use crate::unit::knob::Allowed;
 use crate::work::LINE;
@@ -80,6 +81,8 @@ pub struct FetchPorts {
     pub index: MemoryPort,
     /// Memory, for attributes.
     pub vertex: MemoryPort,
+    /// Where it is told what it waits for.
+    pub gate: Gate,
 }
 
 /// A batch whose attributes are on their way.
@@ -600,8 +603,8 @@ impl Fetch {
     }
 }
 
-impl Unit<Card> for Fetch {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+impl Fetch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
 
         // 1. What memory has brought, and what assembly no longer needs.
@@ -633,6 +636,14 @@ impl Unit<Card> for Fetch {
         }
         did = did.or(self.read(wires, card));
         if self.runs.freed() { Tick::Moved } else { did }
+    }
+}
+
+impl Unit<Card> for Fetch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        did
     }
 
     fn items(&self) -> u64 {

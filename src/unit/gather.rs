@@ -5,7 +5,7 @@ use super::card::Card;
 use super::network::Receiver;
 use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, Run, TriangleToken};
-use crate::sim::{Out, Tick, Unit, Wires};
+use crate::sim::{Gate, Out, Tick, Unit, Wires};
 
 /// Gathering. Its items are primitives.
 pub struct Gather {
@@ -18,9 +18,9 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// One at the beginning of the order, which takes so many primitives a cycle.
-    pub fn new(rate: u32, keep: Keep, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
-        Gather { rate, merge: Merge::new(keep, &input), input, output, items: 0 }
+    /// One at the beginning of the order, which takes so many primitives a cycle, and tells at a gate what it waits for.
+    pub fn new(rate: u32, keep: Keep, gate: Gate, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
+        Gather { rate, merge: Merge::new(keep, gate, &input), input, output, items: 0 }
     }
 
     /// What it has counted.
@@ -29,10 +29,8 @@ impl Gather {
     }
 }
 
-impl Unit<Card> for Gather {
-    fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
-        self.merge.begin(wires.now());
-        self.input.poll(wires);
+impl Gather {
+    fn step(&mut self, wires: &mut Wires) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = self.rate;
         loop {
@@ -69,6 +67,16 @@ impl Unit<Card> for Gather {
             wires.push(&self.output, run);
             did = Tick::Moved;
         }
+    }
+}
+
+impl Unit<Card> for Gather {
+    fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
+        self.merge.begin(wires.now());
+        self.input.poll(wires);
+        let did = self.step(wires);
+        self.merge.end(wires);
+        did
     }
 
     fn items(&self) -> u64 {

@@ -5,7 +5,7 @@ use super::card::Card;
 use super::network::Receiver;
 use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
 use super::token::{GroupToken, Kind, bytes};
-use crate::sim::{Budget, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, Gate, Out, Tick, Unit, Wires};
 
 /// The order at a ROP. Its items are quads.
 pub struct Order {
@@ -26,11 +26,12 @@ pub struct Order {
 }
 
 impl Order {
-    /// One at the beginning of the order, which hands on so many quads a cycle.
+    /// One at the beginning of the order, which hands on so many quads a cycle, and tells at a gate what it waits for.
     pub fn new(
         pipeline: u8,
         rate: u32,
         keep: Keep,
+        gate: Gate,
         input: Receiver<GroupToken>,
         late: Out<GroupToken>,
         color: Out<GroupToken>,
@@ -44,7 +45,7 @@ impl Order {
             keep,
             ended: Ended::default(),
             place: 0,
-            clock: OrderClock::default(),
+            clock: OrderClock::new(gate),
             items: 0,
         }
     }
@@ -69,18 +70,15 @@ impl Order {
     }
 }
 
-impl Unit<Card> for Order {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        self.clock.begin(wires.now());
-        self.input.poll(wires);
+impl Order {
+    fn step(&mut self, wires: &mut Wires, card: &Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.rate);
         loop {
             // 1. Something that may be taken.
             let Some((from, token)) = self.input.find(wires, |token| self.due(card, token)) else {
-                if self.input.find(wires, |_| true).is_some() {
-                    self.clock.wait(wires.now());
-                }
+                let here = self.input.find(wires, |_| true).is_some();
+                self.clock.wait(wires.now(), here, true);
                 return did;
             };
 
@@ -117,6 +115,16 @@ impl Unit<Card> for Order {
                 self.ended.note(token.sequence);
             }
         }
+    }
+}
+
+impl Unit<Card> for Order {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        self.clock.begin(wires.now());
+        self.input.poll(wires);
+        let did = self.step(wires, card);
+        self.clock.end(wires);
+        did
     }
 
     fn items(&self) -> u64 {

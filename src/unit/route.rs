@@ -8,7 +8,7 @@ use super::card::{Card, Work};
 use super::distribute::{Overlap, owners};
 use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
-use super::network::Sender;
+use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Run, TriangleToken, bytes};
@@ -139,6 +139,11 @@ impl Route {
     /// What it has sent.
     pub fn sorting(&self) -> SortCounts {
         self.sorting
+    }
+
+    /// What it has waited for.
+    pub fn waits(&self) -> SenderCounts {
+        self.ports.network.counts()
     }
 
     /// What it has transformed.

@@ -5,7 +5,7 @@ use super::network::Receiver;
 use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use crate::num::prefetch;
-use crate::sim::{Budget, Out, Tick, Unit, Wires};
+use crate::sim::{Budget, Gate, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 
 crate::knobs! {
@@ -36,15 +36,17 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// An empty one. With `marks` the end of a sequence number is told on, for those behind it who restore the order again.
+    /// An empty one. With `marks` the end of a sequence number is told on, for those behind it who restore the order again; what it
+    /// waits for, at the gate.
     pub fn new(
         config: SetupConfig,
         input: Receiver<TriangleToken>,
         marks: bool,
         keep: Keep,
+        gate: Gate,
         output: Out<TriangleToken>,
     ) -> Setup {
-        Setup { config, merge: Merge::new(keep, &input), input, output, marks, free_at: 0, items: 0 }
+        Setup { config, merge: Merge::new(keep, gate, &input), input, output, marks, free_at: 0, items: 0 }
     }
 
     /// What it has counted.
@@ -64,10 +66,9 @@ fn ask_ahead(card: &Card, token: TriangleToken) {
     }
 }
 
-impl Unit<Card> for Setup {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
-        self.merge.begin(wires.now());
-        self.input.poll(wires);
+impl Setup {
+    #[inline(always)]
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let mut budget = Budget::new(self.config.triangles_per_cycle);
         loop {
@@ -111,6 +112,16 @@ impl Unit<Card> for Setup {
                 }
             }
         }
+    }
+}
+
+impl Unit<Card> for Setup {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        self.merge.begin(wires.now());
+        self.input.poll(wires);
+        let did = self.step(wires, card);
+        self.merge.end(wires);
+        did
     }
 
     fn items(&self) -> u64 {

@@ -8,7 +8,7 @@ use super::network::Receiver;
 use super::token::{Kind, TriangleToken};
 use crate::gfx::state::Compare;
 use crate::num::Cycle;
-use crate::sim::Wires;
+use crate::sim::{Gate, Tick, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::Quad;
 
@@ -57,31 +57,109 @@ crate::counters! {
     }
 }
 
-/// Counts the cycles in which what has come waits for its turn.
+/// What a unit at an end of the network waits for: the state of a [`Gate`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Waits {
+    /// For nothing, or nothing of the network.
+    #[default]
+    Open,
+    /// For something to come.
+    Nothing,
+    /// For what is next in order; others have come.
+    Order,
+    /// For the network to take what is to be sent.
+    Network,
+    /// For a place at the receiver of what is to be sent.
+    Place,
+    /// For data from memory.
+    Memory,
+}
+
+impl Waits {
+    /// What a unit waits for that takes in its pipeline's work, by what it did in a cycle.
+    #[inline(always)]
+    pub fn of_front(did: Tick) -> Waits {
+        match did {
+            Tick::Starved => Waits::Nothing,
+            Tick::Memory => Waits::Memory,
+            _ => Waits::Open,
+        }
+    }
+}
+
+/// Counts the cycles in which what has come waits for its turn, and tells them.
 #[derive(Debug, Default)]
 pub struct OrderClock {
+    gate: Gate,
+    state: Waits,
     since: Option<Cycle>,
     counts: OrderCounts,
 }
 
 impl OrderClock {
+    /// One that tells those at a gate.
+    pub fn new(gate: Gate) -> OrderClock {
+        OrderClock { gate, ..OrderClock::default() }
+    }
+
     /// A tick begins: whatever was, is over.
     #[inline(always)]
     pub fn begin(&mut self, now: Cycle) {
+        self.state = Waits::Open;
         if let Some(since) = self.since.take() {
             self.counts.order_waiting_cycles += now - since;
         }
     }
 
-    /// From now on, until the next tick, something waits for its turn.
+    /// From now on, until the next tick, there is nothing that may be taken, whether or not something is `here`. It is `counted` if
+    /// that is not for want of more from a sender whose turn it is.
     #[inline(always)]
-    pub fn wait(&mut self, now: Cycle) {
-        self.since = Some(now);
+    pub fn wait(&mut self, now: Cycle, here: bool, counted: bool) {
+        self.state = if here { Waits::Order } else { Waits::Nothing };
+        self.since = (here && counted).then_some(now);
+    }
+
+    /// The tick is over.
+    #[inline(always)]
+    pub fn end(&mut self, wires: &mut Wires) {
+        wires.tell(&self.gate, self.state as u8);
     }
 
     /// What was counted.
     pub fn counts(&self) -> OrderCounts {
         self.counts
+    }
+}
+
+/// How long each pipeline has waited, at the ends of passes, for the others to end theirs.
+#[derive(Clone, Debug, Default)]
+pub struct PassWaits {
+    /// When each reported last.
+    ended: Vec<Cycle>,
+    waited: Vec<u64>,
+}
+
+impl PassWaits {
+    /// Of so many pipelines.
+    pub fn new(pipelines: usize) -> PassWaits {
+        PassWaits { ended: vec![0; pipelines], waited: vec![0; pipelines] }
+    }
+
+    /// A unit has ended its part of the pass, perhaps as the last one; numbers of units go round the pipelines.
+    pub fn ended(&mut self, unit: usize, now: Cycle, last: bool) {
+        let pipeline = unit % self.ended.len();
+        self.ended[pipeline] = now;
+        if last {
+            for (waited, ended) in self.waited.iter_mut().zip(&self.ended) {
+                *waited += now - ended;
+            }
+        }
+    }
+
+    /// Cycles by pipeline.
+    pub fn waited(&self) -> &[u64] {
+        &self.waited
     }
 }
 
@@ -177,12 +255,12 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// One at the beginning of the order.
-    pub fn new(keep: Keep, input: &Receiver<TriangleToken>) -> Merge {
+    /// One at the beginning of the order, which tells at a gate what it waits for.
+    pub fn new(keep: Keep, gate: Gate, input: &Receiver<TriangleToken>) -> Merge {
         let alone = input.senders() == 1;
         // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.
         let keep = if alone { Keep::Always } else { keep };
-        let (ended, clock) = (Ended::default(), OrderClock::default());
+        let (ended, clock) = (Ended::default(), OrderClock::new(gate));
         Merge { keep, alone, sequence: 0, current: alone.then_some(0), ended, clock }
     }
 
@@ -190,6 +268,12 @@ impl Merge {
     #[inline(always)]
     pub fn begin(&mut self, now: Cycle) {
         self.clock.begin(now);
+    }
+
+    /// It is over.
+    #[inline(always)]
+    pub fn end(&mut self, wires: &mut Wires) {
+        self.clock.end(wires);
     }
 
     /// What it has counted.
@@ -201,7 +285,12 @@ impl Merge {
     #[inline(always)]
     pub fn next(&mut self, wires: &mut Wires, input: &Receiver<TriangleToken>) -> Option<(usize, TriangleToken)> {
         if let Some(from) = self.current {
-            return Some((from, input.front(wires, from)?));
+            let Some(token) = input.front(wires, from) else {
+                let here = !self.alone && input.find(wires, |_| true).is_some();
+                self.clock.wait(wires.now(), here, false);
+                return None;
+            };
+            return Some((from, token));
         }
         let sought = |token: &TriangleToken| match self.keep {
             Keep::Never => self.ended.takes(token.kind, token.sequence),
@@ -210,8 +299,9 @@ impl Merge {
         let found = input.find(wires, sought);
         if let Some((from, _)) = found {
             self.current = Some(from);
-        } else if input.find(wires, |_| true).is_some() {
-            self.clock.wait(wires.now());
+        } else {
+            let here = input.find(wires, |_| true).is_some();
+            self.clock.wait(wires.now(), here, true);
         }
         found
     }

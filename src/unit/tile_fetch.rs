@@ -6,9 +6,10 @@ use std::collections::VecDeque;
 use super::bin::BinConfig;
 use super::card::Card;
 use super::misses::Misses;
+use super::sorting::Waits;
 use super::token::{Kind, TileToken, TriangleToken};
 use crate::mem::{MemoryPort, requests};
-use crate::sim::{In, Out, Tick, Unit, Wires};
+use crate::sim::{Gate, In, Out, Tick, Unit, Wires};
 
 /// Ports of tile reading.
 pub struct TileFetchPorts {
@@ -20,6 +21,8 @@ pub struct TileFetchPorts {
     pub output: Out<TriangleToken>,
     /// Memory.
     pub memory: MemoryPort,
+    /// Where it is told what it waits for.
+    pub gate: Gate,
 }
 
 /// A triangle whose bytes are on their way, or a mark.
@@ -125,8 +128,8 @@ impl TileFetch {
     }
 }
 
-impl Unit<Card> for TileFetch {
-    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+impl TileFetch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         // 1. Memory.
         let mut did = Tick::Starved;
         while let Some(tag) = self.ports.memory.answer(wires) {
@@ -169,6 +172,14 @@ impl Unit<Card> for TileFetch {
                 return did;
             }
         }
+    }
+}
+
+impl Unit<Card> for TileFetch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        did
     }
 
     fn items(&self) -> u64 {

@@ -1,7 +1,8 @@
 //! From the command processor to triangles that are set up.
 
+use super::super::config::SortClass;
 use super::{Builder, CONTROL, Ends};
-use crate::sim::{In, Link, Out};
+use crate::sim::{Gate, In, Link, Out};
 use crate::unit::assembly::{Assembly, AssemblyPorts, Mode};
 use crate::unit::bin::{Bin, BinPorts};
 use crate::unit::clip::Clip;
@@ -40,6 +41,7 @@ impl Builder<'_> {
         let (composed, from_compose) = self.join("composed", CONTROL, compose.iter().map(|&compose| (compose, command)));
         self.made.compose_commands = compose_input.into_iter().zip(composed).collect();
         let memory = self.port("command", 0, command);
+        let work = self.card_gate();
         self.made.command = Some(Command::new(
             config.command.clone(),
             config.card.pipelines,
@@ -57,6 +59,7 @@ impl Builder<'_> {
                 composed: from_compose,
                 acks: from_acks,
                 memory,
+                work,
             },
         ));
         self.compute(compute_input, computed);
@@ -127,6 +130,7 @@ impl Builder<'_> {
                 retired: from_assembly,
                 index: self.port("index", indices + front, fetch[front]),
                 vertex: self.port("vertex", front, fetch[front]),
+                gate: self.front_gate(front),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
             let shaded = from_shading.by_ref().take(per_front).collect();
@@ -190,8 +194,10 @@ impl Builder<'_> {
         let link = Link::items(config.assembly.queue, 2, 1);
         let (outputs, gathered) = self.chain("gathered", link, &gather, &fetch);
         let rate = config.assembly.primitives_per_cycle;
-        let ends = receivers.into_iter().zip(outputs);
-        self.made.gather = ends.map(|(input, output)| Gather::new(rate, config.order.keep, input, output)).collect();
+        for (n, (input, output)) in receivers.into_iter().zip(outputs).enumerate() {
+            let gate = self.gate(n, true, true);
+            self.made.gather.push(Gather::new(rate, config.order.keep, gate, input, output));
+        }
         let brought = config.route.mode == Retained::Immediate;
         let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
         gathered.into_iter().map(input).collect()
@@ -225,7 +231,8 @@ impl Builder<'_> {
         self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.command.segments, ports));
         for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
             let memory = self.port("tile_fetch", n, fetch[n]);
-            let ports = TileFetchPorts { input, read, output, memory };
+            let gate = self.gate(n, true, true);
+            let ports = TileFetchPorts { input, read, output, memory, gate };
             self.made.tile_fetch.push(TileFetch::new(config.bin.clone(), ports));
         }
         inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
@@ -233,13 +240,16 @@ impl Builder<'_> {
 
     /// Triangle setup in each pipeline. With `marks` the order is restored behind it.
     pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Vec<In<TriangleToken>> {
-        let (setup, keep) = (&self.config.setup, self.config.order.keep);
+        let config = self.config;
+        let (setup, keep) = (&config.setup, config.order.keep);
         let link = Link::items(setup.queue, setup.triangles_per_cycle, setup.latency);
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
-        let units =
-            inputs.into_iter().zip(outputs).map(|(input, output)| Setup::new(setup.clone(), input, marks, keep, output));
-        self.made.setup = units.collect();
+        for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
+            // Where triangles are sorted this is the end of the network.
+            let gate = if config.card.sort == SortClass::Middle { self.gate(n, true, true) } else { Gate::default() };
+            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, gate, output));
+        }
         set_up
     }
 }

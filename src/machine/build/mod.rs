@@ -5,10 +5,10 @@ mod cores;
 mod front;
 mod pixels;
 
-use super::config::Config;
+use super::config::{Config, SortClass};
 use super::parts::Parts;
 use crate::mem::{MemoryPlan, MemoryPort};
-use crate::sim::{In, Link, One, Out, Token, UnitId, Wiring};
+use crate::sim::{Gate, In, Link, One, Out, Token, UnitId, Wiring};
 use crate::unit::assembly::Assembly;
 use crate::unit::bin::Bin;
 use crate::unit::clip::Clip;
@@ -226,6 +226,57 @@ impl<'a> Builder<'a> {
     /// Pipelines.
     fn pipelines(&self) -> usize {
         self.config.card.pipelines as usize
+    }
+
+    /// The units of a pipeline: those before its ROP, and those of its ROP.
+    fn units(&self, pipeline: usize, before: bool, rop: bool) -> Vec<UnitId> {
+        let (id, pipelines) = (&self.id, self.pipelines());
+        let front = [&id.gather, &id.fetch, &id.assembly, &id.clip, &id.distribute];
+        let pixels = [
+            &id.tile_fetch,
+            &id.setup,
+            &id.traverse,
+            &id.early,
+            &id.hide,
+            &id.interpolate,
+            &id.dispatch,
+            &id.core,
+            &id.texture,
+        ];
+        let rops = [&id.order, &id.depth, &id.color];
+        // Geometry in front of the network belongs to no pipeline.
+        let own = before && !matches!(self.config.card.sort, SortClass::Middle | SortClass::MiddleBinned);
+        let banks = front.into_iter().filter(|_| own).chain(pixels.into_iter().filter(|_| before));
+        let banks = banks.chain(rops.into_iter().filter(|_| rop));
+        let of = |bank: &'_ Vec<UnitId>| {
+            let each = bank.len() / pipelines;
+            bank[pipeline * each..][..each].to_vec()
+        };
+        banks.flat_map(of).collect()
+    }
+
+    /// A gate that these units of a pipeline hang on.
+    fn gate(&mut self, pipeline: usize, before: bool, rop: bool) -> Gate {
+        let units = self.units(pipeline, before, rop);
+        self.wiring.gate(&units)
+    }
+
+    /// The gate of a pipeline's own front: where that is the end of all sorting before composition, its pipeline hangs on it. Whoever deals
+    /// out work does too.
+    fn front_gate(&mut self, pipeline: usize) -> Gate {
+        let mut units = match self.config.card.sort {
+            SortClass::LastFragment => Vec::new(),
+            SortClass::LastImage => self.units(pipeline, true, true),
+            _ => return Gate::default(),
+        };
+        units.extend(&self.id.deal);
+        self.wiring.gate(&units)
+    }
+
+    /// The gate that the units of all pipelines hang on, the first of a machine.
+    fn card_gate(&mut self) -> Gate {
+        let units: Vec<_> = (0..self.pipelines()).flat_map(|pipeline| self.units(pipeline, true, true)).collect();
+        self.wiring.gate(&units)
     }
 
     /// A memory port of a unit.

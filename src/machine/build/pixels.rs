@@ -1,7 +1,7 @@
 //! From triangles that are set up to pixels in memory.
 
 use super::{Builder, CONTROL, Ends, Shaded, quads};
-use crate::sim::{In, Link, Out};
+use crate::sim::{Gate, In, Link, Out};
 use crate::unit::block_cache::BlockCache;
 use crate::unit::color::ColorPorts;
 use crate::unit::compression::Compression;
@@ -105,9 +105,10 @@ impl Builder<'_> {
             .collect();
         self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
         let rate = config.dispatch.output_quads;
-        let ends = receivers.into_iter().zip(to_late).zip(to_color).enumerate();
-        self.made.order =
-            ends.map(|(n, ((input, late), color))| Order::new(n as u8, rate, config.order.keep, input, late, color)).collect();
+        for (n, ((input, late), color)) in receivers.into_iter().zip(to_late).zip(to_color).enumerate() {
+            let gate = self.gate(n, false, true);
+            self.made.order.push(Order::new(n as u8, rate, config.order.keep, gate, input, late, color));
+        }
         let acks = std::mem::take(&mut self.made.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
         let mut questions = questions.into_iter();
@@ -172,7 +173,8 @@ impl Builder<'_> {
         for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
             let shaded = from_cores.by_ref().take(per_pipeline).collect();
-            let ports = DispatchPorts { input, cores, shaded, output };
+            let gate = if matches!(output, Outlet::Owners(_)) { self.gate(n, true, false) } else { Gate::default() };
+            let ports = DispatchPorts { input, cores, shaded, output, gate };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }

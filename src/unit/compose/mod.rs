@@ -23,6 +23,7 @@ use super::resolve::{Operation, requests};
 use super::sorting::SortCounts;
 use super::token::{Ack, Kind, Piece};
 use crate::mem::MemoryPort;
+use crate::num::Cycle;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::BLOCK;
@@ -68,6 +69,8 @@ crate::counters! {
         bytes_sent: "bytes",
         /// Pixels that came and were composed.
         pixels_composed: "pixels",
+        /// Cycles from the beginning of a pass's composition in this pipeline to its end there.
+        cycles: "cycles",
     }
 }
 
@@ -124,6 +127,8 @@ pub struct Compose {
     steps: VecDeque<Step>,
     planes: Vec<Plane>,
     active: bool,
+    /// Since when.
+    since: Cycle,
     /// Of the step at hand: blocks of each run that are still to be asked for, and those asked for.
     to_send: std::ops::Range<u32>,
     to_compose: std::ops::Range<u32>,
@@ -152,6 +157,7 @@ impl Compose {
             steps: VecDeque::new(),
             planes: Vec::new(),
             active: false,
+            since: 0,
             to_send: 0..0,
             to_compose: 0..0,
             sends: VecDeque::new(),
@@ -395,6 +401,7 @@ impl Unit<Card> for Compose {
         let Some(piece) = wires.front(&self.ports.start) else { return did };
         if !self.active {
             self.begin(card);
+            self.since = wires.now();
             did = Tick::Moved;
         }
 
@@ -418,6 +425,7 @@ impl Unit<Card> for Compose {
             }
             wires.take(&self.ports.start);
             self.active = false;
+            self.counts.cycles += wires.now() - self.since;
             did = Tick::Moved;
         }
         did

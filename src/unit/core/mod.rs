@@ -107,6 +107,8 @@ pub struct Core {
     held: u64,
     fixed: Fixed,
     issue: Issue,
+    /// Instructions of vertices.
+    vertex: u64,
     registers: u32,
     shared: u32,
     /// Warps taken in since the start.
@@ -126,6 +128,8 @@ crate::counters! {
         special: "instructions",
         /// Branches and barriers.
         control: "instructions",
+        /// Of all these, those of warps of vertices.
+        vertex: "instructions",
     }
 }
 
@@ -141,6 +145,7 @@ impl Core {
             held: 0,
             fixed: Fixed::new(&config),
             issue: Issue::new(),
+            vertex: 0,
             registers: config.registers,
             shared: config.shared_bytes,
             born: 0,
@@ -152,15 +157,21 @@ impl Core {
     /// Instructions by class.
     pub fn counts(&self) -> CoreCounts {
         let [float, integer, special, control] = self.issue.issued;
-        CoreCounts { float, integer, special, control }
+        CoreCounts { float, integer, special, control, vertex: self.vertex }
     }
 
     /// A warp begins its current step.
     #[inline(always)]
     fn enter_step(&mut self, card: &Card, place: u32) {
-        let warp = &card.warps[self.cluster][self.resident[place as usize].warp];
+        let Resident { warp, program, .. } = self.resident[place as usize];
+        let warp = &card.warps[self.cluster][warp];
         match warp.steps.get(warp.step as usize) {
-            Some(step) => self.issue.enter(&self.fixed, place, step.instructions, step.then),
+            Some(step) => {
+                if program == Program::Vertex {
+                    self.vertex += step.instructions.iter().map(|&count| u64::from(count)).sum::<u64>();
+                }
+                self.issue.enter(&self.fixed, place, step.instructions, step.then);
+            }
             None => self.issue.enter(&self.fixed, place, [0; Class::COUNT], RequestKind::End),
         }
     }

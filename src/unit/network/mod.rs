@@ -80,7 +80,7 @@ use bytemuck::{Pod, Zeroable};
 
 pub use credit::{Credit, CreditReturn};
 pub use plan::{Names, Network, NetworkPlan};
-pub use port::{Receiver, Sender};
+pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use traffic::{NetworkMap, Traffic};
 

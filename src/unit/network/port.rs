@@ -1,15 +1,32 @@
 //! The ends of a network: what the sending and the receiving unit hold.
 
+use super::super::sorting::Waits;
 use super::credit::Credit;
 use super::{ALL, MAX_ENDS, Parcel, next_from};
+use crate::num::Cycle;
 use crate::sim::{In, Out, Token, Wires};
 
 /// No place in the store.
 const NIL: u32 = u32::MAX;
 
+crate::counters! {
+    /// What a sender waits for.
+    pub struct SenderCounts {
+        /// Cycles in which it had something to send that the network did not take.
+        network: "cycles",
+        /// Cycles in which it had something to send, and the receiver no place for it.
+        receiver: "cycles",
+    }
+}
+
 /// A sending unit's end. The unit calls [`Sender::poll`] first in every tick.
 #[derive(Debug)]
-pub struct Sender<T>(ToNetwork<T>);
+pub struct Sender<T> {
+    to: ToNetwork<T>,
+    /// Since when something waits, and whether for the network: if for both, for the network.
+    waits: Option<(Cycle, bool)>,
+    counts: SenderCounts,
+}
 
 #[derive(Debug)]
 enum ToNetwork<T> {
@@ -44,7 +61,11 @@ impl Routed {
 impl<T: Token> Sender<T> {
     /// One with a channel to each receiver.
     pub fn direct(outputs: Vec<Out<T>>) -> Sender<T> {
-        Sender(ToNetwork::Direct(outputs))
+        Sender::new(ToNetwork::Direct(outputs))
+    }
+
+    fn new(to: ToNetwork<T>) -> Sender<T> {
+        Sender { to, waits: None, counts: SenderCounts::default() }
     }
 
     pub(super) fn routed(
@@ -56,13 +77,28 @@ impl<T: Token> Sender<T> {
         credits: In<Credit>,
     ) -> Sender<T> {
         let left = [places; MAX_ENDS];
-        Sender(ToNetwork::Routed(Box::new(Routed { inject, credits, number, shared, receivers, full: 0, left })))
+        Sender::new(ToNetwork::Routed(Box::new(Routed { inject, credits, number, shared, receivers, full: 0, left })))
+    }
+
+    /// What it waits for since its last [`Sender::poll`].
+    #[inline(always)]
+    pub fn waits(&self) -> Waits {
+        match self.waits {
+            None => Waits::Open,
+            Some((_, true)) => Waits::Network,
+            Some((_, false)) => Waits::Place,
+        }
+    }
+
+    /// What it has waited for.
+    pub fn counts(&self) -> SenderCounts {
+        self.counts
     }
 
     /// Receivers.
     #[inline(always)]
     pub fn receivers(&self) -> usize {
-        match &self.0 {
+        match &self.to {
             ToNetwork::Direct(outputs) => outputs.len(),
             ToNetwork::Routed(routed) => usize::from(routed.receivers),
         }
@@ -71,13 +107,17 @@ impl<T: Token> Sender<T> {
     /// Whether one transfer reaches all receivers. If so, [`Sender::send_all`] costs one transfer, and when a token goes to several
     /// but not all, copies after the first may be sent with a weight of 0.
     pub fn is_shared(&self) -> bool {
-        matches!(&self.0, ToNetwork::Routed(routed) if routed.shared)
+        matches!(&self.to, ToNetwork::Routed(routed) if routed.shared)
     }
 
     /// Takes in credits; whether there were any, and thus the unit has moved.
     #[inline(always)]
     pub fn poll(&mut self, wires: &mut Wires) -> bool {
-        let ToNetwork::Routed(routed) = &mut self.0 else { return false };
+        if let Some((since, network)) = self.waits.take() {
+            let cycles = wires.now() - since;
+            *if network { &mut self.counts.network } else { &mut self.counts.receiver } += cycles;
+        }
+        let ToNetwork::Routed(routed) = &mut self.to else { return false };
         let mut moved = false;
         while let Some(credit) = wires.pop(&routed.credits) {
             debug_assert_eq!(credit.sender, routed.number);
@@ -90,11 +130,25 @@ impl<T: Token> Sender<T> {
 
     /// Whether a token can be sent to a receiver in this cycle.
     #[inline(always)]
-    pub fn can_send(&self, wires: &mut Wires, to: usize) -> bool {
-        match &self.0 {
+    pub fn can_send(&mut self, wires: &mut Wires, to: usize) -> bool {
+        let can = match &self.to {
             ToNetwork::Direct(outputs) => wires.can_push(&outputs[to]),
             ToNetwork::Routed(routed) => routed.full >> to & 1 == 0 && wires.can_push(&routed.inject),
+        };
+        if !can {
+            self.wait(wires, 1 << to);
         }
+        can
+    }
+
+    /// From now on, until the next tick, something waits for the network, or for a place at one of some receivers.
+    #[inline(never)]
+    fn wait(&mut self, wires: &Wires, receivers: u64) {
+        let network = match &self.to {
+            ToNetwork::Direct(outputs) => wires.has_place(&outputs[receivers.trailing_zeros() as usize]),
+            ToNetwork::Routed(routed) => routed.full & receivers == 0,
+        };
+        self.waits = Some((wires.now(), network || self.waits.is_some_and(|(_, network)| network)));
     }
 
     /// Sends a token to a receiver, as [`Sender::can_send`] has allowed in this cycle; on links it weighs so many bytes.
@@ -103,7 +157,7 @@ impl<T: Token> Sender<T> {
     /// If it cannot be sent: the unit is wrong.
     #[inline(always)]
     pub fn send(&mut self, wires: &mut Wires, to: usize, token: T, bytes: u32) {
-        match &mut self.0 {
+        match &mut self.to {
             ToNetwork::Direct(outputs) => wires.push_sized(&outputs[to], token, bytes),
             ToNetwork::Routed(routed) => {
                 assert!(routed.full >> to & 1 == 0, "receiver {to} has no place left for sender {}", routed.number);
@@ -115,11 +169,13 @@ impl<T: Token> Sender<T> {
 
     /// Whether [`Sender::send_all`] can be called in this cycle; never where no one transfer reaches all.
     #[inline(always)]
-    pub fn can_send_all(&self, wires: &mut Wires) -> bool {
-        match &self.0 {
-            ToNetwork::Direct(_) => false,
-            ToNetwork::Routed(routed) => routed.shared && routed.full == 0 && wires.can_push(&routed.inject),
+    pub fn can_send_all(&mut self, wires: &mut Wires) -> bool {
+        let ToNetwork::Routed(routed) = &self.to else { return false };
+        let can = routed.shared && routed.full == 0 && wires.can_push(&routed.inject);
+        if !can {
+            self.wait(wires, u64::MAX);
         }
+        can
     }
 
     /// Sends a token to all receivers in one transfer, as [`Sender::can_send_all`] has allowed in this cycle.
@@ -128,7 +184,7 @@ impl<T: Token> Sender<T> {
     /// If it cannot be sent: the unit is wrong.
     #[inline(always)]
     pub fn send_all(&mut self, wires: &mut Wires, token: T, bytes: u32) {
-        match &mut self.0 {
+        match &mut self.to {
             ToNetwork::Routed(routed) if routed.shared => {
                 assert!(routed.full == 0, "not all receivers have a place left for sender {}", routed.number);
                 for to in 0..usize::from(routed.receivers) {

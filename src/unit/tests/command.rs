@@ -8,7 +8,7 @@ use super::scenery::{attachment, card, draw, pass, surface};
 use crate::gfx::format::Format;
 use crate::mem::{ClientCounts, Ideal};
 use crate::num::Cycle;
-use crate::sim::{Circuit, Clock, In, One, Out, Tick, Unit, Wires, Wiring, run};
+use crate::sim::{Circuit, Clock, Gate, In, One, Out, Tick, Unit, Wires, Wiring, run};
 use crate::unit::Card;
 use crate::unit::command::{Command, CommandConfig, CommandPorts};
 use crate::unit::token::{Ack, Kind, Piece};
@@ -132,6 +132,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         composed: Vec::new(),
         acks,
         memory: port(&mut plan, &mut wiring, ids[0]),
+        work: Gate::default(),
     };
     let mut card = card(1);
     card.events.extend(events.iter().cloned());

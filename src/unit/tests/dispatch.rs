@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::kit::{Echo, FREE, Sink, Source, settle};
 use super::scenery::{card, draw, group, mark, row_of_tiles};
 use crate::num::Cycle;
-use crate::sim::{Circuit, One, Unit, Wiring};
+use crate::sim::{Circuit, Gate, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::dispatch::{Dispatch, DispatchConfig, DispatchPorts, Outlet};
 use crate::unit::token::{GroupToken, Kind, WarpToken};
@@ -74,7 +74,8 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 last = at;
             }
             items.push((last + 1000, mark(Kind::SEGMENT, 0)));
-            let ports = DispatchPorts { input, cores: to_cores, shaded, output: Outlet::Own { late, color } };
+            let ports =
+                DispatchPorts { input, cores: to_cores, shaded, output: Outlet::Own { late, color }, gate: Gate::default() };
             let circuit = DispatchCircuit::new(
                 wiring,
                 One(Source::new(items, output)),
@@ -183,7 +184,13 @@ fn settle_with(live: [u16; 4]) -> Funnel {
             card.install(0, Arc::new(row_of_tiles(1, 1, 16, 0)), Arc::new(draw()), 0);
             let token = group(&mut card, 0, 0, 0, 4);
             card.groups[0][token.group].live = live;
-            let ports = DispatchPorts { input, cores: vec![to], shaded: vec![from_core], output: Outlet::Own { late, color } };
+            let ports = DispatchPorts {
+                input,
+                cores: vec![to],
+                shaded: vec![from_core],
+                output: Outlet::Own { late, color },
+                gate: Gate::default(),
+            };
             let circuit = DispatchCircuit::new(
                 wiring,
                 One(Source::new(vec![(0, token)], output)),

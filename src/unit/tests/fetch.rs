@@ -8,7 +8,7 @@ use super::scenery::{card, draw};
 use crate::gfx::state::StepMode;
 use crate::mem::Ideal;
 use crate::num::Cycle;
-use crate::sim::{One, Unit, Wiring};
+use crate::sim::{Gate, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts};
 use crate::unit::tags::CacheCounts;
@@ -92,6 +92,7 @@ fn fetched(
                 retired: from_assembly,
                 index: port(&mut plan, &mut wiring, ids[1]),
                 vertex: port(&mut plan, &mut wiring, ids[1]),
+                gate: Gate::default(),
             };
             let mut card = card(1);
             let draw = Arc::new(Draw { attributes: attributes.to_vec(), ..draw() });

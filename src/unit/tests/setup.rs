@@ -3,7 +3,7 @@
 use super::kit::{FREE, Sink, Source, settle};
 use super::scenery::{card, triangle};
 use crate::num::Cycle;
-use crate::sim::{Link, One, Wiring};
+use crate::sim::{Gate, Link, One, Wiring};
 use crate::unit::network::Receiver;
 use crate::unit::setup::{Setup, SetupConfig};
 use crate::unit::sorting::Keep;
@@ -33,7 +33,7 @@ fn set_up(config: &SetupConfig, inputs: &[Vec<(Cycle, TriangleToken)>]) -> Vec<(
             }
             let link = Link::items(config.queue, config.triangles_per_cycle, config.latency);
             let (output, input) = wiring.channel("out", 0, link, setup, sink);
-            let unit = Setup::new(config.clone(), Receiver::direct(into), false, Keep::Always, output);
+            let unit = Setup::new(config.clone(), Receiver::direct(into), false, Keep::Always, Gate::default(), output);
             (SetupCircuit::new(wiring, source, One(unit), One(Sink::new(input))), card(1))
         },
         |c, _| c.sink.got.len() == wanted,
