@@ -196,7 +196,7 @@ fn a_narrow_network_is_network() {
 #[test]
 fn waiting_for_a_turn_is_order() {
     // Pipelines have as much work each, but not at the same time, and can hold little.
-    let shape = |n: u32| in_tile(n % 4, if (n / 4 + n) % 4 == 0 { 31.0 } else { 2.0 });
+    let shape = |n: u32| in_tile(n % 4, if (n / 4 + n).is_multiple_of(4) { 31.0 } else { 2.0 });
     let scene = row(4, (0..400).map(shape).collect(), 500);
     let little = ["network.receive_queue=1", "dispatch.reorder=1", "setup.queue=2", "assembly.queue=2"];
     let of = |keep| split("sort-last-fragment", 4, &[&little[..], &[keep]].concat(), &scene);
