@@ -3,12 +3,14 @@
 
 mod machine_common;
 
+use std::sync::Arc;
+
 use fillrate::accuracy::synthetic::{Scene, events, in_two_passes};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
-use fillrate::work::Shade;
+use fillrate::work::{Event, Shade};
 use machine_common::{accounts_add_up, frames_add_up};
 
 fn config(changes: &[&str]) -> Config {
@@ -43,11 +45,21 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
+/// Classes that keep API order.
 const CLASSES: [&str; 4] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"];
+
+/// All classes; the last one keeps it where the order of primitives in different pipelines does not matter, and says where it does.
+const ALL: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
+
+/// Whether the machine has kept the order of all passes.
+fn in_order(report: &MachineReport) -> bool {
+    report.total.number("sort.passes_needing_order").unwrap_or(0.0) == 0.0
+}
 
 #[test]
 fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
-    for class in CLASSES {
+    let mut unordered = 0;
+    for class in ALL {
         for (pipelines, more) in [
             (1, &[][..]),
             (2, &["distribute.pattern=rows", "distribute.tile=16"][..]),
@@ -63,22 +75,30 @@ fn every_class_draws_what_api_order_draws_on_any_number_of_pipelines() {
             let config = config(&[&[sort.as_str(), pipes.as_str()], more].concat());
             for scene in scenes() {
                 let report = run(&config, &scene, Clock::SkipIdle);
-                assert_eq!(wrong(&report), 0, "{class} on {pipelines} pipelines: {scene:?}");
+                assert!(in_order(&report) || scene.blend && class == ALL[4], "{class} on {pipelines} pipelines: {scene:?}");
+                if in_order(&report) {
+                    assert_eq!(wrong(&report), 0, "{class} on {pipelines} pipelines: {scene:?}");
+                } else {
+                    unordered += 1;
+                }
                 frames_add_up(&report);
             }
         }
     }
+    // Two blended scenes, on all numbers of pipelines but one.
+    assert_eq!(unordered, 2 * 8);
 }
 
 #[test]
 fn every_class_draws_it_over_any_network() {
-    for class in CLASSES {
+    for class in ALL {
         for topology in ["point-to-point", "bus", "crossbar", "ring", "mesh", "butterfly"] {
             for queue in ["network.receive_queue=2", "network.receive_queue=32"] {
                 let (sort, network) = (format!("sort={class}"), format!("network.topology={topology}"));
                 let config = config(&[&sort, "pipelines=6", &network, queue, "network.link_bytes=32"]);
                 for scene in &scenes()[1..4] {
-                    assert_eq!(wrong(&run(&config, scene, Clock::SkipIdle)), 0, "{class}, {topology}, {queue}: {scene:?}");
+                    let report = run(&config, scene, Clock::SkipIdle);
+                    assert!(!in_order(&report) || wrong(&report) == 0, "{class}, {topology}, {queue}: {scene:?}");
                 }
             }
         }
@@ -88,7 +108,7 @@ fn every_class_draws_it_over_any_network() {
 #[test]
 fn clocks_and_orders_of_ticks_change_nothing_on_any_class() {
     let scene = Scene { blend: true, early: false, triangles: 40, ..Scene::default() };
-    for class in CLASSES {
+    for class in ALL {
         for topology in ["point-to-point", "ring"] {
             let (sort, network) = (format!("sort={class}"), format!("network.topology={topology}"));
             let config = config(&[&sort, "pipelines=3", &network, "assembly.deal=least-loaded", "assembly.batch=4"]);
@@ -269,6 +289,41 @@ fn clocks_and_orders_of_ticks_change_nothing_on_early_tests() {
 }
 
 #[test]
+fn depths_of_a_shader_that_comes_after_the_test_do_not_count() {
+    let scene = Scene { covered: true, ..scenes()[0].clone() };
+    let with_depths = |event| match event {
+        Event::Draw(draw) => {
+            let mut draw = draw.as_ref().clone();
+            (draw.depth_words, draw.payload_words) = (4, draw.payload_words + 4);
+            draw.targets.iter_mut().flatten().for_each(|target| target.payload = Some(4));
+            Event::Draw(Arc::new(draw))
+        }
+        Event::Segment(segment) => {
+            let mut segment = segment.as_ref().clone();
+            for tile in &mut segment.tiles {
+                let old = std::mem::take(&mut tile.payload);
+                for quad in &mut tile.quads {
+                    let words = &old[quad.payload as usize..][..4];
+                    quad.payload = tile.payload.len() as u32;
+                    tile.payload.extend([0.125_f32.to_bits(); 4]);
+                    tile.payload.extend(words);
+                }
+            }
+            Event::Segment(Arc::new(segment))
+        }
+        other => other,
+    };
+    let events: Vec<Event> = events(&scene).into_iter().map(with_depths).collect();
+    for class in ALL {
+        for early in if class == ALL[3] { &["none", "local", "remote"][..] } else { &["none"] } {
+            let config = config(&[&format!("sort={class}"), &format!("order.early={early}"), "pipelines=3"]);
+            let report = Machine::new(&config).unwrap().run(events.iter().cloned(), Clock::SkipIdle).unwrap();
+            assert_eq!(wrong(&report), 0, "{class} {early}");
+        }
+    }
+}
+
+#[test]
 fn early_tests_save_shading_and_traffic() {
     let scene = Scene { size: 150.0, triangles: 120, ..Scene::default() };
     for samples in [1, 4] {
@@ -305,7 +360,7 @@ fn early_tests_save_shading_and_traffic() {
 
 #[test]
 fn early_tests_ahead_of_an_owner_are_refused_where_pipelines_own_what_they_draw() {
-    for class in CLASSES {
+    for class in ALL {
         let mut config = Config::built_in("baseline").unwrap();
         config.set(&format!("sort={class}")).unwrap();
         config.set("order.early=remote").unwrap();

@@ -260,14 +260,14 @@ pub struct PassState {
 impl PassState {
     /// Notes which way a draw can move depths, and gives the test that its quads may have ahead, against a depth that was stored before
     /// by something that comes earlier in API order.
-    fn ahead(&mut self, draw: &Draw, early: bool, depth: &DepthStencilState) -> Option<DepthStencilState> {
+    fn ahead(&mut self, early: bool, depth: &DepthStencilState) -> Option<DepthStencilState> {
         if depth.writes_depth() {
             let (raises, lowers) = may_raise_lower(depth.compare());
             self.raised |= raises;
             self.lowered |= lowers;
         }
         // Where the shader comes first it may change depths and coverage; where stencil values are written, failures count.
-        if !early || draw.depth_words > 0 || depth.writes_stencil() {
+        if !early || depth.writes_stencil() {
             return None;
         }
         let ahead = depth.ahead(!self.raised, !self.lowered)?;
@@ -395,7 +395,7 @@ impl Card {
             None => (None, Format::Stencil8),
         };
         let ahead = match (&mut self.pass, &depth) {
-            (Some(pass), Some(state)) => pass.ahead(&draw, early, state),
+            (Some(pass), Some(state)) => pass.ahead(early, state),
             _ => None,
         };
         let attachments = self.pass.as_ref().map_or(&[][..], |pass| &pass.pass.color);

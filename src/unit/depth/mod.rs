@@ -189,7 +189,8 @@ impl Depth {
                 continue;
             }
             let mut codes = [[0_u32; 4]; 4];
-            if late && work.draw.depth_words > 0 {
+            // A test that comes before the shader in API order does not know its depths, wherever it is made.
+            if late && !work.early && work.draw.depth_words > 0 {
                 let words = &tile.payload[quad.payload as usize..];
                 for (codes, words) in codes[..samples].iter_mut().zip(words.chunks_exact(4)) {
                     *codes = state.code_quad(std::array::from_fn(|p| f32::from_bits(words[p])));
