@@ -4,7 +4,7 @@
 //! that a replay runs, and leaves [`Row`]s of what was expected and what came out. With [`Setting::faulty`] a check spoils what it hands
 //! from one stage to the next, as its target says: then it must fail, which shows that it can.
 
-mod hidden;
+mod depth;
 mod machine;
 mod page;
 mod random;
@@ -184,7 +184,7 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [raster::TARGETS, hidden::TARGETS].into_iter().flatten()
+    [raster::TARGETS, depth::TARGETS].into_iter().flatten()
 }
 
 /// The target of that name.
