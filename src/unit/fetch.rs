@@ -24,7 +24,7 @@ crate::knobs! {
         /// Indices read a cycle.
         indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini STREAMER IndicesCycle = 2; three make a triangle"],
         /// Lines of indices held or on their way: the index buffer.
-        index_lines: u32 ["lines", Allowed::Range(1, 64), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
+        index_lines: u32 ["lines", Allowed::Range(1, 1024), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
         /// Vertices that are remembered as shaded, first in first out.
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
         /// Lines of vertex attributes looked up a cycle.

@@ -47,6 +47,8 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("sort-middle-binned", include_str!("../../../configs/sort-middle-binned.ron")),
     ("sort-last-fragment", include_str!("../../../configs/sort-last-fragment.ron")),
     ("sort-last-image", include_str!("../../../configs/sort-last-image.ron")),
+    ("geforce2-ultra", include_str!("../../../configs/geforce2-ultra.ron")),
+    ("gtx-titan", include_str!("../../../configs/gtx-titan.ron")),
 ];
 
 /// Their names, as messages list them.
