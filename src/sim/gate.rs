@@ -92,3 +92,30 @@ impl GateState {
         counts
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::NEVER;
+    use crate::stats::Why;
+
+    #[test]
+    fn a_units_rest_is_parted_by_the_state_of_its_gate() {
+        let mut agenda = Agenda::new(2);
+        let mut gate = GateState::new(&[UnitId(1)]);
+        let note = |at, why, agenda: &mut Agenda| agenda.set(1, NEVER, at).note(at, why);
+        note(0, Why::Starved, &mut agenda);
+        gate.change(2, 3, &agenda);
+        note(5, Why::Busy, &mut agenda);
+        note(8, Why::Blocked, &mut agenda);
+        gate.change(0, 10, &agenda);
+        let early = gate.counts(11, &agenda);
+        assert_eq!(early.cycles, [4, 0, 7, 0, 0, 0]);
+        assert_eq!(early.rested(1), Some([[3, 0, 2, 0, 0, 0], [1, 0, 2, 0, 0, 0]]));
+        assert_eq!(early.rested(0), None);
+        // A reading changes nothing, and the difference of two is what happened between.
+        note(12, Why::Idle, &mut agenda);
+        let late = gate.counts(20, &agenda).since(&early);
+        assert_eq!(late.rested(1), Some([[8, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0]]));
+    }
+}

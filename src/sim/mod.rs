@@ -26,6 +26,9 @@
 //! yes into a no), so the reason given last holds for the whole sleep and is accounted for in one step. A broken rule shows as a
 //! difference between the two clocks, which every machine's tests look for.
 //!
+//! What a unit waits for may be known several units away. A unit that knows tells it in every tick to a [`Gate`]; by rule 3 it holds
+//! until its next, and the accounts of others are read whenever it changes.
+//!
 //! # Alternatives measured
 //!
 //! Channels as typed fields of the machine and every unit polled in every cycle, against channels behind indices and units that
