@@ -1,7 +1,8 @@
 //! Units and wires as one machine.
 
 use super::unit::{Tick, Unit};
-use super::wires::{Wires, Wiring};
+use super::wires::Wires;
+use super::wiring::Wiring;
 use crate::stats::Tree;
 
 /// A row of units of one kind: what a field of a [`circuit!`](crate::circuit) is. [`One`], `Vec` or `Option`.

@@ -54,6 +54,7 @@ mod clock;
 mod gate;
 mod unit;
 mod wires;
+mod wiring;
 
 pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
@@ -61,7 +62,8 @@ pub use circuit::{Bank, Circuit, One, assemble};
 pub use clock::{Clock, Stuck, run};
 pub use gate::{Gate, GateCounts, STATES};
 pub use unit::{Tick, Unit};
-pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires, Wiring};
+pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};
+pub use wiring::Wiring;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -24,17 +24,17 @@ fn pack<T: Token>(item: T) -> [u64; 2] {
 }
 
 #[inline(always)]
-fn unpack<T: Token>(data: &[u64; 2]) -> T {
+pub(super) fn unpack<T: Token>(data: &[u64; 2]) -> T {
     bytemuck::pod_read_unaligned(&bytemuck::bytes_of(data)[..size_of::<T>()])
 }
 
 /// The consuming end of a channel. There is one, and the unit that has it is the consumer.
 #[derive(Debug)]
-pub struct In<T>(u32, PhantomData<fn() -> T>);
+pub struct In<T>(pub(super) u32, pub(super) PhantomData<fn() -> T>);
 
 /// The producing end of a channel. There is one, and the unit that has it is the producer.
 #[derive(Debug)]
-pub struct Out<T>(u32, PhantomData<fn(T)>);
+pub struct Out<T>(pub(super) u32, pub(super) PhantomData<fn(T)>);
 
 /// The number of a unit in its machine, in the order of declaration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,105 +53,23 @@ impl std::fmt::Display for Label {
     }
 }
 
-/// Declares the units and channels of a machine before it runs.
-#[derive(Debug, Default)]
-pub struct Wiring {
-    units: Vec<Label>,
-    channels: Vec<Channel>,
-    labels: Vec<Label>,
-    show: Vec<fn(&[u64; 2]) -> String>,
-    gates: Vec<GateState>,
-    places: u32,
-}
-
-impl Wiring {
-    /// Nothing declared yet.
-    pub fn new() -> Wiring {
-        Wiring::default()
-    }
-
-    /// Declares the next unit. Units are declared in the order of the machine's fields, those of a bank by their index.
-    pub fn unit(&mut self, name: &'static str, index: usize) -> UnitId {
-        let id = u16::try_from(self.units.len()).expect("fewer than 65,536 units");
-        self.units.push(Label { name, index });
-        UnitId(id)
-    }
-
-    /// Declares units 0 to `count - 1` of a bank.
-    pub fn bank(&mut self, name: &'static str, count: usize) -> Vec<UnitId> {
-        (0..count).map(|index| self.unit(name, index)).collect()
-    }
-
-    /// Joins two units by channel `index` of those called `name`; an item counts as the bytes of its token unless it is pushed
-    /// with a size.
-    ///
-    /// # Panics
-    /// If the link is not one: capacity, width and latency are at least 1, the latency below 65,536, which a checked configuration guarantees.
-    pub fn channel<T: Token>(
-        &mut self,
-        name: &'static str,
-        index: usize,
-        link: Link,
-        from: UnitId,
-        to: UnitId,
-    ) -> (Out<T>, In<T>) {
-        let sound = link.capacity >= 1 && link.width >= 1 && (1..=0xffff).contains(&link.latency);
-        assert!(sound, "{name}[{index}] is no channel: {link:?}");
-        let number = self.channels.len() as u32;
-        self.places = self.places.next_multiple_of(Channel::places(link.capacity));
-        self.channels.push(Channel::new(link, self.places, from, to));
-        self.labels.push(Label { name, index });
-        self.show.push(|data| format!("{:?}", unpack::<T>(data)));
-        self.places += Channel::places(link.capacity);
-        (Out(number, PhantomData), In(number, PhantomData))
-    }
-
-    /// A gate that some units hang on, in state 0.
-    pub fn gate(&mut self, units: &[UnitId]) -> Gate {
-        let number = u16::try_from(self.gates.len()).expect("fewer than 65,536 gates");
-        self.gates.push(GateState::new(units));
-        Gate(number)
-    }
-
-    /// Declarations done: the wires at cycle 0, all channels empty and every unit awake.
-    pub(super) fn finish(self) -> Wires {
-        Wires {
-            now: 0,
-            next: NEVER,
-            rest: Tick::Moved,
-            last_move: 0,
-            agenda: Agenda::new(self.units.len()),
-            channels: self.channels,
-            slots: vec![Slot::default(); self.places as usize],
-            units: self.units,
-            labels: self.labels,
-            show: self.show,
-            gates: self.gates,
-        }
-    }
-
-    pub(super) fn unit_labels(&self) -> &[Label] {
-        &self.units
-    }
-}
-
 /// The channels of a running machine, and its time.
 #[derive(Debug)]
 pub struct Wires {
-    now: Cycle,
+    pub(super) now: Cycle,
     /// The earliest cycle at which the ticking unit could move, as far as it has asked.
-    next: Cycle,
+    pub(super) next: Cycle,
     /// What the ticking unit does from the next cycle on if it moves in this one; [`Tick::Moved`] if it has not said.
-    rest: Tick,
+    pub(super) rest: Tick,
     /// The last cycle in which a unit moved something.
-    last_move: Cycle,
-    agenda: Agenda,
-    channels: Vec<Channel>,
-    slots: Vec<Slot>,
-    units: Vec<Label>,
-    labels: Vec<Label>,
-    show: Vec<fn(&[u64; 2]) -> String>,
-    gates: Vec<GateState>,
+    pub(super) last_move: Cycle,
+    pub(super) agenda: Agenda,
+    pub(super) channels: Vec<Channel>,
+    pub(super) slots: Vec<Slot>,
+    pub(super) units: Vec<Label>,
+    pub(super) labels: Vec<Label>,
+    pub(super) show: Vec<fn(&[u64; 2]) -> String>,
+    pub(super) gates: Vec<GateState>,
 }
 
 impl Wires {
