@@ -1,20 +1,27 @@
 //! Estimates against the cycles that they stand for.
 
+use std::ops::Range;
 use std::path::Path;
 
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
+use fillrate::run::sampled::Sampling;
+use fillrate::run::tiles::TileSampling;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 
 fn run(trace: &str, fidelity: Fidelity, changes: &[&str]) -> Replay {
+    frames(trace, fidelity, changes, 0..u32::MAX)
+}
+
+fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>) -> Replay {
     let trace =
-        Trace::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
+        Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
     let mut config = Config::built_in("baseline").expect("it is built in");
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames };
     replay(&trace, &options, &|_| ()).expect("a replay")
 }
 
@@ -51,9 +58,56 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
 
 #[test]
 fn a_class_whose_rates_are_not_known_is_refused() {
-    let trace = Trace::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
+    let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
     let config = Config::built_in("sort-first").expect("it is built in");
     let options = Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1 };
     let error = replay(&trace, &options, &|_| ()).expect_err("not known").to_string();
     assert!(error.contains("sort-first") && error.contains("cycle"), "{error}");
+}
+
+#[test]
+fn some_frames_stand_for_all() {
+    let whole = frames("flight.zip", Fidelity::Cycle, &[], 0..24);
+    let sampling = Sampling { samples: 4, seed: 3, warm_up: 1 };
+    let some = frames("flight.zip", Fidelity::Sampled(sampling), &[], 0..24);
+    let margin = some.total.number("sampled.margins.cycles").expect("a margin");
+    let (told, truth) = (cycles(&some), cycles(&whole));
+    assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
+    assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
+    // Those simulated count what they count in the whole sequence, but for what warming leaves.
+    assert_eq!(some.frames.len(), 4);
+    for frame in &some.frames {
+        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
+        assert_eq!(frame.shown, same.shown, "frame {}", frame.number);
+        let n = |frame: &fillrate::run::replay::Frame| frame.tree.number("cycles").expect("cycles");
+        assert!((n(frame) / n(same) - 1.0).abs() < 0.03, "frame {}: {} for {}", frame.number, n(frame), n(same));
+    }
+    // Counters that do not depend on time are told to a few per cent, too.
+    for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
+        let n = |replay: &Replay| replay.total.number(path).expect(path);
+        assert!((n(&some) / n(&whole) - 1.0).abs() < 0.1, "{path}: {} for {}", n(&some), n(&whole));
+    }
+}
+
+#[test]
+fn some_tiles_stand_for_a_frame() {
+    let truth = cycles(&run("corridor", Fidelity::Cycle, &[]));
+    let some = run("corridor", Fidelity::SampledTiles(TileSampling { samples: 3, groups: 8, seed: 1 }), &[]);
+    assert!((cycles(&some) / truth - 1.0).abs() < 0.05, "{} for {truth}", cycles(&some));
+    // All groups are the whole, and leave nothing to chance.
+    let all = run("corridor", Fidelity::SampledTiles(TileSampling { samples: 2, groups: 2, seed: 1 }), &[]);
+    assert_eq!(all.total.number("sampled.margins.cycles"), Some(0.0));
+}
+
+#[test]
+fn sampling_without_an_interval_is_refused() {
+    let refused = |fidelity| {
+        let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
+        let config = Config::built_in("baseline").expect("it is built in");
+        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+        replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
+    };
+    assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));
+    assert!(refused(Fidelity::Sampled(Sampling::default())).contains("1 frames are too few"));
+    assert!(refused(Fidelity::SampledTiles(TileSampling { samples: 3, groups: 2, seed: 1 })).contains("at least as many"));
 }

@@ -10,6 +10,7 @@
 mod depth;
 mod machine;
 mod page;
+pub mod pareto;
 mod random;
 mod raster;
 pub mod synthetic;

@@ -4,16 +4,21 @@ use std::io::Write;
 
 use anyhow::{Context, Result};
 
-use super::Verdict;
+use super::{Verdict, pareto};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  fillrate accuracy\n  fillrate accuracy oracle --size large\n  \
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:\n  fillrate accuracy\n  fillrate accuracy oracle --size large\n  \
 fillrate accuracy fill-rules depth --seed 1,2,3 --json\n  \
 fillrate accuracy --seed 1,2,3 --size small,standard --markdown > docs/accuracy.md\n\n\
-Exit code 1 where a target does not hold.")]
+Exit code 1 where a target does not hold."
+)]
 pub struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
     /// Targets by name [default: all]
     #[arg(value_name = "TARGET")]
     targets: Vec<String>,
@@ -40,6 +45,11 @@ pub struct Arguments {
     threads: Option<u16>,
 }
 
+#[derive(clap::Subcommand)]
+enum Command {
+    Pareto(pareto::Arguments),
+}
+
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum SizeName {
     /// Seconds: what the test suite does
@@ -51,6 +61,9 @@ enum SizeName {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(Command::Pareto(arguments)) = &arguments.command {
+        return pareto::run(arguments);
+    }
     let targets: Vec<&'static Target> = if arguments.targets.is_empty() {
         accuracy::targets().collect()
     } else {

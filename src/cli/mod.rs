@@ -5,6 +5,7 @@ mod compare;
 mod configs;
 mod import;
 mod inspect;
+mod pareto;
 mod replay;
 
 use std::process::ExitCode;

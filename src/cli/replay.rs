@@ -13,6 +13,8 @@ use super::Verdict;
 use crate::import;
 use crate::report::summary;
 use crate::run::replay::{self, Fidelity, Options, Replay};
+use crate::run::sampled::Sampling;
+use crate::run::tiles::TileSampling;
 use crate::sim::Clock;
 
 /// Replay a trace on a configured card: images, statistics, a short report
@@ -42,6 +44,21 @@ pub struct Arguments {
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
+    /// With --fidelity sampled: what is sampled
+    #[arg(long, value_enum, default_value = "frames")]
+    sample: SampleName,
+    /// With --fidelity sampled: frames that are simulated and counted, or runs with some of the tiles each
+    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+    /// With --fidelity sampled: frames that are simulated before each of these, to warm caches, and not counted
+    #[arg(long, value_name = "N", default_value = "1")]
+    warm_up: u32,
+    /// With --sample tiles: groups that tiles are dealt to, of which each run draws one [default: twice the runs]
+    #[arg(long, value_name = "N")]
+    groups: Option<u32>,
+    /// With --fidelity sampled: of the random numbers
+    #[arg(long, value_name = "N", default_value = "1")]
+    seed: u64,
     /// Which clock drives the units; every statistic is the same under both
     #[arg(long, value_enum, default_value = "skip-idle")]
     clock: ClockName,
@@ -53,8 +70,18 @@ enum FidelityName {
     Functional,
     /// Images, counts, and cycles from counts and rates: the slowest unit of each pass
     Bound,
+    /// Every cycle of some frames, which stand for all that are like them; the rest is estimated, with intervals
+    Sampled,
     /// Every cycle of every unit
     Cycle,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SampleName {
+    /// Whole frames, of those that are alike one: for sequences
+    Frames,
+    /// Tiles of the screen: for single frames
+    Tiles,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -94,6 +121,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         fidelity: match arguments.fidelity {
             FidelityName::Functional => Fidelity::Functional,
             FidelityName::Bound => Fidelity::Bound,
+            FidelityName::Sampled if matches!(arguments.sample, SampleName::Tiles) => Fidelity::SampledTiles(TileSampling {
+                samples: arguments.samples,
+                groups: arguments.groups.unwrap_or(2 * arguments.samples),
+                seed: arguments.seed,
+            }),
+            FidelityName::Sampled => {
+                Fidelity::Sampled(Sampling { samples: arguments.samples, seed: arguments.seed, warm_up: arguments.warm_up })
+            }
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {
@@ -135,31 +170,45 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
     let s = if frames == 1 { "" } else { "s" };
     println!("{} on {}: {frames} frame{s}", arguments.trace.display(), options.config.name);
     print!("\nWhat was drawn, and what was thrown away where\n{}", summary::funnel(&done.total));
-    if options.fidelity == Fidelity::Cycle {
+    let host = done.machine_time.as_secs_f64();
+    let all = done.clock_time.as_secs_f64();
+    if options.fidelity == Fidelity::Functional {
+        println!("\nhost: {all:.3} s in all");
+    } else {
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
         let phases: Vec<_> = done.frames.iter().map(|frame| frame.phases.as_slice()).collect();
-        print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
-        print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
-        print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
-        let pipelines = options.config.card.pipelines;
-        print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
-        let rate = if seconds > 0.0 { frames as f64 / seconds } else { 0.0 };
+        if phases.iter().any(|phases| !phases.is_empty()) {
+            print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
+        }
+        if !matches!(options.fidelity, Fidelity::Bound | Fidelity::SampledTiles(_)) {
+            print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
+            print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
+            let pipelines = options.config.card.pipelines;
+            print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
+        }
+        if matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::SampledTiles(_)) {
+            print!("\nWhat is estimated\n{}", summary::sampled(&done.total));
+        }
+        let frames = done.total.number("sampled.frames").unwrap_or(frames as f64);
+        let rate = if seconds > 0.0 { frames / seconds } else { 0.0 };
         println!(
             "\n{} cycles, {rate:.1} frames a second at {} MHz",
             summary::grouped(cycles as u64),
             options.config.card.clock_mhz
         );
-        let host = done.machine_time.as_secs_f64();
         let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
-        println!(
-            "host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {:.2} s in all",
-            cycles / host.max(1e-9) / 1e6,
-            shaded / host.max(1e-9) / 1e6,
-            done.clock_time.as_secs_f64()
-        );
-    } else {
-        println!("\nhost: {:.3} s in all", done.clock_time.as_secs_f64());
+        match options.fidelity {
+            Fidelity::Bound => println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host),
+            Fidelity::Sampled(_) | Fidelity::SampledTiles(_) => {
+                println!("host: {host:.2} s in the machine, {all:.2} s in all")
+            }
+            _ => println!(
+                "host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {all:.2} s in all",
+                cycles / host.max(1e-9) / 1e6,
+                shaded / host.max(1e-9) / 1e6,
+            ),
+        }
     }
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());

@@ -20,6 +20,39 @@ use super::pipeline::RenderPipeline;
 use super::resources::*;
 use super::transfer::{Region, clear_image, layers_of};
 
+/// Some of a trace's frames, in ranges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameSet(Vec<Range<u32>>);
+
+impl FrameSet {
+    /// Whether a frame is among them.
+    pub fn contains(&self, frame: u32) -> bool {
+        self.0.iter().any(|range| range.contains(&frame))
+    }
+
+    /// The number behind the last.
+    pub fn end(&self) -> u32 {
+        self.0.iter().map(|range| range.end).max().unwrap_or(0)
+    }
+
+    /// How many there are, of ranges that do not overlap.
+    pub fn count(&self) -> u64 {
+        self.0.iter().map(|range| range.len() as u64).sum()
+    }
+}
+
+impl From<Range<u32>> for FrameSet {
+    fn from(range: Range<u32>) -> FrameSet {
+        FrameSet(std::iter::once(range).collect())
+    }
+}
+
+impl FromIterator<Range<u32>> for FrameSet {
+    fn from_iter<I: IntoIterator<Item = Range<u32>>>(ranges: I) -> FrameSet {
+        FrameSet(ranges.into_iter().collect())
+    }
+}
+
 /// How a trace is rendered.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -28,14 +61,14 @@ pub struct Options {
     /// Whether work is recorded; if not, segments carry their funnels only.
     pub record: bool,
     /// Frames whose events are handed on; the others are rendered for what they leave behind.
-    pub frames: Range<u32>,
+    pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
     pub skips: Skips,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { key: RenderKey::default(), record: false, frames: 0..u32::MAX, skips: Skips::default() }
+        Options { key: RenderKey::default(), record: false, frames: (0..u32::MAX).into(), skips: Skips::default() }
     }
 }
 
@@ -174,7 +207,7 @@ impl<'t, 's> Renderer<'t, 's> {
 
     /// Whether the current frame's events are handed on.
     pub(super) fn in_range(&self) -> bool {
-        self.options.frames.contains(&self.frame)
+        self.options.frames.contains(self.frame)
     }
 
     /// Whether work is recorded now.
@@ -434,7 +467,8 @@ impl<'t, 's> Renderer<'t, 's> {
             &Command::Present { texture } => {
                 self.end_frame(Some((texture, 0, 0)))?;
                 self.frame += 1;
-                return Ok(());
+                // Nobody asks for what comes after the last frame that is wanted.
+                return if self.options.frames.end() > self.frame { Ok(()) } else { Err(Fault::Stop) };
             }
             command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
         }

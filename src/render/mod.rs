@@ -18,4 +18,4 @@ pub mod surface;
 
 pub use crate::shader::is_guarded;
 pub use draw::Skips;
-pub use execute::{Options, Sink, Stop, Summary, render};
+pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};

@@ -3,3 +3,6 @@
 pub mod bound;
 pub mod host;
 pub mod replay;
+pub mod sample;
+pub mod sampled;
+pub mod tiles;

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel;
 
-use crate::machine::{Config, Machine};
+use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
 use crate::render::{self, Skips};
 use crate::report::files::{FrameStatistics, Statistics, funnel_tree};
@@ -21,6 +21,8 @@ use crate::work::{Event, Funnel, RenderKey, Surface};
 
 use super::bound::{Bound, FrameEstimate};
 use super::host::Stopwatch;
+use super::sampled::{Sampling, sampled};
+use super::tiles::{self, TileSampling};
 
 /// How much of the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,10 @@ pub enum Fidelity {
     Functional,
     /// The image, the funnel, and cycles from counts and rates ([`bound`](super::bound)).
     Bound,
+    /// Every cycle of some frames, which stand for all ([`sampled`](super::sampled)).
+    Sampled(Sampling),
+    /// Every cycle of frames drawn in part, some tiles at a time ([`tiles`]).
+    SampledTiles(TileSampling),
     /// Every cycle.
     Cycle,
 }
@@ -72,8 +78,16 @@ pub struct Replay {
     pub clock_time: Duration,
 }
 
+impl Frame {
+    /// A frame that was simulated.
+    pub(super) fn new(frame: FrameReport) -> Frame {
+        let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
+        Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }
+    }
+}
+
 /// Events in flight between renderer and machine; segments are bounded, and so is what waits.
-const EVENTS_IN_FLIGHT: usize = 8;
+pub(super) const EVENTS_IN_FLIGHT: usize = 8;
 
 /// Replays a trace. `progress` hears the number of each finished frame.
 ///
@@ -83,6 +97,8 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
     match options.fidelity {
         Fidelity::Functional => functional(trace, options, progress),
         Fidelity::Bound => bound(trace, options, progress),
+        Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, progress),
+        Fidelity::SampledTiles(sampling) => tiles::sampled(trace, options, &sampling),
         Fidelity::Cycle => cycle(trace, options, progress),
     }
 }
@@ -92,8 +108,12 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Resul
     let mut frames = Vec::new();
     let mut funnel = Funnel::default();
     let mut total = Funnel::default();
-    let render_options =
-        render::Options { record: false, frames: options.frames.clone(), skips: Skips::default(), key: RenderKey::default() };
+    let render_options = render::Options {
+        record: false,
+        frames: options.frames.clone().into(),
+        skips: Skips::default(),
+        key: RenderKey::default(),
+    };
     render::render(trace, &render_options, &mut |event| {
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
@@ -124,7 +144,7 @@ fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Rep
     let mut sum = FrameEstimate::default();
     let render_options = render::Options {
         record: true,
-        frames: options.frames.clone(),
+        frames: options.frames.clone().into(),
         skips: Skips::default(),
         key: options.config.render_key(),
     };
@@ -133,9 +153,9 @@ fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Rep
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
             Event::EndFrame(end) => {
-                let busy = Stopwatch::start();
+                let start = Instant::now();
                 let estimate = bound.frame(&profile.unwrap_or_default());
-                machine_time += busy.elapsed();
+                machine_time += start.elapsed();
                 total += funnel;
                 let tree = bound_tree(&estimate, &std::mem::take(&mut funnel), &options.config);
                 progress(end.number);
@@ -175,7 +195,7 @@ fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> R
     let mut machine = Machine::new(&options.config)?;
     let render_options = render::Options {
         record: true,
-        frames: options.frames.clone(),
+        frames: options.frames.clone().into(),
         skips: Skips::default(),
         key: options.config.render_key(),
     };
@@ -188,8 +208,7 @@ fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> R
         let mut frames = Vec::new();
         let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
             progress(frame.number);
-            let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-            frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases });
+            frames.push(Frame::new(frame));
         });
         let machine_time = busy.elapsed();
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
@@ -222,6 +241,7 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
         fidelity: match options.fidelity {
             Fidelity::Functional => "functional".into(),
             Fidelity::Bound => "bound".into(),
+            Fidelity::Sampled(_) | Fidelity::SampledTiles(_) => "sampled".into(),
             Fidelity::Cycle => "cycle".into(),
         },
         total: replay.total.clone(),

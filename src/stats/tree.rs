@@ -34,6 +34,29 @@ impl Leaf {
         }
     }
 
+    /// The weighted sum of leaves of one kind, as in [`Tree::weighted`].
+    fn weighted<'l>(&self, parts: impl Iterator<Item = (f64, &'l Leaf)>) -> Leaf {
+        let (mut sums, mut weights) = ([0.0; 2], 0.0);
+        for (weight, leaf) in parts {
+            weights += weight;
+            match leaf {
+                Leaf::Count(value) => sums[0] += weight * *value as f64,
+                Leaf::Ratio { numerator, denominator } => {
+                    sums[0] += weight * *numerator as f64;
+                    sums[1] += weight * *denominator as f64;
+                }
+                Leaf::Real(value) => sums[0] += weight * value,
+                Leaf::Level(_) | Leaf::Text(_) => {}
+            }
+        }
+        match self {
+            Leaf::Count(_) => Leaf::Count(sums[0].round() as u64),
+            Leaf::Ratio { .. } => Leaf::Ratio { numerator: sums[0].round() as u64, denominator: sums[1].round() as u64 },
+            Leaf::Real(_) => Leaf::Real(if weights > 0.0 { sums[0] / weights } else { 0.0 }),
+            Leaf::Level(_) | Leaf::Text(_) => self.clone(),
+        }
+    }
+
     /// As a JSON number or string; a real that is not finite becomes null, which JSON has no number for.
     fn json(&self) -> Value {
         match self {
@@ -212,6 +235,40 @@ impl Tree {
             difference.entries.push((name.clone(), node));
         }
         difference
+    }
+
+    /// The sum of trees of one shape, each counter by its tree's weight, rounded; of quotients, that of the sums; of real properties,
+    /// the weighted mean. What does not accumulate is the first's.
+    pub fn weighted(parts: &[(f64, &Tree)]) -> Tree {
+        let Some((_, first)) = parts.first() else { return Tree::new() };
+        let node = |name: &str, node: &Node| match node {
+            Node::Leaf(leaf) => Node::Leaf(leaf.weighted(parts.iter().filter_map(|(weight, tree)| match tree.get(name)? {
+                Node::Leaf(leaf) => Some((*weight, leaf)),
+                _ => None,
+            }))),
+            Node::Tree(_) => {
+                let child = |(weight, tree): &(f64, &'_ Tree)| match tree.entries.iter().find(|(known, _)| known == name) {
+                    Some((_, Node::Tree(tree))) => Some((*weight, tree.clone())),
+                    _ => None,
+                };
+                let children: Vec<(f64, Tree)> = parts.iter().filter_map(child).collect();
+                Node::Tree(Tree::weighted(&children.iter().map(|(weight, tree)| (*weight, tree)).collect::<Vec<_>>()))
+            }
+            Node::List(list) => Node::List(
+                (0..list.len())
+                    .map(|index| {
+                        let element =
+                            |(weight, tree): &(f64, &'_ Tree)| match tree.entries.iter().find(|(known, _)| known == name) {
+                                Some((_, Node::List(list))) => list.get(index).map(|tree| (*weight, tree.clone())),
+                                _ => None,
+                            };
+                        let elements: Vec<(f64, Tree)> = parts.iter().filter_map(element).collect();
+                        Tree::weighted(&elements.iter().map(|(weight, tree)| (*weight, tree)).collect::<Vec<_>>())
+                    })
+                    .collect(),
+            ),
+        };
+        Tree { entries: first.entries.iter().map(|(name, of)| (name.clone(), node(name, of))).collect() }
     }
 
     /// The tree as a JSON object, in order.

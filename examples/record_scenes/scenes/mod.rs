@@ -2,6 +2,7 @@
 
 mod corridor;
 mod cube;
+mod flight;
 mod knot;
 mod layers;
 mod maths;
@@ -52,4 +53,5 @@ pub const ALL: &[Scene] = &[
     Scene { name: "shadow", record: shadow::record, zip: false },
     Scene { name: "particles", record: particles::record, zip: false },
     Scene { name: "spokes-msaa", record: msaa::record, zip: false },
+    Scene { name: "flight", record: flight::record, zip: true },
 ];

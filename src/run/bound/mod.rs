@@ -126,6 +126,11 @@ impl<'c> Bound<'c> {
         if config.card.sort != SortClass::Middle {
             bail!("the bound fidelity knows sort-middle only, and {} is {}: use cycle", config.name, config.card.sort.name());
         }
+        Ok(Bound::proxy(config))
+    }
+
+    /// Estimates as for sort-middle, whatever the configuration sorts: near enough to tell frames apart, not to be reported.
+    pub fn proxy(config: &'c Config) -> Bound<'c> {
         let (memory, dram) = (&config.memory, &config.dram);
         let tick = f64::from(dram.card_cycles) / f64::from(dram.clock);
         let ways = 2.0 * f64::from(memory.port_latency);
@@ -138,7 +143,7 @@ impl<'c> Bound<'c> {
         let refresh = if dram.t_refi == 0 { 0.0 } else { f64::from(dram.t_rfc) / f64::from(dram.t_refi) };
         let peak = f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick);
         let dram_rate = if ideal { f64::from(memory.ideal_bytes_per_cycle) } else { peak * (1.0 - refresh) * STREAMING };
-        Ok(Bound { config, pipelines: f64::from(config.card.pipelines), memory_latency, dram_rate })
+        Bound { config, pipelines: f64::from(config.card.pipelines), memory_latency, dram_rate }
     }
 
     /// The frame's time, by phases.

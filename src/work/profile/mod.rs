@@ -206,6 +206,16 @@ pub enum PhaseProfile {
     },
 }
 
+impl PhaseProfile {
+    /// Quads covered.
+    pub fn quads(&self) -> u64 {
+        match self {
+            PhaseProfile::Pass { draws, .. } => draws.iter().map(|draw| draw.quads).sum(),
+            _ => 0,
+        }
+    }
+}
+
 /// A frame's phases.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameProfile {

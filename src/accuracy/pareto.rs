@@ -1,0 +1,252 @@
+//! Run time against error: the fidelities side by side on traces.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use crate::run::replay::{Fidelity, Options, Replay, replay};
+use crate::run::sample::{Clusters, Interval, random};
+use crate::run::sampled::{Sampling, Survey, sampled, survey};
+use crate::stats::Tree;
+use crate::trace::Trace;
+
+/// Draws of frames over which it is counted how often an interval holds the truth.
+pub const RESAMPLINGS: u64 = 1000;
+
+/// What is compared, with its name.
+pub const QUANTITIES: [&str; 4] = ["cycles", "DRAM bytes", "L2 misses", "texture misses"];
+
+/// Published marks: name, times as fast, relative error in cycles.
+pub const MARKS: [(&str, f64, f64); 2] = [("MEGsim (2022)", 126.0, 0.0084), ("SMARTS (2003)", 47.0, 0.0064)];
+
+/// A fidelity on a trace.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Its name.
+    pub fidelity: String,
+    /// Host time spent on cycles: in the machine, or for estimates. Rendering, which all share, is left out.
+    pub time: Duration,
+    /// Host time in all, on the clock.
+    pub whole: Duration,
+    /// Relative errors, by [`QUANTITIES`]; none where it does not tell or there is nothing to be off by.
+    pub errors: [Option<f64>; QUANTITIES.len()],
+    /// Half the interval of the cycles, relative.
+    pub margin: Option<f64>,
+    /// How often intervals of this many clusters hold the truth.
+    pub covered: Option<f64>,
+}
+
+/// The fidelities on a trace.
+#[derive(Clone, Debug)]
+pub struct Front {
+    /// The trace, as it was named.
+    pub trace: String,
+    /// Its frames.
+    pub frames: usize,
+    /// Cycles of all of them.
+    pub cycles: f64,
+    /// The fidelities, the slowest first.
+    pub points: Vec<Point>,
+}
+
+/// What is compared, of the statistics of a run.
+fn quantities(tree: &Tree) -> [Option<f64>; QUANTITIES.len()] {
+    let n = |path: &str| tree.number(path);
+    let sum = |cache: &str| {
+        let parts: Vec<f64> = (0..).map_while(|i| n(&format!("caches.{cache}[{i}].misses"))).collect();
+        (!parts.is_empty()).then(|| parts.iter().sum())
+    };
+    let dram = n("memory.dram.read_bytes").zip(n("memory.dram.write_bytes")).map(|(read, written)| read + written);
+    [n("cycles"), dram, sum("l2"), sum("texture")]
+}
+
+fn point(fidelity: String, run: &Replay, truth: &[Option<f64>; QUANTITIES.len()]) -> Point {
+    let measured = quantities(&run.total);
+    let errors = std::array::from_fn(|i| {
+        let (measured, truth) = measured[i].zip(truth[i])?;
+        (truth > 0.0).then(|| (measured / truth - 1.0).abs())
+    });
+    let cycles = measured[0].unwrap_or(0.0);
+    let margin = run.total.number("sampled.margins.cycles").filter(|_| cycles > 0.0).map(|margin| margin / cycles);
+    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margin, covered: None }
+}
+
+/// How often the interval of the cycles holds the truth, over [`RESAMPLINGS`] draws of frames of a sequence that is known whole.
+pub fn coverage(survey: &Survey, counted: &[f64], samples: usize) -> f64 {
+    let estimates = survey.cycles();
+    let clusters = Clusters::new(&survey.signatures, samples);
+    let truth: f64 = counted.iter().sum();
+    let holds = |seed: u64| {
+        let drawn = clusters.draw(&mut random(seed));
+        let own: Vec<f64> = drawn.iter().map(|&frame| counted[frame]).collect();
+        let total: Interval = clusters.total(&drawn, &estimates, &own);
+        total.covers(truth)
+    };
+    (0..RESAMPLINGS).filter(|&seed| holds(seed)).count() as f64 / RESAMPLINGS as f64
+}
+
+/// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
+///
+/// # Errors
+/// If the trace cannot be rendered, a fidelity does not know the configuration, or the machine stops.
+pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed: u64) -> Result<Front> {
+    let run = |fidelity| replay(trace, &Options { fidelity, ..options.clone() }, &|_| ());
+    let cycle = run(Fidelity::Cycle)?;
+    let truth = quantities(&cycle.total);
+    let mut points = vec![point("cycle".into(), &cycle, &truth)];
+    let counted: Vec<f64> = cycle.frames.iter().map(|frame| frame.tree.number("cycles").unwrap_or(0.0)).collect();
+    let survey = survey(trace, options)?;
+    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < counted.len()) {
+        let sampling = Sampling { samples, seed, ..Sampling::default() };
+        let options = Options { fidelity: Fidelity::Sampled(sampling), ..options.clone() };
+        let run = sampled(trace, &options, &sampling, &|_| ())?;
+        let covered = Some(coverage(&survey, &counted, samples as usize));
+        points.push(Point { covered, ..point(format!("sampled, {samples} frames"), &run, &truth) });
+    }
+    points.push(point("bound".into(), &run(Fidelity::Bound)?, &truth));
+    let functional = run(Fidelity::Functional)?;
+    points.push(Point { fidelity: "functional".into(), ..point(String::new(), &functional, &truth) });
+    Ok(Front { trace: name.to_owned(), frames: counted.len(), cycles: truth[0].unwrap_or(0.0), points })
+}
+
+impl Front {
+    /// How many times as fast as `cycle` a fidelity is, in host time spent on cycles; none for one that spends none.
+    pub fn speed(&self, point: &Point) -> Option<f64> {
+        let own = point.time.as_secs_f64();
+        (own > 0.0).then(|| self.points[0].time.as_secs_f64() / own)
+    }
+
+    /// As a table in Markdown.
+    pub fn table(&self) -> String {
+        let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
+        let mut out = format!(
+            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | interval of the cycles | intervals that hold |\n|---|---|---|---|{}---|---|\n",
+            self.trace,
+            self.frames,
+            self.cycles,
+            QUANTITIES.join(" | "),
+            "---|".repeat(QUANTITIES.len())
+        );
+        for point in &self.points {
+            let errors: Vec<String> = point.errors.iter().map(|&error| percent(error)).collect();
+            out.push_str(&format!(
+                "| {} | {:.3} ms | {} | {:.2} s | {} | {} | {} |\n",
+                point.fidelity,
+                1e3 * point.time.as_secs_f64(),
+                self.speed(point).map_or("-".into(), |speed| format!("{speed:.1}")),
+                point.whole.as_secs_f64(),
+                errors.join(" | "),
+                point.margin.map_or("-".into(), |margin| format!("+- {:.2} %", 100.0 * margin)),
+                percent(point.covered)
+            ));
+        }
+        out
+    }
+
+    /// As JSON.
+    pub fn json(&self) -> Value {
+        let points: Vec<Value> = self
+            .points
+            .iter()
+            .map(|point| {
+                let errors: serde_json::Map<String, Value> =
+                    QUANTITIES.iter().zip(point.errors).map(|(name, error)| ((*name).to_owned(), json!(error))).collect();
+                json!({
+                    "fidelity": point.fidelity,
+                    "seconds": point.time.as_secs_f64(),
+                    "seconds_in_all": point.whole.as_secs_f64(),
+                    "times_as_fast": self.speed(point),
+                    "errors": errors,
+                    "margin": point.margin,
+                    "covered": point.covered,
+                })
+            })
+            .collect();
+        json!({ "trace": self.trace, "frames": self.frames, "cycles": self.cycles, "fidelities": points })
+    }
+}
+
+/// Colours of traces in the plot.
+const COLORS: [&str; 8] = ["#1f5fa8", "#c4511d", "#2d7d46", "#7b4fa3", "#8a6d1a", "#b03060", "#2a7f8e", "#5d5d5d"];
+
+/// A plot of run time against error in cycles as SVG: both axes logarithmic, faster to the right, nearer below.
+pub fn plot(fronts: &[Front]) -> String {
+    const SIZE: [f64; 2] = [760.0, 470.0];
+    const LEFT: f64 = 70.0;
+    const TOP: f64 = 24.0;
+    let (width, height) = (SIZE[0] - LEFT - 190.0, SIZE[1] - TOP - 60.0);
+    let fastest =
+        fronts.iter().flat_map(|front| front.points.iter().filter_map(|point| front.speed(point))).fold(1000.0, f64::max);
+    let decades = fastest.log10().ceil();
+    // From 0.01 % to 100 %.
+    let place = |speed: f64, error: f64| {
+        let x = LEFT + width * (speed.max(1.0).log10() / decades).min(1.0);
+        let y = TOP + height * (1.0 - ((error.max(1e-4).log10() + 4.0) / 4.0).min(1.0));
+        [x, y]
+    };
+    let mut out = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+        SIZE[0], SIZE[1]
+    );
+    let mut line = |[x0, y0]: [f64; 2], [x1, y1]: [f64; 2]| {
+        out.push_str(&format!("<line x1=\"{x0:.1}\" y1=\"{y0:.1}\" x2=\"{x1:.1}\" y2=\"{y1:.1}\" stroke=\"#ddd\"/>\n"));
+    };
+    for decade in 0..=decades as i32 {
+        let speed = 10f64.powi(decade);
+        line(place(speed, 1e-4), place(speed, 1.0));
+    }
+    for error in [1e-4, 1e-3, 1e-2, 1e-1, 1.0] {
+        line(place(1.0, error), place(10f64.powf(decades), error));
+    }
+    let text = |out: &mut String, [x, y]: [f64; 2], anchor: &str, color: &str, text: &str| {
+        out.push_str(&format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{color}\">{text}</text>\n"));
+    };
+    for decade in 0..=decades as i32 {
+        let [x, y] = place(10f64.powi(decade), 1e-4);
+        text(&mut out, [x, y + 18.0], "middle", "black", &format!("{}", 10i64.pow(decade as u32)));
+    }
+    for (error, label) in [(1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %")] {
+        let [x, y] = place(1.0, error);
+        text(&mut out, [x - 6.0, y + 4.0], "end", "black", label);
+    }
+    text(
+        &mut out,
+        [LEFT + width / 2.0, SIZE[1] - 16.0],
+        "middle",
+        "black",
+        "times as fast as cycle, in host time spent on cycles",
+    );
+    text(&mut out, [8.0, 14.0], "start", "black", "error in cycles");
+    for (name, speed, error) in MARKS {
+        let [x, y] = place(speed, error);
+        out.push_str(&format!(
+            "<path d=\"M{:.1} {:.1}h12M{x:.1} {:.1}v12\" stroke=\"black\" stroke-width=\"2\"/>\n",
+            x - 6.0,
+            y,
+            y - 6.0
+        ));
+        text(&mut out, [x + 9.0, y + 14.0], "start", "black", name);
+    }
+    for (front, color) in fronts.iter().zip(COLORS.iter().cycle()) {
+        for point in &front.points[1..] {
+            let (Some(speed), Some(error)) = (front.speed(point), point.errors[0]) else { continue };
+            let [x, y] = place(speed, error);
+            let shape = if point.margin.is_some() {
+                format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{color}\"/>\n")
+            } else {
+                format!("<rect x=\"{:.1}\" y=\"{:.1}\" width=\"9\" height=\"9\" fill=\"{color}\"/>\n", x - 4.5, y - 4.5)
+            };
+            out.push_str(&shape);
+        }
+    }
+    let legend = LEFT + width + 16.0;
+    for (at, (front, color)) in fronts.iter().zip(COLORS.iter().cycle()).enumerate() {
+        let name = front.trace.rsplit('/').next().unwrap_or(&front.trace).replace('&', "&amp;").replace('<', "&lt;");
+        text(&mut out, [legend, TOP + 14.0 + 18.0 * at as f64], "start", color, &name);
+    }
+    let below = TOP + 32.0 + 18.0 * fronts.len() as f64;
+    text(&mut out, [legend, below], "start", "black", "\u{25cf} sampled  \u{25a0} bound  + published");
+    out.push_str("</svg>\n");
+    out
+}

@@ -1,0 +1,62 @@
+//! `fillrate accuracy pareto`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+
+use super::Verdict;
+use crate::accuracy::pareto::{Front, front, plot};
+use crate::import;
+use crate::run::replay::{Fidelity, Options};
+use crate::sim::Clock;
+
+/// Run time against error of all fidelities, on traces
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  fillrate accuracy pareto traces/flight.zip traces/corridor --out out\n\n\
+Leaves in --out: pareto.md (tables), pareto.json, pareto.svg (a plot). Traces of one frame have no frames to sample.")]
+pub struct Arguments {
+    /// Traces
+    #[arg(required = true)]
+    traces: Vec<PathBuf>,
+    /// A built-in configuration, or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
+    config: String,
+    /// Set one knob of the configuration; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// Frames to sample; several make several runs
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
+    samples: Vec<u32>,
+    /// Of the random numbers by which frames are drawn
+    #[arg(long, value_name = "N", default_value = "1")]
+    seed: u64,
+    /// Where to leave table and plot
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+    let mut fronts: Vec<Front> = Vec::new();
+    for path in &arguments.traces {
+        let trace = import::open(path)?;
+        let name = path.display().to_string();
+        let found = front(&name, &trace, &options, &arguments.samples, arguments.seed).with_context(|| name.clone())?;
+        println!("{}", found.table());
+        fronts.push(found);
+    }
+    if let Some(out) = &arguments.out {
+        std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+        let put = |name: &str, text: String| {
+            let path = out.join(name);
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+        };
+        let tables: Vec<String> = fronts.iter().map(Front::table).collect();
+        put("pareto.md", tables.join("\n"))?;
+        put("pareto.json", serde_json::to_string_pretty(&fronts.iter().map(Front::json).collect::<Vec<_>>())?)?;
+        put("pareto.svg", plot(&fronts))?;
+        println!("written to {}", out.display());
+    }
+    Ok(Verdict::Done)
+}
