@@ -161,51 +161,6 @@ fn the_numbers_of_primitives_are_needed_for_ties() {
     }
 }
 
-#[test]
-fn composition_sends_what_the_formulas_say() {
-    let scene = Scene { width: 256, height: 128, triangles: 12, draws: 1, size: 30.0, ..Scene::default() };
-    let area = u64::from(scene.width * scene.height);
-    for nodes in [2, 3, 4, 5, 7, 8, 13, 16, 32, 33, 64] {
-        for scheme in SCHEMES {
-            for (number_bytes, bytes) in [(0, 8), (4, 12)] {
-                if number_bytes > 0 && nodes > 5 {
-                    continue;
-                }
-                let pipes = format!("pipelines={nodes}");
-                let (scheme_is, tag) = (format!("compose.scheme={scheme}"), format!("compose.number_bytes={number_bytes}"));
-                let config = config(&[&pipes, &scheme_is, &tag, "memory.kind=ideal"]);
-                let report = run(&config, &scene, Clock::SkipIdle);
-                assert_eq!(wrong(&report), 0);
-                let of = |name: &str| -> Vec<u64> {
-                    (0..nodes).map(|n| number(&report, &format!("composition.compose[{n}].{name}"))).collect()
-                };
-                let (pixels, sent) = (of("pixels_sent"), of("bytes_sent"));
-                // All schemes: A (N - 1) in all.
-                assert_eq!(pixels.iter().sum::<u64>(), area * (nodes - 1), "{scheme} {nodes}");
-                assert_eq!(sent.iter().sum::<u64>(), area * (nodes - 1) * bytes, "{scheme} {nodes}");
-                if scheme == "binary-swap" && nodes.is_power_of_two() {
-                    assert!(of("rounds").iter().all(|&rounds| rounds == u64::from(nodes.ilog2())));
-                    assert!(pixels.iter().all(|&pixels| pixels == area - area / nodes), "{nodes}: {pixels:?}");
-                }
-                if scheme == "direct-send" {
-                    assert!(of("messages").iter().all(|&messages| messages == nodes - 1));
-                    if nodes.is_power_of_two() {
-                        assert!(pixels.iter().all(|&pixels| pixels == area / nodes * (nodes - 1)));
-                    }
-                }
-                // Sorting full frame buffers: N x pixels x samples, of which (N - 1) / N leave their pipeline.
-                assert_eq!(number(&report, "sort.redistributed_items"), nodes * area);
-                assert_eq!(number(&report, "sort.redistributed_bytes"), nodes * area * bytes);
-                assert_eq!(number(&report, "sort.foreign_items"), (nodes - 1) * area);
-                // They crossed the network, with nothing else.
-                if config.network.topology == fillrate::unit::network::Topology::PointToPoint {
-                    assert_eq!(number(&report, "sort.network.link_bytes"), (nodes - 1) * area * bytes);
-                }
-            }
-        }
-    }
-}
-
 /// The scene with colours that have their alpha multiplied in, all blended "over".
 fn premultiplied(scene: &Scene) -> Vec<Event> {
     let over = BlendComponent { src: BlendFactor::One, dst: BlendFactor::OneMinusSrcAlpha, op: BlendOp::Add };

@@ -13,6 +13,7 @@ mod page;
 pub mod pareto;
 mod random;
 mod raster;
+mod sorting;
 pub mod synthetic;
 
 use anyhow::Result;
@@ -188,7 +189,7 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [raster::TARGETS, depth::TARGETS].into_iter().flatten()
+    [raster::TARGETS, sorting::TARGETS, depth::TARGETS].into_iter().flatten()
 }
 
 /// The target of that name.
