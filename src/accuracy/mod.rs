@@ -13,6 +13,7 @@ mod page;
 pub mod pareto;
 mod random;
 mod raster;
+pub mod skips;
 mod sorting;
 pub mod synthetic;
 

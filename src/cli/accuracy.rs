@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, Result};
 
-use super::{Verdict, pareto};
+use super::{Verdict, pareto, skips};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
@@ -48,6 +48,7 @@ pub struct Arguments {
 #[derive(clap::Subcommand)]
 enum Command {
     Pareto(pareto::Arguments),
+    Skips(skips::Arguments),
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -61,8 +62,10 @@ enum SizeName {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(Command::Pareto(arguments)) = &arguments.command {
-        return pareto::run(arguments);
+    match &arguments.command {
+        Some(Command::Pareto(arguments)) => return pareto::run(arguments),
+        Some(Command::Skips(arguments)) => return skips::run(arguments),
+        None => {}
     }
     let targets: Vec<&'static Target> = if arguments.targets.is_empty() {
         accuracy::targets().collect()

@@ -7,6 +7,7 @@ mod import;
 mod inspect;
 mod pareto;
 mod replay;
+mod skips;
 
 use std::process::ExitCode;
 

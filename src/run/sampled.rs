@@ -15,7 +15,7 @@ use super::replay::{EVENTS_IN_FLIGHT, Frame, Options, Replay};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
 use crate::machine::Machine;
 use crate::render::{self, FrameSet, Skips};
-use crate::stats::{Leaf, Node, Tree};
+use crate::stats::{Leaf, Tree};
 use crate::trace::Trace;
 use crate::work::profile::Profiler;
 
@@ -75,15 +75,6 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
 }
 
 impl Survey {
-    /// What a unit has to do by frame, in cycles.
-    pub fn unit(&self, name: &str) -> Vec<f64> {
-        let sum = |frame: &FrameEstimate| -> f64 {
-            let units = frame.phases.iter().flat_map(|phase| &phase.units);
-            units.filter(|unit| unit.0 == name).map(|unit| unit.1).sum()
-        };
-        self.frames.iter().map(sum).collect()
-    }
-
     /// Estimated cycles by frame.
     pub fn cycles(&self) -> Vec<f64> {
         self.frames.iter().map(FrameEstimate::cycles).collect()
@@ -163,22 +154,8 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
 
     let cycles = survey.cycles();
     let weights = clusters.weights(&drawn, &cycles);
-    let weighted = |weights: &[f64]| {
-        let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(frames.iter().map(|frame| &frame.tree)).collect();
-        Tree::weighted(&trees)
-    };
-    let mut total = weighted(&weights);
-    // What textures move follows its own estimate, where there is one.
-    let textures = survey.unit("texture port");
-    let textures = if textures.iter().all(|&cycles| cycles > 0.0) { textures } else { cycles.clone() };
-    let by_textures = weighted(&clusters.weights(&drawn, &textures));
-    for (place, name) in [("memory.clients", "texture"), ("caches", "texture")] {
-        if let Some(Node::Tree(tree)) = by_textures.get(place)
-            && let Some((_, node)) = tree.entries().find(|(known, _)| *known == name)
-        {
-            place.split('.').fold(&mut total, |tree, step| tree.child(step)).set(name, node.clone());
-        }
-    }
+    let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(frames.iter().map(|frame| &frame.tree)).collect();
+    let mut total = Tree::weighted(&trees);
     let cycles_in_all = total.number("cycles").unwrap_or(0.0);
     total.real("seconds", cycles_in_all / (f64::from(options.config.card.clock_mhz) * 1e6));
     let node = total.child("sampled");
@@ -186,7 +163,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     node.count("counted_frames", drawn.len() as u64);
     node.count("simulated_frames", simulated);
     node.real("level", LEVEL);
-    for (name, interval) in intervals(&clusters, &drawn, [&cycles, &textures], &frames) {
+    for (name, interval) in intervals(&clusters, &drawn, &cycles, &frames) {
         node.child("margins").real(&name, interval.margin);
     }
     let mut frames = frames;
@@ -195,13 +172,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
 }
 
 /// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache.
-fn intervals(
-    clusters: &Clusters,
-    drawn: &[usize],
-    [cycles, textures]: [&[f64]; 2],
-    frames: &[Frame],
-) -> Vec<(String, Interval)> {
-    let like = |path: &str| if path.contains("texture") { textures } else { cycles };
+fn intervals(clusters: &Clusters, drawn: &[usize], cycles: &[f64], frames: &[Frame]) -> Vec<(String, Interval)> {
     let mut found = Vec::new();
     let Some(first) = frames.first() else { return found };
     let mut paths = vec!["cycles".to_owned()];
@@ -223,8 +194,7 @@ fn intervals(
     });
     for path in paths {
         let counted: Vec<f64> = frames.iter().map(|frame| frame.tree.number(&path).unwrap_or(0.0)).collect();
-        let total = clusters.total(drawn, like(&path), &counted);
-        found.push((path, total));
+        found.push((path, clusters.total(drawn, cycles, &counted)));
     }
     for cache in caches {
         let sum = |frame: &Frame, what: &str| {
@@ -233,12 +203,12 @@ fn intervals(
         };
         let hits: Vec<f64> = frames.iter().map(|frame| sum(frame, "hits")).collect();
         let accesses: Vec<f64> = frames.iter().map(|frame| sum(frame, "accesses")).collect();
-        let all = clusters.total(drawn, like(&cache), &accesses).value;
+        let all = clusters.total(drawn, cycles, &accesses).value;
         if all > 0.0 {
-            let rate = clusters.total(drawn, like(&cache), &hits).value / all;
+            let rate = clusters.total(drawn, cycles, &hits).value / all;
             // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
             let beside: Vec<f64> = hits.iter().zip(&accesses).map(|(hits, accesses)| hits - rate * accesses).collect();
-            let margin = clusters.total(drawn, like(&cache), &beside).margin / all;
+            let margin = clusters.total(drawn, cycles, &beside).margin / all;
             found.push((format!("caches.{cache}.hit_rate"), Interval { value: rate, margin }));
         }
     }

@@ -239,7 +239,7 @@ impl Config {
             SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
             SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
         };
-        RenderKey { shade, ..RenderKey::default() }
+        RenderKey { shade, early_z: self.depth.early }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

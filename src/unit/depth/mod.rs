@@ -27,6 +27,8 @@ pub use questions::QuestionPorts;
 crate::knobs! {
     /// Depth and stencil tests, early and late.
     pub struct DepthConfig {
+        /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
+        early: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Quads tested a cycle, early and late together.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1; modern ROPs test 4 times as fast as they blend"],
         /// Blocks of 8x8 pixels that the Z cache holds.

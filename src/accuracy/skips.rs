@@ -1,0 +1,284 @@
+//! What is skipped because a scene does not need it: each skip switched off, with what that costs and proof that nothing else changes.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+
+use crate::machine::Config;
+use crate::render::{self, Skips};
+use crate::run::replay::{Fidelity, Options, Replay, replay};
+use crate::sim::Clock;
+use crate::stats::Tree;
+use crate::trace::Trace;
+use crate::work::{Event, Funnel, RenderKey};
+
+/// How a skip is switched off.
+#[derive(Clone, Copy, Debug)]
+enum Switch {
+    /// In the renderer: saves host time only.
+    Renderer(fn(&mut Skips)),
+    /// In the machine, by settings on top of others.
+    Machine { base: &'static [&'static str], off: &'static [&'static str] },
+    /// The clock: saves host time only.
+    Clock,
+}
+
+/// A skip.
+#[derive(Clone, Copy, Debug)]
+pub struct Skip {
+    /// What it is called.
+    pub name: &'static str,
+    /// What is left out.
+    pub what: &'static str,
+    /// The switch, as a user turns it.
+    pub switch: &'static str,
+    how: Switch,
+    /// Counters that it changes by what it is.
+    changes: &'static [&'static str],
+    /// What of the statistics it saves: a name, and paths that are summed up (`[*]` for all units of a kind).
+    work: (&'static str, &'static [&'static str]),
+}
+
+/// All skips.
+pub const SKIPS: &[Skip] = &[
+    Skip {
+        name: "early Z",
+        what: "hidden quads are not shaded",
+        switch: "--set depth.early=false",
+        how: Switch::Machine { base: &[], off: &["depth.early=false"] },
+        // Hidden fragments are discarded, too, where they are shaded.
+        changes: &["funnel.fragments_discarded"],
+        work: ("fragments shaded", &["funnel.fragments_shaded"]),
+    },
+    Skip {
+        name: "hierarchical Z",
+        what: "hidden blocks are not cut into quads",
+        switch: "--set traverse.hierarchical_z=false",
+        how: Switch::Machine { base: &[], off: &["traverse.hierarchical_z=false"] },
+        changes: &[],
+        work: ("quads tested", &["units.depth[*].items"]),
+    },
+    Skip {
+        name: "fast clear",
+        what: "clears set flags instead of memory",
+        switch: "--set color.fast_clear=false",
+        how: Switch::Machine { base: &[], off: &["color.fast_clear=false"] },
+        changes: &[],
+        work: (
+            "bytes to memory",
+            &["memory.clients.command.write_bytes", "memory.clients.color.read_bytes", "memory.clients.depth.read_bytes"],
+        ),
+    },
+    Skip {
+        name: "hidden surfaces",
+        what: "what a tile hides is not shaded (sort-middle-binned)",
+        switch: "--config sort-middle-binned --set bin.hide=true",
+        how: Switch::Machine { base: &["sort=sort-middle-binned", "bin.hide=true"], off: &["bin.hide=false"] },
+        // What is overwritten is not written.
+        changes: &["funnel.fragments_discarded", "funnel.fragments_written"],
+        work: ("fragments shaded", &["funnel.fragments_shaded"]),
+    },
+    Skip {
+        name: "idle cycles",
+        what: "cycles in which nothing can move",
+        switch: "--clock every-cycle",
+        how: Switch::Clock,
+        changes: &[],
+        work: ("cycles", &["cycles"]),
+    },
+    Skip {
+        name: "hierarchical Z of the renderer",
+        what: "hidden blocks are not tested",
+        switch: "Skips::hierarchical_z",
+        how: Switch::Renderer(|skips| skips.hierarchical_z = false),
+        changes: &[],
+        work: ("", &[]),
+    },
+    Skip {
+        name: "empty tiles",
+        what: "tiles that a large triangle misses are not visited",
+        switch: "Skips::tile_reject",
+        how: Switch::Renderer(|skips| skips.tile_reject = false),
+        changes: &[],
+        work: ("", &[]),
+    },
+    Skip {
+        name: "overwritten colours",
+        what: "colours of a tile that a later opaque triangle covers whole are not computed",
+        switch: "Skips::overwritten",
+        how: Switch::Renderer(|skips| skips.overwritten = false),
+        changes: &[],
+        work: ("", &[]),
+    },
+];
+
+/// A skip on a trace, on and off.
+#[derive(Clone, Debug)]
+pub struct Saving {
+    /// The skip.
+    pub skip: &'static Skip,
+    /// Simulated cycles with it and without; none where it is the host's alone.
+    pub cycles: Option<[f64; 2]>,
+    /// Host time with it and without.
+    pub host: [Duration; 2],
+    /// The work that it is about, with it and without; none where nothing counts it.
+    pub work: Option<[f64; 2]>,
+    /// What changed that must not; none if all is well.
+    pub differs: Option<String>,
+}
+
+/// Counters that no skip may change.
+const KEPT: [&str; 5] = [
+    "funnel.primitives_in",
+    "funnel.triangles_setup",
+    "funnel.fragments_covered",
+    "funnel.fragments_discarded",
+    "funnel.fragments_written",
+];
+
+fn simulate(trace: &Trace, config: &Config, clock: Clock, runs: usize) -> Result<Replay> {
+    let options = Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX };
+    let mut best = replay(trace, &options, &|_| ())?;
+    for _ in 1..runs {
+        let again = replay(trace, &options, &|_| ())?;
+        best.machine_time = best.machine_time.min(again.machine_time);
+    }
+    Ok(best)
+}
+
+/// What no skip of the renderer may change: all but what says where hidden quads were thrown away.
+fn kept(funnel: &Funnel) -> Funnel {
+    Funnel { tiles_visited: 0, tiles_hiz_culled: 0, quads_early_culled: 0, ..*funnel }
+}
+
+/// A sum of statistics; `[*]` stands for all units of a kind.
+fn sum(tree: &Tree, paths: &[&str]) -> f64 {
+    let one = |path: &&str| match path.split_once("[*]") {
+        Some((before, after)) => (0..).map_while(|i| tree.number(&format!("{before}[{i}]{after}"))).sum::<f64>(),
+        None => tree.number(path).unwrap_or(0.0),
+    };
+    paths.iter().map(one).sum()
+}
+
+/// What differs between two replays that must be the same, beside what the skip is about.
+fn differs(skip: &Skip, on: &Replay, off: &Replay) -> Option<String> {
+    if on.frames.len() != off.frames.len() {
+        return Some("number of frames".into());
+    }
+    if let Some((frame, _)) = on.frames.iter().zip(&off.frames).find(|(a, b)| a.shown != b.shown) {
+        return Some(format!("picture of frame {}", frame.number));
+    }
+    let free = |path: &str| skip.changes.contains(&path) || skip.work.1.contains(&path);
+    let changed = KEPT.iter().find(|path| !free(path) && on.total.number(path) != off.total.number(path));
+    changed.map(|path| (*path).to_owned())
+}
+
+/// Renders without recording; pictures, funnel and the least time.
+fn rendered(trace: &Trace, skips: Skips, runs: usize) -> Result<(Vec<Vec<u8>>, Funnel, Duration)> {
+    let mut best = None;
+    for _ in 0..runs.max(1) {
+        let start = Instant::now();
+        let (mut pictures, mut funnel) = (Vec::new(), Funnel::default());
+        let options = render::Options { skips, key: RenderKey::default(), ..render::Options::default() };
+        render::render(trace, &options, &mut |event| {
+            match event {
+                Event::Segment(segment) => funnel += segment.funnel,
+                Event::EndFrame(end) => pictures.push(end.reference.to_vec()),
+                _ => {}
+            }
+            Ok(())
+        })?;
+        let time = start.elapsed();
+        best = match best {
+            Some((_, _, least)) if least <= time => best,
+            _ => Some((pictures, funnel, time)),
+        };
+    }
+    Ok(best.unwrap_or_default())
+}
+
+/// Every skip on a trace, on and off; host times are the least of so many runs.
+///
+/// # Errors
+/// If the trace cannot be rendered, or a machine stops.
+pub fn savings(trace: &Trace, config: &Config, runs: usize) -> Result<Vec<Saving>> {
+    let with = |settings: &[&str]| -> Result<Config> {
+        let mut config = config.clone();
+        for setting in settings {
+            config.set(setting)?;
+        }
+        Ok(config)
+    };
+    let plain = simulate(trace, config, Clock::SkipIdle, runs)?;
+    let plain_render = rendered(trace, Skips::default(), runs)?;
+    let mut found = Vec::new();
+    for skip in SKIPS {
+        let saving = match skip.how {
+            Switch::Renderer(off) => {
+                let mut skips = Skips::default();
+                off(&mut skips);
+                let (pictures, funnel, time) = rendered(trace, skips, runs)?;
+                let differs = if pictures != plain_render.0 {
+                    Some("picture".to_owned())
+                } else {
+                    (kept(&funnel) != kept(&plain_render.1)).then(|| "funnel".to_owned())
+                };
+                Saving { skip, cycles: None, host: [plain_render.2, time], work: None, differs }
+            }
+            Switch::Machine { base, off } => {
+                let own;
+                let on = if base.is_empty() {
+                    &plain
+                } else {
+                    own = simulate(trace, &with(base)?, Clock::SkipIdle, runs)?;
+                    &own
+                };
+                let off = simulate(trace, &with(&[base, off].concat())?, Clock::SkipIdle, runs)?;
+                let pair = |paths: &[&str]| [on, &off].map(|run| sum(&run.total, paths));
+                Saving {
+                    skip,
+                    cycles: Some(pair(&["cycles"])),
+                    host: [on.machine_time, off.machine_time],
+                    work: Some(pair(skip.work.1)),
+                    differs: differs(skip, on, &off),
+                }
+            }
+            Switch::Clock => {
+                let off = simulate(trace, config, Clock::EveryCycle, runs)?;
+                let differs = differs(skip, &plain, &off)
+                    .or_else(|| (plain.total.json() != off.total.json()).then(|| "statistics".to_owned()));
+                Saving { skip, cycles: None, host: [plain.machine_time, off.machine_time], work: None, differs }
+            }
+        };
+        found.push(saving);
+    }
+    Ok(found)
+}
+
+/// What is saved of what there would be, as text.
+fn saved(pair: Option<[f64; 2]>) -> String {
+    match pair {
+        Some([_, 0.0]) | None => "-".into(),
+        Some([on, off]) => format!("{:.1} %", 100.0 * (1.0 - on / off)),
+    }
+}
+
+/// The savings of a trace as a table in Markdown.
+pub fn table(name: &str, savings: &[Saving]) -> String {
+    let mut out = format!(
+        "{name}\n\n| skip | work | work saved | cycles saved | host time saved | same picture and counters |\n|---|---|--:|--:|--:|---|\n"
+    );
+    for saving in savings {
+        let host = saving.host.map(|time| time.as_secs_f64());
+        out.push_str(&format!(
+            "| {} | {} | {} | {} | {} | {} |\n",
+            saving.skip.name,
+            if saving.work.is_some() { saving.skip.work.0 } else { "" },
+            saved(saving.work),
+            saved(saving.cycles),
+            saved(Some(host)),
+            saving.differs.as_deref().map_or("yes".to_owned(), |what| format!("**no: {what}**"))
+        ));
+    }
+    out
+}

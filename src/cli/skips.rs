@@ -1,0 +1,52 @@
+//! `fillrate accuracy skips`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+
+use super::Verdict;
+use crate::accuracy::skips::{SKIPS, savings, table};
+use crate::import;
+
+/// Host times are the least of so many runs.
+const RUNS: usize = 3;
+
+/// What is skipped because a scene does not need it: work and time saved, and that nothing else changes
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  fillrate accuracy skips traces/layers traces/shadow\n\n\
+Host times are the least of three runs. Exit code 1 where a skip changes a picture or a counter that it must not.")]
+pub struct Arguments {
+    /// Traces
+    #[arg(required_unless_present = "list")]
+    traces: Vec<PathBuf>,
+    /// Name the skips and their switches
+    #[arg(long)]
+    list: bool,
+    /// A built-in configuration, or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
+    config: String,
+    /// Set one knob of the configuration; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if arguments.list {
+        for skip in SKIPS {
+            println!("{}: {}\n  {}", skip.name, skip.what, skip.switch);
+        }
+        return Ok(Verdict::Done);
+    }
+    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let mut verdict = Verdict::Done;
+    for path in &arguments.traces {
+        let trace = import::open(path)?;
+        let name = path.display().to_string();
+        let found = savings(&trace, &config, RUNS).with_context(|| name.clone())?;
+        println!("{}", table(&name, &found));
+        if found.iter().any(|saving| saving.differs.is_some()) {
+            verdict = Verdict::Failed;
+        }
+    }
+    Ok(verdict)
+}

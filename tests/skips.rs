@@ -1,0 +1,28 @@
+//! What a scene does not need is skipped, and nothing else changes.
+
+use std::path::Path;
+
+use fillrate::accuracy::skips::{SKIPS, Saving, savings};
+use fillrate::machine::Config;
+use fillrate::trace::Trace;
+
+fn all(trace: &str) -> Vec<Saving> {
+    let trace =
+        Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
+    savings(&trace, &Config::built_in("baseline").expect("it is built in"), 1).expect("all run")
+}
+
+#[test]
+fn skips_change_no_picture_and_save_work() {
+    let found: Vec<Vec<Saving>> = ["cube", "layers"].into_iter().map(all).collect();
+    for saving in found.iter().flatten() {
+        assert_eq!(saving.differs, None, "{}", saving.skip.name);
+    }
+    for (at, skip) in SKIPS.iter().enumerate() {
+        let saves = |saving: &Saving| saving.work.is_some_and(|[on, off]| on < off);
+        // What only the host saves is not counted in work.
+        if found[0][at].work.is_some() {
+            assert!(found.iter().any(|savings| saves(&savings[at])), "{} saves nothing", skip.name);
+        }
+    }
+}
