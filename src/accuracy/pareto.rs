@@ -246,7 +246,9 @@ pub fn plot(fronts: &[Front]) -> String {
         text(&mut out, [legend, TOP + 14.0 + 18.0 * at as f64], "start", color, &name);
     }
     let below = TOP + 32.0 + 18.0 * fronts.len() as f64;
-    text(&mut out, [legend, below], "start", "black", "\u{25cf} sampled  \u{25a0} bound  + published");
+    for (at, entry) in ["\u{25cf} sampled", "\u{25a0} bound", "+ published"].into_iter().enumerate() {
+        text(&mut out, [legend, below + 18.0 * at as f64], "start", "black", entry);
+    }
     out.push_str("</svg>\n");
     out
 }
