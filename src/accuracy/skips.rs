@@ -1,11 +1,12 @@
 //! What is skipped because a scene does not need it: each skip switched off, with what that costs and proof that nothing else changes.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Result;
 
 use crate::machine::Config;
 use crate::render::{self, Skips};
+use crate::run::host::Stopwatch;
 use crate::run::replay::{Fidelity, Options, Replay, replay};
 use crate::sim::Clock;
 use crate::stats::Tree;
@@ -177,7 +178,7 @@ fn differs(skip: &Skip, on: &Replay, off: &Replay) -> Option<String> {
 fn rendered(trace: &Trace, skips: Skips, runs: usize) -> Result<(Vec<Vec<u8>>, Funnel, Duration)> {
     let mut best = None;
     for _ in 0..runs.max(1) {
-        let start = Instant::now();
+        let watch = Stopwatch::start();
         let (mut pictures, mut funnel) = (Vec::new(), Funnel::default());
         let options = render::Options { skips, key: RenderKey::default(), ..render::Options::default() };
         render::render(trace, &options, &mut |event| {
@@ -188,7 +189,7 @@ fn rendered(trace: &Trace, skips: Skips, runs: usize) -> Result<(Vec<Vec<u8>>, F
             }
             Ok(())
         })?;
-        let time = start.elapsed();
+        let time = watch.clock();
         best = match best {
             Some((_, _, least)) if least <= time => best,
             _ => Some((pictures, funnel, time)),
