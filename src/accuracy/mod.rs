@@ -8,7 +8,9 @@
 //! command that it names.
 
 mod depth;
+pub(crate) mod exact;
 mod machine;
+mod memory;
 mod page;
 pub mod pareto;
 mod random;
@@ -190,7 +192,7 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [raster::TARGETS, sorting::TARGETS, depth::TARGETS].into_iter().flatten()
+    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, memory::TARGETS].into_iter().flatten()
 }
 
 /// The target of that name.

@@ -108,28 +108,3 @@ fn the_sum_of_residence_times_is_the_integral_of_occupancy() {
         assert_eq!(machine.sink.residence, integral);
     }
 }
-
-/// Credit: throughput = min(1, B / RTT) for a consumer that takes an item a cycle, RTT = latency + 1; min(1, 1/S) with a
-/// consumer that takes one in S cycles.
-#[test]
-fn throughput_follows_the_credit_formula() {
-    let n = 4000;
-    for latency in [1, 2, 5, 8, 13] {
-        for capacity in 1..20 {
-            for service in [1, 2, 3] {
-                let mut machine = pair(Link::items(capacity, 1, latency), n, 1);
-                machine.sink.a_cycle = 1;
-                machine.sink.rest = service;
-                run(&mut machine, &mut (), Clock::SkipIdle, 1000, |m, _| m.sink.log.len() as u64 == n).unwrap();
-                let (first, last) = (machine.sink.log[0].0, machine.sink.log[n as usize - 1].0);
-                let measured = (n - 1) as f64 / (last - first) as f64;
-                let credit = f64::from(capacity) / (f64::from(latency) + 1.0);
-                let expected = credit.min(1.0 / service as f64);
-                assert!(
-                    (measured / expected - 1.0).abs() <= 1e-3,
-                    "B {capacity} L {latency} S {service}: {measured} {expected}"
-                );
-            }
-        }
-    }
-}

@@ -27,49 +27,6 @@ fn tandem(n: u64, service: &[Cycle], link: Link) -> Tandem {
     Tandem::new(wiring, One(Source::new(n, 1, output)), workers, One(Sink::new(1, input)))
 }
 
-/// T = sum s_j + (n - 1) max s_j, and one hop of latency before each stage and before the sink; the last item enters in its
-/// cycle, so the count of cycles is one more.
-#[test]
-fn stages_of_3_7_2_and_5_cycles_take_7010_for_1000_items() {
-    for clock in [Clock::SkipIdle, Clock::EveryCycle] {
-        for (latency, capacity) in [(1, 2), (1, 1), (3, 4), (2, 16)] {
-            let mut machine = tandem(1000, &[3, 7, 2, 5], Link::items(capacity, 1, latency));
-            run(&mut machine, &mut (), clock, 1000, |m, _| m.sink.log.len() == 1000).unwrap();
-            let hops = 5 * Cycle::from(latency);
-            assert_eq!(machine.wires().now(), 7010 + hops + 1, "latency {latency}, capacity {capacity}");
-        }
-    }
-}
-
-#[test]
-fn any_tandem_follows_the_closed_form_and_keeps_its_accounts() {
-    let mut state = 7u64;
-    let mut random = |bound: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % bound
-    };
-    for _ in 0..50 {
-        let service: Vec<Cycle> = (0..1 + random(5)).map(|_| 2 + random(9)).collect();
-        let n = 1 + random(200);
-        let latency = 1 + random(1) as u32;
-        let mut machine = tandem(n, &service, Link::items(1 + random(4) as u32, 1, latency));
-        run(&mut machine, &mut (), Clock::SkipIdle, 1000, |m, _| m.sink.log.len() as u64 == n).unwrap();
-        let hops = (service.len() as u64 + 1) * Cycle::from(latency);
-        let expected = service.iter().sum::<u64>() + (n - 1) * service.iter().max().unwrap() + hops + 1;
-        assert_eq!(machine.wires().now(), expected, "{service:?}, n {n}");
-        machine.wires_mut().settle();
-        let reading = machine.wires().reading();
-        for unit in &reading.units {
-            assert_eq!(unit.total(), expected);
-        }
-        for (stage, worker) in machine.worker.iter().enumerate() {
-            assert_eq!(worker.items, n, "conservation in stage {stage}");
-            assert_eq!(worker.residence, reading.channels[stage].occupancy, "Little in channel {stage}");
-            assert!(reading.units[1 + stage].busy >= n * service[stage]);
-        }
-    }
-}
-
 /// Doubling the speed of a stage that is not critical changes nothing for the worse; doubling the critical one gives
 /// min(2, next bound).
 #[test]

@@ -1,0 +1,11 @@
+//! Section A: identities that hold on every trace.
+
+mod circuits;
+mod machines;
+pub(crate) mod units;
+
+use super::Target;
+
+/// Targets of the section, in order.
+pub const TARGETS: &[Target] =
+    &[machines::CONSERVATION, circuits::LITTLE, machines::ACCOUNT, machines::CLOCKS, circuits::PIPELINE, circuits::CREDIT];
