@@ -9,7 +9,7 @@ use crossbeam::channel;
 
 use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
-use crate::render::{self, Skips};
+use crate::render::{self, FrameSet, Skips};
 use crate::report::files::{FrameStatistics, Statistics, funnel_tree};
 use crate::report::picture::picture;
 use crate::sim::Clock;
@@ -80,14 +80,14 @@ pub struct Replay {
 
 impl Frame {
     /// A frame that was simulated.
-    pub(super) fn new(frame: FrameReport) -> Frame {
+    fn new(frame: FrameReport) -> Frame {
         let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
         Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }
     }
 }
 
 /// Events in flight between renderer and machine; segments are bounded, and so is what waits.
-pub(super) const EVENTS_IN_FLIGHT: usize = 8;
+const EVENTS_IN_FLIGHT: usize = 8;
 
 /// Replays a trace. `progress` hears the number of each finished frame.
 ///
@@ -190,15 +190,28 @@ fn functional_tree(funnel: &Funnel) -> Tree {
     tree
 }
 
-fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
-    let watch = Stopwatch::start();
+/// What simulating some frames came to.
+pub(super) struct Simulated {
+    /// These frames.
+    pub frames: Vec<Frame>,
+    /// Their statistics together.
+    pub total: Tree,
+    /// Host time in the machine.
+    pub machine_time: Duration,
+}
+
+/// Replays some frames of a trace on the machine, renderer and machine side by side.
+///
+/// # Errors
+/// If the trace cannot be rendered, or the machine stops.
+pub(super) fn simulate(
+    trace: &Trace,
+    options: &Options,
+    frames: FrameSet,
+    progress: &(dyn Fn(u32) + Sync),
+) -> Result<Simulated> {
     let mut machine = Machine::new(&options.config)?;
-    let render_options = render::Options {
-        record: true,
-        frames: options.frames.clone().into(),
-        skips: Skips::default(),
-        key: options.config.render_key(),
-    };
+    let render_options = render::Options { record: true, frames, skips: Skips::default(), key: options.config.render_key() };
     let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
     std::thread::scope(|scope| {
         // The machine's thread sees the end of the stream when the sender goes with the renderer.
@@ -214,8 +227,14 @@ fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> R
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
         // What the renderer says comes first: a machine that lost its input has nothing to add.
         rendered?;
-        Ok(Replay { frames, total: run?.total, machine_time, clock_time: watch.clock() })
+        Ok(Simulated { frames, total: run?.total, machine_time })
     })
+}
+
+fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
+    let watch = Stopwatch::start();
+    let Simulated { frames, total, machine_time } = simulate(trace, options, options.frames.clone().into(), progress)?;
+    Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
 }
 
 /// Writes the files of a replay into a folder, which is made where it is missing.

@@ -7,13 +7,11 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail};
-use crossbeam::channel;
 
 use super::bound::{Bound, FrameEstimate};
 use super::host::Stopwatch;
-use super::replay::{EVENTS_IN_FLIGHT, Frame, Options, Replay};
+use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
-use crate::machine::Machine;
 use crate::render::{self, FrameSet, Skips};
 use crate::stats::{Leaf, Tree};
 use crate::trace::Trace;
@@ -96,32 +94,6 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
     ranges.into_iter().collect()
 }
 
-/// Replays some frames of a trace on the machine and gives their reports.
-fn simulate(
-    trace: &Trace,
-    options: &Options,
-    frames: FrameSet,
-    progress: &(dyn Fn(u32) + Sync),
-) -> Result<(Vec<Frame>, Duration)> {
-    let mut machine = Machine::new(&options.config)?;
-    let render_options = render::Options { record: true, frames, skips: Skips::default(), key: options.config.render_key() };
-    let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
-    std::thread::scope(|scope| {
-        let renderer = scope
-            .spawn(move || render::render(trace, &render_options, &mut |event| send.send(event).map_err(|_| render::Stop)));
-        let busy = Stopwatch::start();
-        let mut frames = Vec::new();
-        let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
-            progress(frame.number);
-            frames.push(Frame::new(frame));
-        });
-        let time = busy.elapsed();
-        renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))??;
-        run?;
-        Ok((frames, time))
-    })
-}
-
 /// Replays a trace with some of its frames simulated; the statistics over all are estimates, with the intervals of the most important.
 ///
 /// # Errors
@@ -144,7 +116,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.frames[frame].number).collect();
     let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
     let simulated = chosen.count();
-    let (frames, machine_time) = simulate(trace, options, chosen, progress)?;
+    let Simulated { frames, machine_time, .. } = simulate(trace, options, chosen, progress)?;
     let mut counted: Vec<Option<Frame>> = frames.into_iter().map(Some).collect();
     let mut take = |number: &u32| {
         let frame = counted.iter_mut().find(|frame| frame.as_ref().is_some_and(|frame| frame.number == *number));
