@@ -7,7 +7,7 @@ use fillrate::gfx::clip::ClipVolume;
 use fillrate::gfx::interpolate::{self, Place, Site, Weights};
 use fillrate::gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupState, Triangle};
 use fillrate::gfx::state::{CullMode, FrontFace, Rect, VertexFormat, Viewport};
-use fillrate::gfx::traverse;
+use fillrate::gfx::traverse::Blocks;
 use fillrate::gfx::vertex::VertexSource;
 use fillrate::num::{LANES, Lanes, QUADS, Words};
 
@@ -58,17 +58,16 @@ fn set_up(samples: u32, vertices: &[[ScreenVertex; 3]]) -> Vec<Triangle> {
 }
 
 /// Traverses all screen tiles that a triangle's bounds touch; returns quads visited.
-fn traverse_all<const S: usize>(t: &Triangle) -> u32 {
+fn traverse_all<const S: usize>(t: &Triangle, blocks: &mut Blocks<S>) -> u32 {
     let mut quads = 0;
     let b = t.bounds;
     for ty in b.y0 / 64..=(b.y1 - 1) / 64 {
         for tx in b.x0 / 64..=(b.x1 - 1) / 64 {
             let tile = Bounds { x0: tx * 64, y0: ty * 64, x1: tx * 64 + 64, y1: ty * 64 + 64 };
-            traverse::blocks::<S>(t, tile, |block| {
-                for quad in block.quads() {
-                    quads += u32::from(black_box(quad.mask) != 0);
-                }
-            });
+            blocks.find(t, tile);
+            for quad in blocks.iter().flat_map(|block| block.quads()) {
+                quads += u32::from(black_box(quad.mask) != 0);
+            }
         }
     }
     quads
@@ -124,11 +123,16 @@ fn setup_and_traversal(c: &mut Criterion) {
             })
         });
         let (one, four) = (set_up(1, &vertices), set_up(4, &vertices));
-        let quads: u32 = one.iter().map(traverse_all::<1>).sum();
+        let (mut in_one, mut in_four) = (Blocks::<1>::new(), Blocks::<4>::new());
+        let quads: u32 = one.iter().map(|t| traverse_all(t, &mut in_one)).sum();
         eprintln!("{name}: {} triangles, {quads} quads", one.len());
         group.throughput(Throughput::Elements(if size > 50.0 { u64::from(quads) } else { one.len() as u64 }));
-        group.bench_function("traverse", |b| b.iter(|| one.iter().map(|t| traverse_all::<1>(black_box(t))).sum::<u32>()));
-        group.bench_function("traverse4x", |b| b.iter(|| four.iter().map(|t| traverse_all::<4>(black_box(t))).sum::<u32>()));
+        group.bench_function("traverse", |b| {
+            b.iter(|| one.iter().map(|t| traverse_all(black_box(t), &mut in_one)).sum::<u32>())
+        });
+        group.bench_function("traverse4x", |b| {
+            b.iter(|| four.iter().map(|t| traverse_all(black_box(t), &mut in_four)).sum::<u32>())
+        });
         group.finish();
     }
 }
@@ -147,10 +151,10 @@ fn blocks(c: &mut Criterion) {
     let mut group = c.benchmark_group("tile");
     group.throughput(Throughput::Elements(64 * 16));
     group.bench_function("full_blocks_as_quads", |b| {
+        let mut blocks = Blocks::<1>::new();
         b.iter(|| {
-            let mut pixels = 0;
-            traverse::blocks::<1>(black_box(&big[0]), tile, |block| pixels += black_box(block.samples[0]).count_ones());
-            pixels
+            blocks.find(black_box(&big[0]), tile);
+            blocks.iter().map(|block| black_box(block.samples[0]).count_ones()).sum::<u32>()
         })
     });
     group.finish();

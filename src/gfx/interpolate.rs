@@ -61,7 +61,7 @@ macro_rules! widest {
                 fn wide($($arg: $type),*) {
                     body($($arg),*)
                 }
-                if is_x86_feature_detected!("avx2") {
+                if crate::gfx::simd::host_has!("avx2") {
                     // SAFETY: the host has AVX2, which is all that the callee asks for.
                     return unsafe { wide($($arg),*) };
                 }

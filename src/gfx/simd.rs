@@ -1,7 +1,19 @@
 //! Compiling a function twice: for the host's baseline and for AVX2, chosen at run time.
 //!
 //! The bodies are the same Rust without fused or reordered arithmetic, so both give the same bits; only the width of the
-//! vectors differs.
+//! vectors differs. `RUSTFLAGS="--cfg portable"` builds without the choice: what such a program writes must be the same bytes.
+
+/// Whether the host has all of these instruction sets, and the build has not left them out.
+macro_rules! host_has {
+    ($($set:tt),+) => { cfg!(not(portable)) $(&& std::arch::is_x86_feature_detected!($set))+ };
+}
+
+/// Whether the host has AVX2 and what came with it.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn has_avx2() -> bool {
+    host_has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt")
+}
 
 /// Defines a function whose body is compiled twice. `wide!` takes the function as it would be written, without `self`:
 ///
@@ -24,7 +36,7 @@ macro_rules! wide {
                 fn vectors $(<$($generic)*>)? ($($arg: $ty),*) $(-> $ret)? {
                     $body($($arg),*)
                 }
-                if std::arch::is_x86_feature_detected!("avx2") {
+                if $crate::gfx::simd::host_has!("avx2") {
                     // SAFETY: the host has AVX2, which is all that the function requires.
                     return unsafe { vectors($($arg),*) };
                 }
@@ -34,4 +46,4 @@ macro_rules! wide {
     )*};
 }
 
-pub(crate) use wide;
+pub(crate) use {host_has, wide};

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use fillrate::gfx::clip::{ClipVolume, Clipped, Polygon};
 use fillrate::gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupState, Triangle};
 use fillrate::gfx::state::{CullMode, FrontFace, Rect, Viewport};
-use fillrate::gfx::traverse;
+use fillrate::gfx::traverse::Blocks;
 
 /// Edge of the target.
 const SIZE: u32 = 128;
@@ -114,12 +114,11 @@ fn walk<const S: usize>(state: &SetupState, primitive: &Triangle, hits: &mut Has
     for tile in 0..(SIZE / 64).pow(2) as u16 {
         let (x0, y0) = (tile % 2 * 64, tile / 2 * 64);
         let area = Bounds { x0, y0, x1: x0 + 64, y1: y0 + 64 };
-        let mut one_way = Vec::new();
-        traverse::blocks::<S>(primitive, area, |block| one_way.push(block));
-        let mut other = Vec::new();
-        traverse::blocks_portable::<S>(primitive, area, &mut |block| other.push(block));
-        assert_eq!(one_way, other, "instruction sets differ");
-        for block in one_way {
+        let (mut one_way, mut other) = (Blocks::<S>::new(), Blocks::<S>::new());
+        one_way.find(primitive, area);
+        other.find_portable(primitive, area);
+        assert_eq!(one_way[..], other[..], "instruction sets differ");
+        for block in one_way.iter() {
             for quad in block.quads() {
                 for bit in 0..4 * S {
                     if quad.mask >> bit & 1 == 0 {

@@ -6,7 +6,7 @@ use super::draw::{Image, flip_rule, state, vertex};
 use crate::accuracy::{Random, Row, Section, Setting, Target};
 use crate::gfx::reference::{self, Position};
 use crate::gfx::setup::{self, Bounds, ScreenVertex, Triangle};
-use crate::gfx::traverse;
+use crate::gfx::traverse::Blocks;
 
 pub const ORACLE: Target = Target {
     id: "oracle",
@@ -161,10 +161,10 @@ fn window_at(pixel: Point) -> [i32; 4] {
 fn instruction_sets<const S: usize>(primitive: &Triangle) -> u64 {
     let (x, y) = (primitive.bounds.x0 & !63, primitive.bounds.y0 & !63);
     let area = Bounds { x0: x, y0: y, x1: x + 64, y1: y + 64 };
-    let (mut one, mut other) = (Vec::new(), Vec::new());
-    traverse::blocks::<S>(primitive, area, |block| one.push(block));
-    traverse::blocks_portable::<S>(primitive, area, &mut |block| other.push(block));
-    u64::from(one != other)
+    let (mut one, mut other) = (Blocks::<S>::new(), Blocks::<S>::new());
+    one.find(primitive, area);
+    other.find_portable(primitive, area);
+    u64::from(one[..] != other[..])
 }
 
 /// Samples of a window in which an image differs from the definition, and samples that are covered.

@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn blocks_give_the_bits_of_quads() {
-        if !std::arch::is_x86_feature_detected!("avx2") {
+        if !crate::gfx::simd::host_has!("avx2") {
             return;
         }
         let mut random = Random(7);
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn quads_of_small_triangles_give_the_bits_of_quads() {
-        if !std::arch::is_x86_feature_detected!("avx2") {
+        if !crate::gfx::simd::host_has!("avx2") {
             return;
         }
         let area = Bounds { x0: 0, y0: 0, x1: 64, y1: 64 };

@@ -256,7 +256,7 @@ mod tests {
             let inside = |i: i64, j: i64| wide.iter().all(|&[a, b, c]| c + ((a * i + b * j) << shift) >= 0);
             let (quads, rows) = (Portable::quads(&edges, c), Portable::rows(&edges, c));
             #[cfg(target_arch = "x86_64")]
-            if is_x86_feature_detected!("avx2") {
+            if crate::gfx::simd::host_has!("avx2") {
                 assert_eq!((quads, rows), (Avx2::quads(&edges, c), Avx2::rows(&edges, c)), "{wide:?}");
             }
             for j in 0..8 {

@@ -10,13 +10,13 @@
 use crate::gfx::setup::{Bounds, Edge, Triangle};
 use crate::num::SUBPIXEL;
 
-use super::{Block, emit};
+use super::{Block, Blocks, emit};
 
 const HALF: i64 = (SUBPIXEL / 2) as i64;
 
 /// Visits the pixels that a line draws.
 #[inline(never)]
-pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, visit: &mut impl FnMut(Block<S>)) {
+pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, found: &mut Blocks<S>) {
     let start = line.start.map(i64::from);
     let d = [i64::from(line.edges[1].a), i64::from(line.edges[1].b)];
     // Along the major axis there is one pixel a step.
@@ -56,7 +56,7 @@ pub(super) fn diamond_exit<const S: usize>(line: &Triangle, bounds: Bounds, visi
     for (i, &mask) in rows.iter().enumerate() {
         if mask != 0 {
             let (x, y) = (bx as u16 + 8 * (i as u16 & 7), by as u16 + 8 * (i as u16 >> 3));
-            emit(Block { x, y, full: false, samples: [mask; S] }, visit);
+            emit(Block { x, y, full: false, samples: [mask; S] }, found);
         }
     }
 }

@@ -11,13 +11,19 @@
 mod kernel;
 mod line;
 
+use std::ops::Deref;
+
 use crate::num::{Fx8, SUBPIXEL};
 
 use super::setup::{Bounds, Edge, SAMPLES_1, SAMPLES_4, Shape, Triangle};
+use super::simd::has_avx2;
 use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, reduce};
 
 /// Edge length of the largest area that one call walks, in pixels.
 pub const TILE: u16 = 64;
+
+/// Blocks of such an area.
+const TILE_BLOCKS: usize = 64;
 
 /// Coverage of an aligned block of 8x8 pixels with `S` samples each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,45 +95,82 @@ const fn positions<const S: usize>() -> [[Fx8; 2]; S] {
     out
 }
 
-/// Visits the blocks of `area` in which the primitive covers a sample, in row-major order.
+/// The blocks of an area that a primitive covers, in row-major order.
 ///
-/// `S` is 1 or 4, the sample count that the primitive was set up with. `area` is at most [`TILE`] pixels wide and high and its
-/// upper left corner a multiple of 8. The visitor is compiled into the loop for the host's best instruction set.
-#[inline]
-pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, mut visit: impl FnMut(Block<S>)) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn wide<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
-            walk::<kernel::Avx2, S>(primitive, area, visit);
-        }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the host has AVX2, which is all that the callee asks for.
-            return unsafe { wide(primitive, area, &mut visit) };
-        }
+/// A list and no visitor, so that the code that finds them exists once for all that is done with them.
+pub struct Blocks<const S: usize> {
+    all: [Block<S>; TILE_BLOCKS],
+    n: usize,
+}
+
+impl<const S: usize> Blocks<S> {
+    /// Room for a tile's; none yet.
+    pub fn new() -> Blocks<S> {
+        Blocks { all: [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS], n: 0 }
     }
-    walk::<Portable, S>(primitive, area, &mut visit);
+
+    #[inline(always)]
+    fn push(&mut self, block: Block<S>) {
+        // An area has no more: the mask only tells the compiler so.
+        self.all[self.n & (TILE_BLOCKS - 1)] = block;
+        self.n += 1;
+    }
+
+    /// Finds the blocks of `area` in which the primitive covers a sample, in place of those from before.
+    ///
+    /// `S` is 1 or 4, the sample count that the primitive was set up with. `area` is at most [`TILE`] pixels wide and high and its
+    /// upper left corner a multiple of 8.
+    pub fn find(&mut self, primitive: &Triangle, area: Bounds) {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the host has these instructions.
+            return unsafe { self.find_avx2(primitive, area) };
+        }
+        self.find_portable(primitive, area);
+    }
+
+    /// As [`Self::find`] for a caller that is itself compiled for these instructions.
+    ///
+    /// # Safety
+    /// The host has these instructions. A caller compiled for them says so by being one; any other has to know.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    pub fn find_avx2(&mut self, primitive: &Triangle, area: Bounds) {
+        self.n = 0;
+        walk::<kernel::Avx2, S>(primitive, area, self);
+    }
+
+    /// As [`Self::find`] without looking at the host.
+    pub fn find_portable(&mut self, primitive: &Triangle, area: Bounds) {
+        self.n = 0;
+        walk::<Portable, S>(primitive, area, self);
+    }
 }
 
-/// As [`blocks`] for a caller that is itself compiled for these instructions, so that its visitor is too.
-///
-/// # Safety
-/// The host has these instructions. A caller compiled for them says so by being one; any other has to know.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-#[inline]
-pub fn blocks_avx2<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
-    walk::<kernel::Avx2, S>(primitive, area, visit);
+impl<const S: usize> Default for Blocks<S> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
-/// As [`blocks`] without looking at the host.
-#[inline]
-pub fn blocks_portable<const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
-    walk::<Portable, S>(primitive, area, visit);
+impl<const S: usize> Deref for Blocks<S> {
+    type Target = [Block<S>];
+
+    #[inline(always)]
+    fn deref(&self) -> &[Block<S>] {
+        &self.all[..self.n.min(TILE_BLOCKS)]
+    }
+}
+
+/// Visits the blocks of `area` in which the primitive covers a sample: [`Blocks::find`] where time does not matter.
+pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, visit: impl FnMut(Block<S>)) {
+    let mut found = Blocks::new();
+    found.find(primitive, area);
+    found.iter().copied().for_each(visit);
 }
 
 #[inline(always)]
-fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, visit: &mut impl FnMut(Block<S>)) {
+fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, found: &mut Blocks<S>) {
     const { assert!(S == 1 || S == 4, "samples a pixel") };
     let bounds = primitive.bounds.intersect(&area);
     if bounds.is_empty() {
@@ -139,16 +182,16 @@ fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, visit: &m
             let [e0, e1, e2] = &primitive.edges;
             let tie = |e: &Edge| i64::from(!e.is_top_left());
             let ties = [tie(e0), tie(e1), tie(e2)];
-            convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, visit);
+            convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, found);
         }
-        Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, visit),
-        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), &[0; 4], primitive.base(), bounds, visit),
+        Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, found),
+        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), &[0; 4], primitive.base(), bounds, found),
         Shape::Point if S == 1 => {
             // The bounds are the pixel.
             let (x, y) = (bounds.x0 & !7, bounds.y0 & !7);
-            visit(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
+            found.push(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
         }
-        Shape::Point => convex::<K, _, _>(&line::square(primitive), &[0; 4], primitive.base(), bounds, visit),
+        Shape::Point => convex::<K, _, _>(&line::square(primitive), &[0; 4], primitive.base(), bounds, found),
     }
 }
 
@@ -168,14 +211,14 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     ties: &[i64; N],
     base: [i32; 2],
     bounds: Bounds,
-    visit: &mut impl FnMut(Block<S>),
+    found: &mut Blocks<S>,
 ) {
     let (bx, by) = (bounds.x0 & !7, bounds.y0 & !7);
     let columns = (bounds.x1 - bx).div_ceil(8);
     let rows = (bounds.y1 - by).div_ceil(8);
     let (wx, wy) = (bounds.x0 & !1, bounds.y0 & !1);
     if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
-        return small::<K, _, _>(edges, ties, base, [wx, wy], bounds, visit);
+        return small::<K, _, _>(edges, ties, base, [wx, wy], bounds, found);
     }
     // The constants at the first block of this area.
     let (dx, dy) = ((i32::from(bx) - base[0]) * SUBPIXEL, (i32::from(by) - base[1]) * SUBPIXEL);
@@ -186,7 +229,7 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     if columns * rows <= 4 {
         for row in 0..rows {
             for column in 0..columns {
-                block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, visit);
+                block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
             }
         }
         return;
@@ -217,9 +260,9 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
             let (x, y) = (bx + 8 * column, by + 8 * row);
             let whole = x >= bounds.x0 && y >= bounds.y0 && x + 8 <= bounds.x1 && y + 8 <= bounds.y1;
             let mask = if whole { !0 } else { rectangle_mask(bounds, x, y) };
-            visit(Block { x, y, full: whole, samples: [mask; S] });
+            found.push(Block { x, y, full: whole, samples: [mask; S] });
         } else {
-            block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, visit);
+            block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
         }
     }
 }
@@ -248,7 +291,7 @@ fn block<K: Kernel, const N: usize, const S: usize>(
     [bx, by]: [u16; 2],
     [column, row]: [u16; 2],
     bounds: Bounds,
-    visit: &mut impl FnMut(Block<S>),
+    found: &mut Blocks<S>,
 ) {
     let (dx, dy) = (i32::from(column) * 8 * SUBPIXEL, i32::from(row) * 8 * SUBPIXEL);
     let mut c = [0; N];
@@ -258,14 +301,14 @@ fn block<K: Kernel, const N: usize, const S: usize>(
     let (x, y) = (bx + 8 * column, by + 8 * row);
     let allowed = rectangle_mask(bounds, x, y);
     let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
-    emit(Block { x, y, full: false, samples }, visit);
+    emit(Block { x, y, full: false, samples }, found);
 }
 
 #[inline(always)]
-fn emit<const S: usize>(mut block: Block<S>, visit: &mut impl FnMut(Block<S>)) {
+fn emit<const S: usize>(mut block: Block<S>, found: &mut Blocks<S>) {
     if block.pixels() != 0 {
         block.full = block.samples.iter().all(|&m| m == !0);
-        visit(block);
+        found.push(block);
     }
 }
 
@@ -277,7 +320,7 @@ fn small<K: Kernel, const N: usize, const S: usize>(
     base: [i32; 2],
     [wx, wy]: [u16; 2],
     bounds: Bounds,
-    visit: &mut impl FnMut(Block<S>),
+    found: &mut Blocks<S>,
 ) {
     let (bx, by) = (wx & !7, wy & !7);
     let (dx, dy) = ((i32::from(wx) - base[0]) * SUBPIXEL, (i32::from(wy) - base[1]) * SUBPIXEL);
@@ -295,7 +338,7 @@ fn small<K: Kernel, const N: usize, const S: usize>(
     if bounds.x1 <= bx + 8 && bounds.y1 <= by + 8 {
         // A quad to the right is 4 bits up, a quad down 16.
         let up = 4 * (4 - qx) + 16 * (4 - qy);
-        return emit(Block { x: bx, y: by, full: false, samples: samples.map(|m| m << up) }, visit);
+        return emit(Block { x: bx, y: by, full: false, samples: samples.map(|m| m << up) }, found);
     }
     let upper = ROWS_BELOW[2 * qy as usize];
     let left = COLUMNS_BELOW[2 * qx as usize];
@@ -307,7 +350,7 @@ fn small<K: Kernel, const N: usize, const S: usize>(
                 let m = if i == 0 { m << (4 * (4 - qx)) } else { m.checked_shr(4 * qx).unwrap_or(0) };
                 if j == 0 { m << (16 * (4 - qy)) } else { m.checked_shr(16 * qy).unwrap_or(0) }
             };
-            emit(Block { x, y, full: false, samples: samples.map(place) }, visit);
+            emit(Block { x, y, full: false, samples: samples.map(place) }, found);
         }
     }
 }

@@ -153,7 +153,7 @@ pub fn late_setup(frame: &Frame<'_>, record: bool) -> bool {
 /// Whether small triangles may be set up together, given that setup is left to the tiles.
 pub fn mark_small(frame: &Frame<'_>) -> bool {
     #[cfg(target_arch = "x86_64")]
-    let wide = super::frame::has_avx2();
+    let wide = crate::gfx::simd::has_avx2();
     #[cfg(not(target_arch = "x86_64"))]
     let wide = false;
     let tests = !frame.early || frame.depth.is_none() || frame.tests_blocks;

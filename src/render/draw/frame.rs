@@ -384,12 +384,4 @@ impl Workers {
     }
 }
 
-/// Whether the host has AVX2 and what came with it.
-#[cfg(target_arch = "x86_64")]
-#[inline]
-pub fn has_avx2() -> bool {
-    use std::arch::is_x86_feature_detected as has;
-    has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt")
-}
-
 const _: () = assert!(LANES == 64, "masks of blocks are lane masks");

@@ -20,7 +20,7 @@ impl Batch {
             fn wide(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
                 batch.assemble_here::<true>(input, pairs);
             }
-            if super::frame::has_avx2() {
+            if crate::gfx::simd::has_avx2() {
                 // SAFETY: the host has every instruction set that the function is compiled for.
                 return unsafe { wide(self, input, pairs) };
             }

@@ -20,7 +20,7 @@ impl TileRun<'_, '_, '_> {
             fn wide<const S: usize, const RECORD: bool>(run: &mut TileRun<'_, '_, '_>) {
                 run.flush_here::<S, RECORD>();
             }
-            if super::frame::has_avx2() {
+            if crate::gfx::simd::has_avx2() {
                 // SAFETY: the host has every instruction set that the function is compiled for.
                 return unsafe { wide::<S, RECORD>(self) };
             }

@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::gfx::setup::{Bounds, Triangle};
-use crate::gfx::traverse::{self, Block};
-use crate::render::surface::{TILE_BLOCKS, TileMut};
+use crate::gfx::traverse::{Block, Blocks};
+use crate::render::surface::TileMut;
 use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
 
@@ -103,7 +103,7 @@ fn dispatch<const S: usize, const RECORD: bool>(
         ) -> Result<(), ShaderFault> {
             run::<S, RECORD, true>(input, worker, job)
         }
-        if super::frame::has_avx2() {
+        if crate::gfx::simd::has_avx2() {
             // SAFETY: the host has every instruction set that the function is compiled for.
             return unsafe { wide::<S, RECORD>(input, worker, job) };
         }
@@ -144,7 +144,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         number: 0,
         slot: u32::MAX,
     };
-    let mut blocks = [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS];
+    let mut blocks = Blocks::new();
     let references = &mut worker.pairs;
     references.clear();
     for (b, batch) in input.batches.iter().enumerate().skip(start.0) {
@@ -221,28 +221,22 @@ impl TileRun<'_, '_, '_> {
         b: u32,
         number: u32,
         area: Bounds,
-        blocks: &mut [Block<S>; TILE_BLOCKS],
+        blocks: &mut Blocks<S>,
     ) {
         let batch = &self.input.batches[b as usize];
         let triangle = &batch.set_up(number as usize, self.frame, self.input.vertices);
         (self.batch, self.number, self.slot) = (b, number, u32::MAX);
-        // Traversal only collects: the work on a block is then compiled once, in here, for this function's instructions.
-        let mut n = 0;
-        let mut collect = |block| {
-            blocks[n & (TILE_BLOCKS - 1)] = block;
-            n += 1;
-        };
         #[cfg(target_arch = "x86_64")]
         if WIDE {
             // SAFETY: `dispatch` has found the instruction sets on this host.
-            unsafe { traverse::blocks_avx2::<S>(triangle, area, &mut collect) };
+            unsafe { blocks.find_avx2(triangle, area) };
         } else {
-            traverse::blocks_portable::<S>(triangle, area, &mut collect);
+            blocks.find_portable(triangle, area);
         }
         #[cfg(not(target_arch = "x86_64"))]
-        traverse::blocks_portable::<S>(triangle, area, &mut collect);
+        blocks.find_portable(triangle, area);
         let mut covered = false;
-        for block in &blocks[..n] {
+        for block in blocks.iter() {
             covered |= self.block::<S, RECORD, WIDE>(triangle, *block);
         }
         if covered {

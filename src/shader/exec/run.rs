@@ -49,12 +49,9 @@ pub(super) fn dispatch<const RECORD: bool>(
     recorder: &mut Scratch,
 ) -> Stop {
     #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::is_x86_feature_detected as has;
-        if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("lzcnt") && has!("popcnt") {
-            // SAFETY: the host has all the instruction sets that the function is compiled for.
-            return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
-        }
+    if crate::gfx::simd::has_avx2() {
+        // SAFETY: the host has all the instruction sets that the function is compiled for.
+        return unsafe { run_avx2::<RECORD>(machine, file, masks, recorder) };
     }
     run::<RECORD>(machine, file, masks, recorder)
 }

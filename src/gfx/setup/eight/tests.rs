@@ -5,7 +5,7 @@ use crate::gfx::traverse;
 
 #[test]
 fn eight_at_once_are_eight_one_by_one() {
-    if !std::arch::is_x86_feature_detected!("avx2") {
+    if !crate::gfx::simd::host_has!("avx2") {
         return;
     }
     let mut seed = 11_u64;
@@ -88,7 +88,7 @@ fn eight_at_once_are_eight_one_by_one() {
 
 #[test]
 fn bounds_of_eight_are_those_of_each() {
-    if !std::arch::is_x86_feature_detected!("avx2") {
+    if !crate::gfx::simd::host_has!("avx2") {
         return;
     }
     let mut seed = 5_u64;
