@@ -15,6 +15,7 @@ mod page;
 pub mod pareto;
 mod random;
 mod raster;
+mod rates;
 pub mod skips;
 mod sorting;
 pub mod synthetic;
@@ -192,7 +193,7 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, memory::TARGETS].into_iter().flatten()
+    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, memory::TARGETS, rates::TARGETS].into_iter().flatten()
 }
 
 /// The target of that name.
