@@ -287,3 +287,17 @@ fn accuracy_lists_its_targets_and_fails_with_a_fault() {
     assert_eq!(json["targets"][0]["rows"][0]["allowed"], 0.0);
     assert!(refused(&["accuracy", "integershift"]).contains("integer-shift is the nearest"));
 }
+
+#[test]
+fn a_reader_who_goes_away_is_no_error() {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_fillrate"))
+        .args(["inspect", "traces/cube", "--commands"])
+        .stdout(writer)
+        .stderr(std::process::Stdio::piped())
+        .output()
+        .expect("the program runs");
+    assert_eq!(output.status.code(), Some(141));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}

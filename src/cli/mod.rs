@@ -1,5 +1,15 @@
 //! Floor 7: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
 
+/// As the standard one, for a reader who may go away: see [`say`].
+macro_rules! print {
+    ($($text:tt)*) => { $crate::cli::say(format_args!($($text)*)) };
+}
+
+/// As [`print`], with the end of a line.
+macro_rules! println {
+    ($($text:tt)*) => { $crate::cli::say(format_args!("{}\n", format_args!($($text)*))) };
+}
+
 mod accuracy;
 mod compare;
 mod configs;
@@ -9,7 +19,8 @@ mod pareto;
 mod replay;
 mod skips;
 
-use std::process::ExitCode;
+use std::io::{ErrorKind, Write};
+use std::process::{ExitCode, exit};
 
 use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
@@ -41,6 +52,20 @@ enum Verdict {
     Done,
     /// Done, and what was checked did not hold.
     Failed,
+}
+
+/// Exit code of a program whose reader has gone: what shells report for one that the signal of a broken pipe has ended.
+const READER_GONE: i32 = 141;
+
+/// Writes to the standard output. Where nobody reads on (`fillrate replay … | head`), the program ends without a word.
+fn say(text: std::fmt::Arguments<'_>) {
+    if let Err(error) = std::io::stdout().write_fmt(text) {
+        if error.kind() == ErrorKind::BrokenPipe {
+            exit(READER_GONE);
+        }
+        eprintln!("error: cannot write to the standard output: {error}");
+        exit(2);
+    }
 }
 
 /// Makes so many threads those that everything runs on.

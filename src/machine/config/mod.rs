@@ -4,6 +4,7 @@
 //! of `key: value`, with `extends: "NAME"` for the configuration that it changes. The baseline is complete and extends nothing.
 
 mod knobs;
+mod places;
 mod read;
 mod text;
 

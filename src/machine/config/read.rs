@@ -1,8 +1,10 @@
 //! From text to configuration.
 
 use ron::Value;
+use ron::error::Position;
 use ron::value::Number;
 
+use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
 use crate::num::edits;
 use crate::unit::knob::{Allowed, Setting};
@@ -13,8 +15,17 @@ type Written = (String, Setting);
 /// Reads a configuration, base first; `depth` counts how often one extends another.
 pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> {
     let syntax = |message: String| ConfigError::Syntax { file: file.to_owned(), message };
-    let value: Value = ron::from_str(text).map_err(|error| syntax(error.to_string()))?;
+    let value: Value = ron::from_str(text).map_err(|error| {
+        let Position { line, col } = error.span.start;
+        ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: error.code.to_string() }
+    })?;
     let Value::Map(map) = value else { return Err(syntax("a configuration is (key: value, …)".to_owned())) };
+    let places = places::keys(text);
+    for (n, place) in places.iter().enumerate() {
+        if places[..n].iter().any(|before| before.path == place.path) {
+            return Err(ConfigError::Syntax { file: at(file, place), message: format!("{} is given twice", place.path) });
+        }
+    }
     let (mut base, mut written) = (None, Vec::new());
     for (key, value) in map.iter() {
         let Value::String(key) = key else { return Err(syntax(format!("a key is a name, not {key:?}"))) };
@@ -39,9 +50,15 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
     };
     config.name = file.to_owned();
     for (path, setting) in &written {
-        apply(&mut config, file, path, setting)?;
+        let place = places.iter().find(|place| place.path == *path);
+        apply(&mut config, &place.map_or(file.to_owned(), |place| at(file, place)), path, setting)?;
     }
     Ok(config)
+}
+
+/// A place as messages name it.
+fn at(file: &str, Place { at: [line, column], .. }: &Place) -> String {
+    format!("{file}:{line}:{column}")
 }
 
 /// `path.to.key=value`.
@@ -86,10 +103,6 @@ fn flatten(file: &str, path: String, value: &Value, written: &mut Vec<Written>) 
         },
         other => Setting::Name(format!("{other:?}")),
     };
-    if written.iter().any(|(known, _)| *known == path) {
-        let message = format!("{path} is given twice");
-        return Err(ConfigError::Syntax { file: file.to_owned(), message });
-    }
     written.push((path, setting));
     Ok(())
 }

@@ -51,17 +51,17 @@ fn message(text: &str) -> String {
 #[test]
 fn wrong_values_are_refused_by_key_value_and_range() {
     let base = |rest: &str| format!("(extends: \"baseline\", {rest})");
-    assert_eq!(message(&base("pipelines: 65")), "mine.ron: pipelines is 65, and must be a whole number from 1 to 64");
+    assert_eq!(message(&base("pipelines: 65")), "mine.ron:1:23: pipelines is 65, and must be a whole number from 1 to 64");
     assert_eq!(
         message(&base("core: (warp_width: 24)")),
-        "mine.ron: core.warp_width is 24, and must be a power of two from 4 to 64"
+        "mine.ron:1:30: core.warp_width is 24, and must be a power of two from 4 to 64"
     );
     assert_eq!(
         message(&base("distribute: (overlap: \"none\")")),
-        "mine.ron: distribute.overlap is \"none\", and must be one of \"exact\", \"bounding-box\""
+        "mine.ron:1:36: distribute.overlap is \"none\", and must be one of \"exact\", \"bounding-box\""
     );
-    assert_eq!(message(&base("pipelines: -1")), "mine.ron: pipelines is -1, and must be a whole number from 1 to 64");
-    assert_eq!(message(&base("scanout: (enabled: 1)")), "mine.ron: scanout.enabled is 1, and must be true or false");
+    assert_eq!(message(&base("pipelines: -1")), "mine.ron:1:23: pipelines is -1, and must be a whole number from 1 to 64");
+    assert_eq!(message(&base("scanout: (enabled: 1)")), "mine.ron:1:33: scanout.enabled is 1, and must be true or false");
     assert_eq!(
         message(&base("memory: (l2: (slices: 3))")),
         "mine.ron: memory.l2.slices is 3, and must be a multiple of memory.dram.channels, which is 4"
@@ -72,11 +72,13 @@ fn wrong_values_are_refused_by_key_value_and_range() {
 fn unknown_keys_are_errors_with_the_nearest_known_one() {
     assert_eq!(
         message("(extends: \"baseline\", core: (warp_with: 32))"),
-        "mine.ron: there is no key core.warp_with; core.warp_width is the nearest"
+        "mine.ron:1:30: there is no key core.warp_with; core.warp_width is the nearest"
     );
     assert_eq!(message("(extends: \"basline\")").split(';').next(), Some("mine.ron: there is no configuration basline"));
+    let twice = "(extends: \"baseline\",\n  core: (warps: 4, warps: 8))";
+    assert_eq!(message(twice), "mine.ron:2:20: core.warps is given twice");
     assert!(message("(pipelines: 4)").contains("clock_mhz is missing"), "{}", message("(pipelines: 4)"));
-    assert!(message("(extends: \"baseline\", pipelines: )").contains("mine.ron: 1:"), "the place is named");
+    assert!(message("(extends: \"baseline\", pipelines: )").starts_with("mine.ron:1:3"), "the place is named");
 }
 
 #[test]
@@ -162,7 +164,9 @@ fn every_knob_takes_its_ends_and_refuses_what_is_beyond_by_key_value_and_range()
             let error = config.set(&format!("{path}={value}")).unwrap_err().to_string();
             assert_eq!(error, format!("--set: {rest}"));
             assert_eq!(config, Config::built_in("baseline").unwrap(), "{path} has changed all the same");
-            assert_eq!(message(&changing(&path, &value)), format!("mine.ron: {rest}"));
+            let text = changing(&path, &value);
+            let column = text.rfind(path.rsplit('.').next().unwrap_or(&path)).expect("the key") + 1;
+            assert_eq!(message(&text), format!("mine.ron:1:{column}: {rest}"));
             refused += 1;
         }
     }
