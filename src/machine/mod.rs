@@ -144,7 +144,13 @@ impl Machine {
             self.circuit.wires_mut().wake_all();
             let patience = u64::from(self.config.card.watchdog);
             let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
-                let done = card.events.is_empty() && (!card.closed || circuit.command.idle());
+                // Whether a pass has draws the command processor sees at the event behind its begin.
+                let short = match card.events.front() {
+                    None => true,
+                    Some(Event::BeginPass(_)) => !card.closed && card.events.len() == 1,
+                    Some(_) => false,
+                };
+                let done = short && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
                 card.fault.is_some() || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }

@@ -182,6 +182,7 @@ fn read(machine: &mut Machine) -> Reading {
     circuit.bin.iter().for_each(|unit| order += unit.order());
     let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
     let waits = waits(machine);
+    tree.child("command").extend(circuit.command.counts().tree());
     for unit in &circuit.bin {
         tree.child("binning").extend(unit.counts().tree());
     }

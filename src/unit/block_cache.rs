@@ -3,11 +3,12 @@
 use std::collections::VecDeque;
 
 use super::compression::Compression;
-use super::frame::{BlockState, Frame};
+use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use crate::mem::{MemoryPort, requests};
 use crate::sim::{Tick, Wires};
+use crate::work::BLOCK;
 
 crate::counters! {
     /// What a ROP cache moves.
@@ -22,7 +23,23 @@ crate::counters! {
         compressed: "blocks",
         /// Bytes that compression kept from being written.
         bytes_saved: "bytes",
+        /// Blocks that were not read because all that was kept of them was written anew.
+        overwritten: "blocks",
     }
+}
+
+/// Quads of a block, a bit each by their position: what a user writes whole of it, and what in part or reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quads {
+    /// Written whole, whatever was there.
+    pub whole: u16,
+    /// Of which something is kept or read.
+    pub part: u16,
+}
+
+impl Quads {
+    /// All of a block may be read.
+    pub const ANY: Quads = Quads { whole: 0, part: u16::MAX };
 }
 
 /// What is known of a block in the cache.
@@ -33,6 +50,8 @@ struct Line {
     /// Users between lookup and use.
     pins: u32,
     dirty: bool,
+    /// Quads that are in memory only: the block has not been read, and they have not been written since.
+    absent: u16,
 }
 
 /// A transfer to come.
@@ -54,8 +73,17 @@ pub struct BlockCache {
     memory: MemoryPort,
     compression: Compression,
     counts: BlockCounts,
-    /// Where writing back has got to.
+    /// Where writing back has got to, and before it the reading of what is absent from blocks that are to be written back.
     flushing: usize,
+    completing: usize,
+}
+
+/// The quads of a block that lie in its surface.
+fn inside(store: &Store, block: u32) -> u16 {
+    let (x, y) = (block % store.across * BLOCK, block / store.across * BLOCK);
+    let quads = |size: u32, from: u32| (size - from).div_ceil(2).min(BLOCK / 2);
+    let row = (1_u32 << quads(store.surface.width, x)) - 1;
+    (0..quads(store.surface.height, y)).fold(0, |mask, y| mask | (row << (4 * y)) as u16)
 }
 
 /// Operations that may wait for the memory port: enough for the largest block's write-back and fill.
@@ -77,6 +105,7 @@ impl BlockCache {
             compression,
             counts: BlockCounts::default(),
             flushing: 0,
+            completing: 0,
         }
     }
 
@@ -143,8 +172,20 @@ impl BlockCache {
         self.send(address, bytes, true);
     }
 
-    /// Pins a block in the cache and says in which place, bringing it in if it is missing. Of a dirty block that had to leave,
-    /// the number is put into `left`.
+    /// Reads what is absent of a block in the cache.
+    fn complete(&mut self, frame: &Frame, place: usize) {
+        let Some(key) = self.tags.key(place) else { return };
+        if let Some((address, bytes)) = frame.stores[(key >> 32) as usize].stored(key as u32) {
+            self.counts.fills += 1;
+            self.send(address, bytes, false);
+        }
+        let needs = self.misses.issued().wrapping_add(self.unsent());
+        let line = self.tags.data(place);
+        (line.absent, line.needs) = (0, needs);
+    }
+
+    /// Pins a block in the cache and says in which place, bringing it in if it is missing and any of it is needed: `quads` says what
+    /// of it is. Of a dirty block that had to leave, the number is put into `left`.
     ///
     /// # Errors
     /// Why it has to wait.
@@ -154,18 +195,48 @@ impl BlockCache {
         frame: &mut Frame,
         surface: usize,
         block: u32,
+        quads: Quads,
         left: &mut Option<(usize, u32)>,
     ) -> Result<usize, Stall> {
         let key = key(surface, block);
         if let Some(place) = self.tags.find(key) {
-            self.tags.data(place).pins += 1;
+            let line = self.tags.data(place);
+            line.pins += 1;
+            if line.absent != 0 {
+                return self.add(frame, place, quads);
+            }
             return Ok(place);
         }
-        self.fill(frame, surface, block, left)
+        self.fill(frame, surface, block, quads, left)
+    }
+
+    /// Goes on with a pinned block of which something is absent.
+    #[inline(never)]
+    fn add(&mut self, frame: &Frame, place: usize, quads: Quads) -> Result<usize, Stall> {
+        let absent = self.tags.data(place).absent;
+        if quads.part & absent == 0 {
+            let absent = absent & !quads.whole;
+            self.tags.data(place).absent = absent;
+            self.counts.overwritten += u64::from(absent == 0);
+            return Ok(place);
+        }
+        if self.outbox.len() + 16 > OUTBOX {
+            self.tags.data(place).pins -= 1;
+            return Err(Tick::Blocked);
+        }
+        self.complete(frame, place);
+        Ok(place)
     }
 
     #[inline(never)]
-    fn fill(&mut self, frame: &mut Frame, surface: usize, block: u32, left: &mut Option<(usize, u32)>) -> Result<usize, Stall> {
+    fn fill(
+        &mut self,
+        frame: &mut Frame,
+        surface: usize,
+        block: u32,
+        quads: Quads,
+        left: &mut Option<(usize, u32)>,
+    ) -> Result<usize, Stall> {
         // A block is at most 16 requests each way.
         if self.outbox.len() + 32 > OUTBOX {
             return Err(Tick::Blocked);
@@ -175,20 +246,39 @@ impl BlockCache {
         if let Some(old) = self.tags.key(place)
             && self.tags.data(place).dirty
         {
+            let Line { absent, needs, .. } = *self.tags.data(place);
+            if absent != 0 {
+                self.complete(frame, place);
+                return Err(Tick::Moved);
+            }
+            if !self.misses.reached(needs) {
+                return Err(Tick::Memory);
+            }
             let (surface, block) = ((old >> 32) as usize, old as u32);
             self.write_back(frame, surface, block);
             *left = Some((surface, block));
         }
         let store = &frame.stores[surface];
+        let mut absent = 0;
+        // A block that is not read waits for nothing.
+        let mut needs = self.misses.frontier();
         match store.stored(block) {
-            None => self.counts.cleared_fills += 1,
-            Some((address, bytes)) => {
-                self.counts.fills += 1;
-                self.send(address, bytes, false);
+            Some(_) if quads.whole != 0 && quads.part == 0 => {
+                absent = inside(store, block) & !quads.whole;
+                self.counts.overwritten += u64::from(absent == 0);
+            }
+            stored => {
+                match stored {
+                    None => self.counts.cleared_fills += 1,
+                    Some((address, bytes)) => {
+                        self.counts.fills += 1;
+                        self.send(address, bytes, false);
+                    }
+                }
+                needs = self.misses.issued().wrapping_add(self.unsent());
             }
         }
-        let needs = self.misses.issued().wrapping_add(self.unsent());
-        self.tags.replace(place, key, Line { needs, pins: 1, dirty: false });
+        self.tags.replace(place, key, Line { needs, pins: 1, dirty: false, absent });
         Ok(place)
     }
 
@@ -212,22 +302,40 @@ impl BlockCache {
     /// back is told to `left`.
     pub fn flush(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
         let mut did = Tick::Memory;
+        while self.completing < self.tags.len() {
+            if self.outbox.len() + 16 > OUTBOX {
+                return did.or(Tick::Blocked);
+            }
+            let place = self.completing;
+            self.completing += 1;
+            let line = *self.tags.data(place);
+            if line.dirty && line.absent != 0 && self.tags.key(place).is_some_and(|key| keep((key >> 32) as usize)) {
+                self.complete(frame, place);
+                return Tick::Moved;
+            }
+        }
         while self.flushing < self.tags.len() {
             if self.outbox.len() + 16 > OUTBOX {
                 return did.or(Tick::Blocked);
             }
             let place = self.flushing;
-            self.flushing += 1;
-            did = Tick::Moved;
             if let Some(key) = self.tags.key(place) {
                 let (surface, block) = ((key >> 32) as usize, key as u32);
-                if self.tags.data(place).dirty && keep(surface) {
+                let Line { dirty, needs, .. } = *self.tags.data(place);
+                let written = dirty && keep(surface);
+                if written && !self.misses.reached(needs) {
+                    return did.or(Tick::Memory);
+                }
+                self.flushing += 1;
+                if written {
                     self.write_back(frame, surface, block);
                 }
                 self.tags.forget(place);
                 // One block a cycle goes through the compressor.
                 return Tick::Moved;
             }
+            self.flushing += 1;
+            did = Tick::Moved;
         }
         did
     }
@@ -258,7 +366,7 @@ impl BlockCache {
     pub fn flushed(&mut self) -> bool {
         let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();
         if done {
-            self.flushing = 0;
+            (self.flushing, self.completing) = (0, 0);
         }
         done
     }

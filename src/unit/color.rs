@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::block_cache::{BlockCache, BlockCounts};
+use super::block_cache::{BlockCache, BlockCounts, Quads};
 use super::card::{Card, Group, Work};
 use super::compression::Compression;
 use super::copies::own;
@@ -37,6 +37,8 @@ crate::knobs! {
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
+        /// Whether a block that is overwritten whole is not read from memory before.
+        skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Blocks whose flags are set a cycle, in each pipeline.
@@ -307,8 +309,8 @@ impl Color {
                 let count = work.colors.len();
                 let first = (usize::from(self.target)..count).find_map(|target| Some((target, writes(target)?)));
                 if let Some((target, surface)) = first {
-                    let mut left = None;
-                    match self.cache.pin(frame, surface, group.block, &mut left) {
+                    let quads = if self.config.skip_reads { quads(frame, work, group, target, surface) } else { Quads::ANY };
+                    match self.cache.pin(frame, surface, group.block, quads, &mut None) {
                         Ok(place) => entry.line = Some(place as u32),
                         Err(stall) => return did.or(stall),
                     }
@@ -338,6 +340,24 @@ impl Color {
             }
         }
     }
+}
+
+/// What a group leaves of the stored colours of its quads in a target.
+fn quads(frame: &Frame, work: &Work, group: &Group, target: usize, surface: usize) -> Quads {
+    if work.colors[target].as_ref().is_none_or(|state| state.reads()) {
+        return Quads::ANY;
+    }
+    let full = u16::MAX >> (16 - 4 * frame.stores[surface].surface.samples);
+    let tile = &work.segment.tiles[group.tile as usize];
+    let mut quads = Quads::default();
+    for (&live, quad) in group.live.iter().zip(&tile.quads[group.first as usize..][..usize::from(group.count)]) {
+        match live {
+            0 => {}
+            live if live == full => quads.whole |= 1 << quad.position,
+            _ => quads.part |= 1 << quad.position,
+        }
+    }
+    quads
 }
 
 /// Where a copy is blended over nothing, to be put over what is behind it later: empties the samples that are blended first.

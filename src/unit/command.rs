@@ -5,13 +5,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
+use super::clears::Clears;
 use super::copies::{self, PassOrder};
-use super::frame::{BlockState, Store};
 use super::phase::PhaseKind;
 use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
-use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::hierarchical::depth_key;
 use crate::gfx::texel;
 use crate::mem::MemoryPort;
@@ -33,6 +32,24 @@ crate::knobs! {
         copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Cycles between two passes, beside those that caches take.
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
+        /// Whether a pass without draws only clears what it clears, and no pipeline hears of it.
+        skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
+        /// Whether flags that are still set since the last clear are left as they are: only the clear value changes.
+        skip_clears: bool ["", Allowed::Switch, "a bit a surface, as drivers keep it that track compressed and cleared surfaces"],
+    }
+}
+
+crate::counters! {
+    /// What the command processor has done for passes, and left out.
+    pub struct CommandCounts {
+        /// Passes that pipelines have drawn.
+        passes: "passes",
+        /// Passes without draws that no pipeline has heard of.
+        empty_passes: "passes",
+        /// Clear flags set.
+        flags_set: "blocks",
+        /// Blocks whose clear flags were set already.
+        kept_flags: "blocks",
     }
 }
 
@@ -113,8 +130,11 @@ pub struct Command {
     stream: Stream,
     /// The depth surface whose hierarchical Z is still true.
     depth_known: Option<SurfaceKey>,
+    /// The depth surface that a pass without draws has cleared since, and its depths as ordered keys.
+    depth_cleared: Option<(SurfaceKey, (u32, u32))>,
     /// The frame that ended.
     ended: Option<EndFrame>,
+    counts: CommandCounts,
     waits: PassWaits,
     items: u64,
 }
@@ -144,7 +164,9 @@ impl Command {
             resolves: VecDeque::new(),
             stream: Stream::new(config.copy_misses),
             depth_known: None,
+            depth_cleared: None,
             ended: None,
+            counts: CommandCounts::default(),
             waits: PassWaits::new(pipelines as usize),
             items: 0,
             config,
@@ -159,6 +181,11 @@ impl Command {
     /// How long each pipeline has waited, at the ends of passes, for the others.
     pub fn waits(&self) -> &PassWaits {
         &self.waits
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> CommandCounts {
+        self.counts
     }
 
     /// Takes the frame that has ended; the machine goes on with the next.
@@ -209,44 +236,69 @@ impl Command {
         moved
     }
 
-    /// Installs a pass: its surfaces, its clears.
-    fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
-        let mut flags = 0;
-        let mut clears = VecDeque::new();
-        let mut color = Vec::with_capacity(pass.color.len());
-        for attachment in &pass.color {
-            color.push(attachment.map(|attachment| {
+    /// Clears what a pass clears of the surfaces themselves; gives the index of each attachment's.
+    fn clear(&self, card: &mut Card, pass: &Pass, clears: &mut Clears) -> (Vec<Option<usize>>, Option<usize>) {
+        let color = pass.color.iter().map(|attachment| {
+            attachment.map(|attachment| {
                 let index = card.frame.surface(&attachment.surface);
                 let store = &mut card.frame.stores[index];
                 store.surface = attachment.surface;
-                if let Load::Clear(value) = attachment.load {
-                    store.clear(texel::encode_code(attachment.surface.format, value));
-                    mark_clear(store, self.fast_clear, &mut flags, &mut clears);
-                }
+                clears.color(store, &attachment);
                 index
-            }));
-        }
-        let color_flags = flags;
+            })
+        });
+        let color = color.collect();
+        clears.color_flags = clears.flags;
         let depth = pass.depth.map(|attachment| {
             let index = card.frame.surface(&attachment.surface);
-            let store = &mut card.frame.stores[index];
-            let whole = clear_depth(store, &attachment);
-            if whole {
-                mark_clear(store, self.fast_clear, &mut flags, &mut clears);
-            }
+            clears.depth(&mut card.frame.stores[index], &attachment);
             index
         });
+        (color, depth)
+    }
+
+    /// Clears of a pass. Where pipelines have copies of surfaces nobody keeps account of whose flags are set.
+    fn clears(&self, card: &Card) -> Clears {
+        let skip = self.config.skip_clears && card.copies.is_empty() && card.seen.is_empty();
+        Clears::new(self.fast_clear, skip)
+    }
+
+    /// Does all that a pass without draws asks for: it clears. The surfaces are in memory, where the pass before has left them.
+    fn skip_pass(&mut self, card: &mut Card, pass: &Pass) -> Cycle {
+        let mut clears = self.clears(card);
+        self.clear(card, pass, &mut clears);
+        if let Some(attachment) = &pass.depth
+            && let Some(bounds) = cleared_depths(attachment)
+        {
+            let key = attachment.surface.key;
+            // Pipelines would still have the bounds of before.
+            self.depth_known = self.depth_known.filter(|&known| known != key);
+            self.depth_cleared = Some((key, bounds));
+        }
+        self.counts.empty_passes += 1;
+        self.counts.flags_set += u64::from(clears.flags);
+        self.counts.kept_flags += clears.kept;
+        self.clears = clears.writes;
+        u64::from(clears.flags).div_ceil(u64::from(self.clears_per_cycle))
+    }
+
+    /// Installs a pass: its surfaces, its clears.
+    fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
+        let mut clears = self.clears(card);
+        let (color, depth) = self.clear(card, pass, &mut clears);
+        self.counts.kept_flags += clears.kept;
+        let Clears { mut flags, color_flags, writes: mut clears, .. } = clears;
         let depth_start = pass.depth.map(|attachment| {
-            let format = attachment.surface.format;
-            let bounds = match attachment.load {
-                Load::Clear(value) if format.has_depth() => {
-                    let key = depth_key(format, texel::depth_code(format, f32::from_bits(value[0])));
-                    Some((key, key))
+            let key = attachment.surface.key;
+            let bounds = match cleared_depths(&attachment) {
+                Some(bounds) => Some(bounds),
+                None if self.depth_known == Some(key) && card.copies.is_empty() => None,
+                None => {
+                    Some(self.depth_cleared.filter(|(cleared, _)| *cleared == key).map_or((0, u32::MAX), |(_, bounds)| bounds))
                 }
-                _ if self.depth_known == Some(attachment.surface.key) && card.copies.is_empty() => None,
-                _ => Some((0, u32::MAX)),
             };
-            self.depth_known = Some(attachment.surface.key);
+            self.depth_known = Some(key);
+            self.depth_cleared = self.depth_cleared.filter(|(cleared, _)| *cleared != key);
             DepthStart { bounds }
         });
         let (across, down) = (pass.width.div_ceil(BLOCK), pass.height.div_ceil(BLOCK));
@@ -298,6 +350,8 @@ impl Command {
                 flags *= pipelines as u32 + 1;
             }
         }
+        self.counts.passes += 1;
+        self.counts.flags_set += u64::from(flags);
         card.pass = Some(state);
         card.interleave.begin_pass(pass.width, pass.height);
         self.clears = clears;
@@ -347,8 +401,21 @@ impl Command {
             }
             Event::BeginPass(pass) => {
                 let pass = pass.clone();
+                let next = card.events.get(1);
+                let skips =
+                    self.config.skip_empty_passes && !pass.color.iter().flatten().any(|target| target.resolve.is_some());
+                if skips && next.is_none() && !card.closed {
+                    return None;
+                }
+                let skipped = skips && matches!(next, Some(Event::EndPass));
                 card.phases.begin(PhaseKind::Pass, pass.number, &pass.label, now);
-                cycles += self.begin_pass(card, &pass);
+                if skipped {
+                    cycles += self.skip_pass(card, &pass);
+                    card.events.pop_front();
+                    self.items += 1;
+                } else {
+                    cycles += self.begin_pass(card, &pass);
+                }
                 card.epoch += 1;
                 self.state = State::Clearing;
             }
@@ -377,11 +444,9 @@ impl Command {
                     card.stop(order(event, "contents of a surface have the wrong number of bytes"));
                     return None;
                 }
-                let full = BlockState::Stored(store.block_bytes() as u16);
-                store.blocks.fill(full);
-                if self.depth_known == Some(contents.surface.key) {
-                    self.depth_known = None;
-                }
+                store.in_memory();
+                let key = contents.surface.key;
+                self.forget_depths(key);
                 cycles = 0;
             }
             Event::Transfer(transfer) => {
@@ -415,6 +480,12 @@ impl Command {
         self.items += 1;
         self.busy_until = now + cycles;
         Some(())
+    }
+
+    /// Something other than a draw has written a surface.
+    fn forget_depths(&mut self, key: SurfaceKey) {
+        self.depth_known = self.depth_known.filter(|&known| known != key);
+        self.depth_cleared = self.depth_cleared.filter(|(cleared, _)| *cleared != key);
     }
 
     /// The pass is drawn: its attachments are resolved.
@@ -507,9 +578,7 @@ impl Command {
                 }
                 if let Some((from, to)) = surfaces.take() {
                     card.frame.copy(from, to);
-                    if self.depth_known == Some(to) {
-                        self.depth_known = None;
-                    }
+                    self.forget_depths(to);
                 }
                 self.state = State::Ready;
                 Tick::Moved
@@ -532,52 +601,16 @@ fn primitives_ahead(card: &Card) -> u64 {
     pass.map(primitives).sum()
 }
 
-/// Notes that a surface holds its clear value: by flag, or as a write to memory still to be done.
-fn mark_clear(store: &mut Store, fast: bool, flags: &mut u32, clears: &mut VecDeque<(u64, u64)>) {
-    if fast {
-        store.blocks.fill(BlockState::Cleared);
-        *flags += store.blocks.len() as u32;
-    } else {
-        let raw = store.block_bytes();
-        store.blocks.fill(BlockState::Stored(raw as u16));
-        clears.push_back((store.surface.address, store.blocks.len() as u64 * u64::from(raw)));
-    }
-}
-
-/// Clears the aspects of a depth attachment that the pass clears; true if nothing of what was there is left.
-fn clear_depth(store: &mut Store, attachment: &Attachment) -> bool {
+/// The bounds of all blocks of a depth attachment that a pass clears, as ordered keys; none: it does not.
+fn cleared_depths(attachment: &Attachment) -> Option<(u32, u32)> {
     let format = attachment.surface.format;
-    let depth = match attachment.load {
-        Load::Clear(value) if format.has_depth() => Some(texel::depth_code(format, f32::from_bits(value[0]))),
+    match attachment.load {
+        Load::Clear(value) if format.has_depth() => {
+            let key = depth_key(format, texel::depth_code(format, f32::from_bits(value[0])));
+            Some((key, key))
+        }
         _ => None,
-    };
-    let stencil = match attachment.stencil_load {
-        Load::Clear(value) if format.has_stencil() => Some(value[1] & 0xff),
-        _ => None,
-    };
-    let (mut code, mut mask) = ([0; 2], [0; 2]);
-    // Where depth and stencil lie in the words of a texel.
-    let (depth_mask, stencil_word, shift) = match format {
-        Format::Depth24PlusStencil8 => (0x00ff_ffff, 0, 24),
-        Format::Depth32FloatStencil8 => (u32::MAX, 1, 0),
-        Format::Stencil8 => (0, 0, 0),
-        _ => (u32::MAX, 0, 0),
-    };
-    if let Some(depth) = depth {
-        code[0] |= depth & depth_mask;
-        mask[0] |= depth_mask;
     }
-    if let Some(stencil) = stencil {
-        code[stencil_word] |= stencil << shift;
-        mask[stencil_word] |= 0xff << shift;
-    }
-    let whole = (depth.is_some() || !format.has_depth()) && (stencil.is_some() || !format.has_stencil());
-    if whole {
-        store.clear([code[0], code[1], 0, 0]);
-    } else if depth.is_some() || stencil.is_some() {
-        store.clear_masked(code, mask);
-    }
-    whole && format.kind() == TexelKind::Depth
 }
 
 impl Command {

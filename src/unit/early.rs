@@ -29,7 +29,7 @@
 
 use std::collections::VecDeque;
 
-use super::block_cache::{BlockCache, BlockCounts};
+use super::block_cache::{BlockCache, BlockCounts, Quads};
 use super::card::Card;
 use super::depth::test_ahead;
 use super::tags::CacheCounts;
@@ -182,7 +182,7 @@ impl Early {
                     self.pass = pass.number;
                     cache.forget();
                 }
-                let place = cache.pin(&mut seen[usize::from(self.pipeline)], surface, group.block, &mut None)?;
+                let place = cache.pin(&mut seen[usize::from(self.pipeline)], surface, group.block, Quads::ANY, &mut None)?;
                 Wait::Block(place as u32)
             }
             Known::Owners { questions, .. } => {

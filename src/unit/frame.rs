@@ -101,6 +101,12 @@ impl Store {
         &self.codes[block as usize * self.block_words as usize + usize::from(position) * quad_words..][..quad_words]
     }
 
+    /// Something other than a ROP has written the surface: all of it lies in memory as it is.
+    pub fn in_memory(&mut self) {
+        let full = BlockState::Stored(self.block_bytes() as u16);
+        self.blocks.fill(full);
+    }
+
     /// Sets all texels to one code.
     pub fn clear(&mut self, code: [u32; 4]) {
         if self.words == 1 {
@@ -264,8 +270,10 @@ impl Frame {
         let (Some(from), Some(to)) = (self.find(from), self.find(to)) else { return };
         if from != to {
             let codes = self.stores[from].codes.clone();
-            if codes.len() == self.stores[to].codes.len() {
-                self.stores[to].codes = codes;
+            let target = &mut self.stores[to];
+            if codes.len() == target.codes.len() {
+                target.codes = codes;
+                target.in_memory();
             }
         }
     }

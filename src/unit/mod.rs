@@ -10,6 +10,7 @@ pub mod assembly;
 pub mod bin;
 pub mod block_cache;
 pub mod card;
+pub mod clears;
 pub mod clip;
 pub mod color;
 pub mod command;

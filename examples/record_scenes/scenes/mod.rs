@@ -7,6 +7,7 @@ mod knot;
 mod layers;
 mod maths;
 mod msaa;
+mod panel;
 mod particles;
 mod pixels;
 mod shadow;
@@ -53,5 +54,6 @@ pub const ALL: &[Scene] = &[
     Scene { name: "shadow", record: shadow::record, zip: false },
     Scene { name: "particles", record: particles::record, zip: false },
     Scene { name: "spokes-msaa", record: msaa::record, zip: false },
+    Scene { name: "panel", record: panel::record, zip: true },
     Scene { name: "flight", record: flight::record, zip: true },
 ];

@@ -281,7 +281,9 @@ impl<'c> Bound<'c> {
         }
         let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
         let drawn = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
-        let cycles = most + drawn + f64::from(config.command.barrier_cycles);
+        let skipped = draws.is_empty() && config.command.skip_empty_passes;
+        let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
+        let cycles = most + drawn + barrier;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, dram }
     }

@@ -6,7 +6,7 @@ mod questions;
 
 use std::collections::VecDeque;
 
-use super::block_cache::{BlockCache, BlockCounts};
+use super::block_cache::{BlockCache, BlockCounts, Quads};
 use super::card::{Card, Group, Work};
 use super::compression::Compression;
 use super::copies::{Stamps, own};
@@ -160,7 +160,7 @@ impl Depth {
             return Err(Tick::Blocked);
         }
         let mut left = None;
-        let place = self.cache.pin(frame, surface, group.block, &mut left)?;
+        let place = self.cache.pin(frame, surface, group.block, Quads::ANY, &mut left)?;
         if let Some((surface, block)) = left
             && self.tells(HierarchicalUpdate::Eviction)
         {

@@ -36,6 +36,7 @@ fn config() -> ColorConfig {
         fifo: 64,
         latency: 6,
         compression: false,
+        skip_reads: false,
         fast_clear: true,
         clears_per_cycle: 256,
     }
@@ -153,7 +154,7 @@ fn written(scene: &Scene) -> Written {
             let memory = c.ideal.as_ref().unwrap().counts()[0];
             assert_eq!(memory.read_bytes, 256 * c.color.counts().fills);
             let counts = c.color.counts();
-            assert_eq!(c.color.cache().misses, counts.fills + counts.cleared_fills);
+            assert_eq!(c.color.cache().misses, counts.fills + counts.cleared_fills + counts.overwritten);
             Written {
                 ack: c.ack.got[0].0,
                 ends: c.end.got.len(),
@@ -260,4 +261,41 @@ fn a_dirty_block_is_written_back_when_another_needs_its_place() {
     let groups = (0..5).map(|block| quads(block, 4)).collect();
     let got = written(&Scene { config, groups, ..Scene::default() });
     assert_eq!((got.ack, got.counts.write_backs, got.bytes), (8 + 6 + 1, 1, 256));
+}
+
+#[test]
+fn blocks_that_are_overwritten_whole_are_not_read() {
+    let whole: Vec<_> = (0..4).map(|n| Quads { first: 4 * n, ..quads(0, 4) }).collect();
+    let scene = Scene { cleared: false, groups: whole, mark: Kind::PASS, ..Scene::default() };
+    let skip = |scene: Scene| written(&Scene { config: ColorConfig { skip_reads: true, ..scene.config }, ..scene });
+    let (read, skipped) = (written(&scene), skip(Scene { groups: scene.groups.clone(), ..scene }));
+    assert_eq!((read.counts.fills, read.counts.overwritten), (1, 0));
+    assert_eq!((skipped.counts.fills, skipped.counts.overwritten), (0, 1));
+    assert_eq!((skipped.colors, skipped.bytes), (read.colors, read.bytes));
+    // It takes as long as where a flag says what the block holds.
+    let groups: Vec<_> = (0..4).map(|n| Quads { first: 4 * n, ..quads(0, 4) }).collect();
+    let scene = |cleared, blend, groups: &[Quads]| Scene {
+        cleared,
+        blend,
+        groups: groups.to_vec(),
+        mark: Kind::PASS,
+        ..Scene::default()
+    };
+    assert_eq!(skipped.ack, skip(scene(true, false, &groups)).ack);
+    assert_eq!(skip(scene(true, false, &groups)).counts.overwritten, 0);
+    // What is left of a block is read before it is written back: asked for in cycle 12, when the mark has been in the unit as long as
+    // the groups before it, and written when it is here.
+    let some = skip(scene(false, false, &groups[..3]));
+    assert_eq!((some.counts.fills, some.counts.overwritten, some.counts.write_backs, some.bytes), (1, 0, 1, 256));
+    let kept = written(&scene(false, false, &groups[..3]));
+    assert_eq!(some.colors, kept.colors);
+    assert!(some.ack > kept.ack, "the read was put off in vain: {} and {}", some.ack, kept.ack);
+    // Blending reads what was there.
+    let blended = skip(scene(false, true, &groups));
+    assert_eq!((blended.counts.fills, blended.counts.overwritten), (1, 0));
+    // Nor is anything lost where a block that is not complete has to leave: four places, five blocks.
+    let config = ColorConfig { skip_reads: true, cache_blocks: 4, cache_ways: 4, ..config() };
+    let five: Vec<_> = (0..5).map(|block| quads(block, 4)).collect();
+    let left = written(&Scene { config, ..scene(false, false, &five) });
+    assert_eq!((left.counts.fills, left.counts.write_backs), (5, 5));
 }

@@ -82,8 +82,15 @@ crate::circuit! {
     }
 }
 
-const CONFIG: CommandConfig =
-    CommandConfig { command_cycles: 8, segments: 8, workgroup_runs: 2, copy_misses: 16, barrier_cycles: 50 };
+const CONFIG: CommandConfig = CommandConfig {
+    command_cycles: 8,
+    segments: 8,
+    workgroup_runs: 2,
+    copy_misses: 16,
+    barrier_cycles: 50,
+    skip_empty_passes: true,
+    skip_clears: true,
+};
 
 /// How the card clears, whether it shows frames, and its pipelines.
 #[derive(Clone, Copy)]
@@ -348,5 +355,47 @@ fn events_out_of_order_are_refused_by_number() {
             let _ = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
             assert_eq!(card.fault.map(|fault| fault.to_string()).as_deref(), Some(text));
         }
+    }
+}
+
+#[test]
+fn passes_without_draws_only_clear() {
+    let clear = Load::Clear([0; 4]);
+    let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass, end()];
+    // Read in cycle 0 and decoded by 8; sixteen flags at four a cycle; a cycle to find nothing more to be cleared, and the frame's end.
+    let got = commanded(&CONFIG, PLAIN, &empty(clear, false));
+    assert_eq!((got.pieces.len(), got.over), (0, 8 + 4 + 1 + 1));
+    assert_eq!(commanded(&CONFIG, PLAIN, &empty(Load::Load, false)).over, 8 + 1 + 1);
+    // In memory: as with draws, and then the end of the frame instead of the draw.
+    let slow = Features { fast_clear: false, ..PLAIN };
+    let got = commanded(&CONFIG, slow, &empty(clear, false));
+    assert_eq!((got.memory.write_bytes, got.over), (16 * 256, 9 + write_time(15, 256) + 1 + 1 + 1));
+    // Pipelines hear of the pass where it is not skipped, and where samples have to be resolved.
+    let all = CommandConfig { skip_empty_passes: false, ..CONFIG };
+    let heard = commanded(&all, PLAIN, &empty(clear, false));
+    assert_eq!(heard.pieces.len(), 1);
+    assert!(heard.over > got.over);
+    let resolved = commanded(&CONFIG, PLAIN, &empty(clear, true));
+    assert_eq!((resolved.pieces.len(), resolved.resolve.len()), (1, 1));
+}
+
+#[test]
+fn flags_that_are_set_are_not_set_again() {
+    let clear = |value| Load::Clear([value; 4]);
+    let twice = |first, second| [vec![begin(first, false), Event::EndPass], frame(second, false, 1)].concat();
+    let draw = |config: &CommandConfig, first, second| commanded(config, PLAIN, &twice(first, second)).pieces[0].0;
+    let (all, none) = (CommandConfig { skip_clears: false, ..CONFIG }, &CONFIG);
+    // The second pass has four cycles of flags less, also for another value.
+    for value in [0, 7] {
+        assert_eq!(draw(&all, clear(0), clear(value)), draw(none, clear(0), clear(value)) + 4);
+    }
+    assert_eq!(draw(&all, Load::Load, clear(0)), draw(none, Load::Load, clear(0)));
+    // The surface holds the second value.
+    for config in [&all, none] {
+        let (mut circuit, mut card) = circuit(config, PLAIN, &twice(clear(0), clear(1.0_f32.to_bits())));
+        run(&mut circuit, &mut card, Clock::SkipIdle, 1000, |c, _| c.command.frame_over()).expect("it ends");
+        assert!(card.frame.stores[0].codes.iter().all(|&code| code == u32::MAX));
+        let kept = if config.skip_clears { 16 } else { 0 };
+        assert_eq!((circuit.command.counts().empty_passes, circuit.command.counts().kept_flags), (1, kept));
     }
 }
