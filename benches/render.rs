@@ -224,6 +224,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             count_samples: false,
             key: RenderKey::default(),
             record,
+            signature: None,
             skips,
         };
         let drawn = pass.draw(&call, &mut |event| drop(event)).unwrap_or_else(|e| panic!("{e}"));

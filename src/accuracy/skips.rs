@@ -80,6 +80,18 @@ pub const SKIPS: &[Skip] = &[
         work: ("fragments shaded", &["funnel.fragments_shaded"]),
     },
     Skip {
+        name: "tiles as before",
+        what: "a tile that memory has already is not drawn (sort-middle-binned)",
+        switch: "--config sort-middle-binned --set bin.skip_same_tiles=true",
+        how: Switch::Machine {
+            base: &["sort=sort-middle-binned", "bin.skip_same_tiles=true"],
+            off: &["bin.skip_same_tiles=false"],
+        },
+        // Nothing of such a tile is set up, tested or written.
+        changes: &["funnel.fragments_covered", "funnel.fragments_discarded", "funnel.fragments_written"],
+        work: ("tiles drawn", &["binning.tiles"]),
+    },
+    Skip {
         name: "empty passes",
         what: "a pass without draws only clears, and no pipeline hears of it",
         switch: "--set command.skip_empty_passes=false",

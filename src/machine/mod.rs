@@ -87,6 +87,7 @@ impl Machine {
             card.unnumbered = config.order.keep == Keep::Never;
             card.chunks = pipelines > 1 && config.assembly.deal == Deal::Contiguous;
         }
+        card.same_tiles = config.render_key().signatures;
         if config.order.early == EarlyTest::Local {
             card.seen = vec![Frame::default(); pipelines];
         }

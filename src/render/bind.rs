@@ -3,19 +3,39 @@
 use std::sync::Arc;
 
 use crate::gfx::image::ImageDesc;
-use crate::gfx::texture::{self, Sampler};
+use crate::gfx::texture::{self, Sampler, ViewRange};
 use crate::num::{BufferId, ViewId, Words};
 use crate::shader::{Binding, BindingKind, BufferRange, Interface, Resource, StorageImage};
 use crate::trace::command::BoundResource;
 
+use super::draw::Signer;
 use super::resources::Resources;
 use super::state::Bindings;
 
 /// One bound object, kept alive for the length of a draw.
 enum Held {
-    Buffer { words: Arc<Words>, offset: u64, size: u64, address: u64 },
-    Texture(Arc<texture::View>),
-    Storage { words: Arc<Words>, desc: ImageDesc, level: u32, base_layer: u32, layers: u32, address: u64, texture: u32 },
+    Buffer {
+        words: Arc<Words>,
+        offset: u64,
+        size: u64,
+        address: u64,
+    },
+    /// With the texture's address, which no other has, the version of its contents, and which part of it the view shows.
+    Texture {
+        view: Arc<texture::View>,
+        address: u64,
+        version: u64,
+        range: ViewRange,
+    },
+    Storage {
+        words: Arc<Words>,
+        desc: ImageDesc,
+        level: u32,
+        base_layer: u32,
+        layers: u32,
+        address: u64,
+        texture: u32,
+    },
     Sampler(Arc<Sampler>),
 }
 
@@ -51,6 +71,32 @@ impl ResolvedBindings {
         &self.immediates
     }
 
+    /// Signs what the program reads: the bytes of buffers, textures by the version of their contents, samplers, and some immediates.
+    pub fn sign(&self, signer: &mut Signer, immediates: usize) {
+        for (_, elements) in &self.bindings {
+            signer.value(&elements.len());
+            for held in elements {
+                match held {
+                    Held::Buffer { words, offset, size, .. } => {
+                        let mut bytes = vec![0; words.len().saturating_sub(*offset).min(*size) as usize];
+                        words.read(*offset, &mut bytes);
+                        signer.bytes(&bytes);
+                    }
+                    Held::Texture { address, version, range, .. } => signer.value(&(address, version, range)),
+                    // A storage texture that is only read: its contents have no version apart from the texture's.
+                    Held::Storage { words, desc, level, base_layer, layers, .. } => {
+                        signer.value(&(desc, level, base_layer, layers));
+                        signer.bytes(&words.to_vec());
+                    }
+                    Held::Sampler(sampler) => signer.value(sampler),
+                }
+            }
+        }
+        // Those that are not set read as zeros.
+        let words = |at: usize| self.immediates.get(at).copied().unwrap_or(0);
+        signer.words(&(0..immediates).map(words).collect::<Vec<u32>>());
+    }
+
     /// Notes that the program has written what it may write.
     ///
     /// # Errors
@@ -73,7 +119,7 @@ impl Held {
             Held::Buffer { words, offset, size, address } => {
                 Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
             }
-            Held::Texture(view) => Resource::Texture(view),
+            Held::Texture { view, .. } => Resource::Texture(view),
             Held::Storage { words, desc, level, base_layer, layers, address, .. } => Resource::Storage(StorageImage {
                 words,
                 desc: *desc,
@@ -109,9 +155,9 @@ fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<V
         (kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }), BoundResource::Buffers(elements)) => {
             elements.into_iter().map(|(buffer, offset, size)| hold_buffer(res, kind, buffer, offset, size, dynamic)).collect()
         }
-        (BindingKind::Texture { .. }, BoundResource::View(view)) => Ok(vec![Held::Texture(res.prepare_view(view.0)?)]),
+        (BindingKind::Texture { .. }, BoundResource::View(view)) => Ok(vec![hold_texture(res, view)?]),
         (BindingKind::Texture { .. }, BoundResource::Views(views)) => {
-            views.into_iter().map(|view| Ok(Held::Texture(res.prepare_view(view.0)?))).collect()
+            views.into_iter().map(|view| hold_texture(res, view)).collect()
         }
         (BindingKind::StorageTexture { .. }, BoundResource::View(view)) => Ok(vec![hold_storage(res, view)?]),
         (BindingKind::StorageTexture { .. }, BoundResource::Views(views)) => {
@@ -152,6 +198,13 @@ fn hold_buffer(
         return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
     }
     Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset })
+}
+
+fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+    let prepared = res.prepare_view(id.0)?;
+    let view = res.views.get(id.0)?;
+    let texture = res.textures.get(view.texture.0)?;
+    Ok(Held::Texture { view: prepared, address: texture.address, version: texture.version, range: view.range })
 }
 
 fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {

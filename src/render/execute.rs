@@ -176,6 +176,8 @@ pub(super) struct Renderer<'t, 's> {
     implicit_frame: bool,
     pub(super) passes: u32,
     pub(super) draws: u32,
+    /// Render pipelines created.
+    pipelines: u64,
     pub(super) dispatches: u32,
     /// Commands that count as moments of time, for time stamps.
     pub(super) moment: u64,
@@ -198,6 +200,7 @@ impl<'t, 's> Renderer<'t, 's> {
             implicit_frame: false,
             passes: 0,
             draws: 0,
+            pipelines: 0,
             dispatches: 0,
             moment: 0,
             copied: None,
@@ -289,7 +292,9 @@ impl<'t, 's> Renderer<'t, 's> {
                     None => None,
                 };
                 let label = label.as_deref().unwrap_or_default();
-                let pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), label)?;
+                let mut pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), label)?;
+                pipeline.number = self.pipelines;
+                self.pipelines += 1;
                 self.res.render_pipelines.add(id.0, Arc::new(pipeline))?;
             }
             Command::CreateComputePipeline { id, stage, label, .. } => {

@@ -6,13 +6,14 @@ use crate::gfx::format::{Format, TexelKind};
 use crate::gfx::state::TextureDimension;
 use crate::gfx::texel;
 use crate::num::{QuerySetId, TextureId};
-use crate::shader;
+use crate::shader::{self, BuiltIn, Interface, Program};
 use crate::trace::command::*;
-use crate::work::{Attachment, Contents, Event, Funnel, Load, Pass, Segment, Surface};
+use crate::work::{Attachment, Contents, Event, Funnel, Load, Pass, Segment, Signature, Surface};
 
 use super::bind::ResolvedBindings;
-use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass};
+use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer};
+use super::pipeline::RenderPipeline;
 use super::resources::Texture;
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::surface::{Shape, TileSurface};
@@ -384,6 +385,9 @@ impl ActivePass {
                 })
             }
         };
+        let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
+        let signed = renderer.recording() && renderer.options.key.signatures && unasked;
+        let signature = if signed { signature(&pipeline, resolved.get(1), state) } else { None };
         let borrowed: Vec<_> = resolved.iter().map(ResolvedBindings::borrow).collect();
         let mut resources = borrowed
             .iter()
@@ -404,6 +408,7 @@ impl ActivePass {
             count_samples: self.open_occlusion.is_some(),
             key: renderer.options.key,
             record: renderer.recording(),
+            signature,
             skips: renderer.options.skips,
         };
         let mut stopped = Ok(());
@@ -467,6 +472,24 @@ impl ActivePass {
         }
         Ok(renderer.emit(Event::EndPass)?)
     }
+}
+
+/// The signature of what a draw's pixels depend on beside attachments and primitives; none where it does more than write pixels, or where
+/// they depend on the company that a fragment is shaded in.
+fn signature(pipeline: &RenderPipeline, fragment: Option<&ResolvedBindings>, state: &DrawState) -> Option<Signature> {
+    let interface = pipeline.fragment().map(Program::interface);
+    let apart = |interface: &Interface| !interface.subgroups && interface.input(BuiltIn::PrimitiveIndex).is_none();
+    if pipeline.has_side_effects() || !interface.is_none_or(apart) {
+        return None;
+    }
+    let mut signer = Signer::default();
+    signer.value(&pipeline.number);
+    signer.value(&(state.viewport, state.scissor, state.stencil_reference));
+    signer.words(&state.blend_constant.map(f32::to_bits));
+    if let (Some(bindings), Some(interface)) = (fragment, interface) {
+        bindings.sign(&mut signer, interface.immediate_bytes.div_ceil(4) as usize);
+    }
+    Some(signer.finish())
 }
 
 /// The image that a view used as an attachment names, and the format it is drawn in.

@@ -59,6 +59,8 @@ pub struct TargetOutput {
 #[derive(Debug)]
 pub struct RenderPipeline {
     pub(super) label: String,
+    /// Number among all pipelines that the trace creates: no other has it, whatever its id.
+    pub(super) number: u64,
     /// Vertex program, then the fragment program if there is one.
     programs: Vec<Program>,
     pub(super) attributes: Vec<Attribute>,
@@ -138,6 +140,7 @@ impl RenderPipeline {
         let early = early(desc, fragment);
         Ok(RenderPipeline {
             label: label.to_owned(),
+            number: 0,
             attributes,
             varyings,
             varying_words,

@@ -81,6 +81,7 @@ fn part(segment: &Segment, keep: impl Fn(&TileWork) -> bool) -> Segment {
         visits,
         requests: segment.requests.clone(),
         lines: segment.lines.clone(),
+        signatures: segment.signatures.clone(),
         costs: segment.costs.clone(),
         funnel: segment.funnel,
     }

@@ -6,12 +6,13 @@ use std::collections::VecDeque;
 use super::card::{Card, TileEntry, Work};
 use super::distribute::Overlap;
 use super::network::Receiver;
+use super::same;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use crate::mem::{MemoryPort, REQUEST_BYTES, requests};
 use crate::sim::{Budget, Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::{BLOCK, Triangle};
+use crate::work::{BLOCK, Signature, Triangle};
 
 crate::knobs! {
     /// Binning of triangles into the lists of tiles.
@@ -30,6 +31,9 @@ crate::knobs! {
         compression: bool ["", Allowed::Switch, "variable-length differences"],
         /// Whether opaque quads of a tile are held back until it is known which of them are seen, and only these are shaded.
         hide: bool ["", Allowed::Switch, "deferred shading of Imagination PowerVR; others rely on early tests"],
+        /// Whether a tile is left out that memory has already, since all that goes into it is as when it was drawn last. Signatures are kept
+        /// on the chip, and made while triangles are binned.
+        skip_same_tiles: bool ["", Allowed::Switch, "rendering elimination (Anglada et al. 2019); Arm Mali compares what was drawn instead"],
         /// Memory for triangles and lists.
         memory_kib: u32 ["KiB", Allowed::Range(1, 4194304), "parameter buffers of 2 to 64 MB in phones"],
         /// Requests for lists and triangles in flight, in each pipeline.
@@ -52,6 +56,8 @@ crate::counters! {
         tiles: "tiles",
         /// Tiles in whose lists nothing was.
         empty_tiles: "tiles",
+        /// Tiles that were in memory already.
+        same_tiles: "tiles",
         /// Times that tiles had to be drawn before all of the pass was binned.
         partial_renders: "times",
     }
@@ -72,6 +78,8 @@ struct Writing {
     chunk: u64,
     /// The number of the triangle that its last entry names.
     last: u64,
+    /// Of all triangles that it names.
+    signature: Signature,
 }
 
 /// What binning is at.
@@ -119,6 +127,8 @@ pub struct Bin {
     fences: VecDeque<(u16, Kind)>,
     /// Writes that wait for the port: address and bytes. Neighbours are one.
     writes: VecDeque<(u64, u32)>,
+    /// Nobody knows all that goes into the tiles of the pass: a draw is not signed, or some of them are drawn already.
+    unsigned: bool,
     counts: BinCounts,
     sorting: SortCounts,
 }
@@ -142,6 +152,7 @@ impl Bin {
             chunks: 0,
             fences: VecDeque::new(),
             writes: VecDeque::new(),
+            unsigned: false,
             counts: BinCounts::default(),
             sorting: SortCounts::default(),
         }
@@ -251,6 +262,12 @@ impl Bin {
             left -= run;
         }
         list.last = number;
+        if card.pass.as_ref().is_some_and(|pass| pass.signature.is_some()) {
+            match same::add(list.signature, card.work(token.slot), token.triangle) {
+                Some(signature) => list.signature = signature,
+                None => self.unsigned = true,
+            }
+        }
         for (address, bytes) in parts.into_iter().filter(|&(_, bytes)| bytes > 0) {
             self.write(address, bytes);
         }
@@ -340,11 +357,24 @@ impl Bin {
     /// Begins to draw.
     fn draw(&mut self, partial: bool) {
         self.counts.partial_renders += u64::from(partial);
+        self.unsigned |= partial;
         self.state = State::Drawing { tile: 0, partial };
     }
 
+    /// Whether memory has a tile of the whole pass already.
+    fn known(&self, card: &mut Card, tile: u32) -> bool {
+        let grid = self.grid(card);
+        let Card { pass, frame, .. } = card;
+        match pass {
+            Some(pass) if !self.unsigned && (grid.0 * grid.1) as usize == self.lists.len() => {
+                same::known(frame, pass, self.lists[tile as usize].signature, tile, grid, self.side())
+            }
+            _ => false,
+        }
+    }
+
     /// Hands out tiles and fences.
-    fn hand_out(&mut self, wires: &mut Wires, card: &Card) -> Tick {
+    fn hand_out(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         loop {
             match self.state {
@@ -355,12 +385,16 @@ impl Bin {
                         return did.or(Tick::Blocked);
                     }
                     if tile as usize == self.lists.len() || card.pass.is_none() {
+                        self.unsigned &= partial;
                         self.state = State::Fences { pending: 0, partial };
                         did = Tick::Moved;
                         continue;
                     }
+                    let known = card.same_tiles && self.known(card, tile);
                     if card.bins[tile as usize].entries.is_empty() {
                         self.counts.empty_tiles += 1;
+                    } else if known {
+                        self.counts.same_tiles += 1;
                     } else {
                         let (across, _) = self.grid(card);
                         let side = self.side();

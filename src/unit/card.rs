@@ -10,12 +10,15 @@ use super::copies::{self, Marks, PassOrder};
 use super::frame::Frame;
 use super::interleave::Interleave;
 use super::phase::Phases;
+use super::same;
 use super::warp::Warps;
 use crate::gfx::format::Format;
 use crate::gfx::hierarchical::may_raise_lower;
 use crate::gfx::rop::{ColorState, DepthStencilState};
 use crate::gfx::state::ColorTarget;
-use crate::work::{Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Quad, Segment, TILE, Target, Triangle, Visit};
+use crate::work::{
+    Attachment, Dispatch, Draw, Event, Funnel, Groups, Pass, Quad, Segment, Signature, TILE, Target, Triangle, Visit,
+};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -251,6 +254,8 @@ pub struct PassState {
     pub primitives: u64,
     /// Where pipelines have copies, of what kind its draws are.
     pub order: PassOrder,
+    /// The pass's signature without its draws, where tiles are looked for that are in memory already and this pass's may be.
+    pub signature: Option<Signature>,
     /// Whether a draw of it up to now may have raised depths, and lowered them.
     pub raised: bool,
     /// See `raised`.
@@ -324,6 +329,8 @@ pub struct Card {
     pub events: VecDeque<Event>,
     /// Whether there are no more events than these.
     pub closed: bool,
+    /// Whether tiles are looked for that are in memory already.
+    pub same_tiles: bool,
     /// Changes whenever what caches of read-only data hold may be stale.
     pub epoch: u32,
     /// Segments installed so far.
@@ -355,6 +362,7 @@ impl Card {
             funnel: Funnel::default(),
             events: VecDeque::new(),
             closed: false,
+            same_tiles: false,
             epoch: 0,
             segments: 0,
             fault: None,
@@ -381,6 +389,10 @@ impl Card {
 
     /// Puts a segment into a slot.
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
+        if self.same_tiles && draw.signature.is_none() {
+            // It may write more than its attachments.
+            same::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
+        }
         let owners = if self.interleave.tile() >= TILE {
             let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);
             segment.tiles.iter().map(|tile| owner(tile.x, tile.y)).collect()

@@ -8,6 +8,7 @@ use super::card::{Card, ComputeWork, DepthStart, Fault, PassState};
 use super::clears::Clears;
 use super::copies::{self, PassOrder};
 use super::phase::PhaseKind;
+use super::same::{self, Use};
 use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
@@ -237,12 +238,15 @@ impl Command {
     }
 
     /// Clears what a pass clears of the surfaces themselves; gives the index of each attachment's.
-    fn clear(&self, card: &mut Card, pass: &Pass, clears: &mut Clears) -> (Vec<Option<usize>>, Option<usize>) {
+    fn clear(&self, card: &mut Card, pass: &Pass, of: Use, clears: &mut Clears) -> (Vec<Option<usize>>, Option<usize>) {
         let color = pass.color.iter().map(|attachment| {
             attachment.map(|attachment| {
                 let index = card.frame.surface(&attachment.surface);
                 let store = &mut card.frame.stores[index];
                 store.surface = attachment.surface;
+                if card.same_tiles {
+                    same::begin(store, &attachment, of, self.fast_clear);
+                }
                 clears.color(store, &attachment);
                 index
             })
@@ -251,7 +255,9 @@ impl Command {
         clears.color_flags = clears.flags;
         let depth = pass.depth.map(|attachment| {
             let index = card.frame.surface(&attachment.surface);
-            clears.depth(&mut card.frame.stores[index], &attachment);
+            let store = &mut card.frame.stores[index];
+            store.drawn.forget();
+            clears.depth(store, &attachment);
             index
         });
         (color, depth)
@@ -266,7 +272,7 @@ impl Command {
     /// Does all that a pass without draws asks for: it clears. The surfaces are in memory, where the pass before has left them.
     fn skip_pass(&mut self, card: &mut Card, pass: &Pass) -> Cycle {
         let mut clears = self.clears(card);
-        self.clear(card, pass, &mut clears);
+        self.clear(card, pass, Use::Empty, &mut clears);
         if let Some(attachment) = &pass.depth
             && let Some(bounds) = cleared_depths(attachment)
         {
@@ -284,8 +290,15 @@ impl Command {
 
     /// Installs a pass: its surfaces, its clears.
     fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
+        let signature = if card.same_tiles && self.fast_clear { same::sign(pass) } else { None };
+        let of = if signature.is_some() { Use::Signed } else { Use::Drawn };
+        for target in pass.color.iter().flatten().filter_map(|attachment| attachment.resolve) {
+            if let Some(index) = card.frame.find(target.key) {
+                card.frame.stores[index].drawn.forget();
+            }
+        }
         let mut clears = self.clears(card);
-        let (color, depth) = self.clear(card, pass, &mut clears);
+        let (color, depth) = self.clear(card, pass, of, &mut clears);
         self.counts.kept_flags += clears.kept;
         let Clears { mut flags, color_flags, writes: mut clears, .. } = clears;
         let depth_start = pass.depth.map(|attachment| {
@@ -316,6 +329,7 @@ impl Command {
             blocks_across: across,
             primitives,
             order,
+            signature,
             raised: false,
             lowered: false,
         };
@@ -431,8 +445,11 @@ impl Command {
             }
             Event::Groups(groups) => {
                 let slot = self.free_runs.pop()?;
-                let dispatch = self.dispatch.clone()?;
-                card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups: groups.clone() });
+                let (dispatch, groups) = (self.dispatch.clone()?, groups.clone());
+                if card.same_tiles {
+                    same::touched(card, groups.lines.iter());
+                }
+                card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups });
                 self.pieces.push_back(Piece { slot, kind: Kind::DATA });
                 self.state = State::Ready;
             }
@@ -452,6 +469,10 @@ impl Command {
             Event::Transfer(transfer) => {
                 if !drained {
                     return None;
+                }
+                let transfer = *transfer;
+                if let (true, Some(to)) = (card.same_tiles, transfer.to) {
+                    same::written(card, to, transfer.bytes);
                 }
                 card.phases.begin(PhaseKind::Transfers, 0, "", now);
                 self.stream.begin(transfer.from, transfer.to, transfer.bytes);

@@ -13,6 +13,7 @@ use std::cmp::Ordering;
 
 use super::card::PassState;
 use super::frame::{BlockState, Frame, Store};
+use super::same::Drawn;
 use crate::gfx::rop::{ColorState, DepthStencilState, compare_depths, composes_over, over};
 use crate::gfx::state::Compare;
 use crate::work::Draw;
@@ -204,7 +205,12 @@ pub fn own<'a>(frame: &'a mut Frame, copies: &'a mut [Frame], pipeline: u8) -> &
 /// Loaded contents are not copied: until a pipeline writes back a block of its own, it reads the surface's.
 fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, written: bool) {
     while copy.stores.len() <= surface {
-        copy.stores.push(Store { codes: Vec::new(), blocks: Vec::new(), ..frame.stores[copy.stores.len()] });
+        copy.stores.push(Store {
+            codes: Vec::new(),
+            blocks: Vec::new(),
+            drawn: Drawn::default(),
+            ..frame.stores[copy.stores.len()]
+        });
     }
     let (source, target) = (&frame.stores[surface], &mut copy.stores[surface]);
     let mut codes = std::mem::take(&mut target.codes);
@@ -214,7 +220,7 @@ fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, wri
         state => state,
     };
     let blocks = source.blocks.iter().map(state).collect();
-    *target = Store { codes, blocks, offset, ..*source };
+    *target = Store { codes, blocks, drawn: Drawn::default(), offset, ..*source };
 }
 
 /// Makes the copies of the depths against which pipelines test ahead of the owners; `written` as for [`begin`]. They are all behind the

@@ -5,6 +5,7 @@
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
 use super::copies::Stamps;
+use super::same::Drawn;
 use crate::gfx::format::Format;
 use crate::work::{BLOCK, Surface, SurfaceKey};
 
@@ -23,6 +24,8 @@ pub struct Store {
     pub words: u32,
     /// Words a block.
     pub block_words: u32,
+    /// How its tiles came to be, where a machine remembers that.
+    pub drawn: Drawn,
     /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
     pub offset: u64,
 }
@@ -53,6 +56,7 @@ impl Store {
             across,
             words,
             block_words,
+            drawn: Drawn::default(),
             offset: 0,
         };
         store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
@@ -105,6 +109,7 @@ impl Store {
     pub fn in_memory(&mut self) {
         let full = BlockState::Stored(self.block_bytes() as u16);
         self.blocks.fill(full);
+        self.drawn.forget();
     }
 
     /// Sets all texels to one code.
@@ -255,7 +260,11 @@ impl Frame {
                 if shape(known) != shape(surface) {
                     self.stores[index] = Store::new(*surface);
                 }
-                self.stores[index].surface.address = surface.address;
+                let store = &mut self.stores[index];
+                if store.surface.address != surface.address {
+                    store.surface.address = surface.address;
+                    store.drawn.forget();
+                }
                 index
             }
             None => {

@@ -37,6 +37,7 @@ pub mod order;
 pub mod phase;
 pub mod resolve;
 pub mod route;
+pub mod same;
 pub mod scanout;
 pub mod setup;
 pub mod sorting;

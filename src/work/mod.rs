@@ -39,11 +39,16 @@ pub struct RenderKey {
     pub early_z: bool,
     /// Which quads' costs are recorded.
     pub shade: Shade,
+    /// Whether draws and primitives are signed.
+    pub signatures: bool,
 }
+
+/// 128 bits of what something depends on: where they are equal, so is the result.
+pub type Signature = u128;
 
 impl Default for RenderKey {
     fn default() -> Self {
-        RenderKey { early_z: true, shade: Shade::Visible }
+        RenderKey { early_z: true, shade: Shade::Visible, signatures: false }
     }
 }
 
@@ -237,6 +242,9 @@ pub struct Draw {
     pub hierarchical_z: bool,
     /// Viewport's depth range, to which depth is clamped.
     pub depth_range: [f32; 2],
+    /// Signature of all that its pixels depend on beside attachments and primitives; none: not asked for, or there is more to the draw
+    /// than pixels.
+    pub signature: Option<Signature>,
 }
 
 /// How an input primitive ended.
@@ -407,6 +415,8 @@ pub struct Segment {
     pub requests: Vec<Request>,
     /// Lines of these requests.
     pub lines: Vec<u32>,
+    /// Signatures of the primitives, if the draw has one.
+    pub signatures: Vec<Signature>,
     /// Costs of the vertices.
     pub costs: CostTable,
     /// What was thrown away where, in API order on a machine with full post-transform reuse.

@@ -49,7 +49,7 @@ fn dial(dial: u32) -> Part {
 
 /// Three of the six needles move.
 fn needle(dial: u32, frame: u32) -> Part {
-    let speed = if dial % 2 == 0 { 0.06 + 0.1 * uniform(63, dial, 1) } else { 0.0 };
+    let speed = if dial.is_multiple_of(2) { 0.06 + 0.1 * uniform(63, dial, 1) } else { 0.0 };
     let turn = TAU * (uniform(63, dial, 2) + speed * f64::from(frame));
     let (s, c) = (libm::sin(turn), libm::cos(turn));
     let [x, y] = place(dial);

@@ -255,6 +255,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         early,
         hierarchical_z: early && !stencil,
         depth_range: [0.0, 1.0],
+        signature: None,
     };
     out.push(Event::Draw(Arc::new(draw)));
     let depth = state.map(|state| DepthStencilState::new(&state, 0, [0.0, 1.0]));

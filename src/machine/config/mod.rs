@@ -240,7 +240,8 @@ impl Config {
             SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
             SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
         };
-        RenderKey { shade, early_z: self.depth.early }
+        let signatures = self.card.sort == SortClass::MiddleBinned && self.bin.skip_same_tiles;
+        RenderKey { shade, early_z: self.depth.early, signatures }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

@@ -15,6 +15,7 @@ mod plan;
 mod primitive;
 mod record;
 mod shade;
+mod signature;
 #[cfg(target_arch = "x86_64")]
 mod small;
 mod stream;
@@ -29,11 +30,13 @@ use std::sync::Arc;
 use crate::gfx::state::{IndexFormat, Rect, Viewport};
 use crate::num::Words;
 use crate::shader::Resources;
-use crate::work::{Funnel, RenderKey};
+use crate::work::{Funnel, RenderKey, Signature};
 
 use super::pipeline::RenderPipeline;
 
 pub use super::surface::aspect_masks;
+pub use signature::Signer;
+
 pub use pass::{DrawError, EndedPass, RenderPass};
 
 /// A range of a buffer.
@@ -127,6 +130,8 @@ pub struct DrawCall<'a> {
     pub key: RenderKey,
     /// Whether work is recorded.
     pub record: bool,
+    /// Signature of what the pixels depend on beside attachments and primitives.
+    pub signature: Option<Signature>,
     /// What may be left out.
     pub skips: Skips,
 }

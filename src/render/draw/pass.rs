@@ -13,6 +13,7 @@ use super::batch::{self, Batch};
 use super::frame::{Frame, Workers};
 use super::plan::{Piece, Planner};
 use super::record;
+use super::signature;
 use super::stream::{Stream, StreamSource};
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
 use super::vertex::Vertices;
@@ -275,8 +276,11 @@ impl RenderPass {
         if call.record {
             segment.funnel = funnel;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
-            scratch.vertices = Vertices::default();
-            let segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
+            let vertices = std::mem::take(&mut scratch.vertices);
+            let mut segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
+            if call.signature.is_some() {
+                segment.signatures = signature::primitives(&segment.primitives, &signature::vertices(&vertices));
+            }
             sink(Event::Segment(Arc::new(segment)));
         }
         Ok(funnel)

@@ -143,6 +143,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool) -> work::Dr
         // Only what is certain to fail is culled, so that stencil, which counts failures, must not be in use.
         hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.uses_stencil() && d.reads_depth()),
         depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
+        signature: call.signature,
     }
 }
 

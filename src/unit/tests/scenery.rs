@@ -38,6 +38,7 @@ pub fn draw() -> Draw {
         early: true,
         hierarchical_z: true,
         depth_range: [0.0, 1.0],
+        signature: None,
     }
 }
 
@@ -169,6 +170,7 @@ pub fn begin_pass(card: &mut Card, pass: Pass, cleared: bool) {
         blocks_across,
         primitives: 0,
         order: Default::default(),
+        signature: None,
         raised: false,
         lowered: false,
     });

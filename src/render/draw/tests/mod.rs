@@ -62,7 +62,7 @@ const USUAL: How = How {
     threads: 2,
     skips: Skips { hierarchical_z: true, tile_reject: true, overwritten: true },
     record: false,
-    key: RenderKey { early_z: true, shade: work::Shade::Visible },
+    key: RenderKey { early_z: true, shade: work::Shade::Visible, signatures: false },
     count: false,
 };
 
@@ -198,6 +198,7 @@ impl Scene {
                 stencil_reference: self.reference,
                 count_samples: how.count,
                 key: how.key,
+                signature: None,
                 record: how.record,
                 skips: how.skips,
             };

@@ -128,10 +128,10 @@ fn skips_and_recording_change_no_pixel() {
         same(name, "with skips", &usual, &all);
         let recorded = scene.draw_as(How { record: true, ..USUAL });
         same(name, "when recorded", &usual, &recorded);
-        let covered = RenderKey { early_z: true, shade: work::Shade::Covered };
+        let covered = RenderKey { shade: work::Shade::Covered, ..RenderKey::default() };
         let covered = scene.draw_as(How { record: true, key: covered, ..USUAL });
         same(name, "when everything covered is shaded", &usual, &covered);
-        let late = RenderKey { early_z: false, shade: work::Shade::Visible };
+        let late = RenderKey { early_z: false, ..RenderKey::default() };
         same(name, "with late tests", &usual, &scene.draw_as(How { key: late, ..USUAL }));
         same(name, "with late tests, recorded", &usual, &scene.draw_as(How { key: late, record: true, ..USUAL }));
         let counts = |how| scene.draw_as(How { count: true, ..how }).drawn.samples_passed;
