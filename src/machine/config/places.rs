@@ -32,7 +32,7 @@ pub fn keys(text: &str) -> Vec<Place> {
                         let before = &text[..offset];
                         let line = before.matches('\n').count() + 1;
                         let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-                        let above = open.iter().filter(|k: &&String| !k.is_empty()).next_back();
+                        let above = open.iter().rfind(|k: &&String| !k.is_empty());
                         key = above.map_or(name.to_owned(), |above| format!("{above}.{name}"));
                         found.push(Place { path: key.clone(), at: [line, column] });
                     }
