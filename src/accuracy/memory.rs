@@ -86,32 +86,6 @@ const BURST: u16 = 64;
 /// A cycle to the channel, one in which a request enters the window, one back.
 const HOPS: Cycle = 3;
 
-/// DDR4-3200, in cycles of its own clock, which is the card's here.
-const DDR4: DramConfig = DramConfig {
-    clock: 1,
-    per_card_cycles: 1,
-    banks: 16,
-    row_bytes: 8192,
-    burst_bytes: BURST as u32,
-    burst: 4,
-    t_rcd: 22,
-    t_rp: 22,
-    cl: 22,
-    cwl: 16,
-    t_ras: 52,
-    t_rrd: 4,
-    t_faw: 34,
-    t_rtp: 12,
-    t_wr: 24,
-    t_wtr: 12,
-    t_rtw: 2,
-    t_rfc: 560,
-    t_refi: 12480,
-    window: 64,
-    write_high: 16,
-    hash_banks: false,
-};
-
 /// Cycle of each answer, what the channel has counted, and the cycles of all.
 fn read(config: DramConfig, orders: Vec<(Cycle, u64)>) -> Result<(Vec<Cycle>, DramCounts, Cycle)> {
     let mut wiring = Wiring::new();
@@ -130,7 +104,7 @@ fn read(config: DramConfig, orders: Vec<(Cycle, u64)>) -> Result<(Vec<Cycle>, Dr
 }
 
 fn runs(setting: &Setting) -> Result<Vec<Row>> {
-    let c = DDR4;
+    let c = DramConfig::DDR4_3200;
     let mut given = c;
     if setting.faulty {
         (given.t_faw, given.t_rrd) = (c.t_faw * 6 / 5, c.t_rrd * 6 / 5 + 1);
@@ -159,7 +133,7 @@ fn runs(setting: &Setting) -> Result<Vec<Row>> {
 }
 
 fn latency(setting: &Setting) -> Result<Vec<Row>> {
-    let c = DramConfig { t_refi: 0, ..DDR4 };
+    let c = DramConfig { t_refi: 0, ..DramConfig::DDR4_3200 };
     let given = if setting.faulty { DramConfig { cl: c.cl + 4, ..c } } else { c };
     let row = u64::from(c.row_bytes);
     let mut random = Random::new(setting.seed);
