@@ -330,7 +330,6 @@ impl Bin {
                     return Tick::Moved;
                 }
                 self.sorting.sorted_items += 1;
-                card.funnel.triangles_setup += 1;
                 did = Tick::Moved;
                 if self.tiles.is_empty() {
                     self.merge.take(wires, &mut self.ports.input, from, token);

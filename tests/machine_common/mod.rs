@@ -162,6 +162,10 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     );
     let items = |name: &str| channels(name, "items");
 
+    // What geometry lets through is set up once, binned or not.
+    if matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned) {
+        assert_eq!(units("distribute"), f.funnel("triangles_setup"));
+    }
     if config.card.sort != SortClass::Middle {
         return conserved_anywhere(config, tree, fragments);
     }
@@ -180,7 +184,6 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     if f.funnel("clipped") == 0 {
         assert_eq!(f.funnel("triangles_setup"), left);
     }
-    assert_eq!(units("distribute"), f.funnel("triangles_setup"));
     assert_eq!(f.at("sort.sorted_items"), f.funnel("triangles_setup"));
     assert!(f.at("sort.sent") <= f.at("sort.sorted_items"));
 
