@@ -23,9 +23,9 @@ crate::knobs! {
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
         /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
-        /// 64-byte lines of the first-level cache.
-        cache_lines: u32 ["lines", Allowed::PowerOfTwo(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
-        /// Ways of the first-level cache.
+        /// 64-byte lines of the first-level cache; a multiple of its ways, or fewer than they are.
+        cache_lines: u32 ["lines", Allowed::Range(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
+        /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
         /// Misses in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory at half a miss a cycle"],

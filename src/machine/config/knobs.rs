@@ -214,6 +214,10 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             ));
         }
     }
+    let (lines, ways) = (config.texture.cache_lines, config.texture.cache_ways);
+    if lines > ways && !lines.is_multiple_of(ways) {
+        return Err(format!("texture.cache_lines is {lines}, and must be a multiple of texture.cache_ways, which is {ways}"));
+    }
     if config.color.blends_per_cycle > config.color.quads_per_cycle {
         return Err(format!(
             "color.blends_per_cycle is {}, and must be at most color.quads_per_cycle, which is {}",

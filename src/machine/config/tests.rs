@@ -66,6 +66,14 @@ fn wrong_values_are_refused_by_key_value_and_range() {
         message(&base("memory: (l2: (slices: 3))")),
         "mine.ron: memory.l2.slices is 3, and must be a multiple of memory.dram.channels, which is 4"
     );
+    assert_eq!(
+        message(&base("texture: (cache_lines: 257)")),
+        "mine.ron: texture.cache_lines is 257, and must be a multiple of texture.cache_ways, which is 16"
+    );
+    // 24 KB, and any number of lines where all are in one set.
+    for texture in ["cache_lines: 384", "cache_lines: 257, cache_ways: 512", "cache_lines: 1"] {
+        assert!(Config::parse("mine.ron", &base(&format!("texture: ({texture})"))).is_ok(), "{texture}");
+    }
 }
 
 #[test]
