@@ -8,6 +8,7 @@
 //! command that it names.
 
 mod depth;
+mod draws;
 pub(crate) mod exact;
 mod machine;
 mod memory;
@@ -19,6 +20,7 @@ mod rates;
 pub mod skips;
 mod sorting;
 pub mod synthetic;
+mod texture;
 
 use anyhow::Result;
 use rayon::prelude::*;
@@ -193,7 +195,9 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, memory::TARGETS, rates::TARGETS].into_iter().flatten()
+    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, texture::TARGETS, memory::TARGETS, rates::TARGETS]
+        .into_iter()
+        .flatten()
 }
 
 /// The target of that name.
