@@ -2,6 +2,7 @@
 
 mod bytes;
 mod compositing;
+mod forsyth;
 mod overlap;
 mod peak;
 mod reuse;
@@ -18,6 +19,7 @@ pub const TARGETS: &[Target] = &[
     compositing::COMPOSITING,
     peak::CHEN_PEAK,
     reuse::VERTEX_REUSE,
+    forsyth::FORSYTH,
 ];
 
 /// A scene of these triangles, drawn without depth.

@@ -43,7 +43,7 @@ fn grid(edge: u32, cell: Cell) -> Vec<[u32; 3]> {
 }
 
 /// Vertices that a machine shades of these triangles, which draw nothing.
-fn shaded(setting: &Setting, triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
+pub(super) fn shaded(triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
     let mut scene = scene_of(16, 16, vec![[[0.0; 2]; 3]; triangles.len()]);
     scene.segments = 1;
     let vertices = triangles.iter().flatten().max().map_or(0, |&last| last + 1);
@@ -57,7 +57,6 @@ fn shaded(setting: &Setting, triangles: &[[u32; 3]], reuse: u32) -> Result<f64> 
         }
         Event::Segment(Arc::new(segment))
     });
-    let reuse = if setting.faulty { reuse - 1 } else { reuse };
     let changes =
         ["pipelines=1", "geometry_units=1", "memory.kind=ideal", "scanout.enabled=false", &format!("fetch.reuse={reuse}")];
     figure(&run(&config("baseline", &changes)?, work)?.total, "funnel.vertices_shaded")
@@ -65,6 +64,7 @@ fn shaded(setting: &Setting, triangles: &[[u32; 3]], reuse: u32) -> Result<f64> 
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let edges: &[u32] = setting.pick(&[24], &[40, 100], &[40, 100, 200]);
+    let fewer = u32::from(setting.faulty);
     let mut rows = Vec::new();
     for &edge in edges {
         let (w, triangles) = (f64::from(edge), f64::from(2 * edge * edge));
@@ -84,7 +84,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
             ("(0 2 1)(1 2 3)", STRIPS, &[(2 * edge, row_lost), (2 * edge + 1, all)]),
         ] {
             for &(reuse, vertices) in cases {
-                let measured = shaded(setting, &grid(edge, cell), reuse)?;
+                let measured = shaded(&grid(edge, cell), reuse - fewer)?;
                 rows.push(Row {
                     case: format!("{edge} x {edge}, {name}, {reuse} remembered (error: vertices)"),
                     expected: vertices / triangles,
@@ -103,7 +103,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         rows.push(Row::within(
             format!("{edge} x {edge}, {reuse} remembered, random order"),
             3.0 - met / triangles,
-            shaded(setting, &shuffled, reuse)? / triangles,
+            shaded(&shuffled, reuse - fewer)? / triangles,
             4.0 * met.sqrt() / triangles,
         ));
     }
