@@ -41,7 +41,7 @@ pub(super) const CLOCKS: Target = Target {
 };
 
 /// A machine of every sort class.
-fn machines() -> Result<Vec<Config>> {
+pub(super) fn machines() -> Result<Vec<Config>> {
     ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"]
         .into_iter()
         .map(|class| match class {

@@ -1,11 +1,21 @@
 //! Section A: identities that hold on every trace.
 
 mod circuits;
+mod image;
 mod machines;
+mod statistics;
 pub(crate) mod units;
 
 use super::Target;
 
 /// Targets of the section, in order.
-pub const TARGETS: &[Target] =
-    &[machines::CONSERVATION, circuits::LITTLE, machines::ACCOUNT, machines::CLOCKS, circuits::PIPELINE, circuits::CREDIT];
+pub const TARGETS: &[Target] = &[
+    machines::CONSERVATION,
+    circuits::LITTLE,
+    machines::ACCOUNT,
+    machines::CLOCKS,
+    image::IMAGE,
+    statistics::STATISTICS,
+    circuits::PIPELINE,
+    circuits::CREDIT,
+];
