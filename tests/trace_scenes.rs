@@ -63,7 +63,7 @@ fn scenes_keep_all_rules() {
         let frames = match scene.name {
             "particles" => 4,
             "flight" => 600,
-            "panel" => 6,
+            "panel" => 4,
             _ => 1,
         };
         assert_eq!(summary.frames, frames, "{}", scene.name);

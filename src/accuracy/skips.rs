@@ -100,14 +100,6 @@ pub const SKIPS: &[Skip] = &[
         work: ("passes drawn", &["command.passes"]),
     },
     Skip {
-        name: "clears of cleared surfaces",
-        what: "flags that are still set stay",
-        switch: "--set command.skip_clears=false",
-        how: Switch::Machine { base: &[], off: &["command.skip_clears=false"] },
-        changes: &[],
-        work: ("flags set", &["command.flags_set"]),
-    },
-    Skip {
         name: "overwritten blocks",
         what: "colours of a block that is overwritten whole are not read before",
         switch: "--set color.skip_reads=true turns it on",

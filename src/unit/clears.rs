@@ -1,4 +1,4 @@
-//! Clears of a pass's attachments: by flag or in memory, and which of them change nothing.
+//! Clears of a pass's attachments: by flag or in memory.
 
 use std::collections::VecDeque;
 
@@ -16,16 +16,13 @@ pub struct Clears {
     pub color_flags: u32,
     /// Surfaces to be cleared in memory: address and bytes.
     pub writes: VecDeque<(u64, u64)>,
-    /// Flags that were set already.
-    pub kept: u64,
     fast: bool,
-    skip: bool,
 }
 
 impl Clears {
-    /// None yet. `fast`: by flag; `skip`: flags that are set stay.
-    pub fn new(fast: bool, skip: bool) -> Clears {
-        Clears { fast, skip, ..Clears::default() }
+    /// None yet. `fast`: by flag.
+    pub fn new(fast: bool) -> Clears {
+        Clears { fast, ..Clears::default() }
     }
 
     /// Clears a colour attachment, if the pass does.
@@ -77,16 +74,13 @@ impl Clears {
     /// Notes that a surface holds its clear value: by flag, or as a write to memory still to be done.
     fn mark(&mut self, store: &mut Store) {
         let blocks = store.blocks.len();
-        if !self.fast {
+        if self.fast {
+            store.blocks.fill(BlockState::Cleared);
+            self.flags += blocks as u32;
+        } else {
             let raw = store.block_bytes();
             store.blocks.fill(BlockState::Stored(raw as u16));
             self.writes.push_back((store.surface.address, blocks as u64 * u64::from(raw)));
-        } else if self.skip && store.blocks.iter().all(|&state| state == BlockState::Cleared) {
-            // Nothing has been drawn since: the surface's clear value is all that changes.
-            self.kept += blocks as u64;
-        } else {
-            store.blocks.fill(BlockState::Cleared);
-            self.flags += blocks as u32;
         }
     }
 }

@@ -35,8 +35,6 @@ crate::knobs! {
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
         /// Whether a pass without draws only clears what it clears, and no pipeline hears of it.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
-        /// Whether flags that are still set since the last clear are left as they are: only the clear value changes.
-        skip_clears: bool ["", Allowed::Switch, "a bit a surface, as drivers keep it that track compressed and cleared surfaces"],
     }
 }
 
@@ -47,10 +45,6 @@ crate::counters! {
         passes: "passes",
         /// Passes without draws that no pipeline has heard of.
         empty_passes: "passes",
-        /// Clear flags set.
-        flags_set: "blocks",
-        /// Blocks whose clear flags were set already.
-        kept_flags: "blocks",
     }
 }
 
@@ -263,15 +257,9 @@ impl Command {
         (color, depth)
     }
 
-    /// Clears of a pass. Where pipelines have copies of surfaces nobody keeps account of whose flags are set.
-    fn clears(&self, card: &Card) -> Clears {
-        let skip = self.config.skip_clears && card.copies.is_empty() && card.seen.is_empty();
-        Clears::new(self.fast_clear, skip)
-    }
-
     /// Does all that a pass without draws asks for: it clears. The surfaces are in memory, where the pass before has left them.
     fn skip_pass(&mut self, card: &mut Card, pass: &Pass) -> Cycle {
-        let mut clears = self.clears(card);
+        let mut clears = Clears::new(self.fast_clear);
         self.clear(card, pass, Use::Empty, &mut clears);
         if let Some(attachment) = &pass.depth
             && let Some(bounds) = cleared_depths(attachment)
@@ -282,8 +270,6 @@ impl Command {
             self.depth_cleared = Some((key, bounds));
         }
         self.counts.empty_passes += 1;
-        self.counts.flags_set += u64::from(clears.flags);
-        self.counts.kept_flags += clears.kept;
         self.clears = clears.writes;
         u64::from(clears.flags).div_ceil(u64::from(self.clears_per_cycle))
     }
@@ -297,9 +283,8 @@ impl Command {
                 card.frame.stores[index].drawn.forget();
             }
         }
-        let mut clears = self.clears(card);
+        let mut clears = Clears::new(self.fast_clear);
         let (color, depth) = self.clear(card, pass, of, &mut clears);
-        self.counts.kept_flags += clears.kept;
         let Clears { mut flags, color_flags, writes: mut clears, .. } = clears;
         let depth_start = pass.depth.map(|attachment| {
             let key = attachment.surface.key;
@@ -365,7 +350,6 @@ impl Command {
             }
         }
         self.counts.passes += 1;
-        self.counts.flags_set += u64::from(flags);
         card.pass = Some(state);
         card.interleave.begin_pass(pass.width, pass.height);
         self.clears = clears;

@@ -1,4 +1,4 @@
-//! A panel of dials, six frames of which only the needles move. Like many programs it wipes its target in a pass of its own before
+//! A panel of dials, four frames of which only some needles move. Like many programs it wipes its target in a pass of its own before
 //! the pass that clears it, and ends every frame with a pass for notices, of which there are none.
 
 use std::f64::consts::TAU;
@@ -11,10 +11,10 @@ use fillrate::trace::record::{self, Recorder};
 use super::maths::*;
 use super::pixels::*;
 
-const WIDTH: u32 = 192;
-const HEIGHT: u32 = 128;
-const FRAMES: u32 = 6;
-const DIALS: u32 = 6;
+const WIDTH: u32 = 256;
+const HEIGHT: u32 = 192;
+const FRAMES: u32 = 4;
+const DIALS: u32 = 12;
 
 /// A rectangle: its centre, and the ways from there to its right and lower edge, in pixels.
 struct Part {
@@ -39,7 +39,7 @@ fn grain(u: f64, v: f64) -> [f64; 4] {
 }
 
 fn place(dial: u32) -> [f64; 2] {
-    [32.0 + 64.0 * f64::from(dial % 3), 32.0 + 64.0 * f64::from(dial / 3)]
+    [32.0 + 64.0 * f64::from(dial % 4), 32.0 + 64.0 * f64::from(dial / 4)]
 }
 
 fn dial(dial: u32) -> Part {
@@ -47,9 +47,9 @@ fn dial(dial: u32) -> Part {
     Part { center: place(dial), right: [26.0, 0.0], down: [0.0, 26.0], color }
 }
 
-/// Three of the six needles move.
+/// Three needles move.
 fn needle(dial: u32, frame: u32) -> Part {
-    let speed = if dial.is_multiple_of(2) { 0.06 + 0.1 * uniform(63, dial, 1) } else { 0.0 };
+    let speed = if matches!(dial, 0 | 7 | 9) { 0.06 + 0.1 * uniform(63, dial, 1) } else { 0.0 };
     let turn = TAU * (uniform(63, dial, 2) + speed * f64::from(frame));
     let (s, c) = (libm::sin(turn), libm::cos(turn));
     let [x, y] = place(dial);
@@ -60,7 +60,7 @@ fn needle(dial: u32, frame: u32) -> Part {
 
 pub fn record() -> Recorder {
     let mut card = Recorder::new("panel");
-    let plate = Part { center: [96.0, 64.0], right: [96.0, 0.0], down: [0.0, 64.0], color: [0.46, 0.48, 0.52] };
+    let plate = Part { center: [128.0, 96.0], right: [128.0, 0.0], down: [0.0, 96.0], color: [0.46, 0.48, 0.52] };
     let still: Vec<u8> = std::iter::once(plate).chain((0..DIALS).map(dial)).flat_map(|part| part.bytes()).collect();
     let still = card.create_buffer_init("plate and dials", &still);
     let needles = card.create_buffer("needles", u64::from(DIALS) * 28);

@@ -19,7 +19,7 @@ fn vertex(
 ) -> Varying {
     let at = vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
     let pixel = center + at.x * right + at.y * down;
-    let position = vec4<f32>(pixel.x / 96.0 - 1.0, 1.0 - pixel.y / 64.0, 0.0, 1.0);
+    let position = vec4<f32>(pixel.x / 128.0 - 1.0, 1.0 - pixel.y / 96.0, 0.0, 1.0);
     return Varying(position, at, color, pixel / 32.0);
 }
 

@@ -89,7 +89,6 @@ const CONFIG: CommandConfig = CommandConfig {
     copy_misses: 16,
     barrier_cycles: 50,
     skip_empty_passes: true,
-    skip_clears: true,
 };
 
 /// How the card clears, whether it shows frames, and its pipelines.
@@ -377,25 +376,4 @@ fn passes_without_draws_only_clear() {
     assert!(heard.over > got.over);
     let resolved = commanded(&CONFIG, PLAIN, &empty(clear, true));
     assert_eq!((resolved.pieces.len(), resolved.resolve.len()), (1, 1));
-}
-
-#[test]
-fn flags_that_are_set_are_not_set_again() {
-    let clear = |value| Load::Clear([value; 4]);
-    let twice = |first, second| [vec![begin(first, false), Event::EndPass], frame(second, false, 1)].concat();
-    let draw = |config: &CommandConfig, first, second| commanded(config, PLAIN, &twice(first, second)).pieces[0].0;
-    let (all, none) = (CommandConfig { skip_clears: false, ..CONFIG }, &CONFIG);
-    // The second pass has four cycles of flags less, also for another value.
-    for value in [0, 7] {
-        assert_eq!(draw(&all, clear(0), clear(value)), draw(none, clear(0), clear(value)) + 4);
-    }
-    assert_eq!(draw(&all, Load::Load, clear(0)), draw(none, Load::Load, clear(0)));
-    // The surface holds the second value.
-    for config in [&all, none] {
-        let (mut circuit, mut card) = circuit(config, PLAIN, &twice(clear(0), clear(1.0_f32.to_bits())));
-        run(&mut circuit, &mut card, Clock::SkipIdle, 1000, |c, _| c.command.frame_over()).expect("it ends");
-        assert!(card.frame.stores[0].codes.iter().all(|&code| code == u32::MAX));
-        let kept = if config.skip_clears { 16 } else { 0 };
-        assert_eq!((circuit.command.counts().empty_passes, circuit.command.counts().kept_flags), (1, kept));
-    }
 }
