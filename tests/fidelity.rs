@@ -32,7 +32,7 @@ fn cycles(replay: &Replay) -> f64 {
 #[test]
 fn bounds_are_near_the_cycles_that_they_stand_for() {
     // `docs/accuracy.md` has all scenes, those with larger errors and why.
-    for (trace, allowed) in [("cube", 0.08), ("corridor", 0.05), ("layers", 0.08), ("sprites", 0.05), ("triangle", 0.05)] {
+    for (trace, allowed) in [("cube", 0.06), ("corridor", 0.03), ("layers", 0.03), ("sprites", 0.03), ("triangle", 0.03)] {
         let (bound, cycle) = (run(trace, Fidelity::Bound, &[]), run(trace, Fidelity::Cycle, &[]));
         let error = cycles(&bound) / cycles(&cycle) - 1.0;
         assert!(error.abs() < allowed, "{trace}: {} for {}", cycles(&bound), cycles(&cycle));

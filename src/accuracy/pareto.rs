@@ -6,9 +6,9 @@ use anyhow::Result;
 use serde_json::{Value, json};
 
 use crate::run::replay::{Fidelity, Options, Replay, replay};
-use crate::run::sample::{Clusters, Interval, random};
-use crate::run::sampled::{Sampling, Survey, sampled, survey};
-use crate::stats::Tree;
+use crate::run::sample::{Clusters, random};
+use crate::run::sampled::{Sampling, Survey, counted, sampled, survey};
+use crate::stats::{Leaf, Node, Tree};
 use crate::trace::Trace;
 
 /// Draws of frames over which it is counted how often an interval holds the truth.
@@ -16,6 +16,9 @@ pub const RESAMPLINGS: u64 = 1000;
 
 /// What is compared, with its name.
 pub const QUANTITIES: [&str; 4] = ["cycles", "DRAM bytes", "L2 misses", "texture misses"];
+
+/// Where the statistics have it.
+const PATHS: [&str; QUANTITIES.len()] = ["cycles", "memory.dram.bytes", "caches.l2.misses", "caches.texture.misses"];
 
 /// Published marks: name, times as fast, relative error in cycles.
 pub const MARKS: [(&str, f64, f64); 2] = [("MEGsim (2022)", 126.0, 0.0084), ("SMARTS (2003)", 47.0, 0.0064)];
@@ -31,10 +34,10 @@ pub struct Point {
     pub whole: Duration,
     /// Relative errors, by [`QUANTITIES`]; none where it does not tell or there is nothing to be off by.
     pub errors: [Option<f64>; QUANTITIES.len()],
-    /// Half the interval of the cycles, relative.
-    pub margin: Option<f64>,
+    /// Half the intervals, relative.
+    pub margins: [Option<f64>; QUANTITIES.len()],
     /// How often intervals of this many clusters hold the truth.
-    pub covered: Option<f64>,
+    pub covered: [Option<f64>; QUANTITIES.len()],
 }
 
 /// The fidelities on a trace.
@@ -52,13 +55,11 @@ pub struct Front {
 
 /// What is compared, of the statistics of a run.
 fn quantities(tree: &Tree) -> [Option<f64>; QUANTITIES.len()] {
-    let n = |path: &str| tree.number(path);
-    let sum = |cache: &str| {
-        let parts: Vec<f64> = (0..).map_while(|i| n(&format!("caches.{cache}[{i}].misses"))).collect();
-        (!parts.is_empty()).then(|| parts.iter().sum())
+    let told = |path: &str| match path.strip_prefix("caches.").and_then(|rest| rest.split_once('.')) {
+        Some((cache, what)) => tree.number(&format!("caches.{cache}[0].{what}")).is_some(),
+        None => tree.number(&path.replace("dram.bytes", "dram.read_bytes")).is_some(),
     };
-    let dram = n("memory.dram.read_bytes").zip(n("memory.dram.write_bytes")).map(|(read, written)| read + written);
-    [n("cycles"), dram, sum("l2"), sum("texture")]
+    PATHS.map(|path| told(path).then(|| counted(tree, path)))
 }
 
 fn point(fidelity: String, run: &Replay, truth: &[Option<f64>; QUANTITIES.len()]) -> Point {
@@ -67,23 +68,39 @@ fn point(fidelity: String, run: &Replay, truth: &[Option<f64>; QUANTITIES.len()]
         let (measured, truth) = measured[i].zip(truth[i])?;
         (truth > 0.0).then(|| (measured / truth - 1.0).abs())
     });
-    let cycles = measured[0].unwrap_or(0.0);
-    let margin = run.total.number("sampled.margins.cycles").filter(|_| cycles > 0.0).map(|margin| margin / cycles);
-    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margin, covered: None }
+    let none = [None; QUANTITIES.len()];
+    let margins = std::array::from_fn(|i| {
+        let value = measured[i].filter(|&value| value > 0.0)?;
+        margin(&run.total, PATHS[i]).map(|margin| margin / value)
+    });
+    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margins, covered: none }
 }
 
-/// How often the interval of the cycles holds the truth, over [`RESAMPLINGS`] draws of frames of a sequence that is known whole.
-pub fn coverage(survey: &Survey, counted: &[f64], samples: usize) -> f64 {
-    let estimates = survey.cycles();
+/// Half the interval of a count, as the statistics have it under its path as a name.
+fn margin(tree: &Tree, path: &str) -> Option<f64> {
+    let Some(Node::Tree(sampled)) = tree.get("sampled") else { return None };
+    let Some(Node::Tree(margins)) = sampled.get("margins") else { return None };
+    margins.entries().find(|(name, _)| *name == path).and_then(|(_, node)| match node {
+        Node::Leaf(Leaf::Real(margin)) => Some(*margin),
+        _ => None,
+    })
+}
+
+/// How often the intervals hold the truth, over [`RESAMPLINGS`] draws of frames of a sequence that is known whole.
+pub fn coverage(survey: &Survey, frames: &[&Tree], samples: usize) -> [Option<f64>; QUANTITIES.len()] {
     let clusters = Clusters::new(&survey.signatures, samples);
-    let truth: f64 = counted.iter().sum();
-    let holds = |seed: u64| {
-        let drawn = clusters.draw(&mut random(seed));
-        let own: Vec<f64> = drawn.iter().map(|&frame| counted[frame]).collect();
-        let total: Interval = clusters.total(&drawn, &estimates, &own);
-        total.covers(truth)
-    };
-    (0..RESAMPLINGS).filter(|&seed| holds(seed)).count() as f64 / RESAMPLINGS as f64
+    PATHS.map(|path| {
+        let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
+        let estimates = survey.estimates(path);
+        let truth: f64 = own.iter().sum();
+        let holds = |seed: u64| {
+            let drawn = clusters.draw(&mut random(seed));
+            let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
+            clusters.total(&drawn, &estimates, &own).covers(truth)
+        };
+        let held = (0..RESAMPLINGS).filter(|&seed| holds(seed)).count();
+        (truth > 0.0).then_some(held as f64 / RESAMPLINGS as f64)
+    })
 }
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
@@ -95,19 +112,19 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let cycle = run(Fidelity::Cycle)?;
     let truth = quantities(&cycle.total);
     let mut points = vec![point("cycle".into(), &cycle, &truth)];
-    let counted: Vec<f64> = cycle.frames.iter().map(|frame| frame.tree.number("cycles").unwrap_or(0.0)).collect();
+    let frames: Vec<&Tree> = cycle.frames.iter().map(|frame| &frame.tree).collect();
     let survey = survey(trace, options)?;
-    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < counted.len()) {
+    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < frames.len()) {
         let sampling = Sampling { samples, seed, ..Sampling::default() };
         let options = Options { fidelity: Fidelity::Sampled(sampling), ..options.clone() };
         let run = sampled(trace, &options, &sampling, &|_| ())?;
-        let covered = Some(coverage(&survey, &counted, samples as usize));
+        let covered = coverage(&survey, &frames, samples as usize);
         points.push(Point { covered, ..point(format!("sampled, {samples} frames"), &run, &truth) });
     }
     points.push(point("bound".into(), &run(Fidelity::Bound)?, &truth));
     let functional = run(Fidelity::Functional)?;
     points.push(Point { fidelity: "functional".into(), ..point(String::new(), &functional, &truth) });
-    Ok(Front { trace: name.to_owned(), frames: counted.len(), cycles: truth[0].unwrap_or(0.0), points })
+    Ok(Front { trace: name.to_owned(), frames: frames.len(), cycles: truth[0].unwrap_or(0.0), points })
 }
 
 impl Front {
@@ -121,7 +138,7 @@ impl Front {
     pub fn table(&self) -> String {
         let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
         let mut out = format!(
-            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | interval of the cycles | intervals that hold |\n|---|---|---|---|{}---|---|\n",
+            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | intervals of these | how many hold |\n|---|---|---|---|{}---|---|\n",
             self.trace,
             self.frames,
             self.cycles,
@@ -137,8 +154,8 @@ impl Front {
                 self.speed(point).map_or("-".into(), |speed| format!("{speed:.1}")),
                 point.whole.as_secs_f64(),
                 errors.join(" | "),
-                point.margin.map_or("-".into(), |margin| format!("+- {:.2} %", 100.0 * margin)),
-                percent(point.covered)
+                together(&point.margins, 1),
+                together(&point.covered, 1)
             ));
         }
         out
@@ -150,21 +167,34 @@ impl Front {
             .points
             .iter()
             .map(|point| {
-                let errors: serde_json::Map<String, Value> =
-                    QUANTITIES.iter().zip(point.errors).map(|(name, error)| ((*name).to_owned(), json!(error))).collect();
                 json!({
                     "fidelity": point.fidelity,
                     "seconds": point.time.as_secs_f64(),
                     "seconds_in_all": point.whole.as_secs_f64(),
                     "times_as_fast": self.speed(point),
-                    "errors": errors,
-                    "margin": point.margin,
-                    "covered": point.covered,
+                    "errors": named(&point.errors),
+                    "margins": named(&point.margins),
+                    "covered": named(&point.covered),
                 })
             })
             .collect();
         json!({ "trace": self.trace, "frames": self.frames, "cycles": self.cycles, "fidelities": points })
     }
+}
+
+/// Shares in one field of a table.
+fn together(shares: &[Option<f64>; QUANTITIES.len()], digits: usize) -> String {
+    if shares.iter().all(Option::is_none) {
+        return "-".into();
+    }
+    let texts: Vec<String> =
+        shares.iter().map(|share| share.map_or("-".into(), |share| format!("{:.digits$}", 100.0 * share))).collect();
+    format!("{} %", texts.join(", "))
+}
+
+/// Shares by what they are of.
+fn named(shares: &[Option<f64>; QUANTITIES.len()]) -> Value {
+    Value::Object(QUANTITIES.iter().zip(shares).map(|(name, share)| ((*name).to_owned(), json!(share))).collect())
 }
 
 /// Colours of traces in the plot.
@@ -232,7 +262,7 @@ pub fn plot(fronts: &[Front]) -> String {
         for point in &front.points[1..] {
             let (Some(speed), Some(error)) = (front.speed(point), point.errors[0]) else { continue };
             let [x, y] = place(speed, error);
-            let shape = if point.margin.is_some() {
+            let shape = if point.margins[0].is_some() {
                 format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{color}\"/>\n")
             } else {
                 format!("<rect x=\"{:.1}\" y=\"{:.1}\" width=\"9\" height=\"9\" fill=\"{color}\"/>\n", x - 4.5, y - 4.5)

@@ -19,7 +19,7 @@ use crate::unit::phase::Phase;
 use crate::work::profile::Profiler;
 use crate::work::{Event, Funnel, RenderKey, Surface};
 
-use super::bound::{Bound, FrameEstimate};
+use super::bound::{Bound, FrameEstimate, Traffic};
 use super::host::Stopwatch;
 use super::sampled::{Sampling, sampled};
 use super::tiles::{self, TileSampling};
@@ -137,7 +137,7 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Resul
 
 fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Replay> {
     let watch = Stopwatch::start();
-    let bound = Bound::new(&options.config)?;
+    let mut bound = Bound::new(&options.config)?;
     let mut machine_time = Duration::ZERO;
     let (mut frames, mut profiler) = (Vec::new(), Profiler::default());
     let (mut funnel, mut total) = (Funnel::default(), Funnel::default());
@@ -177,10 +177,21 @@ fn bound_tree(estimate: &FrameEstimate, funnel: &Funnel, config: &Config) -> Tre
     tree.count("cycles", cycles.round() as u64);
     tree.real("seconds", cycles / (f64::from(config.card.clock_mhz) * 1e6));
     tree.set("funnel", Node::Tree(funnel_tree(funnel)));
-    let bytes = |side: usize| estimate.phases.iter().map(|phase| phase.dram[side]).sum::<f64>().round() as u64;
+    let mut memory = Traffic::default();
+    estimate.phases.iter().for_each(|phase| memory += phase.memory);
     let dram = tree.child("memory").child("dram");
-    dram.count("read_bytes", bytes(0));
-    dram.count("write_bytes", bytes(1));
+    dram.count("read_bytes", memory.read.round() as u64);
+    dram.count("write_bytes", memory.written.round() as u64);
+    let texture = |side: usize| estimate.phases.iter().map(|phase| phase.textures[side]).sum::<f64>();
+    for (name, lookups, misses) in [("texture", texture(0), texture(1)), ("l2", memory.lookups, memory.misses)] {
+        let [lookups, misses] = [lookups, misses].map(|n| n.round() as u64);
+        let mut counts = Tree::new();
+        counts.count("accesses", lookups);
+        counts.count("hits", lookups.saturating_sub(misses));
+        counts.count("misses", misses);
+        // All pipelines' caches, and all slices, as one.
+        tree.child("caches").set(name, Node::List(vec![counts]));
+    }
     tree
 }
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail};
 
-use super::bound::{Bound, FrameEstimate};
+use super::bound::{Bound, FrameEstimate, PhaseEstimate};
 use super::host::Stopwatch;
 use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
@@ -50,7 +50,7 @@ pub struct Survey {
 /// # Errors
 /// If it cannot be rendered.
 pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
-    let bound = Bound::proxy(&options.config);
+    let mut bound = Bound::proxy(&options.config);
     let mut profiler = Profiler::default();
     let (mut frames, mut signatures, mut units, mut time) = (Vec::new(), Vec::new(), Vec::new(), Duration::ZERO);
     let render_options = render::Options {
@@ -72,10 +72,47 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
     Ok(Survey { frames, signatures, time })
 }
 
+/// What is estimated of a phase, to which a count of its is taken to be in proportion.
+pub type Quantity = fn(&PhaseEstimate) -> f64;
+
+/// What a count is in proportion to: what is estimated of just this, where it is, else cycles.
+fn quantity(path: &str) -> Quantity {
+    match path {
+        "memory.dram.read_bytes" => |phase| phase.memory.read,
+        "memory.dram.write_bytes" => |phase| phase.memory.written,
+        "memory.dram.bytes" => |phase| phase.memory.read + phase.memory.written,
+        "caches.l2.accesses" => |phase| phase.memory.lookups,
+        "caches.l2.misses" => |phase| phase.memory.misses,
+        "caches.texture.accesses" => |phase| phase.textures[0],
+        "caches.texture.misses" => |phase| phase.textures[1],
+        _ => |phase| phase.cycles,
+    }
+}
+
+/// Caches of which misses are estimated.
+const ESTIMATED: [&str; 2] = ["texture", "l2"];
+
+/// The sum over a kind of cache; or of DRAM's bytes; or any other count.
+pub fn counted(tree: &Tree, path: &str) -> f64 {
+    let n = |path: &str| tree.number(path).unwrap_or(0.0);
+    match path.strip_prefix("caches.").and_then(|rest| rest.split_once('.')) {
+        Some((cache, what)) => (0..).map_while(|i| tree.number(&format!("caches.{cache}[{i}].{what}"))).sum(),
+        None if path == "memory.dram.bytes" => n("memory.dram.read_bytes") + n("memory.dram.write_bytes"),
+        None => n(path),
+    }
+}
+
 impl Survey {
-    /// Estimated cycles by frame.
-    pub fn cycles(&self) -> Vec<f64> {
-        self.frames.iter().map(FrameEstimate::cycles).collect()
+    /// What is estimated by frame, of what a count is in proportion to.
+    pub fn estimates(&self, path: &str) -> Vec<f64> {
+        let quantity = quantity(path);
+        self.frames.iter().map(|frame| frame.phases.iter().map(quantity).sum()).collect()
+    }
+
+    /// The sum over all frames of what was counted in those drawn.
+    pub fn total(&self, clusters: &Clusters, drawn: &[usize], path: &str, frames: &[&Tree]) -> Interval {
+        let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
+        clusters.total(drawn, &self.estimates(path), &own)
     }
 }
 
@@ -124,18 +161,20 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     };
     let frames = numbers.iter().map(&mut take).collect::<Result<Vec<Frame>>>()?;
 
-    let cycles = survey.cycles();
-    let weights = clusters.weights(&drawn, &cycles);
+    let weights = clusters.weights(&drawn, &survey.estimates("cycles"));
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(frames.iter().map(|frame| &frame.tree)).collect();
     let mut total = Tree::weighted(&trees);
     let cycles_in_all = total.number("cycles").unwrap_or(0.0);
     total.real("seconds", cycles_in_all / (f64::from(options.config.card.clock_mhz) * 1e6));
+    let trees: Vec<&Tree> = frames.iter().map(|frame| &frame.tree).collect();
+    estimated(&mut total, &survey, &clusters, &drawn, &trees);
+    let margins = intervals(&survey, &clusters, &drawn, &trees);
     let node = total.child("sampled");
     node.count("frames", all as u64);
     node.count("counted_frames", drawn.len() as u64);
     node.count("simulated_frames", simulated);
     node.real("level", LEVEL);
-    for (name, interval) in intervals(&clusters, &drawn, &cycles, &frames) {
+    for (name, interval) in margins {
         node.child("margins").real(&name, interval.margin);
     }
     let mut frames = frames;
@@ -143,13 +182,43 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     Ok(Replay { frames, total, machine_time: machine_time + survey.time, clock_time: watch.clock() })
 }
 
-/// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache.
-fn intervals(clusters: &Clusters, drawn: &[usize], cycles: &[f64], frames: &[Frame]) -> Vec<(String, Interval)> {
+/// Puts what caches and DRAM do into the total, by what is estimated of just that.
+fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) {
+    let sum = |path: &str, leaf: &str| -> f64 {
+        let weights = clusters.weights(drawn, &survey.estimates(path));
+        weights.iter().zip(frames).map(|(weight, tree)| weight * tree.number(leaf).unwrap_or(0.0)).sum()
+    };
+    for path in ["memory.dram.read_bytes", "memory.dram.write_bytes"] {
+        if total.number(path).is_some() {
+            let bytes = sum(path, path).round() as u64;
+            total.child("memory").child("dram").count(path.rsplit('.').next().unwrap_or(path), bytes);
+        }
+    }
+    for cache in ESTIMATED {
+        let count = (0..).take_while(|i| total.number(&format!("caches.{cache}[{i}].misses")).is_some()).count();
+        for at in 0..count {
+            let of = |quantity: &str, what: &str| {
+                sum(&format!("caches.{cache}.{quantity}"), &format!("caches.{cache}[{at}].{what}")).round() as u64
+            };
+            let (misses, evictions) = (of("misses", "misses"), of("misses", "evictions"));
+            let accesses = of("accesses", "accesses").max(misses);
+            let node = total.child("caches").element(cache, at);
+            node.count("accesses", accesses);
+            node.count("hits", accesses - misses);
+            node.count("misses", misses);
+            node.count("evictions", evictions);
+        }
+    }
+}
+
+/// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache; of the caches of
+/// which misses are estimated, of these too.
+fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) -> Vec<(String, Interval)> {
     let mut found = Vec::new();
     let Some(first) = frames.first() else { return found };
     let mut paths = vec!["cycles".to_owned()];
     let mut caches: Vec<String> = Vec::new();
-    first.tree.leaves(&mut |path, leaf| {
+    first.leaves(&mut |path, leaf| {
         if !matches!(leaf, Leaf::Count(_)) {
             return;
         }
@@ -164,25 +233,33 @@ fn intervals(clusters: &Clusters, drawn: &[usize], cycles: &[f64], frames: &[Fra
             caches.push(name.to_owned());
         }
     });
+    paths.push("memory.dram.bytes".into());
     for path in paths {
-        let counted: Vec<f64> = frames.iter().map(|frame| frame.tree.number(&path).unwrap_or(0.0)).collect();
-        found.push((path, clusters.total(drawn, cycles, &counted)));
+        let interval = survey.total(clusters, drawn, &path, frames);
+        found.push((path, interval));
     }
+    let total = |path: &str| survey.total(clusters, drawn, path, frames);
     for cache in caches {
-        let sum = |frame: &Frame, what: &str| {
-            let parts = (0..).map_while(|i| frame.tree.number(&format!("caches.{cache}[{i}].{what}")));
-            parts.sum::<f64>()
-        };
-        let hits: Vec<f64> = frames.iter().map(|frame| sum(frame, "hits")).collect();
-        let accesses: Vec<f64> = frames.iter().map(|frame| sum(frame, "accesses")).collect();
-        let all = clusters.total(drawn, cycles, &accesses).value;
-        if all > 0.0 {
-            let rate = clusters.total(drawn, cycles, &hits).value / all;
-            // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
-            let beside: Vec<f64> = hits.iter().zip(&accesses).map(|(hits, accesses)| hits - rate * accesses).collect();
-            let margin = clusters.total(drawn, cycles, &beside).margin / all;
-            found.push((format!("caches.{cache}.hit_rate"), Interval { value: rate, margin }));
+        let accesses = total(&format!("caches.{cache}.accesses"));
+        if accesses.value <= 0.0 {
+            continue;
         }
+        let path = format!("caches.{cache}.hit_rate");
+        if ESTIMATED.contains(&cache.as_str()) {
+            // Lookups are known all but exactly: the rate is off by what misses are.
+            let misses = total(&format!("caches.{cache}.misses"));
+            let rate = 1.0 - misses.value / accesses.value;
+            found.push((path, Interval { value: rate, margin: misses.margin / accesses.value }));
+            found.push((format!("caches.{cache}.misses"), misses));
+            continue;
+        }
+        let counts = |what: &str| frames.iter().map(|tree| counted(tree, &format!("caches.{cache}.{what}"))).collect();
+        let (hits, lookups): (Vec<f64>, Vec<f64>) = (counts("hits"), counts("accesses"));
+        let rate = total(&format!("caches.{cache}.hits")).value / accesses.value;
+        // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
+        let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
+        let margin = clusters.total(drawn, &survey.estimates("cycles"), &beside).margin / accesses.value;
+        found.push((path, Interval { value: rate, margin }));
     }
     found
 }

@@ -105,7 +105,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &TileSampling) -> Res
     if samples < 2 || groups < samples {
         bail!("{samples} runs over {groups} groups of tiles: 2 runs are the least, and groups are at least as many");
     }
-    let bound = Bound::new(&options.config)?;
+    let mut bound = Bound::new(&options.config)?;
     let render_options = render::Options {
         record: true,
         frames: options.frames.clone().into(),
@@ -155,6 +155,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &TileSampling) -> Res
             .collect();
         let mut profiler = Profiler::default();
         let profiles: Vec<FrameProfile> = parts.iter().filter_map(|event| profiler.event(event)).collect();
+        let mut bound = Bound::new(&options.config)?;
         let parts_of = profiles.iter().flat_map(|frame| bound.frame(frame).phases);
         let quads = profiles.iter().flat_map(|frame| &frame.phases).map(PhaseProfile::quads).sum::<u64>() as f64;
         let mut machine = Machine::new(&options.config)?;

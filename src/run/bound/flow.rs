@@ -1,8 +1,6 @@
 //! Windows of primitives flow through geometry and pipelines: who waits for whom, without a cycle simulated.
 
-use super::{BLOCKS, Bound, Roofs};
-use crate::unit::interleave::Interleave;
-use crate::work::TILE;
+use super::{Bound, Roofs};
 use crate::work::profile::{Cell, Window};
 
 /// What an item of a draw takes, in cycles of the unit.
@@ -27,8 +25,13 @@ pub(super) struct Rates {
     pub core: f64,
     pub texture: f64,
     pub color: f64,
-    /// From a vertex to its fragments' end, in shaders.
+    /// A block with covered quads takes the depth test at least so long, and one with shaded quads colour.
+    pub depth_block: f64,
+    pub color_block: f64,
+    /// From a vertex to its fragments' end, in shaders,
     pub latency: f64,
+    /// and of that fragments' part.
+    pub shaded: f64,
 }
 
 /// A pipeline as windows flow through it: what it has been given, and when its rasteriser and its cores were done with it.
@@ -66,8 +69,9 @@ impl Pipeline {
         if self.setup == 0 { 0.0 } else { self.windows[self.setup - 1].rasterized }
     }
 
-    /// Takes a window's part, which geometry gives between two moments; so many quads are between rasteriser and ROPs at most.
-    fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &[f64; UNITS.len()], waiting: f64) {
+    /// Takes a window's part, which geometry gives between two moments; so many quads are between rasteriser and ROPs at most,
+    /// and each for as long as `latency` at least.
+    fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &[f64; UNITS.len()], waiting: f64, latency: f64) {
         let last = self.last();
         let slowest = |units: &[f64]| units.iter().copied().fold(0.0, f64::max);
         while self.windows.get(self.shaded).is_some_and(|window| last.quads - window.quads > waiting) {
@@ -76,7 +80,8 @@ impl Pipeline {
         let place = if self.shaded == 0 { 0.0 } else { self.windows[self.shaded - 1].written };
         let begin = last.rasterized.max(from[0]).max(place);
         let rasterized = (begin + slowest(&work[..RASTERIZER])).max(from[1]);
-        let written = (last.written.max(begin) + slowest(&work[RASTERIZER..])).max(rasterized);
+        let shaded = if given[1] > 0.0 { latency } else { 0.0 };
+        let written = (last.written.max(begin) + slowest(&work[RASTERIZER..])).max(rasterized + shaded);
         let [triangles, quads] = [last.triangles + given[0], last.quads + given[1]];
         self.windows.push(Passed { triangles, quads, rasterized, written });
     }
@@ -93,11 +98,15 @@ impl Bound<'_> {
     /// of a window when its part of the one before is done; and geometry is ahead
     /// of a pipeline by what the queues between them hold.
     /// Cycles until the last is done.
-    pub(super) fn fluid(&self, roofs: &mut Roofs, rates: &[Rates], size: [u32; 2], windows: &[Window], cells: &[Cell]) -> f64 {
+    pub(super) fn fluid(
+        &self,
+        roofs: &mut Roofs,
+        rates: &[Rates],
+        owners: &[Option<u8>],
+        windows: &[Window],
+        cells: &[Cell],
+    ) -> f64 {
         let pipelines = self.config.card.pipelines as usize;
-        let distribute = &self.config.distribute;
-        let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, distribute.tile);
-        interleave.begin_pass(size[0], size[1]);
         let mut sums = vec![[0.0; UNITS.len()]; pipelines];
         let mut work = vec![[0.0; UNITS.len()]; pipelines];
         let mut done = vec![Pipeline::default(); pipelines];
@@ -111,27 +120,24 @@ impl Bound<'_> {
             work.iter_mut().for_each(|units| {
                 *units = [0.0, 0.0, 0.0, 0.0, 0.0, primitives * rates.vertex_core, primitives * rates.vertex_texture, 0.0]
             });
-            for cell in &cells[first as usize..window.end as usize] {
-                let [x, y] = cell.tile.map(|at| u32::from(at) * BLOCKS);
+            let range = first as usize..window.end as usize;
+            for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
                 let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
                 let traverse =
                     (groups * rates.group).max(f64::from(cell.tested) * rates.test).max(f64::from(cell.blocks) * rates.block);
                 let units = [
                     triangles * rates.setup,
                     traverse,
-                    groups * rates.depth,
+                    (groups * rates.depth).max(f64::from(cell.seen) * rates.depth_block),
                     shaded * rates.interpolate,
                     shaded * rates.dispatch,
                     shaded * rates.core,
                     shaded * rates.texture,
-                    shaded * rates.color,
+                    (shaded * rates.color).max(f64::from(cell.pins) * rates.color_block),
                 ];
-                // Tiles that are smaller than a screen tile share it evenly.
-                let (owners, part) = if distribute.tile < TILE {
-                    (0..pipelines, 1.0 / pipelines as f64)
-                } else {
-                    let owner = usize::from(interleave.owner(x, y));
-                    (owner..owner + 1, 1.0)
+                let (owners, part) = match *owner {
+                    Some(pipeline) => (usize::from(pipeline)..usize::from(pipeline) + 1, 1.0),
+                    None => (0..pipelines, 1.0 / pipelines as f64),
                 };
                 for at in owners {
                     work[at].iter_mut().zip(units).for_each(|(sum, cycles)| *sum += cycles * part);
@@ -144,7 +150,7 @@ impl Bound<'_> {
             let begin = geometry.max(place);
             geometry = begin + primitives * rates.geometry;
             for (((pipeline, units), sums), given) in done.iter_mut().zip(&work).zip(&mut sums).zip(&given) {
-                pipeline.take(*given, [begin, geometry], units, waiting[1]);
+                pipeline.take(*given, [begin, geometry], units, waiting[1], rates.shaded);
                 sums.iter_mut().zip(units).for_each(|(sum, cycles)| *sum += cycles);
             }
         }

@@ -1,57 +1,23 @@
 //! What caches of several sizes would miss, told without any machine: each forgets its oldest entry, and counts.
 
-use std::collections::HashMap;
-
 use super::super::{BLOCK, Pass, Segment};
+use super::touch::FIRST;
 
 /// Sizes in blocks of first-in-first-out caches of colours and depths, those of all pipelines together, for which a profile knows
 /// misses.
-pub const BLOCK_CACHES: [usize; 5] = [64, 256, 1024, 4096, 16384];
-
-/// Sizes in lines of first-in-first-out caches of textures and buffers, those of all pipelines together, for which a profile knows
-/// misses.
-pub const LINE_CACHES: [usize; 5] = [64, 256, 1024, 4096, 16384];
-
-/// One of so many lines is followed, and stands for the others: spatial sampling as in SHARDS (Waldspurger et al. 2015).
-pub(super) const FOLLOWED: u64 = 8;
+pub const BLOCK_CACHES: [usize; 6] = [8, 64, 256, 1024, 4096, 16384];
 
 /// What caches of a pass hold.
 #[derive(Debug)]
 pub(super) struct Caches {
     /// Of covered blocks, and of those with shaded quads.
     pub blocks: [BlockCaches; 2],
-    /// Of lines.
-    pub lines: LineCaches,
 }
 
 impl Caches {
     /// Empty ones.
     pub fn new(pass: &Pass) -> Caches {
-        Caches { blocks: [0; 2].map(|_| BlockCaches::new(pass)), lines: LineCaches::default() }
-    }
-}
-
-/// Caches of lines that forget the oldest, for some of the lines.
-#[derive(Debug, Default)]
-pub(super) struct LineCaches {
-    /// When each line was put in, counted in misses of that cache.
-    pub put: HashMap<u32, [u64; LINE_CACHES.len()]>,
-    pub misses: [u64; LINE_CACHES.len()],
-}
-
-impl LineCaches {
-    pub fn touch(&mut self, line: u32) {
-        // Fibonacci hashing: neighbours are followed independently.
-        if line.wrapping_mul(0x9e37_79b9) >> 16 & (FOLLOWED as u32 - 1) != 0 {
-            return;
-        }
-        let put = self.put.entry(line).or_insert([u64::MAX; LINE_CACHES.len()]);
-        for ((put, misses), size) in put.iter_mut().zip(&mut self.misses).zip(LINE_CACHES) {
-            if *put == u64::MAX || *misses - *put >= size as u64 / FOLLOWED {
-                *put = *misses;
-                *misses += 1;
-            }
-        }
+        Caches { blocks: [0; 2].map(|_| BlockCaches::new(pass)) }
     }
 }
 
@@ -60,8 +26,8 @@ impl LineCaches {
 pub(super) struct BlockCaches {
     across: usize,
     /// When each block was put in, counted in misses of that cache.
-    put: Vec<[u64; BLOCK_CACHES.len()]>,
-    pub misses: [u64; BLOCK_CACHES.len()],
+    put: Vec<[u32; BLOCK_CACHES.len()]>,
+    pub misses: [u32; BLOCK_CACHES.len()],
     pub distinct: u64,
 }
 
@@ -69,19 +35,29 @@ impl BlockCaches {
     pub fn new(pass: &Pass) -> BlockCaches {
         let across = pass.width.div_ceil(BLOCK) as usize;
         let blocks = across * pass.height.div_ceil(BLOCK) as usize;
-        let put = vec![[u64::MAX; BLOCK_CACHES.len()]; blocks];
+        let put = vec![[u32::MAX; BLOCK_CACHES.len()]; blocks];
         BlockCaches { across, put, misses: [0; BLOCK_CACHES.len()], distinct: 0 }
     }
 
-    pub fn touch(&mut self, x: u16, y: u16) {
+    /// Blocks that were touched.
+    pub fn touched(&self) -> impl Iterator<Item = u64> {
+        (0..).zip(&self.put).filter(|(_, put)| put[0] != u32::MAX).map(|(block, _)| block)
+    }
+
+    /// How many caches have lost a block since, [`FIRST`] if it was never in one.
+    pub fn touch(&mut self, x: u16, y: u16) -> u8 {
         let put = &mut self.put[usize::from(y) * self.across + usize::from(x)];
-        self.distinct += u64::from(put[0] == u64::MAX);
+        let first = put[0] == u32::MAX;
+        self.distinct += u64::from(first);
+        let mut near = 0;
         for ((put, misses), size) in put.iter_mut().zip(&mut self.misses).zip(BLOCK_CACHES) {
-            if *put == u64::MAX || *misses - *put >= size as u64 {
+            if *put == u32::MAX || *misses - *put >= size as u32 {
                 *put = *misses;
                 *misses += 1;
+                near += 1;
             }
         }
+        if first { FIRST } else { near }
     }
 }
 
@@ -110,23 +86,13 @@ mod tests {
             Pass { number: 0, label: String::new(), width: 800, height: 800, samples: 1, color: Vec::new(), depth: None };
         let mut caches = BlockCaches::new(&pass);
         // 100 blocks three times: too many for 64, few enough for 256.
+        let mut near = 0;
         for _ in 0..3 {
-            (0..100).for_each(|x| caches.touch(x, 7));
+            (0..100).for_each(|x| near = caches.touch(x, 7));
         }
         assert_eq!(caches.distinct, 100);
-        assert_eq!(caches.misses, [300, 100, 100, 100, 100]);
-    }
-
-    #[test]
-    fn followed_lines_stand_for_all() {
-        let mut caches = LineCaches::default();
-        for _ in 0..3 {
-            (0..2000).for_each(|line| caches.touch(line));
-        }
-        let misses = caches.misses.map(|misses| misses * FOLLOWED);
-        for (misses, expected) in misses.into_iter().zip([6000, 6000, 6000, 2000, 2000]) {
-            assert!(misses.abs_diff(expected) < expected / 10, "{misses} of {expected}");
-        }
+        assert_eq!(caches.misses, [300, 300, 100, 100, 100, 100]);
+        assert_eq!((near, caches.touch(0, 8)), (2, FIRST));
     }
 
     #[test]

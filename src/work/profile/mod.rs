@@ -4,63 +4,25 @@
 //! computed from (`run::bound`) and by which frames are told to be alike (`run::sample`).
 
 mod caches;
+mod lines;
+mod pass;
+mod shader;
+mod touch;
+
+pub use caches::BLOCK_CACHES;
+pub use lines::{FOLLOWED as LINES_FOLLOWED, GAPS, LineProfile, SPANS, gaps_of, span};
+pub use shader::ShaderProfile;
+pub use touch::{BUNDLE, FIRST, FLAT, Sampled, Touch, Toucher};
+
+use pass::OpenPass;
+use touch::Touches;
 
 use std::collections::HashSet;
 
-pub use caches::{BLOCK_CACHES, LINE_CACHES};
-use caches::{Caches, FOLLOWED, shaded_vertices};
-
-use super::{
-    Class, Cost, Dispatch, Draw, Event, Groups, LINE, Load, Pass, QUAD_SHADED, Request, RequestKind, Segment, TILE, TileWork,
-    Transfer, Triangle, Visit,
-};
+use super::{Dispatch, Event, Groups, Pass, Surface, Transfer};
 
 /// Sizes of first-in-first-out vertex caches for which a profile knows how many vertices are shaded.
 pub const REUSE: [usize; 6] = [0, 8, 16, 32, 64, 128];
-
-/// What shader invocations cost, summed up: an entry a vertex, a quad, or four invocations of a workgroup.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ShaderProfile {
-    /// Vertices, quads or packets.
-    pub runs: u64,
-    /// Instructions by class, summed over the runs.
-    pub instructions: [u64; Class::COUNT],
-    /// Texture requests.
-    pub textures: u64,
-    /// Their filter operations,
-    pub operations: u64,
-    /// and lines looked up.
-    pub texture_lines: u64,
-    /// Loads, stores and atomics.
-    pub accesses: u64,
-    /// Their lines.
-    pub access_lines: u64,
-}
-
-impl ShaderProfile {
-    fn add(&mut self, cost: &Cost, requests: &[Request]) {
-        self.runs += 1;
-        for (sum, n) in self.instructions.iter_mut().zip(cost.instructions()) {
-            *sum += u64::from(n);
-        }
-        let asking = cost.steps.iter().filter(|step| step.then.has_request());
-        for (step, request) in asking.zip(requests) {
-            if step.then == RequestKind::Texture {
-                self.textures += 1;
-                self.operations += u64::from(request.operations);
-                self.texture_lines += u64::from(request.lines);
-            } else {
-                self.accesses += 1;
-                self.access_lines += u64::from(request.lines);
-            }
-        }
-    }
-
-    /// All requests to memory.
-    pub fn requests(&self) -> u64 {
-        self.textures + self.accesses
-    }
-}
 
 /// A draw, or a part of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,12 +92,16 @@ pub struct Cell {
     pub triangles: u32,
     /// Blocks in the bounds of these triangles.
     pub tested: u32,
-    /// Blocks covered in part.
+    /// Blocks covered in part,
     pub blocks: u32,
-    /// Groups of up to four quads of a block.
+    /// those of them that are not hidden whole,
+    pub seen: u32,
+    /// and the groups of up to four quads of these.
     pub groups: u32,
-    /// Quads shaded.
+    /// Quads shaded,
     pub shaded: u32,
+    /// and blocks with any.
+    pub pins: u32,
 }
 
 /// An attachment of a pass.
@@ -170,14 +136,12 @@ pub enum PhaseProfile {
         color: Vec<AttachmentProfile>,
         /// Depth attachment.
         depth: Option<AttachmentProfile>,
-        /// Distinct blocks of 8 x 8 pixels with covered samples, and with shaded quads,
+        /// Distinct blocks of 8 x 8 pixels with covered samples, those that are hidden whole left out, and with shaded quads,
         blocks: [u64; 2],
-        /// misses of these behind caches as large as [`BLOCK_CACHES`] says,
+        /// and misses of these behind caches as large as [`BLOCK_CACHES`] says.
         block_misses: [[u64; BLOCK_CACHES.len()]; 2],
-        /// distinct lines of textures and buffers,
-        lines: u64,
-        /// and misses of these behind caches as large as [`LINE_CACHES`] says, vertices left out.
-        line_misses: [u64; LINE_CACHES.len()],
+        /// What its fragments look up.
+        lines: Box<LineProfile>,
     },
     /// A compute dispatch.
     Dispatch {
@@ -223,6 +187,8 @@ pub struct FrameProfile {
     pub number: u32,
     /// Phases in order.
     pub phases: Vec<PhaseProfile>,
+    /// What they touch in memory.
+    pub sampled: Sampled,
 }
 
 /// Makes profiles of a stream of events.
@@ -231,16 +197,9 @@ pub struct Profiler {
     frame: FrameProfile,
     pass: Option<OpenPass>,
     dispatch: Option<OpenDispatch>,
-}
-
-#[derive(Debug)]
-struct OpenPass {
-    phase: PhaseProfile,
-    /// When each block was put in the caches, those of covered blocks and those of shaded ones.
-    caches: Caches,
-    lines: HashSet<u32>,
-    /// The draw's state, for its segments.
-    state: Option<std::sync::Arc<Draw>>,
+    touches: Touches,
+    /// Attachments of the pass that are resolved, and where to.
+    resolves: Vec<(Surface, Surface)>,
 }
 
 #[derive(Debug)]
@@ -261,7 +220,7 @@ impl Profiler {
         }
         match event {
             Event::Contents(_) => {}
-            Event::BeginPass(pass) => self.pass = Some(OpenPass::new(pass)),
+            Event::BeginPass(pass) => self.begin_pass(pass),
             Event::Draw(draw) => {
                 if let Some(pass) = &mut self.pass {
                     pass.draw(draw);
@@ -269,18 +228,19 @@ impl Profiler {
             }
             Event::Segment(segment) => {
                 if let Some(pass) = &mut self.pass {
-                    pass.segment(segment);
+                    pass.segment(segment, &mut self.touches);
                 }
             }
             Event::EndPass => {
                 if let Some(pass) = self.pass.take() {
-                    self.frame.phases.push(pass.end());
+                    let phase = pass.end(&mut self.touches, &self.resolves);
+                    self.push(phase);
                 }
             }
             Event::Dispatch(dispatch) => self.dispatch = Some(OpenDispatch::new(dispatch)),
             Event::Groups(groups) => {
                 if let Some(dispatch) = &mut self.dispatch {
-                    dispatch.groups(groups);
+                    dispatch.groups(groups, &mut self.touches);
                 }
             }
             Event::Transfer(transfer) => self.transfer(transfer),
@@ -288,27 +248,51 @@ impl Profiler {
                 if let Some(shown) = &end.shown {
                     let texel = u64::from(shown.format.block_bytes()) * u64::from(shown.samples);
                     let bytes = u64::from(shown.width) * u64::from(shown.height) * texel;
-                    self.frame.phases.push(PhaseProfile::ScanOut { bytes });
+                    self.touches.run(shown.address, bytes, 64 * texel, Toucher::Read);
+                    self.push(PhaseProfile::ScanOut { bytes });
                 }
                 self.frame.number = end.number;
+                self.frame.sampled = self.touches.end_frame();
                 return Some(std::mem::take(&mut self.frame));
             }
         }
         None
     }
 
+    fn push(&mut self, phase: PhaseProfile) {
+        self.frame.phases.push(phase);
+        self.touches.phase = self.frame.phases.len().min(usize::from(u16::MAX)) as u16;
+    }
+
+    fn begin_pass(&mut self, pass: &Pass) {
+        let resolved = pass.color.iter().flatten().filter_map(|a| Some((a.surface, a.resolve?)));
+        self.resolves = resolved.collect();
+        self.pass = Some(OpenPass::new(pass));
+    }
+
     fn end_dispatch(&mut self) {
         if let Some(OpenDispatch { number, label, registers, cost, lines, runs }) = self.dispatch.take() {
             let lines = lines.len() as u64;
-            self.frame.phases.push(PhaseProfile::Dispatch { number, label, cost, registers, lines, runs });
+            self.push(PhaseProfile::Dispatch { number, label, cost, registers, lines, runs });
         }
     }
 
     fn transfer(&mut self, transfer: &Transfer) {
         let moved = [transfer.from, transfer.to].map(|end| if end.is_some() { transfer.bytes } else { 0 });
+        if let Some(PhaseProfile::Transfers { .. }) = self.frame.phases.last() {
+            self.touches.phase = self.frame.phases.len() as u16 - 1;
+        }
+        for (end, by) in [(transfer.from, Toucher::Read), (transfer.to, Toucher::Write)] {
+            if let Some(address) = end {
+                self.touches.run(address, transfer.bytes, 1, by);
+            }
+        }
         match self.frame.phases.last_mut() {
-            Some(PhaseProfile::Transfers { transfers }) => transfers.push(moved),
-            _ => self.frame.phases.push(PhaseProfile::Transfers { transfers: vec![moved] }),
+            Some(PhaseProfile::Transfers { transfers }) => {
+                transfers.push(moved);
+                self.touches.phase += 1;
+            }
+            _ => self.push(PhaseProfile::Transfers { transfers: vec![moved] }),
         }
     }
 }
@@ -319,174 +303,17 @@ impl OpenDispatch {
         OpenDispatch { number, label, registers, cost: ShaderProfile::default(), lines: HashSet::new(), runs: 0 }
     }
 
-    fn groups(&mut self, groups: &Groups) {
+    fn groups(&mut self, groups: &Groups, touches: &mut Touches) {
         self.runs += 1;
+        // Which lines are written is not told apart: most of a dispatch's are read, written, or both, and once.
+        for &line in &groups.lines {
+            if touches.follows(line) {
+                touches.push_once(Touch { line, by: Toucher::Store, ..Touch::default() });
+            }
+        }
         for packet in &groups.packets {
             self.cost.add(&groups.costs[packet.cost], &groups.requests[packet.first_request as usize..]);
         }
         self.lines.extend(&groups.lines);
-    }
-}
-
-impl OpenPass {
-    fn new(pass: &Pass) -> OpenPass {
-        let profile = |attachment: &super::Attachment, clears: bool| {
-            let bytes = |surface: &super::Surface| u64::from(surface.format.block_bytes()) * u64::from(surface.samples);
-            let resolved = |to: &super::Surface| u64::from(to.width) * u64::from(to.height) * bytes(to);
-            AttachmentProfile {
-                block_bytes: 64 * bytes(&attachment.surface),
-                loads: !clears,
-                resolved: attachment.resolve.as_ref().map_or(0, resolved),
-            }
-        };
-        let clears = |load: Load| matches!(load, Load::Clear(_));
-        let depth = pass.depth.as_ref().map(|a| {
-            let format = a.surface.format;
-            let whole = (clears(a.load) || !format.has_depth()) && (clears(a.stencil_load) || !format.has_stencil());
-            profile(a, whole)
-        });
-        OpenPass {
-            phase: PhaseProfile::Pass {
-                number: pass.number,
-                label: pass.label.clone(),
-                size: [pass.width, pass.height],
-                draws: Vec::new(),
-                windows: Vec::new(),
-                cells: Vec::new(),
-                color: pass.color.iter().flatten().map(|a| profile(a, clears(a.load))).collect(),
-                depth,
-                blocks: [0; 2],
-                block_misses: [[0; BLOCK_CACHES.len()]; 2],
-                lines: 0,
-                line_misses: [0; LINE_CACHES.len()],
-            },
-            caches: Caches::new(pass),
-            lines: HashSet::new(),
-            state: None,
-        }
-    }
-
-    fn draw(&mut self, draw: &std::sync::Arc<Draw>) {
-        self.state = Some(draw.clone());
-        let PhaseProfile::Pass { draws, .. } = &mut self.phase else { return };
-        let written = || draw.targets.iter().flatten().filter(|target| target.write_mask != 0);
-        let line = |a: &super::AttributeFetch| if a.stride == 0 { 0 } else { a.stride.min(LINE).max(u64::from(a.bytes)) };
-        // Attributes that lie between each other are one stream of lines.
-        let mut streams: Vec<(u64, u64)> = Vec::new();
-        for attribute in draw.attributes.iter().filter(|a| a.stride > 0) {
-            let same = |&&(at, stride): &&(u64, u64)| stride == attribute.stride && at.abs_diff(attribute.address) < stride;
-            if streams.iter().find(same).is_none() {
-                streams.push((attribute.address, attribute.stride));
-            }
-        }
-        draws.push(DrawProfile {
-            number: draw.number,
-            attributes: draw.attributes.len() as u64,
-            vertex_bytes: streams.iter().map(|&(_, stride)| stride).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
-            registers: [draw.vertex.registers, draw.fragment.map_or(0, |shape| shape.registers)],
-            varyings: draw.fragment.map_or(0, |shape| u64::from(shape.inputs)),
-            depth: draw.depth_stencil.is_some(),
-            early: draw.early,
-            targets: written().count() as u64,
-            blended: written().filter(|target| target.blend.is_some()).count() as u64,
-            ..DrawProfile::default()
-        });
-    }
-
-    fn segment(&mut self, segment: &Segment) {
-        let PhaseProfile::Pass { draws, windows, cells, .. } = &mut self.phase else { return };
-        let number = draws.len().saturating_sub(1) as u32;
-        let Some(draw) = draws.last_mut() else { return };
-        draw.segments += 1;
-        draw.indices += segment.stream.len() as u64;
-        draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
-        for (shaded, size) in draw.shaded_vertices.iter_mut().zip(REUSE) {
-            *shaded += shaded_vertices(segment, size);
-        }
-        for vertex in &segment.vertices {
-            draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
-        }
-        self.lines.extend(&segment.lines);
-        draw.primitives += segment.primitives.len() as u64;
-        draw.clipped += segment.primitives.iter().filter(|primitive| primitive.clipped).count() as u64;
-
-        let mut open = Window { draw: number, primitives: 0, end: cells.len() as u32 };
-        let (mut first, mut drawn, mut groups) = (cells.len(), 0, 0);
-        for primitive in &segment.primitives {
-            open.primitives += 1;
-            let triangles = &segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
-            for triangle in triangles.iter().filter(|triangle| triangle.visits > 0) {
-                drawn += 1;
-                draw.triangles += 1;
-                draw.visits += u64::from(triangle.visits);
-                for visit in &segment.visits[triangle.first_visit as usize..][..triangle.visits as usize] {
-                    let tile = &segment.tiles[visit.tile as usize];
-                    let at = match cells[first..].iter().position(|cell| cell.tile == [tile.x, tile.y]) {
-                        Some(at) => first + at,
-                        None => {
-                            cells.push(Cell { tile: [tile.x, tile.y], ..Cell::default() });
-                            cells.len() - 1
-                        }
-                    };
-                    groups += cells[at].add(triangle, tile, visit, &mut self.caches, draw);
-                }
-            }
-            if drawn >= WINDOW[0] || open.primitives >= WINDOW[1] || groups >= WINDOW[2] {
-                open.end = cells.len() as u32;
-                windows.push(open);
-                (first, drawn, groups, open.primitives) = (cells.len(), 0, 0, 0);
-            }
-        }
-        if open.primitives > 0 {
-            windows.push(Window { end: cells.len() as u32, ..open });
-        }
-    }
-
-    fn end(self) -> PhaseProfile {
-        let mut phase = self.phase;
-        if let PhaseProfile::Pass { blocks, block_misses, lines, line_misses, .. } = &mut phase {
-            for (at, caches) in self.caches.blocks.iter().enumerate() {
-                (blocks[at], block_misses[at]) = (caches.distinct, caches.misses);
-            }
-            *lines = self.lines.len() as u64 + self.caches.lines.put.len() as u64 * FOLLOWED;
-            *line_misses = self.caches.lines.misses.map(|misses| misses * FOLLOWED);
-        }
-        phase
-    }
-}
-
-/// Blocks along the edge of a screen tile.
-const EDGE: u16 = (TILE / super::BLOCK) as u16;
-
-impl Cell {
-    /// Adds the blocks of a triangle, and what their quads cost to their draw; its groups of quads.
-    fn add(&mut self, triangle: &Triangle, tile: &TileWork, visit: &Visit, caches: &mut Caches, draw: &mut DrawProfile) -> u32 {
-        let before = self.groups;
-        let [x0, y0, x1, y1] = triangle.bounds;
-        let span = |a: u16, b: u16, at: u16| u32::from(b.min((at + 1) * EDGE).saturating_sub(a.max(at * EDGE)));
-        self.triangles += 1;
-        self.tested += span(x0, x1, tile.x) * span(y0, y1, tile.y);
-        for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
-            let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
-            self.blocks += 1;
-            self.groups += u32::from(block.quads).div_ceil(4);
-            draw.quads += u64::from(block.quads);
-            caches.blocks[0].touch(block.x, block.y);
-            let before = self.shaded;
-            for quad in quads.iter().filter(|quad| quad.flags & QUAD_SHADED != 0) {
-                self.shaded += 1;
-                let cost = &tile.costs[quad.cost];
-                let requests = &tile.requests[quad.first_request as usize..][..cost.requests()];
-                draw.fragment.add(cost, requests);
-                for request in requests {
-                    let lines = &tile.lines[request.first_line as usize..][..usize::from(request.lines)];
-                    lines.iter().for_each(|&line| caches.lines.touch(line));
-                }
-            }
-            if self.shaded > before {
-                caches.blocks[1].touch(block.x, block.y);
-            }
-        }
-        self.groups - before
     }
 }
