@@ -200,7 +200,9 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
         let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
         match options.fidelity {
             Fidelity::Bound => {
-                println!("estimated from counts and rates: off by 5 % in the middle, up to 25 % seen (docs/fidelity.md)");
+                println!(
+                    "estimated from counts and rates: off by 5 % in the middle, up to 25 % seen, more on small queues (docs/fidelity.md)"
+                );
                 println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host);
             }
             Fidelity::Sampled(_) | Fidelity::SampledTiles(_) => {

@@ -84,10 +84,13 @@ fn quantity(path: &str) -> Quantity {
         "caches.l2.accesses" => |phase| phase.memory.lookups,
         "caches.l2.misses" => |phase| phase.memory.misses,
         "caches.texture.accesses" => |phase| phase.textures[0],
-        "caches.texture.misses" => |phase| phase.textures[1],
+        "caches.texture.misses" | TEXTURE_BYTES => |phase| phase.textures[1],
         _ => |phase| phase.cycles,
     }
 }
+
+/// What texture caches read: lines that they miss.
+const TEXTURE_BYTES: &str = "memory.clients.texture.read_bytes";
 
 /// Caches of which misses are estimated.
 const ESTIMATED: [&str; 2] = ["texture", "l2"];
@@ -188,10 +191,15 @@ fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[us
         let weights = clusters.weights(drawn, &survey.estimates(path));
         weights.iter().zip(frames).map(|(weight, tree)| weight * tree.number(leaf).unwrap_or(0.0)).sum()
     };
-    for path in ["memory.dram.read_bytes", "memory.dram.write_bytes"] {
+    for (path, names) in [
+        ("memory.dram.read_bytes", &["memory", "dram"][..]),
+        ("memory.dram.write_bytes", &["memory", "dram"]),
+        (TEXTURE_BYTES, &["memory", "clients", "texture"]),
+    ] {
         if total.number(path).is_some() {
             let bytes = sum(path, path).round() as u64;
-            total.child("memory").child("dram").count(path.rsplit('.').next().unwrap_or(path), bytes);
+            let node = names.iter().fold(&mut *total, |node, name| node.child(name));
+            node.count(path.rsplit('.').next().unwrap_or(path), bytes);
         }
     }
     for cache in ESTIMATED {
