@@ -66,8 +66,9 @@ fn begin(bucket: usize) -> f64 {
 fn pushed_out(load: f64, ways: u32) -> f64 {
     // Far from the middle there is nothing to sum up.
     let ways_f = f64::from(ways);
-    if load > ways_f + 6.0 * load.sqrt() {
-        return 1.0;
+    let spread = 6.0 * load.sqrt() + 6.0;
+    if (load - ways_f).abs() > spread || load > 600.0 {
+        return f64::from(u8::from(load > ways_f));
     }
     let (mut term, mut below) = (libm::exp(-load), 0.0);
     for k in 0..ways {
@@ -158,7 +159,8 @@ mod tests {
 
     #[test]
     fn a_set_is_full_when_more_have_come_than_it_has_ways() {
-        assert!(pushed_out(2.0, 16) < 1e-6 && pushed_out(40.0, 16) > 0.999);
+        assert!(pushed_out(2.0, 16) < 1e-6 && pushed_out(60.0, 16) > 0.999);
+        assert_eq!((pushed_out(1000.0, 4096), pushed_out(5000.0, 4096)), (0.0, 1.0));
         // Poisson's, at its mean.
         assert!((pushed_out(16.0, 16) - 0.5).abs() < 0.05);
         assert!((pushed_out(1.0, 1) - (1.0 - libm::exp(-1.0))).abs() < 1e-12);
