@@ -81,7 +81,7 @@ fn loads(groups: u32) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
     let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 64, shared_bytes: 0 };
     let step = |then| Step { instructions: [1, 1, 0, 0], then };
-    let costs = CostTable { costs: vec![Cost { steps: vec![step(RequestKind::Load), step(RequestKind::End)] }] };
+    let costs = CostTable::from(vec![Cost::from(vec![step(RequestKind::Load), step(RequestKind::End)])]);
     let lines = groups * 16;
     let work = Groups {
         groups,

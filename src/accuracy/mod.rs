@@ -17,6 +17,7 @@ pub mod pareto;
 mod random;
 mod raster;
 mod rates;
+pub mod shortcuts;
 pub mod skips;
 mod sorting;
 pub mod synthetic;

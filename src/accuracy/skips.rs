@@ -181,7 +181,7 @@ fn kept(funnel: &Funnel) -> Funnel {
 }
 
 /// A sum of statistics; `[*]` stands for all units of a kind.
-fn sum(tree: &Tree, paths: &[&str]) -> f64 {
+pub(super) fn sum(tree: &Tree, paths: &[&str]) -> f64 {
     let one = |path: &&str| match path.split_once("[*]") {
         Some((before, after)) => (0..).map_while(|i| tree.number(&format!("{before}[{i}]{after}"))).sum::<f64>(),
         None => tree.number(path).unwrap_or(0.0),

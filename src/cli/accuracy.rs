@@ -4,7 +4,7 @@ use std::io::Write;
 
 use anyhow::{Context, Result};
 
-use super::{Verdict, pareto, skips};
+use super::{Verdict, pareto, shortcuts, skips};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
 /// Measure what a correct model must reproduce: identities, rules of specifications, closed forms
@@ -48,6 +48,7 @@ pub struct Arguments {
 #[derive(clap::Subcommand)]
 enum Command {
     Pareto(pareto::Arguments),
+    Shortcuts(shortcuts::Arguments),
     Skips(skips::Arguments),
 }
 
@@ -64,6 +65,7 @@ enum SizeName {
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     match &arguments.command {
         Some(Command::Pareto(arguments)) => return pareto::run(arguments),
+        Some(Command::Shortcuts(arguments)) => return shortcuts::run(arguments),
         Some(Command::Skips(arguments)) => return skips::run(arguments),
         None => {}
     }

@@ -17,6 +17,7 @@ mod import;
 mod inspect;
 mod pareto;
 mod replay;
+mod shortcuts;
 mod skips;
 
 use std::io::{ErrorKind, Write};

@@ -81,6 +81,7 @@ impl Machine {
             config.command.segments as usize,
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
+            config.core.execution,
         );
         if config.card.sort == SortClass::LastImage {
             card.copies = vec![Frame::default(); pipelines];

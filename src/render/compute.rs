@@ -138,7 +138,7 @@ impl ActiveCompute {
                 shared_bytes: interface.workgroup_bytes,
             })))?;
             let step = (PACKETS_A_PIECE / packets_a_group).max(1);
-            let mut recorder = Recorder::new();
+            let mut recorder = Recorder::with_paths(renderer.options.key.paths);
             let mut at = 0;
             while at < groups {
                 let end = (at + step).min(groups);

@@ -11,7 +11,7 @@ use super::frame::Frame;
 use super::interleave::Interleave;
 use super::phase::Phases;
 use super::same;
-use super::warp::Warps;
+use super::warp::{Execution, Warps};
 use crate::gfx::format::Format;
 use crate::gfx::hierarchical::may_raise_lower;
 use crate::gfx::rop::{ColorState, DepthStencilState};
@@ -340,14 +340,14 @@ pub struct Card {
 }
 
 impl Card {
-    /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups.
-    pub fn new(pipelines: usize, segments: usize, runs: usize, interleave: Interleave) -> Card {
+    /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups, with cores that execute warps so.
+    pub fn new(pipelines: usize, segments: usize, runs: usize, interleave: Interleave, execution: Execution) -> Card {
         Card {
             work: vec![None; segments],
             compute: vec![None; runs],
             groups: vec![Pool::default(); pipelines],
             // One cluster a pipeline, and one for vertex cores.
-            warps: vec![Warps::default(); pipelines + 1],
+            warps: vec![Warps::new(execution); pipelines + 1],
             pass: None,
             frame: Frame::default(),
             copies: Vec::new(),

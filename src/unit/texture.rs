@@ -126,17 +126,6 @@ impl Texture {
         self.tags.counts()
     }
 
-    /// What an item's step ends with.
-    #[inline(always)]
-    fn kind(card: &Card, warp: &Warp, item: &Item) -> RequestKind {
-        let step = warp.step as usize;
-        if warp.uniform {
-            return warp.steps[step].then;
-        }
-        let cost = &costs(card, warp.program, warp.slot, item)[item.cost];
-        cost.steps.get(step).map_or(RequestKind::End, |step| step.then)
-    }
-
     /// An item's request and the lines of it that are left from `line` on.
     #[inline(always)]
     fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, line: u32) -> (&'a Request, &'a [u32]) {
@@ -205,7 +194,7 @@ impl Texture {
                 let warp = &card.warps[self.cluster][token.warp];
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
-                let kind = Self::kind(card, warp, &item);
+                let kind = warp.then(self.place.item, || &costs(card, warp.program, warp.slot, &item)[item.cost]);
                 if !kind.has_request() {
                     if !last {
                         self.place.item += 1;

@@ -60,11 +60,38 @@ pub struct Step {
 /// Index of a cost in its table.
 pub type CostId = u16;
 
+/// A piece of a program without a branch or a request in it.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Span {
+    /// Where in the program it begins. Of two places that invocations of a warp have got to, they meet again at the later one.
+    pub at: u32,
+    /// Its instructions in order: so many of a class one after another.
+    pub runs: Vec<(Class, u32)>,
+}
+
+/// A span that was executed, and what followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Point {
+    /// The span, in the table of costs.
+    pub span: u32,
+    /// The request made after it; [`RequestKind::End`] for none.
+    pub then: RequestKind,
+}
+
 /// The cost of one path through a shader; the last step, and only it, ends with [`RequestKind::End`].
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Cost {
     /// Steps in order.
     pub steps: Vec<Step>,
+    /// The spans of the path in order, where paths are recorded ([`RenderKey::paths`](super::RenderKey)); else none.
+    pub path: Vec<Point>,
+}
+
+impl From<Vec<Step>> for Cost {
+    /// Of a program without branches.
+    fn from(steps: Vec<Step>) -> Cost {
+        Cost { steps, path: Vec::new() }
+    }
 }
 
 impl Cost {
@@ -91,6 +118,14 @@ impl Cost {
 pub struct CostTable {
     /// Entry `CostId`.
     pub costs: Vec<Cost>,
+    /// Spans of the program that paths name.
+    pub spans: Vec<Span>,
+}
+
+impl From<Vec<Cost>> for CostTable {
+    fn from(costs: Vec<Cost>) -> CostTable {
+        CostTable { costs, spans: Vec::new() }
+    }
 }
 
 impl std::ops::Index<CostId> for CostTable {

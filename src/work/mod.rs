@@ -19,7 +19,7 @@ use crate::gfx::format::Format;
 use crate::gfx::setup::DepthPlane;
 use crate::gfx::state::{Blend, DepthStencil, StepMode};
 
-pub use cost::{Class, Cost, CostId, CostTable, RequestKind, Step};
+pub use cost::{Class, Cost, CostId, CostTable, Point, RequestKind, Span, Step};
 pub use funnel::Funnel;
 
 /// Bytes of a memory line, the granularity at which work names memory.
@@ -41,6 +41,8 @@ pub struct RenderKey {
     pub shade: Shade,
     /// Whether draws and primitives are signed.
     pub signatures: bool,
+    /// Whether costs have the path that was taken through the program, for machines that execute it instruction by instruction.
+    pub paths: bool,
 }
 
 /// 128 bits of what something depends on: where they are equal, so is the result.
@@ -48,7 +50,7 @@ pub type Signature = u128;
 
 impl Default for RenderKey {
     fn default() -> Self {
-        RenderKey { early_z: true, shade: Shade::Visible, signatures: false }
+        RenderKey { early_z: true, shade: Shade::Visible, signatures: false, paths: false }
     }
 }
 

@@ -69,7 +69,7 @@ pub fn dispatch(groups: u32) -> Vec<Event> {
         step([0, 1, 0, 0], RequestKind::Atomic),
         step([0, 0, 0, 1], RequestKind::End),
     ];
-    let mut work = Groups { groups, costs: CostTable { costs: vec![Cost { steps }] }, ..Groups::default() };
+    let mut work = Groups { groups, costs: CostTable::from(vec![Cost::from(steps)]), ..Groups::default() };
     for packet in 0..groups * 16 {
         work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32 });
         for place in 0..3 {

@@ -205,7 +205,7 @@ fn cost(scene: &Scene, extra: u32) -> Cost {
         steps.push(Step { instructions: [scene.instructions, 2, 1, 0], then: RequestKind::Texture });
     }
     steps.push(Step { instructions: [scene.instructions + extra, 0, 1, 1], then: RequestKind::End });
-    Cost { steps }
+    Cost::from(steps)
 }
 
 fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Reference, out: &mut Vec<Event>) {

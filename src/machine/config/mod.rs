@@ -34,6 +34,7 @@ use crate::unit::{
     sorting::{Keep, OrderConfig},
     texture::TextureConfig,
     traverse::TraverseConfig,
+    warp::Execution,
 };
 use crate::work::{RenderKey, Shade};
 
@@ -241,7 +242,8 @@ impl Config {
             SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
         };
         let signatures = self.card.sort == SortClass::MiddleBinned && self.bin.skip_same_tiles;
-        RenderKey { shade, early_z: self.depth.early, signatures }
+        let paths = self.core.execution != Execution::Longest;
+        RenderKey { shade, early_z: self.depth.early, signatures, paths }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

@@ -105,6 +105,8 @@ pub struct Frame<'a> {
     pub overwrites: bool,
     /// Shade what the early test rejects too, for its cost.
     pub shade_covered: bool,
+    /// Whether costs have the paths that were taken.
+    pub paths: bool,
     pub skips: Skips,
 }
 
@@ -223,6 +225,7 @@ impl<'a> Frame<'a> {
             depth_payload,
             payload_words,
             shade_covered: call.record && call.key.shade == Shade::Covered,
+            paths: call.key.paths,
             skips: call.skips,
         })
     }

@@ -129,6 +129,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     };
     let start = if frame.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
     worker.pending.clear();
+    worker.recorder.paths = frame.paths;
     let mut run = TileRun {
         frame,
         input,

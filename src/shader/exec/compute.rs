@@ -91,7 +91,7 @@ impl Bound<'_> {
                 self.fill(b, &a, count);
                 *stop = Some(a.mask);
             }
-            self.run_batches::<RECORD>(&stops)?;
+            self.run_batches::<RECORD>(&stops, recorder.paths)?;
             if RECORD {
                 for b in 0..batches {
                     let scratch = if b == 0 { &mut self.executor.scratch } else { &mut self.executor.waiting[b - 1].scratch };
@@ -152,7 +152,7 @@ impl Bound<'_> {
     }
 
     /// Runs the batches of one group (or of packed groups) from barrier to barrier.
-    fn run_batches<const RECORD: bool>(&mut self, masks_of: &[Option<Mask>]) -> Result<(), ShaderFault> {
+    fn run_batches<const RECORD: bool>(&mut self, masks_of: &[Option<Mask>], paths: bool) -> Result<(), ShaderFault> {
         let Executor { file, masks, waiting, shared, scratch } = &mut *self.executor;
         let mut machines: Vec<_> = masks_of
             .iter()
@@ -162,8 +162,8 @@ impl Bound<'_> {
             })
             .collect();
         if RECORD {
-            scratch.begin();
-            waiting.iter_mut().for_each(|w| w.scratch.begin());
+            scratch.begin(paths);
+            waiting.iter_mut().for_each(|w| w.scratch.begin(paths));
         }
         let mut ended = vec![false; machines.len()];
         let mut failed = None;

@@ -167,7 +167,7 @@ impl Bound<'_> {
     /// # Errors
     /// If a loop does not end.
     pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
-        self.executor.scratch.begin();
+        self.executor.scratch.begin(recorder.paths);
         let outcome = self.run_impl::<true>(active, helpers)?;
         recorder.finish(&mut self.executor.scratch);
         Ok(outcome)

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::gfx::texture::Footprint;
 use crate::num::{Mask, QUADS};
-use crate::work::{Class, Cost, CostId, CostTable, LINE, Request, RequestKind, Step};
+use crate::work::{Class, Cost, CostId, CostTable, LINE, Point, Request, RequestKind, Span, Step};
 
 /// What one quad of the last recorded run cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,7 +27,11 @@ pub struct Recorder {
     pub lines: Vec<u32>,
     /// The quads of the last run.
     pub quads: [QuadCost; QUADS],
+    /// Whether costs have the paths that were taken.
+    pub paths: bool,
     known: HashMap<Cost, CostId>,
+    /// Spans in the table, by where they begin.
+    spans: HashMap<u32, u32>,
 }
 
 /// What a run in progress has cost so far.
@@ -39,6 +43,10 @@ pub(super) struct Scratch {
     steps: [Vec<Step>; QUADS],
     staged: [Vec<Request>; QUADS],
     staged_lines: Vec<u32>,
+    /// Whether paths are recorded, the path of each quad by the place where its spans begin, and the spans.
+    keeps_paths: bool,
+    paths: [Vec<Point>; QUADS],
+    spans: Vec<Span>,
     /// Of the texture instruction being recorded.
     pub(super) footprint: Footprint,
 }
@@ -55,17 +63,26 @@ impl Recorder {
         Recorder::default()
     }
 
+    /// An empty one that keeps paths or not.
+    pub fn with_paths(paths: bool) -> Recorder {
+        Recorder { paths, ..Recorder::default() }
+    }
+
     /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
     pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
         self.known.clear();
+        self.spans.clear();
         (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
     }
 }
 
 impl Scratch {
     /// Forgets the last run.
-    pub(super) fn begin(&mut self) {
+    pub(super) fn begin(&mut self, paths: bool) {
         self.last = 0;
+        self.keeps_paths = paths;
+        self.spans.clear();
+        self.paths.iter_mut().for_each(Vec::clear);
         self.running = Default::default();
         for q in 0..QUADS {
             self.steps[q].clear();
@@ -78,12 +95,43 @@ impl Scratch {
     #[inline]
     pub(super) fn block(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
         let (from, to) = (counts[self.last], counts[pc]);
+        if self.keeps_paths {
+            self.point(counts, pc, mask);
+        }
         self.last = pc;
         let spent: [u32; Class::COUNT] = std::array::from_fn(|k| to[k] - from[k]);
         for q in quads(mask) {
             for k in 0..Class::COUNT {
                 self.running[q][k] += spent[k];
             }
+        }
+    }
+
+    /// The quads of the mask execute the span from the last place up to `pc`.
+    #[cold]
+    fn point(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
+        if mask == 0 {
+            return;
+        }
+        let at = self.last as u32;
+        let known = self.spans.iter().position(|span| span.at == at);
+        let span = known.unwrap_or_else(|| {
+            let mut runs: Vec<(Class, u32)> = Vec::new();
+            for operation in counts[self.last..=pc].windows(2) {
+                for class in Class::ALL {
+                    let count = operation[1][class as usize] - operation[0][class as usize];
+                    match runs.last_mut() {
+                        Some((last, sum)) if *last == class => *sum += count,
+                        _ if count > 0 => runs.push((class, count)),
+                        _ => {}
+                    }
+                }
+            }
+            self.spans.push(Span { at, runs });
+            self.spans.len() - 1
+        });
+        for q in quads(mask) {
+            self.paths[q].push(Point { span: span as u32, then: RequestKind::End });
         }
     }
 
@@ -97,6 +145,9 @@ impl Scratch {
     fn step(&mut self, q: usize, then: RequestKind) {
         let instructions = std::mem::take(&mut self.running[q]);
         self.steps[q].push(Step { instructions, then });
+        if let Some(point) = self.paths[q].last_mut() {
+            point.then = then;
+        }
     }
 
     /// A barrier, at which all quads of the mask arrive.
@@ -170,29 +221,49 @@ impl Recorder {
                 self.lines.extend_from_slice(&run.staged_lines[at..at + usize::from(r.lines)]);
                 self.requests.push(Request { first_line, ..*r });
             }
+            let mut cost = Cost::default();
+            if !run.paths[q].is_empty() {
+                self.name_spans(&run.spans, &mut run.paths[q]);
+                std::mem::swap(&mut cost.path, &mut run.paths[q]);
+            }
             let cost = match q.checked_sub(1) {
-                Some(p) if run.steps[p] == run.steps[q] => self.quads[p].cost,
-                _ => self.intern(&mut run.steps[q]),
+                Some(p) if !run.keeps_paths && run.steps[p] == run.steps[q] => self.quads[p].cost,
+                _ => {
+                    // The steps and the path lend their memory to the key and get it back: no allocation for a path seen before.
+                    std::mem::swap(&mut cost.steps, &mut run.steps[q]);
+                    let id = self.intern(&cost);
+                    std::mem::swap(&mut cost.steps, &mut run.steps[q]);
+                    std::mem::swap(&mut cost.path, &mut run.paths[q]);
+                    id
+                }
             };
             self.quads[q] = QuadCost { cost, first_request };
         }
     }
 
-    fn intern(&mut self, steps: &mut Vec<Step>) -> CostId {
-        // The steps lend their memory to the key and get it back: no allocation for a path seen before.
-        let cost = Cost { steps: std::mem::take(steps) };
-        let id = match self.known.get(&cost) {
+    fn intern(&mut self, cost: &Cost) -> CostId {
+        match self.known.get(cost) {
             Some(&id) => id,
-            None if self.costs.costs.len() > usize::from(CostId::MAX) => self.nearest(&cost),
+            None if self.costs.costs.len() > usize::from(CostId::MAX) => self.nearest(cost),
             None => {
                 let id = self.costs.costs.len() as CostId;
                 self.costs.costs.push(cost.clone());
                 self.known.insert(cost.clone(), id);
                 id
             }
-        };
-        *steps = cost.steps;
-        id
+        }
+    }
+
+    /// Gives the spans of a run's path their numbers in the table.
+    #[cold]
+    fn name_spans(&mut self, spans: &[Span], path: &mut [Point]) {
+        for point in path {
+            let span = &spans[point.span as usize];
+            point.span = *self.spans.entry(span.at).or_insert_with(|| {
+                self.costs.spans.push(span.clone());
+                self.costs.spans.len() as u32 - 1
+            });
+        }
     }
 
     /// The known cost with as many requests whose instructions are nearest: the table is full.

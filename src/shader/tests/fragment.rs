@@ -179,3 +179,43 @@ fn outputs_that_nobody_reads_are_not_computed() {
     assert_eq!(kept.operations().0, 2, "a cosine and the end");
     assert!(kept.inputs[1][1] == program::NO_REG);
 }
+
+/// The instructions of a path's spans between two requests are those of the step between them; what a path adds costs nothing else.
+#[test]
+fn paths_are_what_steps_are_made_of() {
+    let p = fragment(
+        "@fragment fn fs(@location(0) p: vec2f) -> @location(0) vec4f {
+            var r = p.x;
+            for (var k = 0.0; k < p.x; k += 1.0) { if (k > p.y) { break; } r = sqrt(r + 1.0); }
+            if (p.x < 8.0) { r += dpdx(p.y) * sin(r); } else { switch u32(p.x) % 3u { case 0u: { discard; } case 1u: { r = exp(r); } default: {} } }
+            return vec4f(r);
+        }",
+    );
+    let resources = Resources::default();
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut bound = executor.bind(&p, &resources, &uniforms);
+    let mut record = |paths: bool| {
+        fill(&mut bound);
+        let mut recorder = Recorder::with_paths(paths);
+        bound.run_recorded(!0, 0, &mut recorder).expect("it ends");
+        recorder
+    };
+    let (with, without) = (record(true), record(false));
+    assert!(with.costs.spans.len() > 5 && without.costs.spans.is_empty());
+    for q in 0..16 {
+        let cost = &with.costs[with.quads[q].cost];
+        assert_eq!(cost.steps, without.costs[without.quads[q].cost].steps);
+        assert!(without.costs[without.quads[q].cost].path.is_empty());
+        let mut steps = vec![[0; 4]];
+        for point in &cost.path {
+            for &(class, count) in &with.costs.spans[point.span as usize].runs {
+                steps.last_mut().expect("a step")[class as usize] += count;
+            }
+            if point.then != RequestKind::End {
+                steps.push([0; 4]);
+            }
+        }
+        assert_eq!(steps, cost.steps.iter().map(|step| step.instructions).collect::<Vec<_>>(), "quad {q}");
+    }
+}

@@ -15,6 +15,7 @@ use bytemuck::{Pod, Zeroable};
 pub use plan::{Step, steps};
 
 use super::card::{Card, PassState};
+use super::compression::Compression;
 use super::copies;
 use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
@@ -49,6 +50,8 @@ crate::knobs! {
         samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "a quad of each of four ROPs"],
         /// Bytes of a primitive's number, sent with each sample to decide between equal depths; 0 where nothing is sent.
         number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"],
+        /// Whether composed blocks are compressed as they are written.
+        compression: bool ["", Allowed::Switch, "composers of the literature have no compressors; ROPs' have"],
         /// Requests to memory in flight, and blocks between request and use.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
     }
@@ -257,6 +260,7 @@ impl Compose {
         let Some(&Step { receive: Some((from, _)), ref send, forward, last }) = self.steps.front() else { return did };
         let on = send.as_ref().map(|&(to, _)| to).filter(|_| forward);
         let rate = u64::from(self.config.samples_per_cycle);
+        let compression = Compression { enabled: self.config.compression };
         while let Some(&Asked { block, needs }) = self.composes.front() {
             if self.ports.receiver.front(wires, from).is_none() {
                 return did;
@@ -285,7 +289,7 @@ impl Compose {
             if on.is_none() {
                 let target = if last { frame } else { &mut copies[self.node] };
                 for plane in self.planes.iter().filter(|plane| plane.stored || !last) {
-                    write(&mut target.stores[plane.surface], block, &mut self.writes);
+                    write(&mut target.stores[plane.surface], block, compression, &mut self.writes);
                 }
             }
             self.ports.receiver.take(wires, from);
@@ -383,9 +387,9 @@ fn samples(pass: &PassState, block: u32) -> u32 {
     inside(x, pass.pass.width) * inside(y, pass.pass.height) * pass.pass.samples
 }
 
-/// Writes a block whole.
-fn write(store: &mut Store, block: u32, writes: &mut VecDeque<Operation>) {
-    let bytes = store.block_bytes();
+/// Writes a block.
+fn write(store: &mut Store, block: u32, compression: Compression, writes: &mut VecDeque<Operation>) {
+    let bytes = compression.bytes(store, block);
     store.blocks[block as usize] = BlockState::Stored(bytes as u16);
     requests(store.address(block), bytes, writes);
 }

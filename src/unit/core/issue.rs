@@ -122,6 +122,8 @@ pub(super) struct Issue {
     left: [[u32; Class::COUNT]; PLACES],
     /// `after` without its bound.
     rest: [i32; PLACES],
+    /// Where the instructions of a step have an order, by place what is left of them after the run, the next one last.
+    orders: Vec<Vec<(Class, u32)>>,
     /// Places whose run is the last instruction of their step.
     last: u64,
     /// Places that can issue.
@@ -157,6 +159,7 @@ impl Issue {
             after: [i16::MAX; PLACES],
             left: [[0; Class::COUNT]; PLACES],
             rest: [0; PLACES],
+            orders: Vec::new(),
             last: 0,
             ready: 0,
             next_is: [0; Class::COUNT],
@@ -173,8 +176,16 @@ impl Issue {
         }
     }
 
-    /// A warp begins a step of so many instructions, and what comes then. It can issue in the next cycle that is done.
-    pub(super) fn enter(&mut self, fixed: &Fixed, place: u32, instructions: [u32; Class::COUNT], then: RequestKind) {
+    /// A warp begins a step of so many instructions, and what comes then. It can issue in the next cycle that is done. Where the
+    /// instructions have an order they come in it, and are as many.
+    pub(super) fn enter(
+        &mut self,
+        fixed: &Fixed,
+        place: u32,
+        instructions: [u32; Class::COUNT],
+        then: RequestKind,
+        order: &[(Class, u32)],
+    ) {
         let bit = 1_u64 << place;
         let mark = |set: u64, on: bool| set & !bit | if on { bit } else { 0 };
         self.ends_in_barrier = mark(self.ends_in_barrier, then == RequestKind::Barrier);
@@ -188,6 +199,11 @@ impl Issue {
             self.issued[class] += u64::from(count);
             cycles = cycles.saturating_add(count.saturating_mul(fixed.latency[class]));
             last = if count > 0 { fixed.latency[class] } else { last };
+        }
+        if let Some(&(class, _)) = order.last() {
+            last = fixed.latency[class as usize];
+            self.orders.resize_with(PLACES, Vec::new);
+            self.orders[place].extend(order.iter().rev());
         }
         let cycles = (cycles - last).min(i32::MAX as u32);
         self.rest[place] = cycles as i32;
@@ -204,6 +220,10 @@ impl Issue {
     fn begin_run(&mut self, fixed: &Fixed, place: usize) -> bool {
         let bit = 1_u64 << place;
         self.last &= !bit;
+        if let Some(next) = self.orders.get_mut(place).and_then(Vec::pop) {
+            self.begin_in_order(fixed, place, next);
+            return true;
+        }
         let left = &mut self.left[place];
         let Some(class) = next_class(left) else {
             self.run[place] = 0;
@@ -231,6 +251,33 @@ impl Issue {
         self.class[place] = class as u8;
         self.next_is[class] |= bit;
         true
+    }
+
+    /// [`Issue::begin_run`] of the next instructions in order.
+    #[cold]
+    fn begin_in_order(&mut self, fixed: &Fixed, place: usize, (class, count): (Class, u32)) {
+        let bit = 1_u64 << place;
+        let order = &mut self.orders[place];
+        let latency = fixed.latency[class as usize];
+        let class = class as usize;
+        self.left[place] = [0; Class::COUNT];
+        self.latency[place] = latency as i16;
+        let run = if order.is_empty() && count == 1 {
+            self.last |= bit;
+            self.after[place] = i16::MAX - latency as i16;
+            1
+        } else {
+            let run = if order.is_empty() { count - 1 } else { count }.min(LONGEST_RUN);
+            if run < count {
+                order.push((Class::ALL[class], count - run));
+            }
+            self.rest[place] = self.rest[place].saturating_sub((run * latency) as i32);
+            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i16;
+            run
+        };
+        self.run[place] = run as i16;
+        self.class[place] = class as u8;
+        self.next_is[class] |= bit;
     }
 
     /// All instructions of a step are issued. What follows does not wait for the last one's latency: costs count what it

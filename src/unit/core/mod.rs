@@ -6,7 +6,7 @@ mod plain;
 
 use super::card::{Card, Fault};
 use super::token::WarpToken;
-use super::warp::Program;
+use super::warp::{Execution, Program};
 use crate::num::NEVER;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
@@ -64,6 +64,9 @@ crate::knobs! {
         control_latency: u32 ["cycles", Allowed::Range(1, 63), "fetch of the target"],
         /// Which of the ready warps issues.
         scheduling: Scheduling ["", Allowed::Choice(Scheduling::NAMES), "loose round robin; greedy-then-oldest is the other (Rogers et al. 2012)"],
+        /// What a warp executes where its parts take different paths, and in which order. All but `longest` have the renderer
+        /// record paths.
+        execution: Execution ["", Allowed::Choice(Execution::NAMES), "cards execute in lockstep (Levinthal and Porter 1984) and nearly in order; longest needs no paths, and docs/fidelity.md has what it is off by"],
         /// Shaded warps queued behind each core.
         output_queue: u32 ["warps", Allowed::Range(2, 256), "enough never to hold up the core"],
     }
@@ -170,9 +173,9 @@ impl Core {
                 if program == Program::Vertex {
                     self.vertex += step.instructions.iter().map(|&count| u64::from(count)).sum::<u64>();
                 }
-                self.issue.enter(&self.fixed, place, step.instructions, step.then);
+                self.issue.enter(&self.fixed, place, step.instructions, step.then, warp.order(warp.step));
             }
-            None => self.issue.enter(&self.fixed, place, [0; Class::COUNT], RequestKind::End),
+            None => self.issue.enter(&self.fixed, place, [0; Class::COUNT], RequestKind::End, &[]),
         }
     }
 

@@ -8,9 +8,11 @@ use crate::num::Cycle;
 use crate::work::{Class, RequestKind};
 
 /// A step at work.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Work {
     left: [u32; Class::COUNT],
+    /// Classes of its instructions where they have an order, the next one last.
+    order: Vec<usize>,
     then: RequestKind,
     /// When its next instruction can be issued.
     at: Cycle,
@@ -31,8 +33,11 @@ struct Plain {
 }
 
 impl Plain {
-    /// The class that a step has most of, of equals the first.
-    fn class(left: &[u32; Class::COUNT]) -> usize {
+    /// The class that comes next: without an order, of which a step has most, of equals the first.
+    fn class(Work { left, order, .. }: &Work) -> usize {
+        if let Some(&class) = order.last() {
+            return class;
+        }
         (0..Class::COUNT).fold(0, |most, class| if left[class] > left[most] { class } else { most })
     }
 
@@ -63,21 +68,24 @@ impl Plain {
         while issued < issue {
             // 1. Whose turn it is of those that can issue and find a lane.
             let can = |place: &usize| {
-                self.work[*place].is_some_and(|work| {
-                    let class = Plain::class(&work.left);
+                self.work[*place].as_ref().is_some_and(|work| {
+                    let class = Plain::class(work);
                     work.at <= now && self.free_at[class] < (now + 1) * lanes[class]
                 })
             };
             let chosen = match self.config.scheduling {
                 Scheduling::RoundRobin => (0..PLACES).map(|ahead| (self.next + ahead) % PLACES).find(can),
-                Scheduling::Oldest => (0..PLACES).filter(can).min_by_key(|&place| self.work[place].map(|work| work.born)),
+                Scheduling::Oldest => {
+                    (0..PLACES).filter(can).min_by_key(|&place| self.work[place].as_ref().map(|work| work.born))
+                }
             };
             let Some(place) = chosen else { break };
             // 2. It issues.
             self.next = place + 1;
             issued += 1;
             let Some(work) = &mut self.work[place] else { break };
-            let class = Plain::class(&work.left);
+            let class = Plain::class(work);
+            work.order.pop();
             self.free_at[class] = self.free_at[class].max(now * lanes[class]) + width;
             work.left[class] -= 1;
             work.at = now + u64::from(latency[class]);
@@ -114,8 +122,8 @@ fn config() -> impl Strategy<Value = CoreConfig> {
 }
 
 /// When a warp comes, as cycles after the one before it; which place it would like; before or after the issue of the cycle; its
-/// step.
-type Arrival = (u64, usize, bool, [u32; Class::COUNT], u8);
+/// step; whether that has an order, and which.
+type Arrival = (u64, usize, bool, [u32; Class::COUNT], u8, Option<u64>);
 
 fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
     let wait = prop_oneof![4 => Just(0_u64), 2 => 0..3_u64, 1 => 0..200_u64];
@@ -127,7 +135,24 @@ fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
                 counts.rotate_right(turn);
                 counts
             });
-    proptest::collection::vec((wait, 0..PLACES, any::<bool>(), instructions, 0..3_u8), 1..70)
+    proptest::collection::vec(
+        (wait, 0..PLACES, any::<bool>(), instructions, 0..3_u8, proptest::option::of(any::<u64>())),
+        1..70,
+    )
+}
+
+/// So many instructions of each class in some order, as classes of single ones.
+fn in_some_order(counts: [u32; Class::COUNT], order: u64) -> Vec<usize> {
+    let (mut left, mut state, mut classes) = (counts, order, Vec::new());
+    while left != [0; Class::COUNT] {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        // Runs of some length, and single ones.
+        let class = (state >> 40) as usize % Class::COUNT;
+        let run = left[class].min(1 + (state >> 50) as u32 % 8);
+        left[class] -= run;
+        classes.extend(std::iter::repeat_n(class, run as usize));
+    }
+    classes
 }
 
 proptest! {
@@ -139,20 +164,20 @@ proptest! {
     fn issue_in_sets_and_runs_is_issue_one_by_one(config in config(), arrivals in arrivals(), looks in any::<bool>()) {
         let mut fixed = Fixed::new(&config);
         let mut issue = Issue::new();
-        let mut plain = Plain { config, work: [None; PLACES], free_at: [0; Class::COUNT], next: 0, ended: (0, 0, 0) };
+        let mut plain = Plain { config, work: std::array::from_fn(|_| None), free_at: [0; Class::COUNT], next: 0, ended: (0, 0, 0) };
         let mut arrivals = arrivals.into_iter().peekable();
         let (mut now, mut since, mut born, mut held) = (0, 0, 0, 0_u64);
         let mut asked = [0; Class::COUNT];
         while arrivals.peek().is_some() || held != 0 {
             let mut come = [Vec::new(), Vec::new()];
             while held != u64::MAX
-                && let Some((_, place, after, counts, then)) = arrivals.next_if(|&(wait, ..)| since + wait <= now)
+                && let Some((_, place, after, counts, then, order)) = arrivals.next_if(|&(wait, ..)| since + wait <= now)
             {
                 let free = (0..PLACES).map(|ahead| (place + ahead) % PLACES).find(|place| held >> place & 1 == 0);
                 let place = free.expect("not all are held");
                 held |= 1 << place;
                 let then = [RequestKind::Texture, RequestKind::End, RequestKind::Barrier][usize::from(then)];
-                come[usize::from(after)].push((place, counts, then));
+                come[usize::from(after)].push((place, counts, then, order));
                 since = now;
             }
             let must = come.iter().any(|come| !come.is_empty()) || issue.quiet_until(&fixed) <= now;
@@ -167,11 +192,15 @@ proptest! {
                         prop_assert_eq!(issue.advance(&fixed, now + 1), issued > 0, "issue in cycle {}", now);
                     }
                 }
-                for (place, counts, then) in come {
+                for (place, counts, then, order) in come {
                     fixed.take(place as u32, born);
-                    issue.enter(&fixed, place as u32, counts, then);
+                    let order = order.map_or(Vec::new(), |order| in_some_order(counts, order));
+                    let runs: Vec<(Class, u32)> =
+                        order.chunk_by(|a, b| a == b).map(|run| (Class::ALL[run[0]], run.len() as u32)).collect();
+                    issue.enter(&fixed, place as u32, counts, then, &runs);
                     let at = now + after as u64;
-                    plain.enter(place, Work { left: counts, then, at, born });
+                    let order = order.into_iter().rev().collect();
+                    plain.enter(place, Work { left: counts, order, then, at, born });
                     born += 1;
                     for class in 0..Class::COUNT {
                         asked[class] += u64::from(counts[class]);

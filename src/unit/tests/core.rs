@@ -93,7 +93,7 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     card.compute[0] = Some(ComputeWork { dispatch: Arc::new(dispatch), groups: Arc::new(Groups::default()) });
     let mut tokens = [Vec::new(), Vec::new(), Vec::new()];
     for work in work {
-        let costs = CostTable { costs: vec![Cost { steps: work.steps.clone() }] };
+        let costs = CostTable::from(vec![Cost::from(work.steps.clone())]);
         let index = warp(&mut card, work.program, 1, work.registers, &costs);
         let warp = &mut card.warps[0][index];
         (warp.number, warp.siblings, warp.shared_bytes) = work.group;

@@ -22,3 +22,4 @@ mod scenery;
 mod setup;
 mod texture;
 mod traverse;
+mod warp;

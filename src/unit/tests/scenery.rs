@@ -8,7 +8,7 @@ use crate::unit::card::{Card, Group, PassState};
 use crate::unit::frame::BlockState;
 use crate::unit::interleave::{Interleave, Pattern};
 use crate::unit::token::{GroupToken, Kind, TriangleToken};
-use crate::unit::warp::{Item, Program};
+use crate::unit::warp::{Execution, Item, Program};
 use crate::work::*;
 
 /// A card with nothing in flight, whose pipelines own tiles of 64x64 pixels.
@@ -18,7 +18,7 @@ pub fn card(pipelines: usize) -> Card {
 
 /// A card whose pipelines own tiles of so many pixels.
 pub fn card_of_tiles(pipelines: usize, tile: u32) -> Card {
-    Card::new(pipelines, 8, 4, Interleave::new(Pattern::Skewed, pipelines as u32, tile))
+    Card::new(pipelines, 8, 4, Interleave::new(Pattern::Skewed, pipelines as u32, tile), Execution::Longest)
 }
 
 /// A draw without attributes, tests and targets.
@@ -76,7 +76,7 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
             .collect(),
         quads: (0..blocks * u32::from(quads)).map(|q| Quad { position: (q % u32::from(quads)) as u8, ..QUAD }).collect(),
         payload: vec![0; 64],
-        costs: CostTable { costs: vec![Cost { steps: vec![step([1, 0, 0, 0], RequestKind::End)] }] },
+        costs: CostTable::from(vec![Cost::from(vec![step([1, 0, 0, 0], RequestKind::End)])]),
         ..TileWork::default()
     };
     Segment {

@@ -70,8 +70,7 @@ fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Qua
             let mut plan = memory(&mut wiring);
             let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
             let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
-            let costs =
-                CostTable { costs: vec![Cost { steps: vec![step([0; 4], kind), step([1, 0, 0, 0], RequestKind::End)] }] };
+            let costs = CostTable::from(vec![Cost::from(vec![step([0; 4], kind), step([1, 0, 0, 0], RequestKind::End)])]);
             let mut tile = TileWork { costs: costs.clone(), ..TileWork::default() };
             let mut card = card(1);
             let mut items = Vec::new();

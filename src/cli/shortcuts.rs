@@ -1,0 +1,69 @@
+//! `fillrate accuracy shortcuts`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+
+use super::Verdict;
+use crate::accuracy::shortcuts::{SHORTCUTS, Taken, UNMEASURED, diverging, json, shortcuts, table};
+use crate::import;
+
+/// Edge in pixels of the scene that is made to diverge.
+const EDGE: u32 = 256;
+
+/// What the model's shortcuts cost: each against the exact but slow way, in cycles
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  fillrate accuracy shortcuts traces/shadow traces/particles\n\n\
+A scene made to diverge is measured beside the traces. Exit code 1 where the exact way shows another picture: shortcuts are about time.")]
+pub struct Arguments {
+    /// Traces
+    #[arg(required_unless_present = "list")]
+    traces: Vec<PathBuf>,
+    /// Name the shortcuts and their exact ways, and those that have none
+    #[arg(long)]
+    list: bool,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+    /// A built-in configuration, or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
+    config: String,
+    /// Set one knob of the configuration; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if arguments.list {
+        for shortcut in SHORTCUTS {
+            println!("{}: {}\n  exact: {}", shortcut.name, shortcut.what, shortcut.exact);
+        }
+        for (name, why) in UNMEASURED {
+            println!("{name}\n  not measured: {why}");
+        }
+        return Ok(Verdict::Done);
+    }
+    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let mut found: Vec<(String, Vec<Taken>)> = Vec::new();
+    for path in &arguments.traces {
+        let trace = import::open(path)?;
+        let taken = shortcuts(&trace, &config).with_context(|| path.display().to_string())?;
+        let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        found.push((name, taken));
+    }
+    // What no trace of a real program shows.
+    found.push(("diverging".to_owned(), shortcuts(&diverging(EDGE), &config).context("the scene made to diverge")?));
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&json(&found))?);
+    } else {
+        print!("{}", table(&found));
+    }
+    let mut verdict = Verdict::Done;
+    for (name, taken) in &found {
+        for taken in taken.iter().filter(|taken| !taken.same_pictures) {
+            eprintln!("{name}: {} shows another picture than the exact way", taken.shortcut.name);
+            verdict = Verdict::Failed;
+        }
+    }
+    Ok(verdict)
+}
