@@ -31,8 +31,9 @@ const HIZ: Target = Target {
     id: "hiz",
     section: Section::Depth,
     what: "Blocks that hierarchical Z lets through under d layers of constant depth in random order: as many as change the block's \
-           depth; never fewer than the exact test passes, the picture that of API order (blocks are not accepted by their least depth: \
-           what is let through is read)",
+           depth; never fewer than the exact test passes, the picture that of API order. Where blocks are accepted by their least \
+           depth, too, layers that cover them whole are drawn without any depth being read; blocks covered in part still are, and \
+           no sample that is accepted fails",
     bound: "4 standard deviations of the harmonic number; exact against the exact test",
     fault: "hierarchical Z learns of depths only when blocks leave the Z cache",
     check: hierarchical,
@@ -168,6 +169,61 @@ fn hierarchical(setting: &Setting) -> Result<Vec<Row>> {
         ));
         rows.push(Row::none(format!("{count} layers: pixels not those of API order"), wrong_pixels(&with)?));
     }
+    rows.extend(accepted(setting, edge)?);
+    Ok(rows)
+}
+
+/// Layers from border to border, each one triangle, and how often the depth of a pixel changes under them.
+fn whole_layers(edge: u32, count: usize, seed: u64) -> (Scene, f64) {
+    let mut depths: Vec<f32> = (0..count).map(|k| depth_of(k, count)).collect();
+    Random::new(seed).shuffle(&mut depths);
+    let changes = (0..count).filter(|&k| depths[..k].iter().all(|&before| depths[k] < before)).count();
+    let far = 2.0 * edge as f32 + 8.0;
+    let scene = Scene {
+        triangles: count as u32,
+        segments: 1,
+        shapes: vec![[[-1.0, -1.0], [far, -1.0], [-1.0, far]]; count],
+        depths,
+        ..Scene { width: edge, height: edge, ..layers(BLOCK, |_| Vec::new()) }
+    };
+    (scene, changes as f64)
+}
+
+/// Acceptance by the least depth, with a Z cache that holds a small part of the image.
+fn accepted(setting: &Setting, edge: u32) -> Result<Vec<Row>> {
+    let run = |accept: bool, scene: &Scene| -> Result<(Tree, u64)> {
+        let mut config = machine(true, if setting.faulty { "eviction" } else { "write" })?;
+        config.set("depth.cache_blocks=4")?;
+        config.set(&format!("traverse.hierarchical_accept={accept}"))?;
+        config.check()?;
+        let report = replay(&config, scene)?;
+        let wrong = wrong_pixels(&report)?;
+        Ok((report.total, wrong))
+    };
+    let read = |tree: &Tree| figure(tree, "memory.clients.depth.read_bytes");
+    let counted = |tree: &Tree, name: &str| sum(tree, "hierarchical.traverse", name);
+    let mut rows = Vec::new();
+    let blocks = f64::from((edge / BLOCK).pow(2));
+    for count in [4, 31] {
+        // Not the nearest first, which leaves nothing to be told apart.
+        let seeds = (0..).map(|k| whole_layers(edge, count, setting.seed.wrapping_add(k)));
+        let Some((scene, changes)) = seeds.into_iter().find(|&(_, changes)| changes > 1.0) else { continue };
+        let (with, wrong) = run(true, &scene)?;
+        let (without, _) = run(false, &scene)?;
+        let name = format!("{count} layers that cover blocks whole");
+        rows.push(Row::exact(format!("{name}: accepted of a block"), changes, counted(&with, "accepted")? / blocks));
+        // The first layer finds all blocks cleared by flag, and the others in memory.
+        let overwritten = sum(&with, "rop.depth", "overwritten")? / blocks;
+        rows.push(Row::exact(format!("{name}: written over without a look of a block"), changes - 1.0, overwritten));
+        rows.push(Row::none(format!("{name}: bytes of depth read"), read(&with)? as u64));
+        rows.push(Row::at_least(format!("{name}: bytes of depth read where none is accepted"), 1.0, read(&without)?));
+        rows.push(Row::none(format!("{name}: accepted samples that fail"), sum(&with, "rop.depth", "accepted_failed")? as u64));
+        rows.push(Row::none(format!("{name}: pixels not those of API order"), wrong));
+    }
+    let scene = in_random_order(edge, 4, setting.seed);
+    let (with, wrong) = run(true, &scene)?;
+    rows.push(Row::at_least("layers that cover blocks in part: bytes of depth read", 1.0, read(&with)?));
+    rows.push(Row::none("layers that cover blocks in part: pixels not those of API order", wrong));
     Ok(rows)
 }
 

@@ -60,6 +60,14 @@ pub const SKIPS: &[Skip] = &[
         work: ("quads tested", &["units.depth[*].items"]),
     },
     Skip {
+        name: "acceptance",
+        what: "depths of blocks are not read where all samples are certain to pass (hierarchical Z with both bounds)",
+        switch: "--set traverse.hierarchical_accept=true",
+        how: Switch::Machine { base: &["traverse.hierarchical_accept=true"], off: &["traverse.hierarchical_accept=false"] },
+        changes: &[],
+        work: ("bytes of depth read", &["memory.clients.depth.read_bytes"]),
+    },
+    Skip {
         name: "fast clear",
         what: "clears set flags instead of memory",
         switch: "--set color.fast_clear=false",

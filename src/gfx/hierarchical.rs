@@ -28,6 +28,21 @@ pub fn culls(compare: Compare, low: u32, high: u32, min: u32, max: u32) -> bool 
     }
 }
 
+/// Whether every depth between `low` and `high` passes against every stored one between `min` and `max` (all as keys).
+#[inline(always)]
+pub fn accepts(compare: Compare, low: u32, high: u32, min: u32, max: u32) -> bool {
+    match compare {
+        Compare::Never => false,
+        Compare::Less => high < min,
+        Compare::LessEqual => high <= min,
+        Compare::Equal => min == max && low == high && low == min,
+        Compare::Greater => low > max,
+        Compare::GreaterEqual => low >= max,
+        Compare::NotEqual => low > max || high < min,
+        Compare::Always => true,
+    }
+}
+
 /// Whether passing fragments may store a depth above, and below, the one that was there.
 #[inline(always)]
 pub fn may_raise_lower(compare: Compare) -> (bool, bool) {
@@ -44,14 +59,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn culling_agrees_with_the_comparison() {
+    fn culling_and_acceptance_agree_with_the_comparison() {
         for &compare in Compare::ALL {
             for low in 0..5 {
                 for high in low..5 {
                     for min in 0..5 {
                         for max in min..5 {
-                            let possible = (low..=high).any(|new| (min..=max).any(|old| compare.test(new as f32, old as f32)));
-                            assert!(!(culls(compare, low, high, min, max) && possible), "{compare:?}");
+                            let passes = |new: u32, old: u32| compare.test(new as f32, old as f32);
+                            let possible = (low..=high).any(|new| (min..=max).any(|old| passes(new, old)));
+                            let certain = (low..=high).all(|new| (min..=max).all(|old| passes(new, old)));
+                            // What bounds can prove they do prove.
+                            assert_eq!(culls(compare, low, high, min, max), !possible, "{compare:?}");
+                            assert_eq!(accepts(compare, low, high, min, max), certain, "{compare:?}");
                         }
                     }
                 }

@@ -152,12 +152,17 @@ fn read(machine: &mut Machine) -> Reading {
     let rop = tree.child("rop");
     for (index, unit) in circuit.depth.iter().enumerate() {
         rop.element("depth", index).extend(unit.counts().tree());
+        rop.element("depth", index).extend(unit.told().tree());
     }
     for (index, (_, moved)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
         rop.element("early", index).extend(moved.tree());
     }
     for (index, unit) in circuit.color.iter().enumerate() {
         rop.element("color", index).extend(unit.counts().tree());
+    }
+    let hierarchical = tree.child("hierarchical");
+    for (index, unit) in circuit.traverse.iter().enumerate() {
+        hierarchical.element("traverse", index).extend(unit.counts().tree());
     }
     let shading = tree.child("shading");
     for (index, unit) in circuit.core.iter().enumerate() {

@@ -11,12 +11,14 @@ use crate::unit::block_cache::BlockCounts;
 use crate::unit::command::CommandCounts;
 use crate::unit::compose::ComposeCounts;
 use crate::unit::core::CoreCounts;
+use crate::unit::depth::DepthCounts;
 use crate::unit::early::EarlyCounts;
 use crate::unit::hide::HideCounts;
 use crate::unit::route::RouteCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::unit::texture::TextureCounts;
+use crate::unit::traverse::TraverseCounts;
 use crate::work::Funnel;
 
 const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
@@ -115,8 +117,13 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("memory.l2[i]", "Second-level slices, beside their caches.", L2Counts::DECLARATIONS.to_vec()),
         (
             "rop.NAME[i]",
-            "What the depth and colour caches of the ROPs moved, and those of early tests.",
-            BlockCounts::DECLARATIONS.to_vec(),
+            "What the depth and colour caches of the ROPs moved, and those of early tests; the last is of `depth` only.",
+            [BlockCounts::DECLARATIONS, DepthCounts::DECLARATIONS].concat(),
+        ),
+        (
+            "hierarchical.traverse[i]",
+            "What hierarchical Z accepts, where that is on. What it throws away is in the funnel.",
+            TraverseCounts::DECLARATIONS.to_vec(),
         ),
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),

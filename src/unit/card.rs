@@ -61,6 +61,18 @@ impl Work {
     }
 }
 
+/// What is known of a block's test before it is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ahead {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// All samples pass, and none is written.
+    Passes,
+    /// All samples pass and are written: what was there before need not be known.
+    Writes,
+}
+
 /// Up to four quads of one block of one triangle, on their way through a pipeline.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Group {
@@ -78,6 +90,8 @@ pub struct Group {
     pub block: u32,
     /// For each quad the samples still alive.
     pub live: [u16; 4],
+    /// What hierarchical Z knows of the early test.
+    pub ahead: Ahead,
 }
 
 /// Things with an index, allocated and freed all the time.

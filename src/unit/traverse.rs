@@ -1,13 +1,13 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
-use super::card::{Card, Group, Work};
+use super::card::{Ahead, Card, Group, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
-use crate::gfx::hierarchical::{culls, depth_key, may_raise_lower};
+use crate::gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use crate::num::prefetch;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::{BLOCK, Quad, TILE, Triangle};
+use crate::work::{BLOCK, Block, Quad, TILE, Triangle};
 
 crate::choices! {
     /// When the hierarchical Z buffer learns of new depths.
@@ -35,6 +35,9 @@ crate::knobs! {
         queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZQueueSize = 256 stamps"],
         /// Whether blocks are tested against the hierarchical Z buffer.
         hierarchical_z: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableHZ = FALSE"],
+        /// Whether blocks that are certain to pass are passed on the strength of it. What is then written whole is not read from
+        /// memory, nor is what is not written at all.
+        hierarchical_accept: bool ["", Allowed::Switch, "ATI's HyperZ of 2002 on; off where a card has one bound a block"],
         /// When the hierarchical Z buffer learns of new depths.
         hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "ATTILA updates it from the Z cache's evicted lines"],
         /// Cycles from the ROP to the hierarchical Z buffer.
@@ -71,6 +74,19 @@ struct HierarchicalZ {
     /// Whether no write of this pass can have raised a depth above `max`, or lowered it below `min`.
     max_valid: bool,
     min_valid: bool,
+    /// Bounds on what a block holds once all that went through here is tested, where blocks are accepted; else none. Only the
+    /// beginning of a pass narrows them.
+    outer: Vec<Bounds>,
+}
+
+crate::counters! {
+    /// Blocks that hierarchical Z accepts.
+    pub struct TraverseCounts {
+        /// Blocks certain to pass the early test.
+        accepted: "blocks",
+        /// Of these, those that are not written.
+        unwritten: "blocks",
+    }
 }
 
 /// Where in the triangle at hand the unit is.
@@ -85,8 +101,9 @@ struct Place {
     visit: u32,
     block: u32,
     quad: u32,
-    /// Whether the block has been tested.
+    /// Whether the block has been tested, and what is known of it then.
     tested: bool,
+    ahead: Ahead,
     /// Blocks of the bounding box still to be found empty.
     empty: u32,
 }
@@ -103,6 +120,7 @@ pub struct Traverse {
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
     pass: u32,
+    counts: TraverseCounts,
     items: u64,
 }
 
@@ -135,8 +153,14 @@ impl Traverse {
             place: Place::default(),
             hierarchical: HierarchicalZ::default(),
             pass: u32::MAX,
+            counts: TraverseCounts::default(),
             items: 0,
         }
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> TraverseCounts {
+        self.counts
     }
 
     /// Whether this unit traverses what a pipeline owns.
@@ -189,6 +213,15 @@ impl Traverse {
         self.pass = pass.number;
         let Some(start) = pass.depth_start else { return };
         let hierarchical = &mut self.hierarchical;
+        // Who finds all that is drawn in a block, and before any other unit does, knows how far its depths can go.
+        if self.config.hierarchical_z
+            && self.config.hierarchical_accept
+            && matches!(self.territory, Territory::Tiles | Territory::Copy)
+        {
+            let (min, max) = start.bounds.unwrap_or((0, u32::MAX));
+            hierarchical.outer.clear();
+            hierarchical.outer.resize(pass.blocks, Bounds { min, max });
+        }
         if let Some((min, max)) = start.bounds {
             hierarchical.bounds.clear();
             hierarchical.bounds.resize(pass.blocks, Bounds { min, max });
@@ -262,6 +295,36 @@ impl Traverse {
         let min = if self.hierarchical.min_valid { bounds.min } else { 0 };
         let max = if self.hierarchical.max_valid { bounds.max } else { u32::MAX };
         culls(state.compare(), key(low), key(high), min, max)
+    }
+
+    /// What is certain of the early test of a block that is drawn; notes how far its depths can go then.
+    // Off by default, and not to be in the way.
+    #[inline(never)]
+    fn look_ahead(&mut self, work: &Work, triangle: &Triangle, block: &Block, number: u32) -> Ahead {
+        let Some(outer) = self.hierarchical.outer.get_mut(number as usize) else { return Ahead::Nothing };
+        let Some(state) = &work.depth else { return Ahead::Nothing };
+        let before = *outer;
+        let (x, y) = (u32::from(block.x) * BLOCK, u32::from(block.y) * BLOCK);
+        let (low, high) = triangle.depth.block_range(x as i32, y as i32, BLOCK as i32);
+        let key = |depth: f32| depth_key(work.depth_format, state.code(depth));
+        let (low, high) = (key(low), key(high));
+        if state.writes_depth() {
+            // A shader's depth can be anywhere.
+            let plane = work.draw.depth_words == 0;
+            outer.min = if plane { outer.min.min(low) } else { 0 };
+            outer.max = if plane { outer.max.max(high) } else { u32::MAX };
+        }
+        let early = work.early && work.draw.hierarchical_z && !state.uses_stencil() && !state.is_idle();
+        if !early || !accepts(state.compare(), low, high, before.min, before.max) {
+            return Ahead::Nothing;
+        }
+        self.counts.accepted += 1;
+        if !state.writes_depth() {
+            self.counts.unwritten += 1;
+            return Ahead::Passes;
+        }
+        // Stencils are kept, and so they are read.
+        if work.depth_format.has_stencil() { Ahead::Nothing } else { Ahead::Writes }
     }
 }
 
@@ -369,6 +432,9 @@ impl Unit<Card> for Traverse {
                     continue;
                 }
                 self.place.tested = true;
+                if !self.hierarchical.outer.is_empty() {
+                    self.place.ahead = self.look_ahead(work, triangle, block, number);
+                }
             }
 
             // 6. Send its quads on, four at a time.
@@ -396,6 +462,7 @@ impl Unit<Card> for Traverse {
                 first,
                 block: number,
                 live,
+                ahead: self.place.ahead,
             };
             // The host is asked for the depths that will be tested in some cycles. No part of the model.
             if let Some(surface) = card.pass.as_ref().and_then(|pass| pass.depth) {

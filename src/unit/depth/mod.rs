@@ -7,7 +7,7 @@ mod questions;
 use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts, Quads};
-use super::card::{Card, Group, Work};
+use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
 use super::copies::{Stamps, own};
 use super::tags::CacheCounts;
@@ -74,6 +74,14 @@ pub struct TestPorts {
     pub output: Out<GroupToken>,
 }
 
+crate::counters! {
+    /// What the early test is told ahead.
+    pub struct DepthCounts {
+        /// Samples of blocks that hierarchical Z has accepted, and that fail when they are tested: none, if its bounds hold.
+        accepted_failed: "samples",
+    }
+}
+
 /// A group between lookup and test.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
@@ -102,6 +110,7 @@ pub struct Depth {
     free_at: u64,
     /// Bounds to be sent.
     bounds: VecDeque<DepthBounds>,
+    told: DepthCounts,
     items: u64,
 }
 
@@ -119,6 +128,7 @@ impl Depth {
             ended: false,
             free_at: 0,
             bounds: VecDeque::with_capacity(4),
+            told: DepthCounts::default(),
             items: 0,
             config,
             pipeline,
@@ -134,6 +144,11 @@ impl Depth {
     /// What the cache moved.
     pub fn counts(&self) -> BlockCounts {
         self.cache.counts()
+    }
+
+    /// What came of what it was told ahead.
+    pub fn told(&self) -> DepthCounts {
+        self.told
     }
 
     /// Whether hierarchical Z is told of new bounds then.
@@ -160,7 +175,13 @@ impl Depth {
             return Err(Tick::Blocked);
         }
         let mut left = None;
-        let place = self.cache.pin(frame, surface, group.block, Quads::ANY, &mut left)?;
+        let quads = match group.ahead {
+            // What passes whatever is there, and stays as it is, need not be looked up.
+            Ahead::Passes => return Ok(None),
+            Ahead::Writes => written(work, group, frame.stores[surface].surface.samples),
+            Ahead::Nothing => Quads::ANY,
+        };
+        let place = self.cache.pin(frame, surface, group.block, quads, &mut left)?;
         if let Some((surface, block)) = left
             && self.tells(HierarchicalUpdate::Eviction)
         {
@@ -202,10 +223,13 @@ impl Depth {
                 let y = (top + u32::from(quad.position) / 4 * 2) as i32;
                 sample_depths(state, triangle, x, y, samples, &mut codes);
             }
-            let before = fragments(*live);
+            let (before, samples_before) = (fragments(*live), live.count_ones());
             *live = state.test_quad(samples, triangle.back, *live, &codes, store.quad_mut(group.block, quad.position));
             if late {
                 funnel.fragments_late_failed += u64::from(before - fragments(*live));
+            }
+            if group.ahead == Ahead::Writes {
+                self.told.accepted_failed += u64::from(samples_before - live.count_ones());
             }
             alive += u8::from(*live != 0);
         }
@@ -422,6 +446,17 @@ impl Depth {
         wires.pop(&self.ports.end);
         Tick::Moved
     }
+}
+
+/// What a group that passes writes of its block.
+fn written(work: &Work, group: &Group, samples: u32) -> Quads {
+    let all = u16::MAX >> (16 - 4 * samples.clamp(1, 4));
+    let mut quads = Quads::default();
+    for quad in &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)] {
+        let bit = 1 << quad.position;
+        if quad.coverage == all { quads.whole |= bit } else { quads.part |= bit }
+    }
+    quads
 }
 
 /// Leaves in the stamps of a copy who has written a group's samples.

@@ -13,6 +13,7 @@ use crate::num::Cycle;
 use crate::sim::{Circuit, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::block_cache::BlockCounts;
+use crate::unit::card::Ahead;
 use crate::unit::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
 use crate::unit::token::{Ack, DepthBounds, GroupToken, Kind};
 use crate::unit::traverse::HierarchicalUpdate;
@@ -288,4 +289,33 @@ fn a_draw_without_fragment_stage_ends_here() {
     };
     let got = run(&scene, early, |_| Vec::new());
     assert_eq!((got.early, got.funnel.fragments_written), (vec![], 16));
+}
+
+/// Groups of four quads of slot 0, each of its block, first quad and what is known of it.
+fn known(card: &mut Card, groups: &[(u32, u32, Ahead)]) -> Vec<(Cycle, GroupToken)> {
+    let made = |&(block, first, ahead): &(u32, u32, Ahead)| {
+        let token = group(card, 0, block, first, 4);
+        card.groups[0][token.group].ahead = ahead;
+        (0, token)
+    };
+    let groups: Vec<_> = groups.iter().map(made).collect();
+    groups.into_iter().chain([(0, mark(Kind::SEGMENT, 0))]).collect()
+}
+
+#[test]
+fn what_is_known_ahead_is_not_read() {
+    let scene = Scene { cleared: false, compare: Compare::Less, ..Scene::default() };
+    // All four groups of a block that is in memory, tested as if it were here.
+    let whole = [0, 4, 8, 12].map(|first| (0, first, Ahead::Writes));
+    let got = run(&scene, |card| known(card, &whole), |_| Vec::new());
+    assert_eq!((got.early, got.items), (vec![8, 9, 10, 11], 16));
+    assert_eq!((got.counts.overwritten, got.counts.fills, got.counts.cleared_fills), (1, 0, 0));
+    // Of a block written in part the rest is read when the pass ends, and no sooner.
+    let part = Scene { end: Some(100), ..Scene { cleared: false, compare: Compare::Less, ..Scene::default() } };
+    let got = run(&part, |card| known(card, &whole[..2]), |_| Vec::new());
+    assert_eq!((got.early, got.counts.overwritten, got.counts.fills), (vec![8, 9], 0, 1));
+    // What passes and stays is not even looked up.
+    let passes = [(0, 0, Ahead::Passes), (1, 0, Ahead::Passes)];
+    let got = run(&scene, |card| known(card, &passes), |_| Vec::new());
+    assert_eq!((got.early.len(), got.items, got.counts), (2, 0, BlockCounts::default()));
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::gfx::format::Format;
 use crate::gfx::state::{Compare, DepthStencil, StencilFace};
-use crate::unit::card::{Card, Group, PassState};
+use crate::unit::card::{Ahead, Card, Group, PassState};
 use crate::unit::frame::BlockState;
 use crate::unit::interleave::{Interleave, Pattern};
 use crate::unit::token::{GroupToken, Kind, TriangleToken};
@@ -108,7 +108,7 @@ pub fn triangle(kind: Kind, sequence: u32, triangle: u32) -> TriangleToken {
 pub fn group(card: &mut Card, slot: u16, block: u32, first: u32, count: u8) -> GroupToken {
     let mut live = [0; 4];
     live[..usize::from(count)].fill(15);
-    let group = Group { slot, count, triangle: 0, tile: 0, first, block, live };
+    let group = Group { slot, count, triangle: 0, tile: 0, first, block, live, ahead: Ahead::Nothing };
     GroupToken { group: card.groups[0].insert(group), sequence: 0, kind: Kind::DATA, quads: count, pool: 0 }
 }
 

@@ -13,7 +13,7 @@ use crate::sim::{Link, One, Unit, Wiring};
 use crate::unit::Card;
 use crate::unit::card::DepthStart;
 use crate::unit::token::{DepthBounds, GroupToken, Kind, TriangleToken};
-use crate::unit::traverse::{Territory, Traverse, TraverseConfig};
+use crate::unit::traverse::{Territory, Traverse, TraverseConfig, TraverseCounts};
 use crate::work::{Draw, Funnel, Segment};
 
 crate::circuit! {
@@ -46,7 +46,7 @@ fn traversed(
     segment: &Segment,
     updates: &[(Cycle, DepthBounds)],
     prepare: impl Fn(&mut Card),
-) -> (Vec<(Cycle, Kind)>, Funnel) {
+) -> (Vec<(Cycle, Kind)>, Funnel, TraverseCounts) {
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -76,7 +76,7 @@ fn traversed(
         |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
         |c, card| {
             assert_eq!(c.traverse.items(), card.funnel.quads_rasterized);
-            (c.sink.log(|token| token.kind), card.funnel)
+            (c.sink.log(|token| token.kind), card.funnel, c.traverse.counts())
         },
     )
 }
@@ -84,7 +84,7 @@ fn traversed(
 /// Cycles from the first triangle in the unit's hands to the mark behind the last: what all triangles take. (The mark leaves in
 /// the cycle in which the last triangle ends, which counts, and is a cycle on the way.)
 fn cycles(config: &TraverseConfig, segment: &Segment) -> Cycle {
-    let (log, _) = traversed(config, segment, &[], |_| ());
+    let (log, ..) = traversed(config, segment, &[], |_| ());
     log.last().expect("a mark").0 - 1
 }
 
@@ -105,7 +105,7 @@ fn a_triangle_takes_the_longest_of_blocks_tests_and_quads() {
     for (quads, each) in [(3, 8), (16, 32)] {
         let segment = triangles(2, 8, quads, 0);
         assert_eq!(cycles(&config(), &segment), 2 * each, "{quads} quads a block");
-        let (log, funnel) = traversed(&config(), &segment, &[], |_| ());
+        let (log, funnel, _) = traversed(&config(), &segment, &[], |_| ());
         assert_eq!(log.len(), 2 * 8 * usize::from(quads).div_ceil(4) + 1);
         assert_eq!((funnel.tiles_visited, funnel.quads_rasterized), (16, 16 * u64::from(quads)));
         assert_eq!(funnel.fragments_covered, 64 * u64::from(quads));
@@ -150,7 +150,7 @@ fn only_own_blocks_are_tested() {
         *card = card_of_tiles(2, 8);
         card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
     };
-    let (log, funnel) = traversed(&config(), &segment, &[], share);
+    let (log, funnel, _) = traversed(&config(), &segment, &[], share);
     assert_eq!(log.last().unwrap().0 - 1, 32 / 4);
     assert_eq!((funnel.tiles_visited, log.len()), (4, 4 + 1));
 }
@@ -159,7 +159,7 @@ fn only_own_blocks_are_tested() {
 fn a_full_link_holds_traversal_up() {
     // Four places and a latency of 7: four groups in every 8 cycles.
     let config = TraverseConfig { queue: 4, latency: 7, ..config() };
-    let (log, _) = traversed(&config, &triangles(1, 8, 4, 0), &[], |_| ());
+    let (log, ..) = traversed(&config, &triangles(1, 8, 4, 0), &[], |_| ());
     let times: Vec<_> = log.iter().map(|&(at, _)| at).collect();
     assert_eq!(times, [8, 9, 10, 11, 16, 17, 18, 19, 24]);
 }
@@ -185,13 +185,13 @@ fn hidden_blocks_take_a_test_and_no_quads() {
         triangle.depth = DepthPlane::constant(0.75);
     }
     // All hidden: a block a cycle instead of one in four.
-    let (log, funnel) = traversed(&config(), &segment, &[], hidden(&segment, Some(0.5)));
+    let (log, funnel, _) = traversed(&config(), &segment, &[], hidden(&segment, Some(0.5)));
     assert_eq!(log, [(16 + 1, Kind::SEGMENT)]);
     assert_eq!((funnel.tiles_visited, funnel.tiles_hiz_culled, funnel.quads_early_culled), (16, 16, 256));
     // Nothing known of the depths, or the culling switched off: all are sent.
     for (known, switch) in [(None, true), (Some(0.5), false)] {
         let config = TraverseConfig { hierarchical_z: switch, ..config() };
-        let (log, funnel) = traversed(&config, &segment, &[], hidden(&segment, known));
+        let (log, funnel, _) = traversed(&config, &segment, &[], hidden(&segment, known));
         assert_eq!((log.last().unwrap().0, funnel.tiles_hiz_culled), (64 + 1, 0), "{known:?}");
     }
 }
@@ -204,8 +204,54 @@ fn an_update_hides_from_the_cycle_on_in_which_it_comes() {
     // Block n is tested in cycle 1 + n. What the source sends in cycle 3 comes in 4, in time for block 3 but not for block 2; a
     // word from another pass means nothing.
     let tell = |block, pass| (3, DepthBounds { block, min: key, max: key, pass });
-    let (log, funnel) = traversed(&config(), &segment, &[tell(2, 0), tell(3, 0), tell(4, 9)], hidden(&segment, None));
+    let (log, funnel, _) = traversed(&config(), &segment, &[tell(2, 0), tell(3, 0), tell(4, 9)], hidden(&segment, None));
     assert_eq!(funnel.tiles_hiz_culled, 1);
     let times: Vec<_> = log.iter().map(|&(at, _)| at).collect();
     assert_eq!(times, [2, 3, 4, 6, 7, 8, 9, 9]);
+}
+
+/// Triangles of these depths over the same eight blocks, whole.
+fn over_each_other(depths: &[f32]) -> Segment {
+    let mut segment = triangles(depths.len(), 8, 16, 0);
+    for (triangle, &depth) in segment.triangles.iter_mut().zip(depths) {
+        triangle.depth = DepthPlane::constant(depth);
+    }
+    segment
+}
+
+#[test]
+fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
+    let config = TraverseConfig { hierarchical_accept: true, ..config() };
+    let accepted = |depths: &[f32], cleared_to, change: &dyn Fn(&mut Draw)| {
+        let segment = over_each_other(depths);
+        let start = hidden(&segment, cleared_to);
+        let prepare = |card: &mut Card| {
+            start(card);
+            let mut draw = (*card.work(0).draw).clone();
+            change(&mut draw);
+            card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
+        };
+        traversed(&config, &segment, &[], prepare).2
+    };
+    let blocks = |n: u64| TraverseCounts { accepted: 8 * n, unwritten: 0 };
+    let as_it_is = |_: &mut Draw| ();
+    // Nothing has been written yet when the second comes, which may yet lie behind the first; the third lies before both.
+    assert_eq!(accepted(&[0.3, 0.4, 0.2], Some(0.5), &as_it_is), blocks(2));
+    assert_eq!(accepted(&[0.3, 0.3], Some(0.5), &as_it_is), blocks(1));
+    // Nothing is known of what was there.
+    assert_eq!(accepted(&[0.3, 0.2], None, &as_it_is), blocks(0));
+    // A test without a write needs neither to be read, and changes nothing for those behind it.
+    let reads = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").depth_write = false;
+    assert_eq!(accepted(&[0.3, 0.4], Some(0.5), &reads), TraverseCounts { accepted: 16, unwritten: 16 });
+    // Late tests write too, but none of them is decided ahead; and a shader's depths can be anywhere.
+    assert_eq!(accepted(&[0.3], Some(0.5), &|draw| draw.early = false), blocks(0));
+    // The other way round: farther passes.
+    let farther = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").depth_compare = Compare::GreaterEqual;
+    assert_eq!(accepted(&[0.6, 0.55, 0.6], Some(0.5), &farther), blocks(2));
+    // With stencils beside them.
+    let stencil = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
+    assert_eq!(accepted(&[0.3], Some(0.5), &stencil), TraverseCounts { accepted: 8, unwritten: 0 });
+    // Off, nothing is.
+    let segment = over_each_other(&[0.3]);
+    assert_eq!(traversed(&self::config(), &segment, &[], hidden(&segment, Some(0.5))).2, TraverseCounts::default());
 }
