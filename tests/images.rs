@@ -57,12 +57,13 @@ fn stem(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()
 }
 
-/// The scenes kept in `traces/`; the long sequence is for `tests/fidelity.rs`, which compares its pictures between fidelities.
+/// The scenes kept in `traces/`. The long sequence is for `tests/fidelity.rs`, which compares its pictures between fidelities, and the
+/// dials are for `tests/same_tiles.rs`, which compares those of machines with the renderer's: both go without another renderer's.
 fn scenes() -> Vec<Case> {
     let references = entries(&here("tests/references"));
     entries(&here("traces"))
         .into_iter()
-        .filter(|trace| stem(trace) != "flight")
+        .filter(|trace| !["flight", "panel"].contains(&stem(trace).as_str()))
         .map(|trace| {
             let name = stem(&trace);
             let start = format!("{name}-");
