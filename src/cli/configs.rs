@@ -53,8 +53,26 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     Ok(Verdict::Done)
 }
 
+/// The machine that a command is asked to run.
+#[derive(clap::Args)]
+pub struct Choice {
+    /// A built-in configuration, or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
+    config: String,
+    /// Set one knob of the configuration; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+}
+
+impl Choice {
+    /// Its configuration.
+    pub fn load(&self) -> Result<Config> {
+        load(&self.config, &self.set)
+    }
+}
+
 /// A built-in configuration or one in a file, with knobs set.
-pub fn load(name: &str, settings: &[String]) -> Result<Config> {
+fn load(name: &str, settings: &[String]) -> Result<Config> {
     let is_built_in = BUILT_IN.iter().any(|(known, _)| *known == name);
     let mut config = if is_built_in || !Path::new(name).exists() {
         Config::built_in(name)?

@@ -18,12 +18,8 @@ pub struct Arguments {
     /// Traces
     #[arg(required = true)]
     traces: Vec<PathBuf>,
-    /// A built-in configuration, or a file
-    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
-    config: String,
-    /// Set one knob of the configuration; may be repeated
-    #[arg(long, value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    machine: super::configs::Choice,
     /// Frames to sample; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Vec<u32>,
@@ -36,7 +32,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let config = arguments.machine.load()?;
     let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
     let mut fronts: Vec<Front> = Vec::new();
     for path in &arguments.traces {

@@ -26,12 +26,8 @@ Leaves in --out: frame-NNNN.png (the trace's own frame numbers), stats.json, sta
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
-    /// A built-in configuration, or a file
-    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
-    config: String,
-    /// Set one knob of the configuration; may be repeated
-    #[arg(long, value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    machine: super::configs::Choice,
     /// Frames to replay: half-open, as in 2..4, 2.. or ..4
     #[arg(long, value_name = "A..B", default_value = "..")]
     frames: Frames,
@@ -112,7 +108,7 @@ impl FromStr for Frames {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     super::use_threads(arguments.threads)?;
-    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let config = arguments.machine.load()?;
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
     }

@@ -25,12 +25,8 @@ pub struct Arguments {
     /// As JSON
     #[arg(long)]
     json: bool,
-    /// A built-in configuration, or a file
-    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
-    config: String,
-    /// Set one knob of the configuration; may be repeated
-    #[arg(long, value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    machine: super::configs::Choice,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -43,7 +39,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         return Ok(Verdict::Done);
     }
-    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let config = arguments.machine.load()?;
     let mut found: Vec<(String, Vec<Taken>)> = Vec::new();
     for path in &arguments.traces {
         let trace = import::open(path)?;

@@ -22,12 +22,8 @@ pub struct Arguments {
     /// Name the skips and their switches
     #[arg(long)]
     list: bool,
-    /// A built-in configuration, or a file
-    #[arg(long, value_name = "NAME|FILE", default_value = "baseline")]
-    config: String,
-    /// Set one knob of the configuration; may be repeated
-    #[arg(long, value_name = "PATH=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    machine: super::configs::Choice,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -37,7 +33,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         return Ok(Verdict::Done);
     }
-    let config = super::configs::load(&arguments.config, &arguments.set)?;
+    let config = arguments.machine.load()?;
     let mut verdict = Verdict::Done;
     for path in &arguments.traces {
         let trace = import::open(path)?;

@@ -9,7 +9,6 @@ use anyhow::{Result, ensure};
 use super::Target;
 use super::machine::{config, figure, replay};
 use super::synthetic::Scene;
-use crate::gfx::state::Compare;
 use crate::machine::Config;
 use crate::machine::config::MemoryKind;
 use crate::stats::{Node, Tree};
@@ -80,19 +79,7 @@ fn layers(edge: u32, count: u32) -> Scene {
 
 /// These triangles on a square image, without depth.
 fn triangles(edge: u32, shapes: Vec<[[f32; 2]; 3]>) -> Scene {
-    Scene {
-        width: edge,
-        height: edge,
-        draws: 1,
-        segments: (shapes.len() as u32).div_ceil(512),
-        triangles: shapes.len() as u32,
-        depth_format: None,
-        compare: Compare::Always,
-        textures: 0,
-        instructions: 1,
-        shapes,
-        ..Scene::default()
-    }
+    Scene::plain(edge, edge, shapes, 512)
 }
 
 /// What a run has taken, and what its units had to do.

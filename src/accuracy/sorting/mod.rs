@@ -9,7 +9,6 @@ mod reuse;
 
 use super::synthetic::Scene;
 use super::{Row, Target};
-use crate::gfx::state::Compare;
 
 /// Targets of the section, in order.
 pub const TARGETS: &[Target] = &[
@@ -24,19 +23,7 @@ pub const TARGETS: &[Target] = &[
 
 /// A scene of these triangles, drawn without depth.
 fn scene_of(width: u32, height: u32, shapes: Vec<[[f32; 2]; 3]>) -> Scene {
-    Scene {
-        width,
-        height,
-        draws: 1,
-        segments: shapes.len().div_ceil(256) as u32,
-        triangles: shapes.len() as u32,
-        depth_format: None,
-        compare: Compare::Always,
-        textures: 0,
-        instructions: 1,
-        shapes,
-        ..Scene::default()
-    }
+    Scene::plain(width, height, shapes, 256)
 }
 
 fn right_triangle(x: f32, y: f32, w: f32, h: f32) -> [[f32; 2]; 3] {

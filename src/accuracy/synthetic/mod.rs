@@ -66,6 +66,26 @@ pub struct Scene {
     pub seed: u64,
 }
 
+impl Scene {
+    /// One draw of these triangles without depth and textures, so many of them a segment.
+    pub fn plain(width: u32, height: u32, shapes: Vec<[[f32; 2]; 3]>, of_segment: u32) -> Scene {
+        let triangles = shapes.len() as u32;
+        Scene {
+            width,
+            height,
+            draws: 1,
+            segments: triangles.div_ceil(of_segment),
+            triangles,
+            depth_format: None,
+            compare: Compare::Always,
+            textures: 0,
+            instructions: 1,
+            shapes,
+            ..Scene::default()
+        }
+    }
+}
+
 impl Default for Scene {
     fn default() -> Scene {
         Scene {

@@ -277,9 +277,11 @@ impl RenderPass {
             segment.funnel = funnel;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
             let vertices = std::mem::take(&mut scratch.vertices);
+            let signed = call.signature.is_some().then(|| signature::vertices(&vertices));
+            drop(vertices);
             let mut segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
-            if call.signature.is_some() {
-                segment.signatures = signature::primitives(&segment.primitives, &signature::vertices(&vertices));
+            if let Some(signed) = signed {
+                segment.signatures = signature::primitives(&segment.primitives, &signed);
             }
             sink(Event::Segment(Arc::new(segment)));
         }
