@@ -13,6 +13,7 @@ mod pixels;
 mod shadow;
 mod solids;
 mod sprites;
+mod town;
 mod triangle;
 
 use std::path::{Path, PathBuf};
@@ -56,4 +57,5 @@ pub const ALL: &[Scene] = &[
     Scene { name: "spokes-msaa", record: msaa::record, zip: false },
     Scene { name: "panel", record: panel::record, zip: true },
     Scene { name: "flight", record: flight::record, zip: true },
+    Scene { name: "town", record: town::record, zip: true },
 ];

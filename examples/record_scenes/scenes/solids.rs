@@ -34,6 +34,41 @@ impl Mesh {
         self.indices.extend([0, 1, 2, 0, 2, 3].map(|i| base + i));
     }
 
+    /// Adds a triangle, counter-clockwise seen from outside.
+    pub fn triangle(&mut self, corners: [V3; 3], uv: [[f64; 2]; 3]) {
+        let base = self.vertices.len() as u16;
+        let normal = normalize(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])));
+        self.vertices.extend((0..3).map(|i| (corners[i], normal, uv[i])));
+        self.indices.extend([base, base + 1, base + 2]);
+    }
+
+    /// A profile of distances from the y axis and heights, from below, turned around it in slices; a ring of no radius is a tip.
+    pub fn turned(profile: &[(f64, f64)], slices: u16) -> Mesh {
+        let mut mesh = Mesh::default();
+        for (ring, pair) in profile.windows(2).enumerate() {
+            let [(r0, y0), (r1, y1)] = [pair[0], pair[1]];
+            let (base, v) = (mesh.vertices.len() as u16, ring as f64 / 2.0);
+            for slice in 0..=slices {
+                let turn = TAU * f64::from(slice) / f64::from(slices);
+                let (c, s) = (libm::cos(turn), libm::sin(turn));
+                let normal = normalize([(y1 - y0) * c, r0 - r1, -(y1 - y0) * s]);
+                let u = 2.0 * f64::from(slice) / f64::from(slices);
+                mesh.vertices.push(([r0 * c, y0, -r0 * s], normal, [u, v + 0.5]));
+                mesh.vertices.push(([r1 * c, y1, -r1 * s], normal, [u, v]));
+            }
+            for slice in 0..slices {
+                let a = base + 2 * slice;
+                if r0 > 0.0 {
+                    mesh.indices.extend([a, a + 2, a + 1]);
+                }
+                if r1 > 0.0 {
+                    mesh.indices.extend([a + 1, a + 2, a + 3]);
+                }
+            }
+        }
+        mesh
+    }
+
     /// The cube from -1 to 1; each face shows the whole texture.
     pub fn cube() -> Mesh {
         let mut mesh = Mesh::default();
