@@ -40,6 +40,18 @@ pub struct Skip {
     work: (&'static str, &'static [&'static str]),
 }
 
+/// A cull of geometry: without it triangles go on that end in setup or traversal.
+const fn culled(name: &'static str, what: &'static str, switch: &'static str, off: &'static [&'static str]) -> Skip {
+    Skip {
+        name,
+        what,
+        switch,
+        how: Switch::Machine { base: &[], off },
+        changes: &["funnel.triangles_setup"],
+        work: ("triangles set up", &["units.setup[*].items"]),
+    }
+}
+
 /// All skips.
 pub const SKIPS: &[Skip] = &[
     Skip {
@@ -115,6 +127,25 @@ pub const SKIPS: &[Skip] = &[
         changes: &[],
         work: ("bytes read for blending", &["memory.clients.color.read_bytes"]),
     },
+    culled("facing", "triangles that face away are not set up", "--set clip.cull_facing=false", &["clip.cull_facing=false"]),
+    culled(
+        "frustum",
+        "what lies outside the view volume is not set up",
+        "--set clip.cull_frustum=false",
+        &["clip.cull_frustum=false"],
+    ),
+    culled(
+        "scissor",
+        "what lies outside the scissor rectangle is neither set up nor looked for",
+        "--set clip.cull_scissor=false",
+        &["clip.cull_scissor=false"],
+    ),
+    culled(
+        "no sample",
+        "what has no area or covers no sample is neither set up nor looked for",
+        "--set clip.cull_no_sample=false",
+        &["clip.cull_no_sample=false"],
+    ),
     Skip {
         name: "idle cycles",
         what: "cycles in which nothing can move",
@@ -165,8 +196,13 @@ pub struct Saving {
 }
 
 /// Counters that no skip may change.
-const KEPT: [&str; 5] = [
+const KEPT: [&str; 10] = [
     "funnel.primitives_in",
+    "funnel.culled_degenerate",
+    "funnel.culled_backface",
+    "funnel.culled_frustum",
+    "funnel.culled_scissor",
+    "funnel.culled_no_sample",
     "funnel.triangles_setup",
     "funnel.fragments_covered",
     "funnel.fragments_discarded",

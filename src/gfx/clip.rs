@@ -257,6 +257,12 @@ impl ClipVolume {
         }
     }
 
+    /// Whether vertices have places in the window without cutting what they span: those of a primitive that is not drawn may lie outside
+    /// of the viewport.
+    pub fn is_in_band(codes: &[Outcode]) -> bool {
+        codes.iter().all(|code| code & (CLIP | NOT_FINITE) == 0) && codes.iter().fold(!0, |all, code| all & code) & REJECT != 0
+    }
+
     /// Whether a point is drawn: its position lies in the view volume, so points are not drawn in part at the border.
     #[inline]
     pub fn point(&self, code: Outcode) -> bool {

@@ -164,6 +164,9 @@ fn read(machine: &mut Machine) -> Reading {
     for (index, unit) in circuit.traverse.iter().enumerate() {
         hierarchical.element("traverse", index).extend(unit.counts().tree());
     }
+    for (index, unit) in circuit.setup.iter().enumerate() {
+        tree.child("setup").element("setup", index).extend(unit.found().tree());
+    }
     let shading = tree.child("shading");
     for (index, unit) in circuit.core.iter().enumerate() {
         shading.element("core", index).extend(unit.counts().tree());

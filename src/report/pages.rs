@@ -15,6 +15,7 @@ use crate::unit::depth::DepthCounts;
 use crate::unit::early::EarlyCounts;
 use crate::unit::hide::HideCounts;
 use crate::unit::route::RouteCounts;
+use crate::unit::setup::SetupCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::unit::tags::CacheCounts;
 use crate::unit::texture::TextureCounts;
@@ -122,9 +123,10 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ),
         (
             "hierarchical.traverse[i]",
-            "What hierarchical Z accepts, where that is on. What it throws away is in the funnel.",
+            "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, where geometry lets them through. What hierarchical Z throws away is in the funnel.",
             TraverseCounts::DECLARATIONS.to_vec(),
         ),
+        ("setup.setup[i]", "What setup finds out.", SetupCounts::DECLARATIONS.to_vec()),
         ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
         ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
         ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),

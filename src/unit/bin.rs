@@ -12,7 +12,7 @@ use super::token::{Kind, TileToken, TriangleToken};
 use crate::mem::{MemoryPort, REQUEST_BYTES, requests};
 use crate::sim::{Budget, Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::{BLOCK, Signature, Triangle};
+use crate::work::{BLOCK, End, Signature, Triangle};
 
 crate::knobs! {
     /// Binning of triangles into the lists of tiles.
@@ -190,7 +190,7 @@ impl Bin {
         self.next = 0;
         let (across, _) = self.grid(card);
         let side = self.side();
-        match self.config.overlap {
+        match if triangle.end == End::Nowhere { self.config.overlap } else { Overlap::Bounds } {
             Overlap::Bounds => {
                 let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
                 if x0 < x1 && y0 < y1 {

@@ -1,10 +1,10 @@
-//! Clip and cull: primitives in, triangles out. What becomes of each was decided by `gfx`; here it takes time and is counted.
+//! Clip and cull: primitives in, triangles out. What becomes of each was decided by `gfx`; here it takes time and is counted. Of
+//! primitives that the culls here let through the work has triangles, which end in setup or traversal.
 
 use super::card::Card;
 use super::token::{Kind, Run};
 use crate::sim::{Budget, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::Outcome;
 
 crate::knobs! {
     /// Clipping and culling, one unit a geometry unit.
@@ -14,10 +14,31 @@ crate::knobs! {
         /// Cycles that a primitive takes which has to be cut against a plane.
         clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),
             "Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"],
+        /// Whether triangles that face away end here; if not, setup finds out.
+        cull_facing: bool ["", Allowed::Switch, "the sign of the area, from window positions that the tests below need too; ATTILA finds it in setup"],
+        /// Whether primitives outside the view volume end here; if not, setup finds out, or cutting them does.
+        cull_frustum: bool ["", Allowed::Switch, "trivial rejection by outcodes (Sutherland and Sproull 1968)"],
+        /// Whether primitives outside the scissor rectangle end here; if not, traversal finds no sample of them in it.
+        cull_scissor: bool ["", Allowed::Switch, "bounds of a triangle against a rectangle: four comparisons"],
+        /// Whether primitives without area, or without a covered sample, end here or as they are distributed; if not, setup finds that
+        /// they have no area, and traversal, in all of their bounds, no sample of them.
+        cull_no_sample: bool ["", Allowed::Switch, "bounds of a triangle against sample positions; off in cards without a filter for small triangles"],
         /// Cycles from here to the distribution.
         latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini CLIPPER StartLatency + ExecLatency = 7"],
         /// Runs of triangles queued before the distribution.
         queue: u32 ["runs", Allowed::Range(2, 1024), "ATTILA bGPU.ini ClipBufferSize = 32"],
+    }
+}
+
+impl ClipConfig {
+    /// The culls by the paths of their knobs, and whether they are on.
+    pub fn culls(&self) -> [(&'static str, bool); 4] {
+        [
+            ("clip.cull_facing", self.cull_facing),
+            ("clip.cull_frustum", self.cull_frustum),
+            ("clip.cull_scissor", self.cull_scissor),
+            ("clip.cull_no_sample", self.cull_no_sample),
+        ]
     }
 }
 
@@ -30,13 +51,15 @@ pub struct Clip {
     done: u32,
     /// The cycle from which on the clipper is free.
     busy_until: u64,
+    /// Whether how primitives end is counted here, or where they come from.
+    counts: bool,
     items: u64,
 }
 
 impl Clip {
-    /// An empty one.
-    pub fn new(config: ClipConfig, input: In<Run>, output: Out<Run>) -> Clip {
-        Clip { config, input, output, done: 0, busy_until: 0, items: 0 }
+    /// An empty one, which `counts` how primitives end.
+    pub fn new(config: ClipConfig, counts: bool, input: In<Run>, output: Out<Run>) -> Clip {
+        Clip { config, input, output, done: 0, busy_until: 0, counts, items: 0 }
     }
 }
 
@@ -73,22 +96,17 @@ impl Unit<Card> for Clip {
             let most = (run.count - self.done).min(budget.left());
             let primitives = &work.segment.primitives[first..first + most as usize];
             let start = primitives[0].first_triangle;
-            let (mut tested, mut triangles, mut clipped) = (0, 0, false);
+            let (mut tested, mut triangles, mut cut) = (0, 0, false);
             let funnel = &mut { card.funnel };
             for primitive in primitives {
                 tested += 1;
                 triangles += u32::from(primitive.triangles);
-                match primitive.outcome {
-                    Outcome::Drawn => {}
-                    Outcome::Degenerate => funnel.culled_degenerate += 1,
-                    Outcome::Backface => funnel.culled_backface += 1,
-                    Outcome::Frustum => funnel.culled_frustum += 1,
-                    Outcome::Scissor => funnel.culled_scissor += 1,
-                    Outcome::NoSample => funnel.culled_no_sample += 1,
+                if self.counts {
+                    funnel.end(primitive.outcome);
                 }
-                if primitive.clipped {
-                    funnel.clipped += 1;
-                    clipped = true;
+                funnel.clipped += u64::from(primitive.clipped);
+                if primitive.clipped || primitive.cut_away {
+                    cut = true;
                     break;
                 }
             }
@@ -105,7 +123,7 @@ impl Unit<Card> for Clip {
                 wires.pop(&self.input);
             }
             did = Tick::Moved;
-            if clipped {
+            if cut {
                 self.busy_until = wires.now() + u64::from(self.config.clip_cycles);
                 wires.sleep_until(self.busy_until);
                 return wires.stop(did, Tick::Working);

@@ -7,7 +7,7 @@ use super::token::{Kind, Run, TriangleToken, bytes};
 use crate::num::prefetch;
 use crate::sim::{Budget, In, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::Triangle;
+use crate::work::{End, Triangle};
 
 crate::choices! {
     /// How the rasterisers that a triangle is sent to are found.
@@ -130,12 +130,19 @@ impl Distribute {
 /// sought.
 #[inline(always)]
 pub fn owners(card: &Card, work: &Work, triangle: &Triangle, overlap: Overlap, pipelines: usize) -> u64 {
+    let late = triangle.end != End::Nowhere;
     if pipelines == 1 {
-        return u64::from(overlap == Overlap::Bounds || triangle.visits > 0);
+        return u64::from(overlap == Overlap::Bounds || triangle.visits > 0 || late);
     }
     let all = u64::MAX >> (64 - pipelines);
     let mut mask = 0;
-    match overlap {
+    // Who does not know that a triangle is drawn nowhere has nothing but its bounds. Outside of all pipelines' pixels it is found out
+    // by any of them.
+    let [x0, y0, x1, y1] = triangle.bounds;
+    if late && (x0 >= x1 || y0 >= y1) {
+        return 1 << (triangle.primitive as usize % pipelines);
+    }
+    match if late { Overlap::Bounds } else { overlap } {
         Overlap::Exact if !work.owners.is_empty() => {
             for visit in work.visits(triangle) {
                 mask |= 1 << work.owners[visit.tile as usize];

@@ -17,7 +17,7 @@ use crate::mem::MemoryPort;
 use crate::num::Cycle;
 use crate::sim::{In, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::{LINE, Outcome};
+use crate::work::LINE;
 
 crate::choices! {
     /// What is sent of a primitive.
@@ -156,23 +156,14 @@ impl Route {
         self.tags.counts()
     }
 
-    /// Counts a primitive that ends here. All three positions are known, so that the tests of geometry can be made.
-    fn ends(card: &mut Card, outcome: Outcome) {
-        let funnel = &mut card.funnel;
-        match outcome {
-            Outcome::Degenerate => funnel.culled_degenerate += 1,
-            Outcome::Backface => funnel.culled_backface += 1,
-            Outcome::Frustum => funnel.culled_frustum += 1,
-            Outcome::Scissor => funnel.culled_scissor += 1,
-            Outcome::NoSample | Outcome::Drawn => funnel.culled_no_sample += 1,
-        }
-    }
-
-    /// The pipelines that own what a primitive touches.
-    fn receivers(&self, card: &Card, work: &Work, primitive: u32) -> u64 {
-        let primitive = &work.segment.primitives[primitive as usize];
+    /// The pipelines that own what a primitive touches; of one that has to be cut before it is known to be outside, any.
+    fn receivers(&self, card: &Card, work: &Work, number: u32) -> u64 {
+        let primitive = &work.segment.primitives[number as usize];
         let triangles = &work.segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
         let pipelines = self.ports.network.receivers();
+        if primitive.cut_away {
+            return 1 << (number as usize % pipelines);
+        }
         triangles.iter().fold(0, |mask, triangle| mask | owners(card, work, triangle, self.overlap, pipelines))
     }
 
@@ -200,12 +191,13 @@ impl Route {
                 (None, None) => u64::MAX >> (64 - self.ports.network.receivers()),
             };
             if self.pending.is_none() && data {
-                if pending == 0 {
-                    let outcome = work.map(|work| work.segment.primitives[token.triangle as usize].outcome);
-                    Route::ends(card, outcome.unwrap_or(Outcome::NoSample));
-                } else {
-                    self.sorting.sent += 1;
+                // All three positions are known, so that the tests of geometry can be made. What several pipelines get would be
+                // counted by each.
+                if let Some(work) = work {
+                    let outcome = work.segment.primitives[token.triangle as usize].outcome;
+                    card.funnel.end(outcome);
                 }
+                self.sorting.sent += u64::from(pending != 0);
                 did = Tick::Moved;
             }
             // 2. What it weighs.

@@ -7,6 +7,7 @@ use super::token::{Kind, TriangleToken};
 use crate::num::prefetch;
 use crate::sim::{Budget, Gate, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
+use crate::work::End;
 
 crate::knobs! {
     /// Triangle setup in each rasteriser.
@@ -22,6 +23,14 @@ crate::knobs! {
     }
 }
 
+crate::counters! {
+    /// What setup finds out.
+    pub struct SetupCounts {
+        /// Triangles that end here, since they face away, have no area, or lie outside: where geometry does not find that out.
+        ended: "triangles",
+    }
+}
+
 /// Triangle setup. Its items are triangles.
 pub struct Setup {
     config: SetupConfig,
@@ -32,6 +41,7 @@ pub struct Setup {
     /// Whether the end of a sequence number is told on.
     marks: bool,
     free_at: u64,
+    found: SetupCounts,
     items: u64,
 }
 
@@ -46,19 +56,39 @@ impl Setup {
         gate: Gate,
         output: Out<TriangleToken>,
     ) -> Setup {
-        Setup { config, merge: Merge::new(keep, gate, &input), input, output, marks, free_at: 0, items: 0 }
+        Setup {
+            config,
+            merge: Merge::new(keep, gate, &input),
+            input,
+            output,
+            marks,
+            free_at: 0,
+            found: SetupCounts::default(),
+            items: 0,
+        }
     }
 
-    /// What it has counted.
+    /// What it has found out.
+    pub fn found(&self) -> SetupCounts {
+        self.found
+    }
+
+    /// How long it has waited for the order.
     pub fn counts(&self) -> OrderCounts {
         self.merge.counts()
     }
 }
 
+/// Whether nothing of a triangle is drawn, which is found out here.
+#[inline(always)]
+fn ends(card: &Card, token: TriangleToken) -> bool {
+    let work = card.work.get(usize::from(token.slot)).and_then(Option::as_ref);
+    work.is_some_and(|work| work.segment.triangles[token.triangle as usize].end == End::Setup)
+}
+
 /// Asks the host for the first quads of a triangle, which traversal will want in some cycles. No part of the model.
 #[inline(always)]
 fn ask_ahead(card: &Card, token: TriangleToken) {
-    // Setup itself does not look behind its tokens.
     let Some(Some(work)) = card.work.get(usize::from(token.slot)) else { return };
     for visit in work.visits(&work.segment.triangles[token.triangle as usize]).iter().take(4) {
         let tile = &work.segment.tiles[visit.tile as usize];
@@ -90,10 +120,15 @@ impl Setup {
                     if budget.left() == 0 {
                         return Tick::Moved;
                     }
-                    if !wires.try_push(&self.output, token) {
-                        return wires.stop(did, Tick::Blocked);
+                    // Those that nothing is drawn of take their time and go no further.
+                    if ends(card, token) {
+                        self.found.ended += 1;
+                    } else {
+                        if !wires.try_push(&self.output, token) {
+                            return wires.stop(did, Tick::Blocked);
+                        }
+                        ask_ahead(card, token);
                     }
-                    ask_ahead(card, token);
                     budget.spend();
                     self.merge.take(wires, &mut self.input, from, token);
                     self.items += 1;

@@ -7,7 +7,7 @@ use crate::gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use crate::num::prefetch;
 use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
-use crate::work::{BLOCK, Block, Quad, TILE, Triangle};
+use crate::work::{BLOCK, Block, End, Quad, TILE, Triangle};
 
 crate::choices! {
     /// When the hierarchical Z buffer learns of new depths.
@@ -80,8 +80,14 @@ struct HierarchicalZ {
 }
 
 crate::counters! {
-    /// Blocks that hierarchical Z accepts.
+    /// What is found out beside what hierarchical Z throws away.
     pub struct TraverseCounts {
+        /// Triangles that end here, since all of their bounds hold no sample of them: where geometry does not find that out.
+        ended: "triangles",
+        /// Blocks tested for them.
+        blocks_in_vain: "blocks",
+        /// Blocks covered whole: their edges need no test.
+        whole: "blocks",
         /// Blocks certain to pass the early test.
         accepted: "blocks",
         /// Of these, those that are not written.
@@ -236,8 +242,10 @@ impl Traverse {
         if card.pass.as_ref().is_some_and(|pass| pass.number != self.pass) {
             self.begin_pass(card);
         }
+        let drawn = triangle.end == End::Nowhere;
         if let Some(state) = &work.depth
             && state.writes_depth()
+            && drawn
         {
             let (raises, lowers) = may_raise_lower(state.compare());
             self.hierarchical.max_valid &= !raises;
@@ -248,7 +256,22 @@ impl Traverse {
         if let Territory::Bins(side) = self.territory {
             self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
         }
-        self.place.empty = self.empty_blocks(card, work, triangle);
+        self.place.empty = if drawn { self.empty_blocks(card, work, triangle) } else { self.blocks_in_vain(card, triangle) };
+        if !drawn {
+            self.counts.ended += 1;
+            self.counts.blocks_in_vain += u64::from(self.place.empty);
+        }
+    }
+
+    /// Blocks of this pipeline in the bounding box of a triangle that covers no sample; with none at all, one.
+    fn blocks_in_vain(&self, card: &Card, triangle: &Triangle) -> u32 {
+        let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+        let mine = |x: u32, y: u32| match self.territory {
+            Territory::Bins(_) => self.in_bin(card, x, y),
+            Territory::Tiles => card.interleave.owner(x, y) == self.pipeline,
+            Territory::Screen | Territory::Copy => true,
+        };
+        (y0..y1).map(|y| (x0..x1).filter(|&x| mine(x, y)).count() as u32).sum::<u32>().max(1)
     }
 
     /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
@@ -415,6 +438,7 @@ impl Unit<Card> for Traverse {
                 tests -= 1;
                 moved = true;
                 self.items += u64::from(block.quads);
+                self.counts.whole += u64::from(block.full);
                 let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
                 let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
                 let hidden = self.hidden(card, triangle, x, y, number);

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Outcome;
+
 macro_rules! funnel {
     ($($name:ident $meaning:literal),* $(,)?) => {
         /// Counts of what went in and where it was thrown away.
@@ -59,4 +61,18 @@ funnel! {
     fragments_discarded "Shaded fragments that discard, sample mask or alpha to coverage left without a sample.",
     fragments_late_failed "Shaded fragments of which no sample passed the late depth and stencil tests.",
     fragments_written "Fragments of which at least one sample reached the colour or depth buffer.",
+}
+
+impl Funnel {
+    /// Counts how a primitive ended.
+    pub fn end(&mut self, outcome: Outcome) {
+        match outcome {
+            Outcome::Drawn => {}
+            Outcome::Degenerate => self.culled_degenerate += 1,
+            Outcome::Backface => self.culled_backface += 1,
+            Outcome::Frustum => self.culled_frustum += 1,
+            Outcome::Scissor => self.culled_scissor += 1,
+            Outcome::NoSample => self.culled_no_sample += 1,
+        }
+    }
 }

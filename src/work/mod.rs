@@ -43,6 +43,43 @@ pub struct RenderKey {
     pub signatures: bool,
     /// Whether costs have the path that was taken through the program, for machines that execute it instruction by instruction.
     pub paths: bool,
+    /// Work that changes no picture and is recorded all the same.
+    pub needless: Needless,
+}
+
+/// Work that changes no picture, which a card leaves out where it finds out in time. Recorded for machines that do not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Needless {
+    /// Triangles that face away, which setup finds out.
+    pub facing: bool,
+    /// Primitives outside the view volume, which setup finds out, or cutting them.
+    pub frustum: bool,
+    /// Primitives outside the scissor rectangle, which traversal finds out.
+    pub scissor: bool,
+    /// Primitives without area, which setup finds out, or without a covered sample, which traversal does.
+    pub no_sample: bool,
+}
+
+impl Needless {
+    /// Nothing of it.
+    pub const NONE: Needless = Needless { facing: false, frustum: false, scissor: false, no_sample: false };
+
+    /// Whether primitives are recorded that end in geometry otherwise.
+    pub fn primitives(&self) -> bool {
+        self.facing || self.frustum || self.scissor || self.no_sample
+    }
+
+    /// Whether primitives are recorded that end so.
+    pub fn keeps(&self, outcome: Outcome) -> bool {
+        match outcome {
+            Outcome::Drawn => false,
+            Outcome::Degenerate | Outcome::NoSample => self.no_sample,
+            Outcome::Backface => self.facing,
+            Outcome::Frustum => self.frustum,
+            Outcome::Scissor => self.scissor,
+        }
+    }
 }
 
 /// 128 bits of what something depends on: where they are equal, so is the result.
@@ -50,7 +87,7 @@ pub type Signature = u128;
 
 impl Default for RenderKey {
     fn default() -> Self {
-        RenderKey { early_z: true, shade: Shade::Visible, signatures: false, paths: false }
+        RenderKey { early_z: true, shade: Shade::Visible, signatures: false, paths: false, needless: Needless::NONE }
     }
 }
 
@@ -275,12 +312,26 @@ pub struct Primitive {
     pub stream_end: u32,
     /// First of its triangles.
     pub first_triangle: u32,
-    /// Triangles (lines, points) that reached setup; more than one after clipping.
+    /// Triangles (lines, points) that reach setup; more than one after clipping.
     pub triangles: u8,
     /// Whether it had to be clipped against a plane.
     pub clipped: bool,
+    /// Outside the view volume, which is found out by cutting it: nothing is left ([`Needless::frustum`]).
+    pub cut_away: bool,
     /// How it ended.
     pub outcome: Outcome,
+}
+
+/// Where it is found out that nothing of a triangle is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum End {
+    /// Nowhere: something may be drawn. Who looks for its receivers finds none where it covers no sample.
+    #[default]
+    Nowhere,
+    /// In setup.
+    Setup,
+    /// In traversal, after all of its bounds.
+    Traversal,
 }
 
 /// One vertex invocation: unique in its segment.
@@ -311,6 +362,8 @@ pub struct Triangle {
     pub first_visit: u32,
     /// Screen tiles in which it covers samples.
     pub visits: u32,
+    /// Where it ends, if nothing of it is drawn and that is not found out before ([`Needless`]).
+    pub end: End,
 }
 
 /// The blocks of one triangle in one screen tile.

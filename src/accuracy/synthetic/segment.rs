@@ -109,6 +109,7 @@ impl Painter<'_> {
                         bounds,
                         first_visit,
                         visits,
+                        end: End::Nowhere,
                     });
                 }
             }
@@ -118,6 +119,7 @@ impl Painter<'_> {
                 first_triangle,
                 triangles,
                 clipped: t % 11 == 3,
+                cut_away: false,
                 outcome,
             });
         }

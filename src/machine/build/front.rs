@@ -142,7 +142,10 @@ impl Builder<'_> {
 
     /// Clipping and culling, to the units `to`.
     fn clip<T: crate::sim::Token>(&mut self, inputs: Vec<In<Run>>, outputs: Vec<Out<Run>>, rest: Vec<In<T>>) -> Vec<In<T>> {
-        let units = inputs.into_iter().zip(outputs).map(|(input, output)| Clip::new(self.config.clip.clone(), input, output));
+        // Who routes primitives to several pipelines knows how they end, and counts it once.
+        let counts = self.id.route.is_empty();
+        let unit = |(input, output)| Clip::new(self.config.clip.clone(), counts, input, output);
+        let units = inputs.into_iter().zip(outputs).map(unit);
         self.made.clip = units.collect();
         rest
     }

@@ -36,7 +36,7 @@ use crate::unit::{
     traverse::TraverseConfig,
     warp::Execution,
 };
-use crate::work::{RenderKey, Shade};
+use crate::work::{Needless, RenderKey, Shade};
 
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
@@ -243,7 +243,13 @@ impl Config {
         };
         let signatures = self.card.sort == SortClass::MiddleBinned && self.bin.skip_same_tiles;
         let paths = self.core.execution != Execution::Longest;
-        RenderKey { shade, early_z: self.depth.early, signatures, paths }
+        let needless = Needless {
+            facing: !self.clip.cull_facing,
+            frustum: !self.clip.cull_frustum,
+            scissor: !self.clip.cull_scissor,
+            no_sample: !self.clip.cull_no_sample,
+        };
+        RenderKey { shade, early_z: self.depth.early, signatures, paths, needless }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

@@ -11,6 +11,7 @@ use crate::num::{SUBPIXEL, prefetch};
 use crate::work::{Funnel, Outcome, TILE};
 
 use super::frame::{Frame, Worker};
+use super::needless::Late;
 use super::plan::{Piece, entries_of};
 use super::stream::Stream;
 use super::vertex::Vertices;
@@ -82,6 +83,8 @@ pub struct Batch {
     pub(super) made_screen: Vec<ScreenVertex>,
     /// How each primitive ended, where work is recorded.
     pub ended: Vec<Ended>,
+    /// Primitives that end behind geometry.
+    pub late: Vec<Late>,
     /// First reference of each tile, and one more.
     tile_start: Vec<u32>,
     references: Vec<u32>,
@@ -186,6 +189,7 @@ impl Batch {
         self.primitive = Vec::new();
         self.covered = Vec::new();
         self.ended = Vec::new();
+        self.late = Vec::new();
     }
 
     /// Asks for the data of a triangle.
@@ -218,6 +222,7 @@ impl Batch {
         self.made.clear();
         self.made_screen.clear();
         self.ended.clear();
+        self.late.clear();
         self.quads_estimate = 0;
         self.funnel = Funnel::default();
         worker.pairs.clear();

@@ -15,7 +15,7 @@ use crate::render::surface::TileSurface;
 use crate::shader::{
     BuiltIn, Connection, Executor, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
 };
-use crate::work::{Funnel, Shade};
+use crate::work::{Funnel, Needless, Shade};
 
 use super::pending::Pending;
 use super::{DrawCall, DrawError, Skips};
@@ -107,6 +107,8 @@ pub struct Frame<'a> {
     pub shade_covered: bool,
     /// Whether costs have the paths that were taken.
     pub paths: bool,
+    /// What is recorded though it changes no picture.
+    pub needless: Needless,
     pub skips: Skips,
 }
 
@@ -226,6 +228,7 @@ impl<'a> Frame<'a> {
             payload_words,
             shade_covered: call.record && call.key.shade == Shade::Covered,
             paths: call.key.paths,
+            needless: call.key.needless,
             skips: call.skips,
         })
     }

@@ -9,6 +9,7 @@ mod batch;
 mod clip_distance;
 mod early;
 mod frame;
+mod needless;
 mod pass;
 mod pending;
 mod plan;

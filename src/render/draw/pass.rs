@@ -272,6 +272,7 @@ impl RenderPass {
         funnel += counts;
         for batch in batches.iter() {
             funnel += batch.funnel;
+            funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
         }
         if call.record {
             segment.funnel = funnel;

@@ -86,7 +86,7 @@ impl Batch {
         for (at, vertex) in hub.iter().copied().map(|v| (0, v)).chain((1..).zip(entries.iter().copied())) {
             let number = &mut *number;
             assembler.push(vertex, &mut |v| {
-                let first = self.corners.len();
+                let (first, made) = (self.corners.len(), self.made_screen.len());
                 let (outcome, clipped) = match (kind, primitive.polygon_mode) {
                     (PrimitiveKind::Triangle, PolygonMode::Fill) if plain => self.triangle(input, *number, v, flat, pairs),
                     (PrimitiveKind::Triangle, PolygonMode::Fill) => {
@@ -97,6 +97,7 @@ impl Batch {
                     (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
                 };
                 if input.record {
+                    self.note_late(input, *number, v, outcome, made);
                     self.ended.push(Ended {
                         vertices: v,
                         stream_end: before + at,

@@ -2,11 +2,12 @@
 
 use crate::gfx::traverse::Block;
 use crate::shader::{Program, Recorder};
-use crate::work::{self, AttributeFetch, CostId, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
+use crate::work::{self, AttributeFetch, CostId, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
 
 use super::DrawCall;
 use super::batch::Batch;
 use super::frame::Frame;
+use super::needless::{self, Late};
 use super::plan::Piece;
 use super::stream::Stream;
 
@@ -173,7 +174,7 @@ pub fn assemble(
         segment.stream.extend_from_slice(&stream.entries[piece.stream as usize..][..piece.entries() as usize]);
     }
     let mut first_triangle = Vec::with_capacity(batches.len());
-    let mut piece = 0;
+    let (mut piece, mut late) = (0, Vec::new());
     segment.primitives.reserve_exact(batches.iter().map(|b| b.ended.len()).sum());
     segment.triangles.reserve_exact(batches.iter().map(|b| b.triangles.len()).sum());
     for batch in batches {
@@ -189,6 +190,7 @@ pub fn assemble(
                 first_triangle: triangles + ended.first_triangle,
                 triangles: ended.triangles,
                 clipped: ended.clipped,
+                cut_away: false,
                 outcome: ended.outcome,
             });
         }
@@ -201,8 +203,10 @@ pub fn assemble(
                 bounds: [b.x0 / 8, b.y0 / 8, b.x1.div_ceil(8), b.y1.div_ceil(8)],
                 first_visit: 0,
                 visits: 0,
+                end: End::Nowhere,
             });
         }
+        late.extend(batch.late.iter().map(|one| Late { primitive: batch.first_primitive + one.primitive, ..*one }));
         batch.release();
     }
     // Visits by triangle, and in row-major order of tiles inside: counted, then filled in tile by tile.
@@ -240,5 +244,6 @@ pub fn assemble(
             primitive.outcome = work::Outcome::NoSample;
         }
     }
+    needless::insert(&mut segment, &late, call.key.needless.no_sample);
     segment
 }

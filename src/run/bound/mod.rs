@@ -134,10 +134,13 @@ impl<'c> Bound<'c> {
     /// Estimates for a configuration.
     ///
     /// # Errors
-    /// If its sort class is one that no rates are known of here.
+    /// If its sort class is one that no rates are known of here, or geometry lets through what is not drawn.
     pub fn new(config: &'c Config) -> Result<Bound<'c>> {
         if config.card.sort != SortClass::Middle {
             bail!("the bound fidelity knows sort-middle only, and {} is {}: use cycle", config.name, config.card.sort.name());
+        }
+        if let Some((name, _)) = config.clip.culls().iter().find(|(_, on)| !on) {
+            bail!("the bound fidelity knows nothing of triangles that are not drawn ({name}=false): use cycle");
         }
         Ok(Bound::proxy(config))
     }

@@ -35,9 +35,9 @@ fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
             let segment = Segment { primitives: primitives.to_vec(), ..Segment::default() };
             card.install(0, Arc::new(segment), Arc::new(draw()), 0);
             let items = vec![(0, Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count })];
-            let config = ClipConfig { primitives_per_cycle: 2, clip_cycles: 7, latency: 1, queue: 64 };
+            let config = ClipConfig { primitives_per_cycle: 2, clip_cycles: 7, latency: 1, queue: 64, ..ClipConfig::default() };
             let (source, sink) = (One(Source::new(items, output)), One(Sink::new(input)));
-            (ClipCircuit::new(wiring, source, One(Clip::new(config, into, out)), sink), card)
+            (ClipCircuit::new(wiring, source, One(Clip::new(config, true, into, out)), sink), card)
         },
         |c, _| c.clip.items() == u64::from(count) && c.sink.got.len() == runs,
         |c, card| (c.sink.log(|run| (run.first, run.count)), card.funnel),

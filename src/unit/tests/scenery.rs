@@ -60,7 +60,7 @@ pub fn depth_test(compare: Compare) -> DepthStencil {
 
 /// A primitive that can be assembled once `stream_end` entries of the stream are read.
 pub fn primitive(stream_end: u32, first_triangle: u32, triangles: u8, clipped: bool, outcome: Outcome) -> Primitive {
-    Primitive { vertices: [0; 3], stream_end, first_triangle, triangles, clipped, outcome }
+    Primitive { vertices: [0; 3], stream_end, first_triangle, triangles, clipped, cut_away: false, outcome }
 }
 
 /// A quad that is covered and shaded whole, whose payload begins at word 0.
@@ -87,6 +87,7 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
             bounds: [0, 0, tiles * 8, blocks.div_ceil(8) as u16 + rows],
             first_visit: 0,
             visits: u32::from(tiles),
+            end: End::Nowhere,
         }],
         visits: (0..u32::from(tiles)).map(|tile| Visit { tile, first_block: 0, blocks }).collect(),
         tiles: (0..tiles).map(work).collect(),

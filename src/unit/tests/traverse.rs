@@ -233,7 +233,7 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
         };
         traversed(&config, &segment, &[], prepare).2
     };
-    let blocks = |n: u64| TraverseCounts { accepted: 8 * n, unwritten: 0 };
+    let blocks = |n: u64| TraverseCounts { accepted: 8 * n, unwritten: 0, ..TraverseCounts::default() };
     let as_it_is = |_: &mut Draw| ();
     // Nothing has been written yet when the second comes, which may yet lie behind the first; the third lies before both.
     assert_eq!(accepted(&[0.3, 0.4, 0.2], Some(0.5), &as_it_is), blocks(2));
@@ -242,7 +242,10 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     assert_eq!(accepted(&[0.3, 0.2], None, &as_it_is), blocks(0));
     // A test without a write needs neither to be read, and changes nothing for those behind it.
     let reads = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").depth_write = false;
-    assert_eq!(accepted(&[0.3, 0.4], Some(0.5), &reads), TraverseCounts { accepted: 16, unwritten: 16 });
+    assert_eq!(
+        accepted(&[0.3, 0.4], Some(0.5), &reads),
+        TraverseCounts { accepted: 16, unwritten: 16, ..TraverseCounts::default() }
+    );
     // Late tests write too, but none of them is decided ahead; and a shader's depths can be anywhere.
     assert_eq!(accepted(&[0.3], Some(0.5), &|draw| draw.early = false), blocks(0));
     // The other way round: farther passes.
@@ -250,7 +253,10 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     assert_eq!(accepted(&[0.6, 0.55, 0.6], Some(0.5), &farther), blocks(2));
     // With stencils beside them.
     let stencil = |draw: &mut Draw| draw.depth_stencil.as_mut().expect("a test").format = Format::Depth32FloatStencil8;
-    assert_eq!(accepted(&[0.3], Some(0.5), &stencil), TraverseCounts { accepted: 8, unwritten: 0 });
+    assert_eq!(
+        accepted(&[0.3], Some(0.5), &stencil),
+        TraverseCounts { accepted: 8, unwritten: 0, ..TraverseCounts::default() }
+    );
     // Off, nothing is.
     let segment = over_each_other(&[0.3]);
     assert_eq!(traversed(&self::config(), &segment, &[], hidden(&segment, Some(0.5))).2, TraverseCounts::default());

@@ -62,7 +62,13 @@ const USUAL: How = How {
     threads: 2,
     skips: Skips { hierarchical_z: true, tile_reject: true, overwritten: true },
     record: false,
-    key: RenderKey { early_z: true, shade: work::Shade::Visible, signatures: false, paths: false },
+    key: RenderKey {
+        early_z: true,
+        shade: work::Shade::Visible,
+        signatures: false,
+        paths: false,
+        needless: work::Needless::NONE,
+    },
     count: false,
 };
 
