@@ -16,10 +16,10 @@ use crate::sim::Clock;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
 use crate::unit::phase::Phase;
-use crate::work::profile::Profiler;
-use crate::work::{Event, Funnel, RenderKey, Surface};
+use crate::work::profile::{FrameProfile, Profiler};
+use crate::work::{EndFrame, Event, Funnel, RenderKey, Surface};
 
-use super::bound::{Bound, FrameEstimate, Traffic};
+use super::bound::{BATCH, Bound, FrameEstimate, Traffic};
 use super::host::Stopwatch;
 use super::sampled::{Sampling, sampled};
 use super::tiles::{self, TileSampling};
@@ -148,25 +148,35 @@ fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Rep
         skips: Skips::default(),
         key: options.config.render_key(),
     };
+    let mut estimate = |gathered: &mut Vec<(FrameProfile, EndFrame, Funnel)>| {
+        let start = Instant::now();
+        let estimates: Vec<FrameEstimate> = gathered.iter().map(|(profile, ..)| bound.frame(profile)).collect();
+        machine_time += start.elapsed();
+        for (estimate, (_, end, funnel)) in estimates.into_iter().zip(gathered.drain(..)) {
+            total += funnel;
+            let tree = bound_tree(&estimate, &funnel, &options.config);
+            progress(end.number);
+            let shown = end.shown.map(|s| (s, end.reference.to_vec()));
+            frames.push(Frame { number: end.number, shown, tree, phases: estimate.phases() });
+            sum.phases.extend(estimate.phases);
+        }
+    };
+    let mut gathered = Vec::with_capacity(BATCH);
     render::render(trace, &render_options, &mut |event| {
         let profile = profiler.event(&event);
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
             Event::EndFrame(end) => {
-                let start = Instant::now();
-                let estimate = bound.frame(&profile.unwrap_or_default());
-                machine_time += start.elapsed();
-                total += funnel;
-                let tree = bound_tree(&estimate, &std::mem::take(&mut funnel), &options.config);
-                progress(end.number);
-                let shown = end.shown.map(|s| (s, end.reference.to_vec()));
-                frames.push(Frame { number: end.number, shown, tree, phases: estimate.phases() });
-                sum.phases.extend(estimate.phases);
+                gathered.push((profile.unwrap_or_default(), end, std::mem::take(&mut funnel)));
+                if gathered.len() == BATCH {
+                    estimate(&mut gathered);
+                }
             }
             _ => {}
         }
         Ok(())
     })?;
+    estimate(&mut gathered);
     let total = bound_tree(&sum, &total, &options.config);
     Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
 }

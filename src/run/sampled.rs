@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail};
 
-use super::bound::{Bound, FrameEstimate, PhaseEstimate};
+use super::bound::{BATCH, Bound, FrameEstimate, PhaseEstimate};
 use super::host::Stopwatch;
 use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
 use crate::render::{self, FrameSet, Skips};
 use crate::stats::{Leaf, Tree};
 use crate::trace::Trace;
-use crate::work::profile::Profiler;
+use crate::work::profile::{FrameProfile, Profiler};
 
 /// How frames are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +53,16 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
     let mut bound = Bound::proxy(&options.config);
     let mut profiler = Profiler::default();
     let (mut frames, mut signatures, mut units, mut time) = (Vec::new(), Vec::new(), Vec::new(), Duration::ZERO);
+    let mut estimate = |profiles: &mut Vec<FrameProfile>| {
+        let start = Instant::now();
+        for profile in profiles.drain(..) {
+            let estimate = bound.frame(&profile);
+            signatures.push(signature(&estimate, &mut units));
+            frames.push(estimate);
+        }
+        time += start.elapsed();
+    };
+    let mut profiles: Vec<FrameProfile> = Vec::with_capacity(BATCH);
     let render_options = render::Options {
         record: true,
         frames: options.frames.clone().into(),
@@ -60,15 +70,13 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
         key: options.config.render_key(),
     };
     render::render(trace, &render_options, &mut |event| {
-        if let Some(profile) = profiler.event(&event) {
-            let start = Instant::now();
-            let estimate = bound.frame(&profile);
-            signatures.push(signature(&estimate, &mut units));
-            frames.push(estimate);
-            time += start.elapsed();
+        profiles.extend(profiler.event(&event));
+        if profiles.len() == BATCH {
+            estimate(&mut profiles);
         }
         Ok(())
     })?;
+    estimate(&mut profiles);
     Ok(Survey { frames, signatures, time })
 }
 

@@ -34,17 +34,15 @@ impl Traffic {
     }
 }
 
-/// A line: which of its sectors are there, and which are newer than in DRAM.
-#[derive(Clone, Copy, Debug)]
-struct Slot {
-    line: u64,
+/// Of a place in a set: which sectors of its line are there, and which are newer than in DRAM.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sectors {
     valid: u8,
     dirty: u8,
-    used: u32,
 }
 
 /// No line.
-const EMPTY: Slot = Slot { line: u64::MAX, valid: 0, dirty: 0, used: 0 };
+const EMPTY: u64 = u64::MAX;
 
 /// The second-level cache: as many ways as the whole, fewer sets; least recently used; in sectors of [`LINE`].
 pub(super) struct Shared {
@@ -55,22 +53,37 @@ pub(super) struct Shared {
     ways: usize,
     /// There is none: all goes to memory.
     ideal: bool,
-    /// Set after set.
-    slots: Vec<Slot>,
+    /// Set after set: lines,
+    lines: Vec<u64>,
+    /// when each was last used, 0 where there is none,
+    used: Vec<u32>,
+    /// and its sectors.
+    sectors: Vec<Sectors>,
     clock: u32,
 }
 
 impl Shared {
     pub fn new(config: &Config) -> Shared {
         let l2 = &config.l2;
-        Shared {
+        let mut shared = Shared {
             shift: 0,
             line: l2.line_bytes.trailing_zeros(),
             ways: l2.ways as usize,
             ideal: config.memory.kind == MemoryKind::Ideal,
-            slots: vec![EMPTY; l2.slices as usize * l2.lines as usize],
+            lines: Vec::new(),
+            used: Vec::new(),
+            sectors: Vec::new(),
             clock: 0,
-        }
+        };
+        shared.clear(l2.slices as usize * l2.lines as usize);
+        shared
+    }
+
+    /// As many places, with nothing in them.
+    fn clear(&mut self, places: usize) {
+        self.lines = vec![EMPTY; places];
+        self.used = vec![0; places];
+        self.sectors = vec![Sectors::default(); places];
     }
 
     /// What is accessed from now on is one part of 2 to this power; what is not followed any more leaves.
@@ -78,43 +91,43 @@ impl Shared {
         if shift <= self.shift {
             return;
         }
-        let sets = (self.slots.len() / self.ways) >> (shift - self.shift);
+        let sets = (self.lines.len() / self.ways) >> (shift - self.shift);
         let (line, shift) = (self.line, shift.min(63));
         self.shift = shift;
-        let followed = |slot: &Slot| slot.line != u64::MAX && Sampled::follows(((slot.line << line) / LINE) as u32, shift);
-        let mut old = std::mem::replace(&mut self.slots, vec![EMPTY; sets.max(1) * self.ways]);
-        old.retain(followed);
-        old.sort_unstable_by_key(|slot| slot.used);
-        for slot in old {
-            let place = self.place(slot.line);
-            self.slots[place] = slot;
+        let old = self.lines.iter().zip(&self.used).zip(&self.sectors);
+        let followed = |own: u64| own != EMPTY && Sampled::follows(((own << line) / LINE) as u32, shift);
+        let mut old: Vec<(u32, u64, Sectors)> =
+            old.filter(|((own, _), _)| followed(**own)).map(|((own, used), sectors)| (*used, *own, *sectors)).collect();
+        old.sort_unstable_by_key(|slot| slot.0);
+        self.clear(sets.max(1) * self.ways);
+        for (used, own, sectors) in old {
+            let place = self.find(own).unwrap_or_else(|set| self.oldest(set));
+            (self.lines[place], self.used[place], self.sectors[place]) = (own, used, sectors);
         }
     }
 
     /// Whether a line is followed.
+    #[inline(always)]
     pub fn follows(&self, line: u32, shift: u8) -> bool {
         shift == self.shift || Sampled::follows(line, self.shift)
     }
 
-    /// Where a line is, or would go.
-    fn place(&self, line: u64) -> usize {
-        let sets = self.slots.len() / self.ways;
+    /// Where a line is; or where its set begins.
+    #[inline(always)]
+    fn find(&self, line: u64) -> Result<usize, usize> {
+        let sets = self.lines.len() / self.ways;
         // Lines that are followed lie evenly: sets are given by a hash that leaves nothing of that (the end of MurmurHash3).
         let hash = (line ^ line >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
         let hash = (hash ^ hash >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53) >> 32;
         let set = (hash * sets as u64 >> 32) as usize * self.ways;
-        let ways = &self.slots[set..set + self.ways];
-        if let Some(way) = ways.iter().position(|slot| slot.line == line) {
-            return set + way;
-        }
-        let age = |slot: &Slot| if slot.line == u64::MAX { 0 } else { slot.used + 1 };
-        let oldest = ways.iter().enumerate().fold(
-            (0, u32::MAX),
-            |oldest, (way, slot)| {
-                if age(slot) < oldest.1 { (way, age(slot)) } else { oldest }
-            },
-        );
-        set + oldest.0
+        self.lines[set..set + self.ways].iter().position(|own| *own == line).map(|way| set + way).ok_or(set)
+    }
+
+    /// The place in a set that was not used for longest, or never.
+    fn oldest(&self, set: usize) -> usize {
+        let used = &self.used[set..set + self.ways];
+        let least = used.iter().copied().fold(u32::MAX, u32::min);
+        set + used.iter().position(|used| *used == least).unwrap_or(0)
     }
 
     /// So many bytes from a line of [`LINE`] on are read, or written whole.
@@ -142,24 +155,26 @@ impl Shared {
             *(if write { &mut traffic.written } else { &mut traffic.read }) += bytes(mask);
             return;
         }
-        let place = self.place(line);
-        let slot = self.slots[place];
-        if slot.line != line {
-            traffic.written += bytes(slot.dirty);
+        let place = match self.find(line) {
+            Ok(place) => place,
+            Err(set) => {
+                let place = self.oldest(set);
+                traffic.written += bytes(self.sectors[place].dirty);
+                // A read finds below that all its sectors are missing.
+                traffic.misses += if write { scale } else { 0.0 };
+                (self.lines[place], self.sectors[place]) = (line, Sectors::default());
+                place
+            }
+        };
+        let Sectors { valid, dirty } = self.sectors[place];
+        let missing = mask & !valid;
+        if !write && missing != 0 {
             traffic.misses += scale;
-            self.slots[place] = Slot { line, ..EMPTY };
-        } else if !write && mask & !slot.valid != 0 {
-            traffic.misses += scale;
-        }
-        let missing = mask & !self.slots[place].valid;
-        if !write {
             traffic.read += bytes(missing);
         }
         self.clock += 1;
-        let slot = &mut self.slots[place];
-        slot.used = self.clock;
-        slot.valid |= mask;
-        slot.dirty |= if write { mask } else { 0 };
+        self.used[place] = self.clock;
+        self.sectors[place] = Sectors { valid: valid | mask, dirty: dirty | if write { mask } else { 0 } };
     }
 }
 

@@ -25,12 +25,24 @@ use crate::machine::config::{MemoryKind, SortClass};
 use crate::mem::REQUEST_BYTES;
 use crate::num::Cycle;
 use crate::unit::phase::{Phase, PhaseKind};
-use crate::work::profile::{FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
+use crate::work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use crate::work::{BLOCK, LINE, TILE};
 
 /// What a colour or depth block that leaves its cache takes of its raw size, where compression is on: between flat blocks (an eighth)
 /// and such that cannot be compressed. Measured over the traces of the repository.
 const COMPRESSED: f64 = 0.5;
+
+/// The same where pixels have several samples, most of which are alike.
+const COMPRESSED_SAMPLES: f64 = 0.36;
+
+/// What a block of an attachment takes in memory of its raw size.
+fn compressed(attachment: &AttachmentProfile) -> f64 {
+    if attachment.multisampled { COMPRESSED_SAMPLES } else { COMPRESSED }
+}
+
+/// Frames of which profiles are gathered before estimates are made of all: between two frames of a renderer whatever estimates need has left
+/// the host's caches.
+pub const BATCH: usize = 64;
 
 /// Blocks along the edge of a screen tile.
 const BLOCKS: u32 = TILE / BLOCK;

@@ -4,7 +4,7 @@ use super::flow::Rates;
 use super::memory::Traffic;
 use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
-use super::{BLOCKS, Bound, COMPRESSED, PhaseEstimate, Roofs, Touched};
+use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
 use crate::machine::config::MemoryKind;
 use crate::mem::REQUEST_BYTES;
 use crate::unit::interleave::Interleave;
@@ -73,28 +73,44 @@ impl Bound<'_> {
         let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
         let drawn = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
         // Resolves begin when all is drawn.
-        let resolved: u64 = color.iter().map(|attachment| attachment.resolved).sum();
-        let resolve = if resolved > 0 { self.resolve(resolved as f64, blocks[1] as f64, &traffic.resolved) } else { 0.0 };
+        let resolve = self.resolve(color, blocks[1], &traffic.resolved);
         roofs.add("resolve", resolve);
         memory += traffic.resolved;
         limit = if resolve > most { "resolve" } else { limit };
-        let skipped = draws.is_empty() && resolved == 0 && config.command.skip_empty_passes;
+        let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
         let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
         let cycles = most + drawn + resolve + barrier;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
     }
 
-    /// Cycles of resolving so many bytes, in order: a block that nothing was drawn into is only written, others are read too.
-    fn resolve(&self, bytes: f64, drawn: f64, traffic: &Traffic) -> f64 {
-        let config = &self.config.resolve;
-        let blocks = (bytes / REQUEST_BYTES as f64).max(1.0);
-        let drawn = drawn.min(blocks);
-        let written = (REQUEST_BYTES as f64 / f64::from(self.config.memory.port_width)).max(f64::from(config.block_cycles));
-        let each = |traffic: f64, blocks: f64| traffic / self.dram_rate / blocks.max(1.0);
-        let out = each(traffic.written, blocks);
-        let read = (out + each(traffic.read, drawn)).max(self.latency(traffic) / f64::from(config.misses));
-        (blocks - drawn) * written.max(out) + drawn * written.max(read)
+    /// Cycles of resolving what is resolved, block after block: one that nothing was drawn into is only written; others are read too, over
+    /// the same wires, behind whatever the port has queued, and are waited for in order.
+    fn resolve(&self, color: &[AttachmentProfile], drawn: u64, traffic: &Traffic) -> f64 {
+        let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) else { return 0.0 };
+        let (config, request) = (&self.config.resolve, REQUEST_BYTES as f64);
+        let part = if self.config.color.compression { compressed(attachment) } else { 1.0 };
+        let blocks = color.iter().map(|attachment| attachment.resolved as f64 / request).sum::<f64>().max(1.0);
+        let drawn = (drawn as f64).min(blocks);
+        let written = (request / f64::from(self.config.memory.port_width)).max(f64::from(config.block_cycles));
+        let asked = (attachment.block_bytes as f64 * part / request).ceil();
+        let queued = f64::from(self.config.memory.port_queue) * (written + asked) / (1.0 + asked);
+        let misses = f64::from(config.misses);
+        let units = (blocks - drawn) * written + drawn * (written + asked);
+        let wait = self.latency(traffic) + queued + self.behind_writes(traffic, misses * traffic.miss_rate(), units);
+        let read = (written + asked).max(wait * asked / misses);
+        ((blocks - drawn) * written + drawn * read).max(self.dram(traffic))
+    }
+
+    /// How much longer the last of so many reads is under way because DRAM is writing what some traffic of so many cycles writes: half of a
+    /// batch, if one of them meets any.
+    fn behind_writes(&self, traffic: &Traffic, reads: f64, cycles: f64) -> f64 {
+        if self.config.memory.kind == MemoryKind::Ideal {
+            return 0.0;
+        }
+        let batch = self.batch() / self.dram_rate * f64::from(self.config.dram.channels);
+        let writing = (traffic.written / self.dram_rate / cycles.max(1.0)).min(1.0);
+        (1.0 - libm::pow(1.0 - writing, reads)) * 0.5 * batch
     }
 
     /// Who owns each cell; none: all in turn.
@@ -176,7 +192,7 @@ impl Bound<'_> {
                 }
                 Toucher::Resolve => {
                     if let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) {
-                        let bytes = (attachment.block_bytes as f64 * COMPRESSED) as u64;
+                        let bytes = (attachment.block_bytes as f64 * compressed(attachment)) as u64;
                         sum.resolved += self.shared.access(touch.line, bytes, false);
                     }
                     continue;
@@ -199,7 +215,7 @@ impl Bound<'_> {
             if touch.near <= level {
                 continue;
             }
-            let part = if compression { COMPRESSED } else { 1.0 };
+            let part = if compression { compressed(attachment) } else { 1.0 };
             let flat = compression && touch.step & FLAT != 0;
             let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
             let mut traffic = Traffic::default();
@@ -329,7 +345,7 @@ impl Bound<'_> {
         let mut rop =
             |unit: &'static str, attachment: &AttachmentProfile, side: usize, cache: f64, knobs: (bool, u32, u32, u32)| {
                 let (compression, fifo, requests, latency) = knobs;
-                let part = if compression { COMPRESSED } else { 1.0 };
+                let part = if compression { compressed(attachment) } else { 1.0 };
                 let bytes = attachment.block_bytes as f64;
                 let distinct = blocks[1 - side] as f64;
                 let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);

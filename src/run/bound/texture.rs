@@ -33,8 +33,8 @@ pub(super) struct Sharing {
 /// What is missed.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Missed {
-    /// How likely the lookup is missed that begins an episode of a class, in order.
-    classes: Vec<(u16, f64)>,
+    /// How likely the lookup is missed that begins an episode of a class; of those that are not here it is certain.
+    classes: Vec<f64>,
     /// Misses a lookup,
     pub rate: f64,
     /// a bundle's request,
@@ -46,7 +46,7 @@ pub(super) struct Missed {
 impl Missed {
     /// How likely the lookup is missed that begins an episode of a class.
     pub fn class(&self, class: u16) -> f64 {
-        self.classes.binary_search_by_key(&class, |known| known.0).map_or(1.0, |at| self.classes[at].1)
+        self.classes.get(usize::from(class)).copied().unwrap_or(1.0)
     }
 }
 
@@ -137,12 +137,13 @@ pub(super) fn missed(lines: &LineProfile, sharing: &Sharing) -> Missed {
     }
 
     // 3. Misses.
-    let mut missed = Missed::default();
+    let classes = lines.gaps.last().map_or(0, |last| usize::from(last.0) + 1);
+    let mut missed = Missed { classes: vec![1.0; classes], ..Missed::default() };
     let mut count = 0.0;
     for &(class, n) in &lines.gaps {
         let [any, tile] = of_class(class).map(|place| place.map_or(1.0, |place| out[place]));
         let likely = shared * any + (1.0 - shared) * tile;
-        missed.classes.push((class, likely));
+        missed.classes[usize::from(class)] = likely;
         count += likely * f64::from(n);
     }
     let inside: f64 = spans().map(|([length, requests], n)| (requests - 1.0) * n * out[inner(length)]).sum();

@@ -39,9 +39,9 @@ impl BlockCaches {
         BlockCaches { across, put, misses: [0; BLOCK_CACHES.len()], distinct: 0 }
     }
 
-    /// Blocks that were touched.
-    pub fn touched(&self) -> impl Iterator<Item = u64> {
-        (0..).zip(&self.put).filter(|(_, put)| put[0] != u32::MAX).map(|(block, _)| block)
+    /// Whether each block was touched.
+    pub fn touched(&self) -> impl Iterator<Item = bool> {
+        self.put.iter().map(|put| put[0] != u32::MAX)
     }
 
     /// How many caches have lost a block since, [`FIRST`] if it was never in one.

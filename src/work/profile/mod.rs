@@ -109,6 +109,8 @@ pub struct Cell {
 pub struct AttachmentProfile {
     /// Bytes of a block of 8 x 8 pixels, all samples.
     pub block_bytes: u64,
+    /// It has several samples a pixel.
+    pub multisampled: bool,
     /// It is read from memory, not cleared.
     pub loads: bool,
     /// Bytes resolved to another surface; 0 where none.

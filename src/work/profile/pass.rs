@@ -61,6 +61,7 @@ impl OpenPass {
             let resolved = |to: &Surface| u64::from(to.width) * u64::from(to.height) * texel_bytes(to);
             AttachmentProfile {
                 block_bytes: 64 * texel_bytes(&attachment.surface),
+                multisampled: attachment.surface.samples > 1,
                 loads: !clears,
                 resolved: attachment.resolve.as_ref().map_or(0, resolved),
             }
@@ -198,15 +199,15 @@ impl OpenPass {
     /// The whole, resolved.
     pub fn end(mut self, touches: &mut Touches, resolves: &[(Surface, Surface)]) -> PhaseProfile {
         for (from, to) in resolves {
-            let bytes = |s: &Surface| u64::from(s.width) * u64::from(s.height) * texel_bytes(s);
+            let [read, written] = [from, to].map(|surface| 64 * texel_bytes(surface));
             // Only blocks that were drawn are read.
-            for block in self.caches.blocks[1].touched() {
-                let line = ((from.address + block * 64 * texel_bytes(from)) / LINE) as u32;
-                if touches.follows(line) {
+            for (block, touched) in (0..).zip(self.caches.blocks[1].touched()) {
+                let line = ((from.address + block * read) / LINE) as u32;
+                if touched && touches.follows(line) {
                     touches.push(Touch { line, by: Toucher::Resolve, ..Touch::default() });
                 }
+                touches.run(to.address + block * written, written, written, Toucher::Write);
             }
-            touches.run(to.address, bytes(to), 64 * texel_bytes(to), Toucher::Write);
         }
         if let PhaseProfile::Pass { blocks, block_misses, lines, .. } = &mut self.phase {
             **lines = self.lines.end();
