@@ -121,7 +121,7 @@ fn attribute(location: u32) -> VertexAttribute {
 fn buffer(bytes: &[u8]) -> BufferRange {
     let words = Words::new(bytes.len() as u64);
     words.write(0, bytes);
-    BufferRange { size: words.len(), words: Arc::new(words), offset: 0, address: 0 }
+    BufferRange { size: words.len(), words: Arc::new(words), offset: 0, address: 0, version: 0 }
 }
 
 fn main() {
@@ -226,6 +226,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             record,
             signature: None,
             skips,
+            boxes: None,
         };
         let drawn = pass.draw(&call, &mut |event| drop(event)).unwrap_or_else(|e| panic!("{e}"));
         let ended = pass.end();

@@ -231,6 +231,13 @@ impl ClipVolume {
             | bit(!finite, NOT_FINITE)
     }
 
+    /// Whether every position of a box (least and greatest x, y, z, w) is outside of one and the same plane, by the comparisons of
+    /// [`ClipVolume::outcode`]: no primitive between such positions is drawn.
+    pub fn rejects(&self, [x, y, z, w]: [(f32, f32); 4]) -> bool {
+        // -w is least where w is greatest.
+        x.1 < -w.1 || x.0 > w.1 || y.1 < -w.1 || y.0 > w.1 || self.depth && (z.1 < 0.0 || z.0 > w.1) || w.1 < W_MIN
+    }
+
     /// The outcodes of a batch of positions (x, y, z, w).
     #[inline(always)]
     pub fn outcodes(&self, position: [&Lanes; 4], out: &mut [Outcode; LANES]) {

@@ -19,6 +19,7 @@ enum Held {
         offset: u64,
         size: u64,
         address: u64,
+        buffer: BufferId,
     },
     /// With the texture's address, which no other has, the version of its contents, and which part of it the view shows.
     Texture {
@@ -100,12 +101,14 @@ impl ResolvedBindings {
     /// Notes that the program has written what it may write.
     ///
     /// # Errors
-    /// If a texture is gone.
+    /// If a texture or buffer is gone.
     pub fn note_writes(&self, res: &mut Resources) -> Result<(), String> {
         for (_, elements) in self.bindings.iter().filter(|(written, _)| *written) {
             for held in elements {
-                if let Held::Storage { texture, .. } = held {
-                    res.textures.get_mut(*texture)?.overwritten_all();
+                match held {
+                    Held::Storage { texture, .. } => res.textures.get_mut(*texture)?.overwritten_all(),
+                    Held::Buffer { buffer, .. } => res.buffers.get(buffer.0)?.changed(),
+                    Held::Texture { .. } | Held::Sampler(_) => {}
                 }
             }
         }
@@ -116,7 +119,7 @@ impl ResolvedBindings {
 impl Held {
     fn lend(&self) -> Resource<'_> {
         match self {
-            Held::Buffer { words, offset, size, address } => {
+            Held::Buffer { words, offset, size, address, .. } => {
                 Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
             }
             Held::Texture { view, .. } => Resource::Texture(view),
@@ -197,7 +200,7 @@ fn hold_buffer(
     if size < least {
         return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
     }
-    Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset })
+    Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset, buffer: id })
 }
 
 fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {

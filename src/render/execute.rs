@@ -1,7 +1,7 @@
 //! Runs a trace's commands in order.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::gfx::image::ImageDesc;
 use crate::gfx::texture::Sampler;
@@ -13,7 +13,7 @@ use crate::trace::{Trace, TraceError};
 use crate::work::{EndFrame, Event, RenderKey, Surface, Transfer, TransferKind};
 
 use super::compute::{ActiveCompute, ComputePipeline};
-use super::draw::{DrawError, Skips};
+use super::draw::{Boxes, DrawError, Skips};
 use super::memory::{AddressSpace, texture_bytes};
 use super::pass::ActivePass;
 use super::pipeline::RenderPipeline;
@@ -185,6 +185,8 @@ pub(super) struct Renderer<'t, 's> {
     copied: Option<(TextureId, u32, u32)>,
     /// The last colour target written.
     pub(super) drawn: Option<(TextureId, u32, u32)>,
+    /// What tests of bounds know of buffers.
+    pub(super) boxes: Arc<Mutex<Boxes>>,
 }
 
 impl<'t, 's> Renderer<'t, 's> {
@@ -205,6 +207,7 @@ impl<'t, 's> Renderer<'t, 's> {
             moment: 0,
             copied: None,
             drawn: None,
+            boxes: Arc::default(),
         }
     }
 
@@ -261,7 +264,7 @@ impl<'t, 's> Renderer<'t, 's> {
         match command {
             &Command::CreateBuffer { id, size, .. } => {
                 let address = self.addresses.buffer(size);
-                self.res.buffers.add(id.0, Buffer { words: Arc::new(Words::new(size)), address })?;
+                self.res.buffers.add(id.0, Buffer::new(size, address))?;
             }
             Command::CreateTexture { id, desc, .. } => self.create_texture(*id, desc)?,
             Command::CreateView { id, texture, desc } => {
@@ -390,6 +393,7 @@ impl<'t, 's> Renderer<'t, 's> {
                 let bytes = self.trace.data(data)?;
                 buffer.range(id, offset, Some(bytes.len() as u64))?;
                 buffer.words.write(offset, bytes);
+                buffer.changed();
                 moved = Transfer {
                     kind: TransferKind::Upload,
                     to: Some(buffer.address + offset),
@@ -409,6 +413,7 @@ impl<'t, 's> Renderer<'t, 's> {
                 let target = self.res.buffers.get(to.0)?;
                 target.range(to, to_offset, Some(size))?;
                 copy_words(&source.words, from_offset, &target.words, to_offset, size);
+                target.changed();
                 moved.from = Some(source.address + from_offset);
                 moved.to = Some(target.address + to_offset);
                 moved.bytes = size;
@@ -426,6 +431,7 @@ impl<'t, 's> Renderer<'t, 's> {
                 let (region, words, address) = self.texture_end(from, *size, false)?;
                 let target = self.res.buffers.get(to.0)?;
                 region.read_to_buffer(&words, &target.words, layout)?;
+                target.changed();
                 moved.from = Some(address);
                 moved.to = Some(target.address + layout.offset);
                 moved.bytes = region.bytes();
@@ -436,6 +442,7 @@ impl<'t, 's> Renderer<'t, 's> {
                 let buffer = self.res.buffers.get(id.0)?;
                 let (offset, size) = buffer.range(id, offset, size)?;
                 fill_zero(&buffer.words, offset, size);
+                buffer.changed();
                 moved = Transfer { kind: TransferKind::Clear, to: Some(buffer.address + offset), bytes: size, ..moved };
             }
             &Command::ClearTexture { texture: id, aspect, base_level, levels, base_layer, layers } => {
@@ -460,7 +467,9 @@ impl<'t, 's> Renderer<'t, 's> {
                 let (words, address) = (buffer.words.clone(), buffer.address);
                 let set = self.res.query_sets.get_mut(id.0)?;
                 let size = u64::from(count) * set.stride() as u64 * 8;
-                self.res.buffers.get(to.0)?.range(to, to_offset, Some(size))?;
+                let target = self.res.buffers.get(to.0)?;
+                target.range(to, to_offset, Some(size))?;
+                target.changed();
                 for index in first..first.saturating_add(count) {
                     let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
                     for (k, value) in set.slot(index)?.iter().enumerate() {

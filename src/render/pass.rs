@@ -14,7 +14,7 @@ use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer};
 use super::pipeline::RenderPipeline;
-use super::resources::Texture;
+use super::resources::{Buffer, Texture};
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::surface::{Shape, TileSurface};
 
@@ -367,8 +367,7 @@ impl ActivePass {
             vertex_buffers.push(match slot {
                 Some(slot) => {
                     let buffer = renderer.res.buffers.get(slot.buffer.0)?;
-                    let (words, address) = (buffer.words.clone(), buffer.address + slot.offset);
-                    Some(BufferRange { words, offset: slot.offset, size: slot.size, address })
+                    Some(bound(buffer, slot.offset, slot.size))
                 }
                 None => None,
             });
@@ -378,11 +377,7 @@ impl ActivePass {
             (true, None) => return Err("an indexed draw without an index buffer".into()),
             (true, Some(slot)) => {
                 let buffer = renderer.res.buffers.get(slot.buffer.0)?;
-                let (words, address) = (buffer.words.clone(), buffer.address + slot.offset);
-                Some(IndexRange {
-                    range: BufferRange { words, offset: slot.offset, size: slot.size, address },
-                    format: slot.format,
-                })
+                Some(IndexRange { range: bound(buffer, slot.offset, slot.size), format: slot.format })
             }
         };
         let unasked = self.open_occlusion.is_none() && self.open_statistics.is_none();
@@ -393,6 +388,7 @@ impl ActivePass {
             .iter()
             .zip(&resolved)
             .map(|(bindings, resolved)| shader::Resources { bindings, immediates: resolved.immediates() });
+        let boxes = renderer.boxes.clone();
         let call = DrawCall {
             number,
             pipeline: &pipeline,
@@ -410,6 +406,7 @@ impl ActivePass {
             record: renderer.recording(),
             signature,
             skips: renderer.options.skips,
+            boxes: self.open_statistics.is_none().then_some(&*boxes),
         };
         let mut stopped = Ok(());
         let outcome = self.pass.draw(&call, &mut |event| {
@@ -472,6 +469,12 @@ impl ActivePass {
         }
         Ok(renderer.emit(Event::EndPass)?)
     }
+}
+
+/// Part of a buffer as a draw takes it.
+fn bound(buffer: &Buffer, offset: u64, size: u64) -> BufferRange {
+    let (words, address) = (buffer.words.clone(), buffer.address + offset);
+    BufferRange { words, offset, size, address, version: buffer.version() }
 }
 
 /// The signature of what a draw's pixels depend on beside attachments and primitives; none where it does more than write pixels, or where

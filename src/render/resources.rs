@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use crate::gfx::image::ImageDesc;
 use crate::gfx::state::{TextureDimension, ViewDimension};
@@ -79,9 +80,25 @@ pub struct Buffer {
     pub words: Arc<Words>,
     /// Where it is in the card's memory.
     pub address: u64,
+    version: AtomicU64,
 }
 
 impl Buffer {
+    /// One of this many bytes, zero all of them.
+    pub fn new(bytes: u64, address: u64) -> Buffer {
+        Buffer { words: Arc::new(Words::new(bytes)), address, version: AtomicU64::new(0) }
+    }
+
+    /// Counts changes of the contents.
+    pub fn version(&self) -> u64 {
+        self.version.load(Relaxed)
+    }
+
+    /// Notes that the contents have changed, or may have.
+    pub fn changed(&self) {
+        self.version.fetch_add(1, Relaxed);
+    }
+
     /// The byte range `offset .. offset + size`, size none meaning the rest.
     ///
     /// # Errors

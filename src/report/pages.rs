@@ -135,7 +135,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
             all(LOSS, LossCounts::DECLARATIONS),
         ),
-        ("command", "Passes, and what of them the command processor has left out.", CommandCounts::DECLARATIONS.to_vec()),
+        (
+            "command",
+            "Passes and draws, and what of them the command processor has left out.",
+            CommandCounts::DECLARATIONS.to_vec(),
+        ),
         ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
         ("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.", EarlyCounts::DECLARATIONS.to_vec()),
         ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),

@@ -5,6 +5,7 @@
 //!   registers of 64 lanes. Its [`Interface`] says what it needs.
 //! * [`Executor`]: a thread's register file. [`Executor::bind`] joins it with a program, [`Resources`] and the [`Uniforms`] of
 //!   a draw; [`Bound::run`] runs a batch, [`Bound::run_groups`] workgroups.
+//! * [`Encloser`]: bounds of what a program leaves for inputs in given ranges, without running it.
 //! * [`Recorder`]: what runs cost, for the simulated card; without one nothing is recorded and nothing spent on it.
 //!
 //! The order of a draw: `program.uniforms(&resources)` once; then on each thread `executor.bind(..)`, and for each batch
@@ -15,6 +16,7 @@
 //! ones; a discarded lane goes on as a helper; a subgroup is a batch of 64; workgroup memory starts as zeros.
 
 mod assemble;
+mod bounds;
 mod code;
 mod compile;
 mod exec;
@@ -31,6 +33,7 @@ mod types;
 #[cfg(test)]
 mod tests;
 
+pub use bounds::{Encloser, Range};
 pub use compile::{Options, compile};
 pub use exec::{Bound, Executor, InputRegister, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
 pub use guard::is_guarded;

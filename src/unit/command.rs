@@ -20,6 +20,18 @@ use crate::sim::{Gate, In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
 
+crate::choices! {
+    /// What is left out where bounds show that it lies outside the view volume.
+    pub enum CullChoice {
+        /// Nothing.
+        None "none",
+        /// Whole draws.
+        Draws "draws",
+        /// Whole draws, and instances of the others.
+        Instances "instances",
+    }
+}
+
 crate::knobs! {
     /// The command processor.
     pub struct CommandConfig {
@@ -35,6 +47,10 @@ crate::knobs! {
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
         /// Whether a pass without draws only clears what it clears, and no pipeline hears of it.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
+        /// What is left out where bounds show that it lies outside the view volume.
+        cull: CullChoice ["", Allowed::Choice(CullChoice::NAMES), "cards leave it to programs"],
+        /// Cycles that a test of bounds takes, of a draw or of an instance.
+        cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products a cycle"],
     }
 }
 
@@ -45,6 +61,16 @@ crate::counters! {
         passes: "passes",
         /// Passes without draws that no pipeline has heard of.
         empty_passes: "passes",
+        /// Draws, and instances of draws, whose bounds were tested against the view volume.
+        bounds_tested: "tests",
+        /// Draws left out because their bounds lie outside.
+        draws_culled: "draws",
+        /// Instances left out because their bounds lie outside, those of draws left out included.
+        instances_culled: "instances",
+        /// Their primitives, which were never assembled.
+        primitives_culled: "primitives",
+        /// Their indices (or vertices, of draws without indices), which were never read.
+        vertices_culled: "vertices",
     }
 }
 
@@ -108,6 +134,8 @@ pub struct Command {
     state: State,
     /// Nothing is begun before this cycle.
     busy_until: Cycle,
+    /// Tests of bounds to be made one after the other from then on.
+    tests: u64,
     /// Pieces on their way to vertex fetch.
     pieces: VecDeque<Piece>,
     draw: Option<Arc<Draw>>,
@@ -147,6 +175,7 @@ impl Command {
             ports,
             state: State::Ready,
             busy_until: 0,
+            tests: 0,
             pieces: VecDeque::with_capacity(4),
             draw: None,
             draws: 0,
@@ -395,7 +424,13 @@ impl Command {
             Event::Draw(draw) => {
                 self.draw = Some(draw.clone());
                 self.draws = self.draws.wrapping_add(1);
-                cycles = 0;
+                let culling = draw.culling;
+                self.counts.bounds_tested += culling.tests;
+                self.counts.draws_culled += culling.draws;
+                self.counts.instances_culled += culling.instances;
+                self.counts.primitives_culled += culling.primitives;
+                self.counts.vertices_culled += culling.vertices;
+                cycles = self.begin_tests(culling.tests);
             }
             Event::BeginPass(pass) => {
                 let pass = pass.clone();
@@ -485,6 +520,13 @@ impl Command {
         self.items += 1;
         self.busy_until = now + cycles;
         Some(())
+    }
+
+    /// Begins tests of bounds; the cycles of the first of them.
+    fn begin_tests(&mut self, tests: u64) -> Cycle {
+        let cycles = Cycle::from(self.config.cull_cycles);
+        self.tests = if cycles > 0 { tests.saturating_sub(1) } else { 0 };
+        cycles * tests.min(1)
     }
 
     /// Something other than a draw has written a surface.
@@ -638,6 +680,12 @@ impl Command {
         if self.busy_until > wires.now() {
             wires.sleep_until(self.busy_until);
             return did.or(Tick::Working);
+        }
+        if self.tests > 0 {
+            // Each of them is progress: a draw may have more than the watchdog has patience.
+            self.tests -= 1;
+            self.busy_until = wires.now() + Cycle::from(self.config.cull_cycles);
+            return Tick::Moved;
         }
         if !matches!(self.state, State::Ready) {
             return did.or(self.proceed(wires, card));

@@ -45,6 +45,8 @@ pub struct RenderKey {
     pub paths: bool,
     /// Work that changes no picture and is recorded all the same.
     pub needless: Needless,
+    /// What is left out where its bounds lie outside the view volume.
+    pub cull: Cull,
 }
 
 /// Work that changes no picture, which a card leaves out where it finds out in time. Recorded for machines that do not.
@@ -82,12 +84,31 @@ impl Needless {
     }
 }
 
+/// What is left out by bounds, before anything is done with its vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Cull {
+    /// Nothing.
+    #[default]
+    None,
+    /// Whole draws.
+    Draws,
+    /// Whole draws, and instances of the others.
+    Instances,
+}
+
 /// 128 bits of what something depends on: where they are equal, so is the result.
 pub type Signature = u128;
 
 impl Default for RenderKey {
     fn default() -> Self {
-        RenderKey { early_z: true, shade: Shade::Visible, signatures: false, paths: false, needless: Needless::NONE }
+        RenderKey {
+            early_z: true,
+            shade: Shade::Visible,
+            signatures: false,
+            paths: false,
+            needless: Needless::NONE,
+            cull: Cull::None,
+        }
     }
 }
 
@@ -284,6 +305,23 @@ pub struct Draw {
     /// Signature of all that its pixels depend on beside attachments and primitives; none: not asked for, or there is more to the draw
     /// than pixels.
     pub signature: Option<Signature>,
+    /// What of it was left out by bounds.
+    pub culling: Culling,
+}
+
+/// What tests of bounds against the view volume came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Culling {
+    /// Tests of the draw and of its instances.
+    pub tests: u64,
+    /// Whole draws left out: 1 or none.
+    pub draws: u64,
+    /// Instances left out, those of a whole draw included.
+    pub instances: u64,
+    /// Their primitives.
+    pub primitives: u64,
+    /// Their indices (or vertices, of draws without indices).
+    pub vertices: u64,
 }
 
 /// How an input primitive ended.

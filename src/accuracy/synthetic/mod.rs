@@ -276,6 +276,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
         hierarchical_z: early && !stencil,
         depth_range: [0.0, 1.0],
         signature: None,
+        culling: Default::default(),
     };
     out.push(Event::Draw(Arc::new(draw)));
     let depth = state.map(|state| DepthStencilState::new(&state, 0, [0.0, 1.0]));

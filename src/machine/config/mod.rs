@@ -17,7 +17,7 @@ use crate::unit::{
     bin::BinConfig,
     clip::ClipConfig,
     color::ColorConfig,
-    command::CommandConfig,
+    command::{CommandConfig, CullChoice},
     compose::ComposeConfig,
     compute::ComputeConfig,
     core::CoreConfig,
@@ -36,7 +36,7 @@ use crate::unit::{
     traverse::TraverseConfig,
     warp::Execution,
 };
-use crate::work::{Needless, RenderKey, Shade};
+use crate::work::{Cull, Needless, RenderKey, Shade};
 
 /// The configurations that are built in: name and text.
 pub const BUILT_IN: &[(&str, &str)] = &[
@@ -249,7 +249,12 @@ impl Config {
             scissor: !self.clip.cull_scissor,
             no_sample: !self.clip.cull_no_sample,
         };
-        RenderKey { shade, early_z: self.depth.early, signatures, paths, needless }
+        let cull = match self.command.cull {
+            CullChoice::None => Cull::None,
+            CullChoice::Draws => Cull::Draws,
+            CullChoice::Instances => Cull::Instances,
+        };
+        RenderKey { shade, early_z: self.depth.early, signatures, paths, needless, cull }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

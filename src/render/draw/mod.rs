@@ -7,6 +7,7 @@
 
 mod batch;
 mod clip_distance;
+mod cull;
 mod early;
 mod frame;
 mod needless;
@@ -26,7 +27,7 @@ mod vertex;
 #[cfg(test)]
 mod tests;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::gfx::state::{IndexFormat, Rect, Viewport};
 use crate::num::Words;
@@ -36,6 +37,7 @@ use crate::work::{Funnel, RenderKey, Signature};
 use super::pipeline::RenderPipeline;
 
 pub use super::surface::aspect_masks;
+pub use cull::Boxes;
 pub use signature::Signer;
 
 pub use pass::{DrawError, EndedPass, RenderPass};
@@ -51,6 +53,8 @@ pub struct BufferRange {
     pub size: u64,
     /// Address of the first byte of the range in the card's memory.
     pub address: u64,
+    /// Counts changes of the buffer's contents.
+    pub version: u64,
 }
 
 /// The indices of a draw.
@@ -135,6 +139,9 @@ pub struct DrawCall<'a> {
     pub signature: Option<Signature>,
     /// What may be left out.
     pub skips: Skips,
+    /// What is known of buffers, for tests of bounds ahead of vertex shading; none: nothing is tested (something counts vertices or
+    /// primitives).
+    pub boxes: Option<&'a Mutex<Boxes>>,
 }
 
 /// What a draw leaves beside the image.

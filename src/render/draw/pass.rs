@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use crate::gfx::format::Format;
 use crate::render::surface::{Shape, TileSurface};
 use crate::shader::ShaderFault;
-use crate::work::{Event, Funnel, Segment};
+use crate::work::{Culling, Event, Funnel, Segment};
 
 use super::batch::{self, Batch};
+use super::cull;
 use super::frame::{Frame, Workers};
 use super::plan::{Piece, Planner};
 use super::record;
@@ -17,7 +18,7 @@ use super::signature;
 use super::stream::{Stream, StreamSource};
 use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
 use super::vertex::Vertices;
-use super::{DrawCall, Drawn};
+use super::{DrawCall, Drawn, Range};
 
 /// Primitives of a segment.
 const SEGMENT_PRIMITIVES: u32 = 64 * 1024;
@@ -112,6 +113,29 @@ pub struct EndedPass {
     pub depth: Option<TileSurface>,
 }
 
+/// The walk over a draw's primitives, without those that bounds show to be out of view.
+fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> (Planner, Culling) {
+    let range = call.range;
+    let index = call.index.map(|i| i.buffer());
+    let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
+    let first = u64::from(range.first_instance);
+    let instances = first..first + u64::from(range.instances);
+    let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
+    let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
+    match call.boxes {
+        Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
+            let restart = restart.filter(|_| frame.topology.is_strip());
+            let candidate = cull::Candidate { call, frame, restart, primitives, entries };
+            // A poisoned lock means that another draw panicked; what is known of buffers is true all the same.
+            let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let seen = candidate.test(&mut boxes);
+            planner.draw_only(seen.instances);
+            (planner, seen.culling)
+        }
+        _ => (planner, Culling::default()),
+    }
+}
+
 impl RenderPass {
     /// Begins a pass on attachments of the given extent, loaded or cleared already. A colour attachment comes with the format it
     /// is seen in, which may differ in sRGB-ness from what is stored.
@@ -137,11 +161,12 @@ impl RenderPass {
         }
         let extent = (self.width, self.height, self.samples);
         let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
+        let (planner, culling) = plan(call, &frame);
         if call.record {
-            sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some()))));
+            sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
         }
         let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
-        let result = self.segments(call, &frame, &mut scratch, sink);
+        let result = self.segments(call, &frame, planner, &mut scratch, sink);
         self.scratch = Some(scratch);
         result
     }
@@ -150,16 +175,12 @@ impl RenderPass {
         &mut self,
         call: &DrawCall<'_>,
         frame: &Frame<'_>,
+        mut planner: Planner,
         scratch: &mut Scratch,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
-        let range = call.range;
-        let index = call.index.map(|i| i.buffer());
-        let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
-        let first = u64::from(range.first_instance);
-        let instances = first..first + u64::from(range.instances);
-        let source = StreamSource { index, first: range.first, base_vertex: range.base_vertex };
-        let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
+        let Range { first, base_vertex, .. } = call.range;
+        let source = StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex };
         let mut drawn = Drawn::default();
         // Vertex shaders with side effects run once: their segments are not cut again.
         let divisible = call.record && !frame.vertex_in_order;

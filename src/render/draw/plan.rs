@@ -59,7 +59,9 @@ pub struct Planner {
     /// Runs of stream entries between strip restarts: first entry, length, whether a restart stands before.
     runs: Vec<(u32, u32, bool)>,
     instance: u64,
-    last_instance: u64,
+    /// Runs of instances, none of them empty, and which of them the instance is of.
+    instances: Vec<std::ops::Range<u64>>,
+    turn: usize,
     run: usize,
     primitive: u32,
     /// Primitives of the instance handed out.
@@ -70,6 +72,7 @@ pub struct Planner {
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     instance: u64,
+    turn: usize,
     run: usize,
     primitive: u32,
     done: u32,
@@ -100,7 +103,18 @@ impl Planner {
             _ => runs.push((0, count, false)),
         }
         runs.retain(|&(_, len, _)| primitive_count(topology, u64::from(len)) > 0);
-        Planner { topology, runs, instance: instances.start, last_instance: instances.end, run: 0, primitive: 0, done: 0 }
+        let mut planner =
+            Planner { topology, runs, instance: 0, instances: Vec::new(), turn: 0, run: 0, primitive: 0, done: 0 };
+        planner.draw_only(vec![instances]);
+        planner
+    }
+
+    /// From the beginning, with no other instances than those of some runs.
+    pub fn draw_only(&mut self, instances: Vec<std::ops::Range<u64>>) {
+        self.instances = instances;
+        self.instances.retain(|run| !run.is_empty());
+        (self.turn, self.run, self.primitive, self.done) = (0, 0, 0, 0);
+        self.instance = self.instances.first().map_or(0, |run| run.start);
     }
 
     /// The next segment of at most `limit` primitives (at least 2), or nothing at the draw's end. A segment holds parts of one
@@ -109,7 +123,7 @@ impl Planner {
         pieces.clear();
         let limit = limit.max(2) & !1;
         let (mut stream, mut primitives) = (0, 0);
-        while self.instance < self.last_instance && !self.runs.is_empty() {
+        while self.turn < self.instances.len() && !self.runs.is_empty() {
             let (run_start, run_len, broken) = self.runs[self.run];
             let all = primitive_count(self.topology, u64::from(run_len)) as u32;
             let room = (limit - primitives) & !1;
@@ -142,7 +156,7 @@ impl Planner {
                 self.run += 1;
                 if self.run == self.runs.len() {
                     self.run = 0;
-                    self.instance += 1;
+                    self.next_instance();
                     self.done = 0;
                     let whole = pieces[0].start == self.runs[0].0 && pieces[0].repeated == 0;
                     if !whole || u64::from(primitives) + self.instance_primitives() > u64::from(limit) {
@@ -156,15 +170,31 @@ impl Planner {
 
     /// Where the walk stands, to come back to.
     pub fn place(&self) -> Place {
-        Place { instance: self.instance, run: self.run, primitive: self.primitive, done: self.done }
+        Place { instance: self.instance, turn: self.turn, run: self.run, primitive: self.primitive, done: self.done }
     }
 
     /// Goes back to a place.
     pub fn go_back(&mut self, place: Place) {
-        (self.instance, self.run, self.primitive, self.done) = (place.instance, place.run, place.primitive, place.done);
+        (self.instance, self.turn) = (place.instance, place.turn);
+        (self.run, self.primitive, self.done) = (place.run, place.primitive, place.done);
     }
 
-    fn instance_primitives(&self) -> u64 {
+    fn next_instance(&mut self) {
+        self.instance += 1;
+        if self.instance == self.instances[self.turn].end {
+            self.turn += 1;
+            self.instance = self.instances.get(self.turn).map_or(0, |run| run.start);
+        }
+    }
+
+    /// Entries that an instance's primitives read, each strip restarted anew.
+    pub fn instance_entries(&self) -> u64 {
+        let all = |len: u32| primitive_count(self.topology, u64::from(len)) as u32;
+        self.runs.iter().map(|&(_, len, _)| u64::from(entries_of(self.topology, 0, all(len)).1)).sum()
+    }
+
+    /// Primitives of an instance.
+    pub fn instance_primitives(&self) -> u64 {
         self.runs.iter().map(|&(_, len, _)| primitive_count(self.topology, u64::from(len))).sum()
     }
 }

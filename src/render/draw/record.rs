@@ -2,7 +2,7 @@
 
 use crate::gfx::traverse::Block;
 use crate::shader::{Program, Recorder};
-use crate::work::{self, AttributeFetch, CostId, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
+use crate::work::{self, AttributeFetch, CostId, Culling, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
 
 use super::DrawCall;
 use super::batch::Batch;
@@ -81,7 +81,7 @@ impl TileRecord {
 }
 
 /// The state of a draw as a machine needs it.
-pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool) -> work::Draw {
+pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool, culling: Culling) -> work::Draw {
     let pipeline = call.pipeline;
     let shape = |program: &Program, inputs: usize| {
         let interface = program.interface();
@@ -145,6 +145,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool) -> work::Dr
         hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.uses_stencil() && d.reads_depth()),
         depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
         signature: call.signature,
+        culling,
     }
 }
 

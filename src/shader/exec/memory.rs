@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use crate::num::{LANES, Lanes, Mask};
 use crate::shader::code::eval;
 use crate::shader::program::{AtomicOp, MemoryOp, NO_REG, Op, Space, Width};
-use crate::shader::resources::Resource;
+use crate::shader::resources::{Resource, Resources};
 use crate::work::RequestKind;
 
 use super::kernels::{File, get, lane, set};
@@ -67,19 +67,47 @@ impl Window<'_> {
     }
 }
 
+/// What a binding shows of a buffer.
+#[inline(always)]
+fn buffer<'a>(resources: &Resources<'a>, binding: u16, element: u32) -> Window<'a> {
+    match resources.get(binding, element) {
+        Resource::Buffer(b) => {
+            let bytes = b.size.min(b.words.len().saturating_sub(b.offset));
+            Window { words: b.words.words(), bytes, start: b.offset, address: b.address }
+        }
+        _ => Window { words: &[], bytes: 0, start: 0, address: 0 },
+    }
+}
+
 #[inline(always)]
 fn window<'a>(m: &Machine<'a>, space: Space, element: u32) -> Window<'a> {
     match space {
-        Space::Buffer(binding) => match m.resources.get(binding, element) {
-            Resource::Buffer(b) => {
-                let bytes = b.size.min(b.words.len().saturating_sub(b.offset));
-                Window { words: b.words.words(), bytes, start: b.offset, address: b.address }
-            }
-            _ => Window { words: &[], bytes: 0, start: 0, address: 0 },
-        },
+        Space::Buffer(binding) => buffer(m.resources, binding, element),
         Space::Shared => Window { words: m.shared.words(), bytes: m.shared.len(), start: 0, address: 0 },
         Space::Immediate => Window { words: &[], bytes: 0, start: 0, address: 0 },
     }
+}
+
+/// The word of the immediates that holds a component of a load; missing ones read as zero.
+#[inline(always)]
+fn immediate(resources: &Resources<'_>, op: &MemoryOp, at: u32, component: usize) -> u32 {
+    let word = (at as usize).saturating_add(op.offset as usize + 4 * component) / 4;
+    resources.immediates.get(word).copied().unwrap_or(0)
+}
+
+/// What a load at one place gives, without running anything; none for memory that only a run has.
+pub(in crate::shader) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u32) -> Option<[u32; 4]> {
+    let binding = match op.space {
+        Space::Immediate => return Some(std::array::from_fn(|c| immediate(resources, op, at, c))),
+        Space::Buffer(binding) => binding,
+        Space::Shared => return None,
+    };
+    let w = buffer(resources, binding, element);
+    let at = u64::from(at) + u64::from(op.offset);
+    Some(std::array::from_fn(|c| match op.width {
+        Width::Word => w.load(at + 4 * c as u64),
+        Width::Half => eval::from_half(w.load_half(at + 2 * c as u64)).to_bits(),
+    }))
 }
 
 /// Calls `f` for each lane of the mask in order.
@@ -107,9 +135,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
         let at = offsets(file, op);
         for c in 0..usize::from(op.count) {
             if op.data[c] != NO_REG {
-                let word = |i: usize| (at.0[i] as usize).saturating_add(op.offset as usize + 4 * c) / 4;
-                let bits = |i: usize| m.resources.immediates.get(word(i)).copied().unwrap_or(0);
-                set(file, op.data[c], &Lanes(std::array::from_fn(bits)));
+                set(file, op.data[c], &Lanes(std::array::from_fn(|i| immediate(m.resources, op, at.0[i], c))));
             }
         }
         return;

@@ -7,7 +7,7 @@
 
 mod compute;
 mod kernels;
-mod memory;
+pub(super) mod memory;
 mod record;
 mod run;
 mod subgroup;
@@ -54,9 +54,23 @@ pub struct Uniforms {
     values: Vec<u32>,
 }
 
+impl Uniforms {
+    /// The values, in the order of a batch's first registers.
+    pub(super) fn values(&self) -> &[u32] {
+        &self.values
+    }
+}
+
 /// The register of a component of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputRegister(Reg);
+
+impl InputRegister {
+    /// Its place in the register file.
+    pub(super) fn index(self) -> usize {
+        usize::from(self.0)
+    }
+}
 
 impl Program {
     /// The register of a component of an input; none where the program does not read it.

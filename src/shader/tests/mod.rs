@@ -1,5 +1,6 @@
 //! Programs in WGSL, run and compared with what they must compute.
 
+mod bounds;
 mod builtins;
 mod control;
 mod fragment;

@@ -232,23 +232,37 @@ impl State {
     }
 }
 
+/// A random program, and a function `f` that runs it, with what that calls.
+fn functions(seed: u32) -> (Vec<Stmt>, String) {
+    let mut random = Random(seed.wrapping_mul(0x9e37_79b9));
+    let program = random.block(3, 0);
+    let mut text = String::new();
+    show(&program, &mut text, &mut 0);
+    let functions = format!(
+        "fn bump(p: ptr<function, u32>, e: u32) {{ if (e % 2u == 0u) {{ *p += 1u; return; }} *p = *p * 3u + e; }}
+         fn f(x: u32) -> u32 {{
+             var v0 = x; var v1 = 1u; var v2 = x * 7u; var v3 = 0u; var a = array<u32, 5>(x, 2u, 3u, x + 1u, 5u);
+             {{\n{text}\n}}
+             return v0 + v1 * 3u + v2 * 5u + v3 * 7u + a[0] + a[1] * 11u + a[2] + a[3] * 13u + a[4];
+         }}"
+    );
+    (program, functions)
+}
+
+/// The text of a random function `f(x: u32) -> u32`, with what it calls.
+pub(super) fn function(seed: u32) -> String {
+    functions(seed).1
+}
+
 #[test]
 fn random_programs_do_what_they_say() {
     let mut seen = 0;
     for seed in 0..300u32 {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9));
-        let program = random.block(3, 0);
-        let mut text = String::new();
-        show(&program, &mut text, &mut 0);
+        let (program, functions) = functions(seed);
         let source = format!(
             "@group(0) @binding(0) var<storage, read_write> result: array<u32>;
              @group(0) @binding(1) var<storage, read> input: array<u32>;
-             fn bump(p: ptr<function, u32>, e: u32) {{ if (e % 2u == 0u) {{ *p += 1u; return; }} *p = *p * 3u + e; }}
-             fn f(x: u32) -> u32 {{
-                 var v0 = x; var v1 = 1u; var v2 = x * 7u; var v3 = 0u; var a = array<u32, 5>(x, 2u, 3u, x + 1u, 5u);
-                 {{\n{text}\n}}
-                 return v0 + v1 * 3u + v2 * 5u + v3 * 7u + a[0] + a[1] * 11u + a[2] + a[3] * 13u + a[4];
-             }}
+             {functions}
              @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{ result[id.x] = f(input[id.x]); }}"
         );
         // A block that always leaves makes what follows it unreachable, which WGSL refuses.

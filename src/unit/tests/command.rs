@@ -10,7 +10,7 @@ use crate::mem::{ClientCounts, Ideal};
 use crate::num::Cycle;
 use crate::sim::{Circuit, Clock, Gate, In, One, Out, Tick, Unit, Wires, Wiring, run};
 use crate::unit::Card;
-use crate::unit::command::{Command, CommandConfig, CommandPorts};
+use crate::unit::command::{Command, CommandConfig, CommandPorts, CullChoice};
 use crate::unit::token::{Ack, Kind, Piece};
 use crate::work::*;
 
@@ -89,6 +89,8 @@ const CONFIG: CommandConfig = CommandConfig {
     copy_misses: 16,
     barrier_cycles: 50,
     skip_empty_passes: true,
+    cull: CullChoice::None,
+    cull_cycles: 5,
 };
 
 /// How the card clears, whether it shows frames, and its pipelines.
@@ -376,4 +378,40 @@ fn passes_without_draws_only_clear() {
     assert!(heard.over > got.over);
     let resolved = commanded(&CONFIG, PLAIN, &empty(clear, true));
     assert_eq!((resolved.pieces.len(), resolved.resolve.len()), (1, 1));
+}
+
+#[test]
+fn tests_of_bounds_take_their_time_one_by_one() {
+    let tested = |tests, cull_cycles| {
+        let culling = Culling { tests, draws: 1, instances: 3, primitives: 12, vertices: 36 };
+        let drawn = Event::Draw(Arc::new(Draw { culling, ..draw() }));
+        let mut events = vec![begin(Load::Load, false), drawn];
+        events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass, end()]);
+        let config = CommandConfig { cull_cycles, ..CONFIG };
+        let counts = settle(
+            || circuit(&config, PLAIN, &events),
+            |c, _| c.command.frame_over(),
+            |c, _| {
+                let counts = c.command.counts();
+                [
+                    counts.bounds_tested,
+                    counts.draws_culled,
+                    counts.instances_culled,
+                    counts.primitives_culled,
+                    counts.vertices_culled,
+                ]
+            },
+        );
+        assert_eq!(counts, [tests, 1, 3, 12, 36]);
+        commanded(&config, PLAIN, &events).pieces[0].0
+    };
+    let untested = tested(0, 5);
+    assert_eq!(tested(1, 0), untested);
+    assert_eq!(tested(7, 0), untested);
+    for (tests, cycles) in [(1, 1), (1, 5), (2, 5), (40, 3), (3, 300)] {
+        // A draw that is not tested costs the cycle in which it is read; the tests begin in it.
+        assert_eq!(tested(tests, cycles), untested + tests * u64::from(cycles) - 1, "{tests} tests of {cycles} cycles");
+    }
+    // More than the watchdog's patience of 10,000 cycles.
+    assert_eq!(tested(40, 4_000), untested + 160_000 - 1);
 }

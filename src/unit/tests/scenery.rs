@@ -39,6 +39,7 @@ pub fn draw() -> Draw {
         hierarchical_z: true,
         depth_range: [0.0, 1.0],
         signature: None,
+        culling: Default::default(),
     }
 }
 

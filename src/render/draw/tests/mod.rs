@@ -1,10 +1,11 @@
 //! Small pipelines drawn whole and compared: with expected pixels, and one way of drawing with another.
 
 mod coverage;
+mod cull;
 mod images;
 mod ways;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use super::*;
 use crate::gfx::format::Format;
@@ -68,6 +69,7 @@ const USUAL: How = How {
         signatures: false,
         paths: false,
         needless: work::Needless::NONE,
+        cull: work::Cull::None,
     },
     count: false,
 };
@@ -177,6 +179,7 @@ impl Scene {
         });
         let mut pass = RenderPass::begin(width, height, samples, vec![Some((color, self.format))], depth);
         let (mut drawn, mut draws, mut segments) = (Drawn::default(), Vec::new(), Vec::new());
+        let boxes = Mutex::default();
         for range in &self.draws {
             let call = DrawCall {
                 number: 0,
@@ -207,6 +210,7 @@ impl Scene {
                 signature: None,
                 record: how.record,
                 skips: how.skips,
+                boxes: Some(&boxes),
             };
             let one = pass.draw(&call, &mut |event| match event {
                 Event::Draw(draw) => draws.push(draw),
@@ -225,7 +229,7 @@ impl Scene {
 fn range_of(bytes: &[u8]) -> BufferRange {
     let words = Words::new(bytes.len() as u64);
     words.write(0, bytes);
-    BufferRange { size: words.len(), words: Arc::new(words), offset: 0, address: 1 << 20 }
+    BufferRange { size: words.len(), words: Arc::new(words), offset: 0, address: 1 << 20, version: 0 }
 }
 
 /// A vertex in clip space.

@@ -4,7 +4,7 @@ use super::*;
 use crate::work::{Outcome, QUAD_SHADED};
 
 /// Scenes that exercise different paths.
-fn variety() -> Vec<(&'static str, Scene)> {
+pub(super) fn variety() -> Vec<(&'static str, Scene)> {
     let mut out = Vec::new();
     let base = || Scene::new(soup(600, 1, true)).with_depth(Format::Depth32Float, Compare::Less, true, 1.0);
     out.push(("depth", base()));
