@@ -285,11 +285,15 @@ impl Bound<'_> {
             self.shading(&draw.vertex, 1.0, draw.registers[0], &Requests { missed: 1.0, latency: self.memory_latency });
         // A batch is in flight from its indices to the assembly of its last primitive.
         let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
-        let batches = vertices / f64::from(c.core.warp_width);
+        // The last batch of a segment is half full on average.
+        let batches = vertices / f64::from(c.core.warp_width) + 0.5 * draw.segments as f64;
+        let invocations = batches * f64::from(c.core.warp_width);
+        // Indices of a segment are asked for when those of the one before have been read.
+        let indices = if draw.index_bytes > 0 { draw.segments as f64 * self.hit_latency } else { 0.0 };
         let clipping =
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let geometry = [
-            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups)),
+            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups) + indices),
             ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
             ("fetch port", fetched / f64::from(c.memory.port_width)),
             ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
@@ -307,8 +311,8 @@ impl Bound<'_> {
         let written = (draw.targets - draw.blended) as f64 / f64::from(c.color.quads_per_cycle);
         Rates {
             geometry: slowest / primitives,
-            vertex_core: shading.core * vertices / cores / primitives,
-            vertex_texture: shading.texture * vertices / cores / primitives,
+            vertex_core: shading.core * invocations / cores / primitives,
+            vertex_texture: shading.texture * invocations / cores / primitives,
             latency: shading.latency + fragment.latency,
             shaded: fragment.latency,
             setup: f64::from(c.setup.interval) / f64::from(c.setup.triangles_per_cycle),
