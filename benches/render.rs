@@ -182,7 +182,8 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         fragment: Some(stage()),
         targets: vec![Some(ColorTarget { format: Format::Rgba8Unorm, blend: None, write_mask: 15 })],
     };
-    let pipeline = RenderPipeline::new(&desc, &module, Some(&module), name).unwrap_or_else(|e| panic!("{e}"));
+    let pipeline = RenderPipeline::new(&desc, &module, Some(&module), RenderKey::default().needless, name)
+        .unwrap_or_else(|e| panic!("{e}"));
     let bindings: Vec<Vec<Vec<Resource<'_>>>> = pipeline
         .programs()
         .iter()

@@ -57,14 +57,15 @@ fn stem(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()
 }
 
-/// The scenes kept in `traces/`. Three go without another renderer's pictures: the long sequence is for `tests/fidelity.rs`, which
+/// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for `tests/fidelity.rs`, which
 /// compares its pictures between fidelities; the dials are for `tests/same_tiles.rs`, which compares those of machines with the
-/// renderer's; and the town, for many small draws of which most are out of view, shows nothing that other scenes do not.
+/// renderer's; the town, for many small draws of which most are out of view, and the viewer, for what is bound and not read, show
+/// nothing that other scenes do not.
 fn scenes() -> Vec<Case> {
     let references = entries(&here("tests/references"));
     entries(&here("traces"))
         .into_iter()
-        .filter(|trace| !["flight", "panel", "town"].contains(&stem(trace).as_str()))
+        .filter(|trace| !["flight", "panel", "town", "viewer"].contains(&stem(trace).as_str()))
         .map(|trace| {
             let name = stem(&trace);
             let start = format!("{name}-");

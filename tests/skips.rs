@@ -14,7 +14,7 @@ fn all(trace: &str) -> Vec<Saving> {
 
 #[test]
 fn skips_change_no_picture_and_save_work() {
-    let found: Vec<Vec<Saving>> = ["cube", "layers", "panel.zip"].into_iter().map(all).collect();
+    let found: Vec<Vec<Saving>> = ["cube", "layers", "panel.zip", "viewer.zip"].into_iter().map(all).collect();
     for saving in found.iter().flatten() {
         assert_eq!(saving.differs, None, "{}", saving.skip.name);
     }

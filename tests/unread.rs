@@ -91,7 +91,14 @@ fn record(extra: Extra) -> Recorder {
 }
 
 fn run(extra: Extra) -> Replay {
-    let config = Config::built_in("baseline").expect("it is built in");
+    run_with(extra, &[])
+}
+
+fn run_with(extra: Extra, changes: &[&str]) -> Replay {
+    let mut config = Config::built_in("baseline").expect("it is built in");
+    for change in changes {
+        config.set(change).expect("a knob");
+    }
     let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
     replay(&record(extra).finish(), &options, &|_| ()).expect("it runs")
 }
@@ -122,4 +129,54 @@ fn what_nobody_reads_costs_nothing() {
     assert!(cost(&read, fetched) >= cost(&plain, fetched) + f64::from(17 * 17 * 16));
     assert!(cost(&read, "shading.core[0].float") > cost(&plain, "shading.core[0].float"));
     assert!(cost(&read, texels) != cost(&plain, texels));
+}
+
+/// A sum over all units of a kind.
+fn sum(of: &Replay, list: &str, leaf: &str) -> f64 {
+    (0..).map_while(|i| of.total.number(&format!("{list}[{i}].{leaf}"))).sum()
+}
+
+#[test]
+fn a_card_that_does_not_know_what_is_read_pays_for_all() {
+    let cost = |of: &Replay, path: &str| of.total.number(path).expect("a number");
+    let fetched = "memory.clients.vertex.read_bytes";
+    let off = [["fetch.skip_attributes=false"], ["interpolate.skip_varyings=false"], ["texture.skip_levels=false"]];
+    for (extra, saves) in
+        [(Extra::Nothing, [false, false, false]), (Extra::Unread, [true, true, false]), (Extra::Levels, [false, false, true])]
+    {
+        let narrow = "interpolate.words_per_cycle=4";
+        let on = run_with(extra, &[narrow]);
+        for (switch, saves) in off.iter().zip(saves) {
+            let other = run_with(extra, &[narrow, switch[0]]);
+            let context = format!("{extra:?} with {switch:?}");
+            assert!(other.frames[0].shown == on.frames[0].shown, "{context}");
+            for path in ["funnel.fragments_covered", "funnel.fragments_written", "funnel.vertices_in", "funnel.quads_shaded"] {
+                assert_eq!(cost(&other, path), cost(&on, path), "{context}: {path}");
+            }
+            let same = other.total.json().to_string() == on.total.json().to_string();
+            assert_eq!(same, !saves, "{context}");
+            if !saves {
+                continue;
+            }
+            match extra {
+                // The buffer that nobody reads, 32 bytes a vertex (no triangle has the last); and six words interpolated in two turns
+                // instead of two in one.
+                Extra::Unread if switch[0].starts_with("fetch") => {
+                    assert!(cost(&other, fetched) >= cost(&on, fetched) + f64::from((17 * 17 - 1) * 32), "{context}");
+                }
+                Extra::Unread => {
+                    let busy = |of: &Replay| sum(of, "units.interpolate", "busy");
+                    assert!(busy(&other) > 1.25 * busy(&on), "{context}: {} and {}", busy(&other), busy(&on));
+                    assert_eq!(cost(&other, fetched), cost(&on, fetched), "{context}");
+                }
+                // All samples are of the first level, and would read the second, whose weight is 0, too.
+                _ => {
+                    let lines = |of: &Replay| sum(of, "caches.texture", "accesses");
+                    let misses = |of: &Replay| sum(of, "caches.texture", "misses");
+                    assert!(lines(&other) > 1.5 * lines(&on), "{context}: {} and {}", lines(&other), lines(&on));
+                    assert!(misses(&other) > misses(&on), "{context}");
+                }
+            }
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::shader::{self, Executor, Module, Program, Recorder, Stage as Kind};
+use crate::shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
 use crate::trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
 use crate::work::{Dispatch, Event, Groups, Packet, ShaderShape};
 
@@ -138,7 +138,7 @@ impl ActiveCompute {
                 shared_bytes: interface.workgroup_bytes,
             })))?;
             let step = (PACKETS_A_PIECE / packets_a_group).max(1);
-            let mut recorder = Recorder::with_paths(renderer.options.key.paths);
+            let mut recorder = Recorder::with(Extra::of(&renderer.options.key));
             let mut at = 0;
             while at < groups {
                 let end = (at + step).min(groups);

@@ -295,7 +295,7 @@ impl<'t, 's> Renderer<'t, 's> {
                     None => None,
                 };
                 let label = label.as_deref().unwrap_or_default();
-                let mut pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), label)?;
+                let mut pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), self.options.key.needless, label)?;
                 pipeline.number = self.pipelines;
                 self.pipelines += 1;
                 self.res.render_pipelines.add(id.0, Arc::new(pipeline))?;

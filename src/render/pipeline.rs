@@ -1,10 +1,14 @@
 //! A render pipeline made ready: programs, how their values are connected, and what its state allows.
 
 use crate::gfx::format::{Format, TexelKind};
-use crate::gfx::state::{BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexFormat};
+use crate::gfx::state::{
+    BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
+    VertexFormat,
+};
 use crate::gfx::vertex::{ComponentKind, component_kind};
 use crate::shader::{self, BuiltIn, Connection, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use crate::trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
+use crate::work::Needless;
 
 /// A vertex attribute that the vertex stage reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,9 +68,13 @@ pub struct RenderPipeline {
     /// Vertex program, then the fragment program if there is one.
     programs: Vec<Program>,
     pub(super) attributes: Vec<Attribute>,
+    /// Other attributes of its vertex buffers, of which no components are read; none where they are not asked for.
+    pub(super) unread: Vec<Attribute>,
     pub(super) varyings: Vec<Varying>,
     /// Words of a vertex's varyings.
     pub(super) varying_words: usize,
+    /// Words that are interpolated, those that nobody reads included where they are asked for.
+    pub(super) interpolated: usize,
     /// Output slot of the position.
     pub(super) position: usize,
     /// Output slot and number of clip distances.
@@ -82,11 +90,17 @@ pub struct RenderPipeline {
 }
 
 impl RenderPipeline {
-    /// Compiles and connects the stages of a description.
+    /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.
     ///
     /// # Errors
     /// If a stage does not compile or the parts do not fit each other; the message names what.
-    pub fn new(desc: &RenderPipelineDesc, vertex: &Module, fragment: Option<&Module>, label: &str) -> Result<Self, String> {
+    pub fn new(
+        desc: &RenderPipelineDesc,
+        vertex: &Module,
+        fragment: Option<&Module>,
+        needless: Needless,
+        label: &str,
+    ) -> Result<Self, String> {
         let fail = |message: String| {
             if label.is_empty() {
                 format!("render pipeline: {message}")
@@ -94,12 +108,18 @@ impl RenderPipeline {
                 format!("render pipeline `{label}`: {message}")
             }
         };
-        Self::build(desc, vertex, fragment, label).map_err(fail)
+        Self::build(desc, vertex, fragment, needless, label).map_err(fail)
     }
 
-    fn build(desc: &RenderPipelineDesc, vertex: &Module, fragment: Option<&Module>, label: &str) -> Result<Self, String> {
-        let compile = |module: &Module, kind: shader::Stage, stage: &crate::trace::command::Stage, outputs: &[u32]| {
-            let options = shader::Options { constants: &stage.constants, outputs: Some(outputs) };
+    fn build(
+        desc: &RenderPipelineDesc,
+        vertex: &Module,
+        fragment: Option<&Module>,
+        needless: Needless,
+        label: &str,
+    ) -> Result<Self, String> {
+        let compile = |module: &Module, kind: shader::Stage, stage: &crate::trace::command::Stage, outputs: Option<&[u32]>| {
+            let options = shader::Options { constants: &stage.constants, outputs };
             shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())
         };
         // What nobody stores or reads is not computed: so the fragment stage comes first.
@@ -111,23 +131,26 @@ impl RenderPipeline {
         let fragment = match &desc.fragment {
             Some(stage) => {
                 let module = fragment.ok_or("the fragment stage's module is missing")?;
-                Some(compile(module, shader::Stage::Fragment, stage, &stored)?)
+                Some(compile(module, shader::Stage::Fragment, stage, Some(&stored))?)
             }
             None => None,
         };
         let inputs = fragment.iter().flat_map(|f| &f.interface().inputs);
         let read: Vec<u32> = inputs.filter(|slot| slot.used).filter_map(Slot::location).collect();
-        let mut programs = vec![compile(vertex, shader::Stage::Vertex, &desc.vertex, &read)?];
+        let mut programs = vec![compile(vertex, shader::Stage::Vertex, &desc.vertex, (!needless.varyings).then_some(&read))?];
         programs.extend(fragment);
         let vertex = programs[0].interface();
         let fragment = programs.get(1).map(Program::interface);
         let position = vertex.output(BuiltIn::Position).ok_or("the vertex stage writes no position")?;
         let clip_distances = vertex.output(BuiltIn::ClipDistances).map(|slot| (slot, vertex.outputs[slot].components as usize));
         let attributes = attributes(desc, vertex)?;
+        let unread = if needless.attributes { unread(desc, &attributes) } else { Vec::new() };
         let (varyings, varying_words) = match fragment {
             Some(fragment) => connect(vertex, fragment)?,
             None => (Vec::new(), 0),
         };
+        let written = vertex.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
+        let interpolated = if needless.varyings { written } else { varying_words };
         if !matches!(desc.multisample.count, 1 | 4) {
             return Err(format!("{} samples a pixel; 1 and 4 are possible", desc.multisample.count));
         }
@@ -142,8 +165,10 @@ impl RenderPipeline {
             label: label.to_owned(),
             number: 0,
             attributes,
+            unread,
             varyings,
             varying_words,
+            interpolated,
             position,
             clip_distances,
             targets,
@@ -250,6 +275,26 @@ fn attributes(desc: &RenderPipelineDesc, vertex: &Interface) -> Result<Vec<Attri
         }
     }
     Ok(out)
+}
+
+/// The attributes of the vertex buffers that are not among those read.
+fn unread(desc: &RenderPipelineDesc, read: &[Attribute]) -> Vec<Attribute> {
+    let of_buffer = |(buffer, layout): (usize, &Option<VertexBufferLayout>)| {
+        let all = layout.iter().flat_map(|layout| layout.attributes.iter().map(move |attribute| (layout, attribute)));
+        let attribute = |(layout, attribute): (&VertexBufferLayout, &VertexAttribute)| Attribute {
+            buffer,
+            format: attribute.format,
+            offset: attribute.offset,
+            stride: layout.stride,
+            step: layout.step,
+            input: usize::MAX,
+            components: 0,
+        };
+        all.map(attribute).collect::<Vec<_>>()
+    };
+    let place = |a: &Attribute| (a.buffer, a.offset, a.format);
+    let others = desc.buffers.iter().enumerate().flat_map(of_buffer);
+    others.filter(|one| read.iter().all(|known| place(known) != place(one))).collect()
 }
 
 /// Matches what the fragment stage reads with what the vertex stage writes.

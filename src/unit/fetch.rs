@@ -29,6 +29,8 @@ crate::knobs! {
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
         /// Lines of vertex attributes looked up a cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
+        /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
+        skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
         /// 64-byte lines of the attribute cache.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.

@@ -12,6 +12,8 @@ crate::knobs! {
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini NumInterpolators = 4"],
         /// Attribute words that each of these quads gets a cycle; more take more cycles.
         words_per_cycle: u32 ["words/quad/cycle", Allowed::Range(1, 64), "a vec4 a quad and cycle, as ATTILA's interpolators"],
+        /// Whether only those varyings are computed and interpolated that the fragment stage reads; if not, all that the vertex stage writes.
+        skip_varyings: bool ["", Allowed::Switch, "drivers link the stages of a pipeline; off shows what that is worth"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "multiply-add chains and a reciprocal: 8 stages"],
         /// Groups of quads queued before the cores.

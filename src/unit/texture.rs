@@ -23,6 +23,8 @@ crate::knobs! {
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
         /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
+        /// Whether a sample between two levels asks for the second only where that has a weight.
+        skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
         /// 64-byte lines of the first-level cache; a multiple of its ways, or fewer than they are.
         cache_lines: u32 ["lines", Allowed::Range(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.

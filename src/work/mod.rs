@@ -61,11 +61,25 @@ pub struct Needless {
     pub scissor: bool,
     /// Primitives without area, which setup finds out, or without a covered sample, which traversal does.
     pub no_sample: bool,
+    /// Attributes of vertex buffers that the vertex stage does not read.
+    pub attributes: bool,
+    /// What the vertex stage writes and the fragment stage does not read.
+    pub varyings: bool,
+    /// Texels of the second of two levels where all of a sample comes from the first.
+    pub levels: bool,
 }
 
 impl Needless {
     /// Nothing of it.
-    pub const NONE: Needless = Needless { facing: false, frustum: false, scissor: false, no_sample: false };
+    pub const NONE: Needless = Needless {
+        facing: false,
+        frustum: false,
+        scissor: false,
+        no_sample: false,
+        attributes: false,
+        varyings: false,
+        levels: false,
+    };
 
     /// Whether primitives are recorded that end in geometry otherwise.
     pub fn primitives(&self) -> bool {

@@ -15,6 +15,7 @@ mod solids;
 mod sprites;
 mod town;
 mod triangle;
+mod viewer;
 
 use std::path::{Path, PathBuf};
 
@@ -58,4 +59,5 @@ pub const ALL: &[Scene] = &[
     Scene { name: "panel", record: panel::record, zip: true },
     Scene { name: "flight", record: flight::record, zip: true },
     Scene { name: "town", record: town::record, zip: true },
+    Scene { name: "viewer", record: viewer::record, zip: true },
 ];

@@ -92,7 +92,8 @@ wide! {
 #[inline(always)]
 fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) {
     let (mut first, mut weight) = ([0_u32; LANES], [0.0_f32; LANES]);
-    let blend = choose(view, sampler, args, &mut first, &mut weight);
+    let both = out.takes_both(view, sampler);
+    let blend = choose(view, sampler, args, &mut first, &mut weight) || both;
     let quads = matches!(args.lod, Lod::Auto);
     let mut at = [Corners::ZERO; 2];
     find_corners(sampler, args, &Geometry::new(view, args, &first, quads), &mut at[0]);
@@ -107,7 +108,7 @@ fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, ou
     out.fill(mask, |lane, quad| {
         let slice = args.layer.map_or(0, |l| l.i32()[lane].clamp(0, last)) as u32;
         quad.square(view, first[lane] as usize, at[0].x[lane], at[0].y[lane], slice);
-        if weight[lane] > 0.0 {
+        if weight[lane] > 0.0 || both {
             quad.square(view, second[lane] as usize, at[1].x[lane], at[1].y[lane], slice);
         }
     });

@@ -14,6 +14,8 @@ pub struct Footprint {
     /// Where each quad's lines end.
     ends: [u32; QUADS],
     operations: [u16; QUADS],
+    /// Samples between two levels ask for the second even where it has no weight.
+    pub both_levels: bool,
 }
 
 impl Footprint {
@@ -44,6 +46,11 @@ impl Footprint {
         }
     }
 
+    /// Whether a sample asks for two levels, whatever their weights.
+    pub(super) fn takes_both(&self, view: &View, sampler: &Sampler) -> bool {
+        self.both_levels && sampler.mip_linear && view.levels.len() > 1
+    }
+
     pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
         if super::fast::record(view, sampler, args, mask, self) {
             return;
@@ -52,6 +59,7 @@ impl Footprint {
             return self.average(view, sampler, args, mask);
         }
         let selection = Selection::new(view, sampler, args);
+        let both = self.takes_both(view, sampler);
         self.fill(mask, |lane, quad| {
             let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
             let place = Place::new(view, args, lane);
@@ -62,7 +70,7 @@ impl Footprint {
                 at.coords[0] += selection.major[0][lane] * t;
                 at.coords[1] += selection.major[1][lane] * t;
                 quad.level(view, sampler, args, levels.first, levels.linear, at);
-                if levels.weight > 0.0 {
+                if levels.weight > 0.0 || both {
                     quad.level(view, sampler, args, levels.second, levels.linear, at);
                 }
             }

@@ -101,12 +101,14 @@ const fn positions<const S: usize>() -> [[Fx8; 2]; S] {
 pub struct Blocks<const S: usize> {
     all: [Block<S>; TILE_BLOCKS],
     n: usize,
+    /// Whether a block that lies inside of all edges is taken whole, without a test of its samples.
+    pub takes_whole: bool,
 }
 
 impl<const S: usize> Blocks<S> {
     /// Room for a tile's; none yet.
     pub fn new() -> Blocks<S> {
-        Blocks { all: [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS], n: 0 }
+        Blocks { all: [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS], n: 0, takes_whole: true }
     }
 
     #[inline(always)]
@@ -251,7 +253,7 @@ fn convex<K: Kernel, const N: usize, const S: usize>(
     let row_bits = (1u64 << columns) - 1;
     let exist = (row_bits * 0x0101_0101_0101_0101) & (!0 >> (64 - 8 * rows));
     let mut left = K::rows(edges, &touched) & exist;
-    let inside = K::rows(edges, &inside);
+    let inside = if found.takes_whole { K::rows(edges, &inside) } else { 0 };
     while left != 0 {
         let bit = left.trailing_zeros() as u16;
         left &= left - 1;

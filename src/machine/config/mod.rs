@@ -248,6 +248,9 @@ impl Config {
             frustum: !self.clip.cull_frustum,
             scissor: !self.clip.cull_scissor,
             no_sample: !self.clip.cull_no_sample,
+            attributes: !self.fetch.skip_attributes,
+            varyings: !self.interpolate.skip_varyings,
+            levels: !self.texture.skip_levels,
         };
         let cull = match self.command.cull {
             CullChoice::None => Cull::None,

@@ -13,7 +13,7 @@ use crate::num::{LANES, Lanes, Words};
 use crate::render::pipeline::RenderPipeline;
 use crate::render::surface::TileSurface;
 use crate::shader::{
-    BuiltIn, Connection, Executor, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
+    BuiltIn, Connection, Executor, Extra, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
 };
 use crate::work::{Funnel, Needless, Shade};
 
@@ -105,8 +105,8 @@ pub struct Frame<'a> {
     pub overwrites: bool,
     /// Shade what the early test rejects too, for its cost.
     pub shade_covered: bool,
-    /// Whether costs have the paths that were taken.
-    pub paths: bool,
+    /// What costs have beside what counts always.
+    pub extra: Extra,
     /// What is recorded though it changes no picture.
     pub needless: Needless,
     pub skips: Skips,
@@ -227,7 +227,7 @@ impl<'a> Frame<'a> {
             depth_payload,
             payload_words,
             shade_covered: call.record && call.key.shade == Shade::Covered,
-            paths: call.key.paths,
+            extra: Extra::of(&call.key),
             needless: call.key.needless,
             skips: call.skips,
         })

@@ -92,17 +92,19 @@ pub struct Skips {
     pub tile_reject: bool,
     /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed.
     pub overwritten: bool,
+    /// Blocks that lie inside of all edges of a triangle are not tested sample by sample.
+    pub full_blocks: bool,
 }
 
 impl Default for Skips {
     fn default() -> Self {
-        Skips { hierarchical_z: true, tile_reject: true, overwritten: true }
+        Skips { hierarchical_z: true, tile_reject: true, overwritten: true, full_blocks: true }
     }
 }
 
 impl Skips {
     /// Nothing is left out.
-    pub const NONE: Skips = Skips { hierarchical_z: false, tile_reject: false, overwritten: false };
+    pub const NONE: Skips = Skips { hierarchical_z: false, tile_reject: false, overwritten: false, full_blocks: false };
 }
 
 /// A draw call with everything resolved.

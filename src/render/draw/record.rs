@@ -91,7 +91,8 @@ pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool, culling: Cu
             outputs: interface.outputs.iter().map(|slot| slot.components).sum(),
         }
     };
-    let attributes = pipeline.attributes.iter().map(|attribute| {
+    // Who takes the first for the position gets one that is read.
+    let attributes = pipeline.attributes.iter().chain(&pipeline.unread).map(|attribute| {
         let address = call.vertex_buffers.get(attribute.buffer).and_then(Option::as_ref).map_or(0, |b| b.address);
         AttributeFetch {
             address: address + attribute.offset,
@@ -132,7 +133,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool, culling: Cu
         number: call.number,
         label: pipeline.label.clone(),
         vertex: shape(pipeline.vertex(), vertex_inputs),
-        fragment: frame.fragment.map(|program| shape(program, pipeline.varying_words)),
+        fragment: frame.fragment.map(|program| shape(program, pipeline.interpolated)),
         attributes: attributes.collect(),
         depth_stencil: pipeline.depth_stencil.filter(|_| has_depth),
         stencil_reference: call.stencil_reference as u8,

@@ -129,7 +129,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     };
     let start = if frame.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
     worker.pending.clear();
-    worker.recorder.paths = frame.paths;
+    worker.recorder.extra = frame.extra;
     let mut run = TileRun {
         frame,
         input,
@@ -146,6 +146,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         slot: u32::MAX,
     };
     let mut blocks = Blocks::new();
+    blocks.takes_whole = frame.skips.full_blocks;
     let references = &mut worker.pairs;
     references.clear();
     for (b, batch) in input.batches.iter().enumerate().skip(start.0) {

@@ -80,7 +80,7 @@ impl Vertices {
             .enumerate();
         if let Some(segment) = record {
             // One recorder in one thread, so that costs are numbered in order.
-            let mut recorder = Recorder::with_paths(frame.paths);
+            let mut recorder = Recorder::with(frame.extra);
             let tasks: Vec<_> = tasks.collect();
             let mut shaded = 0;
             // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.

@@ -10,7 +10,7 @@ use crate::num::{LANES, Lanes, Mask, Words};
 use crate::shader::interface::{BuiltIn, Connection};
 use crate::shader::program::NO_REG;
 
-use super::record::{QuadCost, Recorder, Scratch};
+use super::record::{Extra, QuadCost, Recorder, Scratch};
 use super::run::{self, Machine, Stop};
 use super::{Bound, Executor, ShaderFault, load_shared};
 
@@ -91,7 +91,7 @@ impl Bound<'_> {
                 self.fill(b, &a, count);
                 *stop = Some(a.mask);
             }
-            self.run_batches::<RECORD>(&stops, recorder.paths)?;
+            self.run_batches::<RECORD>(&stops, recorder.extra)?;
             if RECORD {
                 for b in 0..batches {
                     let scratch = if b == 0 { &mut self.executor.scratch } else { &mut self.executor.waiting[b - 1].scratch };
@@ -152,7 +152,7 @@ impl Bound<'_> {
     }
 
     /// Runs the batches of one group (or of packed groups) from barrier to barrier.
-    fn run_batches<const RECORD: bool>(&mut self, masks_of: &[Option<Mask>], paths: bool) -> Result<(), ShaderFault> {
+    fn run_batches<const RECORD: bool>(&mut self, masks_of: &[Option<Mask>], extra: Extra) -> Result<(), ShaderFault> {
         let Executor { file, masks, waiting, shared, scratch } = &mut *self.executor;
         let mut machines: Vec<_> = masks_of
             .iter()
@@ -162,8 +162,8 @@ impl Bound<'_> {
             })
             .collect();
         if RECORD {
-            scratch.begin(paths);
-            waiting.iter_mut().for_each(|w| w.scratch.begin(paths));
+            scratch.begin(extra);
+            waiting.iter_mut().for_each(|w| w.scratch.begin(extra));
         }
         let mut ended = vec![false; machines.len()];
         let mut failed = None;

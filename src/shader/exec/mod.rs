@@ -19,7 +19,7 @@ use super::module::Place;
 use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
 use record::Scratch;
-pub use record::{QuadCost, Recorder};
+pub use record::{Extra, QuadCost, Recorder};
 use run::{Machine, Stop};
 
 /// How often a loop may go round in one entry before the run is stopped with an error: a program that needs more hangs a card.
@@ -181,7 +181,7 @@ impl Bound<'_> {
     /// # Errors
     /// If a loop does not end.
     pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
-        self.executor.scratch.begin(recorder.paths);
+        self.executor.scratch.begin(recorder.extra);
         let outcome = self.run_impl::<true>(active, helpers)?;
         recorder.finish(&mut self.executor.scratch);
         Ok(outcome)

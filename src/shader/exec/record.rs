@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::gfx::texture::Footprint;
 use crate::num::{Mask, QUADS};
-use crate::work::{Class, Cost, CostId, CostTable, LINE, Point, Request, RequestKind, Span, Step};
+use crate::work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
 
 /// What one quad of the last recorded run cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +13,22 @@ pub struct QuadCost {
     pub cost: CostId,
     /// First of its requests in [`Recorder::requests`]; their number is that of the cost's steps with a request.
     pub first_request: u32,
+}
+
+/// What a recorder keeps for those who ask for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extra {
+    /// The paths that were taken through the program.
+    pub paths: bool,
+    /// Texels of the second level of samples between two levels where it has no weight.
+    pub both_levels: bool,
+}
+
+impl Extra {
+    /// What a key asks for.
+    pub fn of(key: &RenderKey) -> Extra {
+        Extra { paths: key.paths, both_levels: key.needless.levels }
+    }
 }
 
 /// Collects costs and memory requests. It belongs to one thread's piece of work; the caller takes `costs`, `requests` and
@@ -27,8 +43,8 @@ pub struct Recorder {
     pub lines: Vec<u32>,
     /// The quads of the last run.
     pub quads: [QuadCost; QUADS],
-    /// Whether costs have the paths that were taken.
-    pub paths: bool,
+    /// What is recorded beside what counts always.
+    pub extra: Extra,
     known: HashMap<Cost, CostId>,
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
@@ -63,9 +79,9 @@ impl Recorder {
         Recorder::default()
     }
 
-    /// An empty one that keeps paths or not.
-    pub fn with_paths(paths: bool) -> Recorder {
-        Recorder { paths, ..Recorder::default() }
+    /// An empty one.
+    pub fn with(extra: Extra) -> Recorder {
+        Recorder { extra, ..Recorder::default() }
     }
 
     /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
@@ -78,9 +94,10 @@ impl Recorder {
 
 impl Scratch {
     /// Forgets the last run.
-    pub(super) fn begin(&mut self, paths: bool) {
+    pub(super) fn begin(&mut self, extra: Extra) {
         self.last = 0;
-        self.keeps_paths = paths;
+        self.keeps_paths = extra.paths;
+        self.footprint.both_levels = extra.both_levels;
         self.spans.clear();
         self.paths.iter_mut().for_each(Vec::clear);
         self.running = Default::default();

@@ -197,7 +197,7 @@ fn paths_are_what_steps_are_made_of() {
     let mut bound = executor.bind(&p, &resources, &uniforms);
     let mut record = |paths: bool| {
         fill(&mut bound);
-        let mut recorder = Recorder::with_paths(paths);
+        let mut recorder = Recorder::with(Extra { paths, ..Extra::default() });
         bound.run_recorded(!0, 0, &mut recorder).expect("it ends");
         recorder
     };

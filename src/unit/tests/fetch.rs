@@ -33,6 +33,7 @@ fn config() -> FetchConfig {
         index_lines: 16,
         reuse: 16,
         lookups_per_cycle: 1,
+        skip_attributes: true,
         cache_lines: 16,
         cache_ways: 16,
         misses: 64,

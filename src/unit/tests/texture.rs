@@ -28,6 +28,7 @@ fn config() -> TextureConfig {
         quads_per_cycle: 16,
         lookups_per_cycle: 32,
         filters_per_cycle: 8,
+        skip_levels: true,
         cache_lines: 1024,
         cache_ways: 1024,
         misses: 256,

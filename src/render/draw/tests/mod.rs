@@ -61,7 +61,7 @@ struct How {
 
 const USUAL: How = How {
     threads: 2,
-    skips: Skips { hierarchical_z: true, tile_reject: true, overwritten: true },
+    skips: Skips { hierarchical_z: true, tile_reject: true, overwritten: true, full_blocks: true },
     record: false,
     key: RenderKey {
         early_z: true,
@@ -157,7 +157,7 @@ impl Scene {
 
     fn pipeline(&self) -> Result<RenderPipeline, String> {
         let module = Module::new("scene", Source::Wgsl(&self.source)).unwrap_or_else(|e| panic!("{e}"));
-        RenderPipeline::new(&self.state, &module, Some(&module), "scene")
+        RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene")
     }
 
     fn draw_with(&self, pipeline: &RenderPipeline, how: How) -> Result<Image, String> {
