@@ -81,11 +81,6 @@ impl Needless {
         levels: false,
     };
 
-    /// Whether primitives are recorded that end in geometry otherwise.
-    pub fn primitives(&self) -> bool {
-        self.facing || self.frustum || self.scissor || self.no_sample
-    }
-
     /// Whether primitives are recorded that end so.
     pub fn keeps(&self, outcome: Outcome) -> bool {
         match outcome {
