@@ -55,6 +55,12 @@ struct Passed {
     written: f64,
 }
 
+/// The larger of two times; unlike [`f64::max`] one instruction, since none is a NaN.
+#[inline(always)]
+fn later(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
 impl Pipeline {
     fn last(&self) -> Passed {
         self.windows.last().copied().unwrap_or_default()
@@ -73,15 +79,15 @@ impl Pipeline {
     /// and each for as long as `latency` at least.
     fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &[f64; UNITS.len()], waiting: f64, latency: f64) {
         let last = self.last();
-        let slowest = |units: &[f64]| units.iter().copied().fold(0.0, f64::max);
+        let slowest = |units: &[f64]| units.iter().copied().fold(0.0, later);
         while self.windows.get(self.shaded).is_some_and(|window| last.quads - window.quads > waiting) {
             self.shaded += 1;
         }
         let place = if self.shaded == 0 { 0.0 } else { self.windows[self.shaded - 1].written };
-        let begin = last.rasterized.max(from[0]).max(place);
-        let rasterized = (begin + slowest(&work[..RASTERIZER])).max(from[1]);
+        let begin = later(later(last.rasterized, from[0]), place);
+        let rasterized = later(begin + slowest(&work[..RASTERIZER]), from[1]);
         let shaded = if given[1] > 0.0 { latency } else { 0.0 };
-        let written = (last.written.max(begin) + slowest(&work[RASTERIZER..])).max(rasterized + shaded);
+        let written = later(later(last.written, begin) + slowest(&work[RASTERIZER..]), rasterized + shaded);
         let [triangles, quads] = [last.triangles + given[0], last.quads + given[1]];
         self.windows.push(Passed { triangles, quads, rasterized, written });
     }
@@ -123,17 +129,17 @@ impl Bound<'_> {
             let range = first as usize..window.end as usize;
             for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
                 let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
-                let traverse =
-                    (groups * rates.group).max(f64::from(cell.tested) * rates.test).max(f64::from(cell.blocks) * rates.block);
+                let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
+                let traverse = later(later(groups * rates.group, tested), blocks);
                 let units = [
                     triangles * rates.setup,
                     traverse,
-                    (groups * rates.depth).max(f64::from(cell.seen) * rates.depth_block),
+                    later(groups * rates.depth, f64::from(cell.seen) * rates.depth_block),
                     shaded * rates.interpolate,
                     shaded * rates.dispatch,
                     shaded * rates.core,
                     shaded * rates.texture,
-                    (shaded * rates.color).max(f64::from(cell.pins) * rates.color_block),
+                    later(shaded * rates.color, f64::from(cell.pins) * rates.color_block),
                 ];
                 let (owners, part) = match *owner {
                     Some(pipeline) => (usize::from(pipeline)..usize::from(pipeline) + 1, 1.0),
@@ -146,8 +152,8 @@ impl Bound<'_> {
                 }
             }
             first = window.end;
-            let place = done.iter_mut().map(|pipeline| pipeline.place(waiting[0])).fold(0.0, f64::max);
-            let begin = geometry.max(place);
+            let place = done.iter_mut().map(|pipeline| pipeline.place(waiting[0])).fold(0.0, later);
+            let begin = later(geometry, place);
             geometry = begin + primitives * rates.geometry;
             for (((pipeline, units), sums), given) in done.iter_mut().zip(&work).zip(&mut sums).zip(&given) {
                 pipeline.take(*given, [begin, geometry], units, waiting[1], rates.shaded);
