@@ -96,7 +96,7 @@ pub fn coverage(survey: &Survey, frames: &[&Tree], samples: usize) -> [Option<f6
         let holds = |seed: u64| {
             let drawn = clusters.draw(&mut random(seed));
             let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
-            clusters.total(&drawn, &estimates, &own).covers(truth)
+            clusters.total(&drawn, &estimates, &own, false).covers(truth)
         };
         let held = (0..RESAMPLINGS).filter(|&seed| holds(seed)).count();
         (truth > 0.0).then_some(held as f64 / RESAMPLINGS as f64)

@@ -12,6 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::Verdict;
 use crate::import;
 use crate::report::summary;
+use crate::run::draws::DrawSampling;
 use crate::run::replay::{self, Fidelity, Options, Replay};
 use crate::run::sampled::Sampling;
 use crate::run::tiles::TileSampling;
@@ -43,10 +44,10 @@ pub struct Arguments {
     /// With --fidelity sampled: what is sampled
     #[arg(long, value_enum, default_value = "frames")]
     sample: SampleName,
-    /// With --fidelity sampled: frames that are simulated and counted, or runs with some of the tiles each
+    /// With --fidelity sampled: frames or pieces of draws that are simulated and counted, or runs with some of the tiles each
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// With --fidelity sampled: frames that are simulated before each of these, to warm caches, and not counted
+    /// With --fidelity sampled: frames or pieces that are simulated before each of these, to warm caches and fill pipelines, and not counted
     #[arg(long, value_name = "N", default_value = "1")]
     warm_up: u32,
     /// With --sample tiles: groups that tiles are dealt to, of which each run draws one [default: twice the runs]
@@ -76,6 +77,8 @@ enum FidelityName {
 enum SampleName {
     /// Whole frames, of those that are alike one: for sequences
     Frames,
+    /// Draws, cut into pieces or put together: for single frames of many
+    Draws,
     /// Tiles of the screen: for single frames
     Tiles,
 }
@@ -122,6 +125,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
                 groups: arguments.groups.unwrap_or(2 * arguments.samples),
                 seed: arguments.seed,
             }),
+            FidelityName::Sampled if matches!(arguments.sample, SampleName::Draws) => {
+                let Arguments { samples, seed, warm_up, .. } = *arguments;
+                Fidelity::SampledDraws(DrawSampling { samples, seed, warm_up })
+            }
             FidelityName::Sampled => {
                 Fidelity::Sampled(Sampling { samples: arguments.samples, seed: arguments.seed, warm_up: arguments.warm_up })
             }
@@ -171,19 +178,20 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
     if options.fidelity == Fidelity::Functional {
         println!("\nhost: {all:.3} s in all");
     } else {
+        let sampled = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_));
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
         let phases: Vec<_> = done.frames.iter().map(|frame| frame.phases.as_slice()).collect();
         if phases.iter().any(|phases| !phases.is_empty()) {
             print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
         }
-        if !matches!(options.fidelity, Fidelity::Bound | Fidelity::SampledTiles(_)) {
+        if !matches!(options.fidelity, Fidelity::Bound | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_)) {
             print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
             print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
             let pipelines = options.config.card.pipelines;
             print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
         }
-        if matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::SampledTiles(_)) {
+        if sampled {
             print!("\nWhat is estimated\n{}", summary::sampled(&done.total));
         }
         let frames = done.total.number("sampled.frames").unwrap_or(frames as f64);
@@ -201,7 +209,7 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
                 );
                 println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host);
             }
-            Fidelity::Sampled(_) | Fidelity::SampledTiles(_) => {
+            _ if sampled => {
                 println!("host: {host:.2} s in the machine, {all:.2} s in all")
             }
             _ => println!(

@@ -20,8 +20,12 @@ pub use report::{FrameReport, MachineReport, Picture};
 
 use self::build::Built;
 use self::config::SortClass;
+use crate::mem::{Crossbar, requests};
+use crate::num::Cycle;
 use crate::sim::{self, Circuit, Clock, Stuck, Wire};
+use crate::stats::Tree;
 use crate::unit::Fault;
+use crate::unit::apply::{Keepers, Touch, Touching, apply};
 use crate::unit::assembly::Deal;
 use crate::unit::card::{Card, Pool};
 use crate::unit::frame::Frame;
@@ -45,6 +49,17 @@ pub enum MachineError {
     /// Something was left inside at the end.
     #[error("at the end of the run something was left in the machine: {0}")]
     Left(String),
+}
+
+/// A segment of a watched run that has retired.
+#[derive(Clone, Debug)]
+pub struct Retirement {
+    /// Its number among those of the stream, from 0; segments that are drawn at once have one too.
+    pub segment: u32,
+    /// The cycle in which the last of its quads was told to be in its place.
+    pub cycle: Cycle,
+    /// What caches and memory have counted since the machine was made.
+    pub counts: Tree,
 }
 
 /// Events that are read ahead of the command processor.
@@ -127,16 +142,45 @@ impl Machine {
     /// Why the run stopped before its end.
     pub fn run_each(
         &mut self,
+        events: impl Iterator<Item = Event>,
+        clock: Clock,
+        each: impl FnMut(FrameReport),
+    ) -> Result<MachineReport, MachineError> {
+        self.go(events, clock, each, None)
+    }
+
+    /// [`Machine::run_each`] that tells of every segment that retires what caches and memory have counted by then.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run_watched(
+        &mut self,
+        events: impl Iterator<Item = Event>,
+        clock: Clock,
+        each: impl FnMut(FrameReport),
+        mut retired: impl FnMut(Retirement),
+    ) -> Result<MachineReport, MachineError> {
+        self.circuit.command.watch();
+        self.go(events, clock, each, Some(&mut retired))
+    }
+
+    fn go(
+        &mut self,
         mut events: impl Iterator<Item = Event>,
         clock: Clock,
         mut each: impl FnMut(FrameReport),
+        mut watcher: Option<&mut dyn FnMut(Retirement)>,
     ) -> Result<MachineReport, MachineError> {
         let mut readings = Readings::new(self);
         self.card.closed = false;
+        let class = self.config.card.sort;
         loop {
             // 1. There is always an event for the command processor to read, until the last.
             while !self.card.closed && self.reads_ahead() {
                 match events.next() {
+                    Some(Event::Applied(_)) if matches!(class, SortClass::MiddleBinned | SortClass::LastImage) => {
+                        return Err(Fault::AtOnce { class: class.name() }.into());
+                    }
                     Some(event) => self.card.events.push_back(event),
                     None => self.card.closed = true,
                 }
@@ -152,16 +196,24 @@ impl Machine {
                     Some(Event::BeginPass(_)) => !card.closed && card.events.len() == 1,
                     Some(_) => false,
                 };
+                let applies = matches!(card.events.front(), Some(Event::Applied(_)));
                 let done = short && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
-                card.fault.is_some() || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
+                let stops = card.fault.is_some() || circuit.command.has_retired() || applies && circuit.command.idle();
+                stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
             });
             // A machine with a fault may well be stuck; the fault is why.
             if let Some(fault) = self.card.fault.take() {
                 return Err(fault.into());
             }
             ran?;
+            if let Some(watcher) = &mut watcher {
+                self.tell(watcher);
+            }
+            if self.apply() {
+                continue;
+            }
 
             // 3. A frame is over: read everything.
             if self.circuit.command.frame_over() {
@@ -174,6 +226,33 @@ impl Machine {
         }
         self.empty()?;
         Ok(readings.total(self))
+    }
+
+    /// Tells of segments that have retired.
+    fn tell(&mut self, watcher: &mut dyn FnMut(Retirement)) {
+        for (segment, cycle) in self.circuit.command.take_retired() {
+            watcher(Retirement { segment, cycle, counts: report::traffic(self) });
+        }
+    }
+
+    /// Draws the segments at the head of the events that are to be drawn at once; whether there was one.
+    fn apply(&mut self) -> bool {
+        let Machine { circuit, card, .. } = self;
+        let (mut any, mut touched) = (false, Touching::new());
+        while let Some(slot) = circuit.command.apply(card) {
+            let Parts { traverse, depth, color, texture, .. } = circuit;
+            apply(card, slot, &mut Keepers { traverse, depth, color, texture }, &mut touched);
+            card.work[usize::from(slot)] = None;
+            any = true;
+        }
+        let Some(interleave) = circuit.crossbar.as_ref().map(Crossbar::interleave) else { return any };
+        for Touch { address, bytes, write } in touched {
+            for (address, bytes) in requests(address, bytes) {
+                let (slice, address) = interleave.split(address);
+                circuit.l2[slice as usize].visit(address, bytes, write);
+            }
+        }
+        any
     }
 
     /// Whether another event is to be read: until there are some, and where pipelines have runs of a pass until all of it is there,

@@ -99,19 +99,10 @@ impl Sums {
     }
 }
 
-/// What a machine has counted up to now.
-fn read(machine: &mut Machine) -> Reading {
-    machine.circuit.wires_mut().settle();
+/// What caches and memory have counted up to now.
+pub(super) fn traffic(machine: &Machine) -> Tree {
     let circuit = &machine.circuit;
-    let cycles = circuit.wires().now();
     let mut tree = Tree::new();
-    tree.count("cycles", cycles);
-    let funnel = tree.child("funnel");
-    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.values()) {
-        funnel.count(name, value);
-    }
-    tree.extend(circuit.tree());
-
     let caches = tree.child("caches");
     let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
     for (index, unit) in circuit.fetch.iter().enumerate() {
@@ -148,6 +139,22 @@ fn read(machine: &mut Machine) -> Reading {
     for (index, unit) in circuit.l2.iter().enumerate() {
         l2.element("l2", index).extend(unit.counts().tree());
     }
+    tree
+}
+
+/// What a machine has counted up to now.
+fn read(machine: &mut Machine) -> Reading {
+    machine.circuit.wires_mut().settle();
+    let circuit = &machine.circuit;
+    let cycles = circuit.wires().now();
+    let mut tree = Tree::new();
+    tree.count("cycles", cycles);
+    let funnel = tree.child("funnel");
+    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.values()) {
+        funnel.count(name, value);
+    }
+    tree.extend(circuit.tree());
+    tree.extend(traffic(machine));
 
     let rop = tree.child("rop");
     for (index, unit) in circuit.depth.iter().enumerate() {

@@ -111,6 +111,11 @@ impl Cache {
         self.counts
     }
 
+    /// Puts the counts back to what they were before something that is not to be counted.
+    pub fn recount(&mut self, counts: CacheCounts) {
+        self.counts = counts;
+    }
+
     /// The line of an address.
     #[inline(always)]
     pub fn line_of(&self, address: u64) -> u64 {

@@ -53,6 +53,11 @@ impl Crossbar {
         Crossbar { interleave, turn: 0, items: 0, counts: vec![ClientCounts::default(); inputs.len()], inputs, outputs }
     }
 
+    /// How addresses are dealt to slices.
+    pub fn interleave(&self) -> Interleave {
+        self.interleave
+    }
+
     /// What each port asked for.
     pub fn counts(&self) -> &[ClientCounts] {
         &self.counts

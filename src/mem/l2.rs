@@ -116,6 +116,39 @@ impl L2Slice {
         &self.cache
     }
 
+    /// Has what a request touches looked up without any time: it is in the cache then, and neither counted nor asked of DRAM.
+    pub fn visit(&mut self, address: u64, bytes: u32, write: bool) {
+        let shape = self.cache.shape();
+        let mut done = 0;
+        while done < bytes {
+            let address = address + u64::from(done);
+            let offset = address as u32 & (shape.line() - 1);
+            let part = (bytes - done).min(shape.line() - offset);
+            done += part;
+            let line = self.cache.line_of(address);
+            let place = match self.cache.find(line) {
+                Some(place) => {
+                    self.cache.touch(place);
+                    place
+                }
+                None => {
+                    // Where all of a set is on its way, the line goes by.
+                    let Some(place) = self.cache.victim(line) else { continue };
+                    let counts = self.cache.counts();
+                    self.cache.replace(place, line);
+                    self.cache.recount(counts);
+                    place
+                }
+            };
+            let sectors = self.cache.sectors(offset, part);
+            if write {
+                self.cache.write(place, sectors, sectors);
+            } else {
+                self.cache.fill(place, sectors & !self.cache.fetching(place));
+            }
+        }
+    }
+
     /// Answers that are ready leave.
     #[inline(always)]
     fn answer(&mut self, wires: &mut Wires) -> Tick {

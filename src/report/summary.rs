@@ -260,9 +260,16 @@ fn clip(text: &str, most: usize) -> String {
 /// What a sampled replay estimates, with the margins of its intervals.
 pub fn sampled(total: &Tree) -> String {
     let n = |path: &str| total.number(path).unwrap_or(0.0);
-    let from = match total.number("sampled.runs") {
-        Some(runs) => format!("{runs} runs, each with one of {} groups of tiles", n("sampled.groups_of_tiles")),
-        None => {
+    let from = match (total.number("sampled.runs"), total.number("sampled.pieces")) {
+        (Some(runs), _) => format!("{runs} runs, each with one of {} groups of tiles", n("sampled.groups_of_tiles")),
+        (None, Some(pieces)) => {
+            let [counted, edges, simulated] = ["counted", "edge", "simulated"].map(|of| n(&format!("sampled.{of}_pieces")));
+            let drawn = pieces - edges;
+            format!(
+                "{counted} of {drawn} pieces of draws and {edges} at the ends of passes ({simulated} of {pieces} simulated)"
+            )
+        }
+        (None, None) => {
             let (counted, simulated) = (n("sampled.counted_frames"), n("sampled.simulated_frames"));
             format!("{counted} of {} frames ({simulated} simulated)", n("sampled.frames"))
         }

@@ -9,8 +9,6 @@
 //! The interval comes from how much the ratios of simulated to estimated differ between clusters, with Student's t for their
 //! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
 
-use super::bound::FrameEstimate;
-
 /// Level of the intervals.
 pub const LEVEL: f64 = 0.997;
 
@@ -40,10 +38,10 @@ impl Interval {
     }
 }
 
-/// What each unit has to do in a frame, in cycles, in the order of `units`.
-pub fn signature(estimate: &FrameEstimate, units: &mut Vec<&'static str>) -> Vec<f64> {
+/// What each unit has to do, in cycles, in the order of `units`; what is told of a unit more than once is summed up.
+pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Vec<&'static str>) -> Vec<f64> {
     let mut signature = vec![0.0; units.len()];
-    for &(unit, cycles) in estimate.phases.iter().flat_map(|phase| &phase.units) {
+    for (unit, cycles) in work {
         let at = units.iter().position(|known| *known == unit).unwrap_or_else(|| {
             units.push(unit);
             units.len() - 1
@@ -127,8 +125,9 @@ impl Clusters {
         self.members.iter().zip(drawn).map(weight).collect()
     }
 
-    /// The sum over all frames of what was counted in those drawn.
-    pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64]) -> Interval {
+    /// The sum over all frames of what was counted in those drawn. Where clusters differ much in size, a deviation counts by its cluster's
+    /// share (`by_share`), else all count alike.
+    pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64], by_share: bool) -> Interval {
         let weights = self.weights(drawn, estimates);
         let value: f64 = weights.iter().zip(counted).map(|(weight, counted)| weight * counted).sum();
         let clusters = drawn.len();
@@ -141,7 +140,10 @@ impl Clusters {
         let ratio = if all > 0.0 { value / all } else { 0.0 };
         let own =
             weights.iter().zip(counted).zip(&shares).map(|((w, y), share)| if *share > 0.0 { w * y / share } else { ratio });
-        let spread = own.map(|own| (own - ratio) * (own - ratio)).sum::<f64>() / (clusters - 1) as f64;
+        let even = 1.0 / clusters as f64;
+        let part = |share: f64| if by_share && all > 0.0 { share / all } else { even };
+        let squares = own.zip(&shares).map(|(own, &share)| part(share) * (own - ratio) * (own - ratio));
+        let spread = squares.sum::<f64>() * clusters as f64 / (clusters - 1) as f64;
         let parts = shares.iter().zip(&self.members).map(|(share, m)| share * share * (1.0 - 1.0 / m.len() as f64));
         let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
         Interval { value, margin: t * (spread * parts.sum::<f64>()).sqrt() }
@@ -183,7 +185,7 @@ mod tests {
         let clusters = Clusters::new(&signatures, 4);
         let drawn = clusters.draw(&mut random(1));
         let counted: Vec<f64> = drawn.iter().map(|&frame| 3.0 * estimates[frame]).collect();
-        let total = clusters.total(&drawn, &estimates, &counted);
+        let total = clusters.total(&drawn, &estimates, &counted, false);
         assert!((total.value - 3.0 * 1275.0).abs() < 1e-6 && total.margin < 1e-6, "{total:?}");
     }
 
@@ -197,12 +199,12 @@ mod tests {
         let counts: Vec<f64> = estimates.iter().enumerate().map(|(i, x)| x * (1.0 + 0.05 * normal() + 0.1 * kind(i))).collect();
         let signatures: Vec<Vec<f64>> = estimates.iter().enumerate().map(|(i, &x)| vec![x, 60.0 * kind(i)]).collect();
         let truth: f64 = counts.iter().sum();
-        for clusters in [3, 6, 12, 40] {
+        for (clusters, by_share) in [3, 6, 12, 40].into_iter().flat_map(|n| [(n, false), (n, true)]) {
             let clusters = Clusters::new(&signatures, clusters);
             let covered = (0..1000).filter(|&seed| {
                 let drawn = clusters.draw(&mut random(seed));
                 let counted: Vec<f64> = drawn.iter().map(|&frame| counts[frame]).collect();
-                clusters.total(&drawn, &estimates, &counted).covers(truth)
+                clusters.total(&drawn, &estimates, &counted, by_share).covers(truth)
             });
             assert!(covered.count() >= 990, "{} clusters", clusters.members.len());
         }

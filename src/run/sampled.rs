@@ -57,7 +57,7 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
         let start = Instant::now();
         for profile in profiles.drain(..) {
             let estimate = bound.frame(&profile);
-            signatures.push(signature(&estimate, &mut units));
+            signatures.push(signature(estimate.phases.iter().flat_map(|phase| phase.units.iter().copied()), &mut units));
             frames.push(estimate);
         }
         time += start.elapsed();
@@ -123,7 +123,7 @@ impl Survey {
     /// The sum over all frames of what was counted in those drawn.
     pub fn total(&self, clusters: &Clusters, drawn: &[usize], path: &str, frames: &[&Tree]) -> Interval {
         let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
-        clusters.total(drawn, &self.estimates(path), &own)
+        clusters.total(drawn, &self.estimates(path), &own, false)
     }
 }
 
@@ -274,7 +274,7 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
         let rate = total(&format!("caches.{cache}.hits")).value / accesses.value;
         // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
         let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
-        let margin = clusters.total(drawn, &survey.estimates("cycles"), &beside).margin / accesses.value;
+        let margin = clusters.total(drawn, &survey.estimates("cycles"), &beside, false).margin / accesses.value;
         found.push((path, Interval { value: rate, margin }));
     }
     found

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::apply::{Touch, Touching};
 use super::compression::Compression;
 use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
@@ -280,6 +281,44 @@ impl BlockCache {
         }
         self.tags.replace(place, key, Line { needs, pins: 1, dirty: false, absent });
         Ok(place)
+    }
+
+    /// Has a block used without any time, while none is pinned: it is here then, what had to leave is in memory, and nothing is
+    /// counted. Gives the number of a dirty block that had to leave.
+    pub fn visit(
+        &mut self,
+        frame: &mut Frame,
+        (surface, block): (usize, u32),
+        written: bool,
+        memory: &mut Touching,
+    ) -> Option<(usize, u32)> {
+        let key = key(surface, block);
+        let counts = self.tags.counts();
+        let mut left = None;
+        let place = self.tags.find(key).or_else(|| {
+            let place = self.tags.victim(key, |line| line.pins == 0)?;
+            if let Some(old) = self.tags.key(place).filter(|_| self.tags.data(place).dirty) {
+                let (surface, block) = ((old >> 32) as usize, old as u32);
+                let store = &mut frame.stores[surface];
+                let bytes = self.compression.bytes(store, block);
+                store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+                memory.push(Touch { address: store.address(block), bytes, write: true });
+                left = Some((surface, block));
+            }
+            if let Some((address, bytes)) = frame.stores[surface].stored(block) {
+                memory.push(Touch { address, bytes, write: false });
+            }
+            let needs = self.misses.frontier();
+            self.tags.replace(place, key, Line { needs, ..Line::default() });
+            Some(place)
+        });
+        self.tags.recount(counts);
+        if let Some(place) = place {
+            let line = self.tags.data(place);
+            line.dirty |= written;
+            line.absent = 0;
+        }
+        left
     }
 
     /// Whether a pinned block's data are there.

@@ -228,6 +228,12 @@ pub enum Fault {
         /// How many are too many.
         most: u32,
     },
+    /// A segment is to be drawn at once where that cannot be.
+    #[error("a segment is to be drawn at once, but machines of class {class} keep pixels of a pass elsewhere until it ends")]
+    AtOnce {
+        /// The sort class.
+        class: &'static str,
+    },
     /// A quad passed this machine's early tests but was not shaded in API order.
     #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
     Visibility {

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
+use super::apply::Touching;
 use super::block_cache::{BlockCache, BlockCounts, Quads};
-use super::card::{Card, Group, Work};
+use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
 use super::copies::own;
 use super::depth::mark;
@@ -114,6 +115,11 @@ impl Color {
         self.cache.counts()
     }
 
+    /// Takes note that a block has been written of which this unit was not told.
+    pub(super) fn visit(&mut self, frame: &mut Frame, at: (usize, u32), memory: &mut Touching) {
+        self.cache.visit(frame, at, true, memory);
+    }
+
     /// Blends one group into one target.
     #[inline(always)]
     fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
@@ -121,35 +127,8 @@ impl Color {
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let target = usize::from(entry.target);
-        let surface = pass.as_ref().and_then(|pass| pass.color.get(target).copied().flatten());
-        let state = work.colors.get(target).and_then(Option::as_ref);
-        let slot = work.draw.targets.get(target).and_then(Option::as_ref);
-        let (Some(surface), Some(state), Some(slot)) = (surface, state, slot) else { return };
-        if work.marks.over && state.blends() {
-            empty(frame, work, group, surface);
-        }
-        let store = &mut frame.stores[surface];
-        let samples = store.surface.samples as usize;
-        let tile = &work.segment.tiles[group.tile as usize];
-        let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
-        for (&live, quad) in group.live.iter().zip(quads) {
-            if live == 0 {
-                continue;
-            }
-            let words = payload(&tile.payload, quad, slot.payload);
-            let run = store.quad_mut(group.block, quad.position);
-            if slot.packed {
-                state.put_quad(samples, live, words, run);
-            } else {
-                let src = colors(words, slot);
-                let src1 = match slot.second {
-                    Some(second) => colors(payload(&tile.payload, quad, Some(second)), slot),
-                    None => [[0; 4]; 4],
-                };
-                state.blend_quad(samples, live, &src, &src1, run);
-            }
-        }
+        let Some(pass) = pass else { return };
+        blend_group(work, group, pass, usize::from(entry.target), frame);
         self.cache.release(line as usize, true);
         self.items += u64::from(entry.token.quads);
     }
@@ -300,12 +279,7 @@ impl Color {
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-                let writes = |target: usize| {
-                    let state = work.colors.get(target)?.as_ref()?;
-                    let slot = work.draw.targets.get(target)?.as_ref()?;
-                    let surface = pass.as_ref()?.color.get(target).copied().flatten()?;
-                    (!state.is_idle() && slot.payload.is_some()).then_some(surface)
-                };
+                let writes = |target: usize| written(work, pass.as_ref()?, target);
                 let count = work.colors.len();
                 let first = (usize::from(self.target)..count).find_map(|target| Some((target, writes(target)?)));
                 if let Some((target, surface)) = first {
@@ -338,6 +312,48 @@ impl Color {
                     return did;
                 }
             }
+        }
+    }
+}
+
+/// The surface that a draw writes as one of its targets; none where it writes nothing there.
+#[inline(always)]
+pub(super) fn written(work: &Work, pass: &PassState, target: usize) -> Option<usize> {
+    let state = work.colors.get(target)?.as_ref()?;
+    let slot = work.draw.targets.get(target)?.as_ref()?;
+    let surface = pass.color.get(target).copied().flatten()?;
+    (!state.is_idle() && slot.payload.is_some()).then_some(surface)
+}
+
+/// Blends a group's quads into one target.
+#[inline(always)]
+pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: usize, frame: &mut Frame) {
+    let surface = pass.color.get(target).copied().flatten();
+    let state = work.colors.get(target).and_then(Option::as_ref);
+    let slot = work.draw.targets.get(target).and_then(Option::as_ref);
+    let (Some(surface), Some(state), Some(slot)) = (surface, state, slot) else { return };
+    if work.marks.over && state.blends() {
+        empty(frame, work, group, surface);
+    }
+    let store = &mut frame.stores[surface];
+    let samples = store.surface.samples as usize;
+    let tile = &work.segment.tiles[group.tile as usize];
+    let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        if live == 0 {
+            continue;
+        }
+        let words = payload(&tile.payload, quad, slot.payload);
+        let run = store.quad_mut(group.block, quad.position);
+        if slot.packed {
+            state.put_quad(samples, live, words, run);
+        } else {
+            let src = colors(words, slot);
+            let src1 = match slot.second {
+                Some(second) => colors(payload(&tile.payload, quad, Some(second)), slot),
+                None => [[0; 4]; 4],
+            };
+            state.blend_quad(samples, live, &src, &src1, run);
         }
     }
 }

@@ -145,6 +145,8 @@ pub struct Command {
     /// Free slots, and the reports still to come for those in use.
     free: Vec<u16>,
     reports: Vec<u32>,
+    /// Segments that have retired and when, where that is watched.
+    retired: Option<Vec<(u32, Cycle)>>,
     free_runs: Vec<u16>,
     /// Surfaces to be cleared in memory: address and bytes.
     clears: VecDeque<(u64, u64)>,
@@ -183,6 +185,7 @@ impl Command {
             dispatch: None,
             free: (0..segments).rev().collect(),
             reports: vec![0; usize::from(segments)],
+            retired: None,
             free_runs: (0..runs).rev().collect(),
             clears: VecDeque::new(),
             resolves: VecDeque::new(),
@@ -226,6 +229,31 @@ impl Command {
             && self.free_runs.len() == self.config.workgroup_runs as usize
     }
 
+    /// Installs the segment at the head of the events, which is to be drawn at once, if nothing is in flight; gives its slot.
+    pub fn apply(&mut self, card: &mut Card) -> Option<u16> {
+        let (Some(Event::Applied(segment)), Some(draw)) = (card.events.front(), &self.draw) else { return None };
+        let slot = *self.free.last().filter(|_| self.idle())?;
+        card.install(slot, segment.clone(), draw.clone(), self.draws);
+        card.events.pop_front();
+        self.items += 1;
+        Some(slot)
+    }
+
+    /// Notes from now on when segments retire.
+    pub fn watch(&mut self) {
+        self.retired = Some(Vec::new());
+    }
+
+    /// Whether segments have retired that have not been taken.
+    pub fn has_retired(&self) -> bool {
+        self.retired.as_ref().is_some_and(|retired| !retired.is_empty())
+    }
+
+    /// Takes the numbers of segments that have retired, each with the cycle of its last report.
+    pub fn take_retired(&mut self) -> Vec<(u32, Cycle)> {
+        self.retired.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
     /// Workgroups are under way.
     fn computing(&self) -> bool {
         self.free_runs.len() < self.config.workgroup_runs as usize
@@ -247,6 +275,9 @@ impl Command {
                 let slot = usize::from(ack.slot);
                 self.reports[slot] -= 1;
                 if self.reports[slot] == 0 {
+                    if let (Some(retired), Some(work)) = (&mut self.retired, &card.work[slot]) {
+                        retired.push((work.number, wires.now()));
+                    }
                     card.work[slot] = None;
                     self.free.push(ack.slot);
                 }
@@ -392,8 +423,8 @@ impl Command {
         let drained = self.free.len() == self.reports.len() && self.pieces.is_empty();
         let in_pass = card.pass.is_some();
         let wrong = match card.events.front()? {
-            Event::Draw(_) | Event::Segment(_) | Event::EndPass if !in_pass => Some("outside a pass"),
-            Event::Segment(_) if self.draw.is_none() => Some("a segment without a draw"),
+            Event::Draw(_) | Event::Segment(_) | Event::Applied(_) | Event::EndPass if !in_pass => Some("outside a pass"),
+            Event::Segment(_) | Event::Applied(_) if self.draw.is_none() => Some("a segment without a draw"),
             Event::Groups(_) if self.dispatch.is_none() => Some("workgroups without a dispatch"),
             Event::BeginPass(_) | Event::Dispatch(_) | Event::Groups(_) | Event::Contents(_) | Event::EndFrame(_)
                 if in_pass =>
@@ -421,6 +452,8 @@ impl Command {
                 self.pieces.push_back(Piece { slot, kind: Kind::DATA });
                 self.pieces.push_back(Piece { slot, kind: Kind::SEGMENT });
             }
+            // Waits until nothing is in flight; then it is taken from here ([`Command::apply`]).
+            Event::Applied(_) => return None,
             Event::Draw(draw) => {
                 self.draw = Some(draw.clone());
                 self.draws = self.draws.wrapping_add(1);

@@ -6,6 +6,7 @@
 
 pub mod knob;
 
+pub mod apply;
 pub mod assembly;
 pub mod bin;
 pub mod block_cache;

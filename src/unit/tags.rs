@@ -162,6 +162,11 @@ impl<T: Copy + Default> Tags<T> {
         self.data.fill(T::default());
     }
 
+    /// Puts the counts back to what they were before something that is not to be counted.
+    pub fn recount(&mut self, counts: CacheCounts) {
+        self.counts = counts;
+    }
+
     /// What was counted.
     pub fn counts(&self) -> CacheCounts {
         self.counts

@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use super::apply::{Touch, Touching};
 use super::card::Card;
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
@@ -128,6 +129,22 @@ impl Texture {
         self.tags.counts()
     }
 
+    /// Has a line looked up without any time: it is in the cache then, and nothing is counted.
+    pub(super) fn visit(&mut self, line: u32, epoch: u32, memory: &mut Touching) {
+        if self.epoch != epoch {
+            self.epoch = epoch;
+            self.tags.clear();
+        }
+        let (key, counts) = (u64::from(line), self.tags.counts());
+        if self.tags.find(key).is_none() {
+            memory.push(Touch { address: key * LINE, bytes: LINE as u32, write: false });
+            if let Some(place) = self.tags.victim(key, |_| true) {
+                self.tags.replace(place, key, self.misses.frontier());
+            }
+        }
+        self.tags.recount(counts);
+    }
+
     /// An item's request and the lines of it that are left from `line` on.
     #[inline(always)]
     fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, line: u32) -> (&'a Request, &'a [u32]) {
@@ -248,8 +265,7 @@ impl Texture {
                             if !self.memory.can_send(wires) {
                                 return did.or(Tick::Blocked);
                             }
-                            let bytes = (u32::from(request.operations) * 4 / u32::from(request.lines).max(1)).clamp(4, 64);
-                            self.memory.write(wires, u64::from(line) * LINE, bytes);
+                            self.memory.write(wires, u64::from(line) * LINE, stored_bytes(request));
                         }
                         _ => {
                             if self.misses.room() == 0 {
@@ -300,6 +316,11 @@ impl Texture {
         self.fifo.push_back(Entry { needs, from: now + Cycle::from(self.config.latency), operations, answer });
         self.place = Place { item: self.place.item + 1, line: 0, needs: None };
     }
+}
+
+/// Bytes that a store writes into each of its lines.
+pub(super) fn stored_bytes(request: &Request) -> u32 {
+    (u32::from(request.operations) * 4 / u32::from(request.lines).max(1)).clamp(4, 64)
 }
 
 impl Unit<Card> for Texture {

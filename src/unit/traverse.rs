@@ -1,7 +1,7 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
-use super::card::{Ahead, Card, Group, Work};
+use super::card::{Ahead, Card, Group, PassState, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use crate::gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use crate::num::prefetch;
@@ -164,6 +164,11 @@ impl Traverse {
         }
     }
 
+    /// Where it finds blocks.
+    pub(super) fn territory(&self) -> Territory {
+        self.territory
+    }
+
     /// What it has counted.
     pub fn counts(&self) -> TraverseCounts {
         self.counts
@@ -214,8 +219,7 @@ impl Traverse {
 
     /// Makes the hierarchical Z buffer that of the current pass.
     #[cold]
-    fn begin_pass(&mut self, card: &Card) {
-        let Some(pass) = &card.pass else { return };
+    fn begin_pass(&mut self, pass: &PassState) {
         self.pass = pass.number;
         let Some(start) = pass.depth_start else { return };
         let hierarchical = &mut self.hierarchical;
@@ -235,14 +239,11 @@ impl Traverse {
         }
     }
 
-    /// Takes a triangle in hand.
-    fn begin(&mut self, card: &Card, token: TriangleToken) {
-        let work = card.work(token.slot);
-        let triangle = &work.segment.triangles[token.triangle as usize];
-        if card.pass.as_ref().is_some_and(|pass| pass.number != self.pass) {
-            self.begin_pass(card);
+    /// Takes note of a draw of which a triangle comes; `drawn`: it covers samples.
+    pub(super) fn note(&mut self, pass: Option<&PassState>, work: &Work, drawn: bool) {
+        if let Some(pass) = pass.filter(|pass| pass.number != self.pass) {
+            self.begin_pass(pass);
         }
-        let drawn = triangle.end == End::Nowhere;
         if let Some(state) = &work.depth
             && state.writes_depth()
             && drawn
@@ -251,6 +252,34 @@ impl Traverse {
             self.hierarchical.max_valid &= !raises;
             self.hierarchical.min_valid &= !lowers;
         }
+    }
+
+    /// Takes note of a block that is drawn without this unit; whether hierarchical Z hides it.
+    pub(super) fn passes_by(&mut self, work: &Work, triangle: &Triangle, block: &Block, number: u32) -> bool {
+        let hidden = self.hidden(work, triangle, u32::from(block.x), u32::from(block.y), number);
+        if !hidden && !self.hierarchical.outer.is_empty() {
+            let counts = self.counts;
+            self.look_ahead(work, triangle, block, number);
+            self.counts = counts;
+        }
+        hidden
+    }
+
+    /// Learns what a block's depths are.
+    pub(super) fn learn(&mut self, update: DepthBounds) {
+        if update.pass == self.pass
+            && let Some(bounds) = self.hierarchical.bounds.get_mut(update.block as usize)
+        {
+            *bounds = Bounds { min: update.min, max: update.max };
+        }
+    }
+
+    /// Takes a triangle in hand.
+    fn begin(&mut self, card: &Card, token: TriangleToken) {
+        let work = card.work(token.slot);
+        let triangle = &work.segment.triangles[token.triangle as usize];
+        let drawn = triangle.end == End::Nowhere;
+        self.note(card.pass.as_ref(), work, drawn);
         let TriangleToken { slot, sequence, triangle: number, .. } = token;
         self.place = Place { active: true, slot, sequence, triangle: number, ..Place::default() };
         if let Territory::Bins(side) = self.territory {
@@ -307,8 +336,7 @@ impl Traverse {
 
     /// Whether hierarchical Z hides a block.
     #[inline(always)]
-    fn hidden(&self, card: &Card, triangle: &Triangle, x: u32, y: u32, number: u32) -> bool {
-        let work = card.work(self.place.slot);
+    fn hidden(&self, work: &Work, triangle: &Triangle, x: u32, y: u32, number: u32) -> bool {
         let Some(state) = work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z) else {
             return false;
         };
@@ -358,11 +386,7 @@ impl Unit<Card> for Traverse {
         // 1. The hierarchical Z buffer learns what the ROP has written. Both bounds may be late; where writes of this pass could
         //    have broken one, it is not used.
         while let Some(update) = self.updates.as_ref().and_then(|updates| wires.pop(updates)) {
-            if update.pass == self.pass
-                && let Some(bounds) = self.hierarchical.bounds.get_mut(update.block as usize)
-            {
-                *bounds = Bounds { min: update.min, max: update.max };
-            }
+            self.learn(update);
             moved = true;
         }
 
@@ -441,7 +465,7 @@ impl Unit<Card> for Traverse {
                 self.counts.whole += u64::from(block.full);
                 let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
                 let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
-                let hidden = self.hidden(card, triangle, x, y, number);
+                let hidden = self.hidden(work, triangle, x, y, number);
                 if card.interleave.is_balanced() {
                     card.interleave.note(y, block.quads.into());
                 }

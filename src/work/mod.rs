@@ -142,6 +142,9 @@ pub enum Event {
     Draw(Arc<Draw>),
     /// A piece of the current draw.
     Segment(Arc<Segment>),
+    /// A piece of the current draw that is drawn at once and without any time, where a run simulates only some pieces of a frame. No
+    /// render leaves such.
+    Applied(Arc<Segment>),
     /// The render pass ends: attachments are stored and resolved.
     EndPass,
     /// A compute dispatch begins.

@@ -5,16 +5,16 @@ use crate::num::Cycle;
 use crate::render::{self, render};
 use crate::sim::{self, Circuit, Clock};
 use crate::trace::Trace;
-use crate::work::Event;
+use crate::work::{Event, RenderKey};
 
-fn rendered(name: &str) -> Vec<Event> {
+pub(super) fn rendered(name: &str, key: RenderKey) -> Vec<Event> {
     let trace = Trace::open(format!("{}/traces/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let mut events = Vec::new();
     let mut keep = |event| {
         events.push(event);
         Ok(())
     };
-    render(&trace, &render::Options { record: true, ..render::Options::default() }, &mut keep).unwrap();
+    render(&trace, &render::Options { record: true, key, ..render::Options::default() }, &mut keep).unwrap();
     events
 }
 
@@ -82,7 +82,7 @@ fn the_counts_are_what_is_seen(config: &Config, events: &[Event]) {
     assert!(busy > 20, "{busy} channels carried something");
 }
 
-fn config(name: &str, changes: &[&str]) -> Config {
+pub(super) fn config(name: &str, changes: &[&str]) -> Config {
     let mut config = Config::built_in(name).unwrap();
     for change in changes {
         config.set(change).unwrap();
@@ -92,17 +92,17 @@ fn config(name: &str, changes: &[&str]) -> Config {
 
 #[test]
 fn the_integral_of_occupancy_is_the_sum_of_residence_times_on_every_channel() {
-    let triangle = rendered("triangle");
+    let triangle = rendered("triangle", RenderKey::default());
     the_counts_are_what_is_seen(&config("baseline", &[]), &triangle);
     the_counts_are_what_is_seen(&config("tiny", &[]), &triangle);
     the_counts_are_what_is_seen(&config("attila", &[]), &triangle);
-    let cube = rendered("cube");
+    let cube = rendered("cube", RenderKey::default());
     the_counts_are_what_is_seen(&config("baseline", &[]), &cube);
     // Short queues, which are full much of the time.
     let short =
         ["traverse.queue=2", "depth.output_queue=2", "network.receive_queue=2", "memory.port_queue=2", "texture.queue=2"];
     the_counts_are_what_is_seen(&config("baseline", &short), &cube);
     // Samples that are resolved, and workgroups over several frames.
-    the_counts_are_what_is_seen(&config("baseline", &["memory.kind=ideal"]), &rendered("spokes-msaa"));
-    the_counts_are_what_is_seen(&config("baseline", &[]), &rendered("particles"));
+    the_counts_are_what_is_seen(&config("baseline", &["memory.kind=ideal"]), &rendered("spokes-msaa", RenderKey::default()));
+    the_counts_are_what_is_seen(&config("baseline", &[]), &rendered("particles", RenderKey::default()));
 }

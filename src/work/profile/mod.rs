@@ -228,7 +228,7 @@ impl Profiler {
                     pass.draw(draw);
                 }
             }
-            Event::Segment(segment) => {
+            Event::Segment(segment) | Event::Applied(segment) => {
                 if let Some(pass) = &mut self.pass {
                     pass.segment(segment, &mut self.touches);
                 }
