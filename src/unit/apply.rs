@@ -178,10 +178,8 @@ impl Place<'_> {
         }
         let each = units.texture.len() / units.color.len();
         let Some(unit) = units.texture.get_mut(self.pipeline * each + self.at as usize % each.max(1)) else { return };
-        let mut request = quad.first_request as usize;
-        for step in self.tile.costs[quad.cost].steps.iter().filter(|step| step.then.has_request()) {
-            let found = &self.tile.requests[request];
-            request += 1;
+        let asking = self.tile.costs[quad.cost].steps.iter().filter(|step| step.then.has_request());
+        for (step, found) in asking.zip(&self.tile.requests[quad.first_request as usize..]) {
             let lines = &self.tile.lines[found.first_line as usize..][..usize::from(found.lines)];
             for &line in lines {
                 match step.then {
