@@ -3,8 +3,10 @@
 
 mod raster_common;
 
+use fillrate::accuracy::Random;
 use fillrate::gfx::reference;
-use fillrate::gfx::setup::{self, SAMPLES_1, SAMPLES_4, ScreenVertex};
+use fillrate::gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex};
+use fillrate::gfx::traverse::Blocks;
 use proptest::prelude::*;
 use raster_common::*;
 
@@ -97,4 +99,34 @@ proptest! {
 fn samples_are_where_the_specification_has_them() {
     let offsets = |count| reference::samples(count).iter().map(|p| p.map(|v| v as i32 - 128)).collect::<Vec<_>>();
     assert_eq!((offsets(1), offsets(4)), (SAMPLES_1.to_vec(), SAMPLES_4.to_vec()));
+}
+
+/// The blocks of an area with whole blocks taken as such or tested sample by sample, and how many are full.
+fn both_ways<const S: usize>(triangle: &setup::Triangle, area: Bounds) -> usize {
+    let (mut whole, mut tested) = (Blocks::<S>::new(), Blocks::<S>::new());
+    tested.takes_whole = false;
+    whole.find(triangle, area);
+    tested.find(triangle, area);
+    assert_eq!(whole[..], tested[..]);
+    whole.iter().filter(|block| block.full).count()
+}
+
+#[test]
+fn what_is_taken_whole_is_what_tests_find_full() {
+    let mut random = Random::new(11);
+    let mut full = 0;
+    for _ in 0..3000 {
+        let mut vertex = || {
+            let [x, y] = [0; 2].map(|_: i32| random.below(200 * 256) as i32 - 64 * 256);
+            ScreenVertex { x, y, z: 0.5, inv_w: 1.0 }
+        };
+        let corners = [vertex(), vertex(), vertex()];
+        // An odd window: blocks at its right and lower edge are never full.
+        for samples in [1, 4] {
+            let Ok(triangle) = setup::triangle(&state(samples, [0, 0, 64, 61]), &corners) else { continue };
+            let area = Bounds { x0: 0, y0: 0, x1: 64, y1: 64 };
+            full += if samples == 1 { both_ways::<1>(&triangle, area) } else { both_ways::<4>(&triangle, area) };
+        }
+    }
+    assert!(full > 10_000, "{full}");
 }

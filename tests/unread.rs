@@ -153,7 +153,7 @@ fn a_card_that_does_not_know_what_is_read_pays_for_all() {
             for path in ["funnel.fragments_covered", "funnel.fragments_written", "funnel.vertices_in", "funnel.quads_shaded"] {
                 assert_eq!(cost(&other, path), cost(&on, path), "{context}: {path}");
             }
-            let same = other.total.json().to_string() == on.total.json().to_string();
+            let same = other.total.json() == on.total.json();
             assert_eq!(same, !saves, "{context}");
             if !saves {
                 continue;
