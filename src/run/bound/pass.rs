@@ -292,7 +292,11 @@ impl Bound<'_> {
         let indices = if draw.index_bytes > 0 { draw.segments as f64 * self.hit_latency } else { 0.0 };
         let clipping =
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
+        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
+        // A segment has its place until the last of it is written.
+        let held = draw.segments as f64 * (shading.latency + fragment.latency + self.fill());
         let geometry = [
+            ("command", held / f64::from(c.command.segments)),
             ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups) + indices),
             ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
             ("fetch port", fetched / f64::from(c.memory.port_width)),
@@ -306,7 +310,6 @@ impl Bound<'_> {
         let cores = self.pipelines * f64::from(c.core.per_pipeline);
 
         // Rasterisers.
-        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
         let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);
         let written = (draw.targets - draw.blended) as f64 / f64::from(c.color.quads_per_cycle);
         Rates {
