@@ -47,9 +47,10 @@ pub struct Arguments {
     /// With --fidelity sampled: frames or pieces of draws that are simulated and counted, or runs with some of the tiles each
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// With --fidelity sampled: frames or pieces that are simulated before each of these, to warm caches and fill pipelines, and not counted
-    #[arg(long, value_name = "N", default_value = "1")]
-    warm_up: u32,
+    /// With --fidelity sampled: frames or pieces that are simulated before each of these, to warm caches and fill pipelines, and not
+    /// counted [default: 1 frame, 2 pieces]
+    #[arg(long, value_name = "N")]
+    warm_up: Option<u32>,
     /// With --sample tiles: groups that tiles are dealt to, of which each run draws one [default: twice the runs]
     #[arg(long, value_name = "N")]
     groups: Option<u32>,
@@ -127,11 +128,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             }),
             FidelityName::Sampled if matches!(arguments.sample, SampleName::Draws) => {
                 let Arguments { samples, seed, warm_up, .. } = *arguments;
-                Fidelity::SampledDraws(DrawSampling { samples, seed, warm_up })
+                Fidelity::SampledDraws(DrawSampling { samples, seed, warm_up: warm_up.unwrap_or(2) })
             }
-            FidelityName::Sampled => {
-                Fidelity::Sampled(Sampling { samples: arguments.samples, seed: arguments.seed, warm_up: arguments.warm_up })
-            }
+            FidelityName::Sampled => Fidelity::Sampled(Sampling {
+                samples: arguments.samples,
+                seed: arguments.seed,
+                warm_up: arguments.warm_up.unwrap_or(1),
+            }),
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {

@@ -10,7 +10,7 @@ use crate::machine::config::MemoryKind;
 use crate::run::bound::{Bound, Traffic};
 use crate::unit::interleave::Interleave;
 use crate::work::profile::Profiler;
-use crate::work::{BLOCK, Block, Class, Cost, EndFrame, Event, Pass, QUAD_SHADED, Segment, TILE, TileWork};
+use crate::work::{BLOCK, Block, Class, Cost, EndFrame, Event, LINE, Pass, QUAD_SHADED, Segment, TILE, TileWork};
 
 /// Estimated cycles of a piece, at least.
 pub const GRAIN: f64 = 500.0;
@@ -43,6 +43,8 @@ pub struct Estimate {
     pub lines: f64,
     /// Indices.
     pub indices: f64,
+    /// Lines of memory that these lie in.
+    pub index_lines: f64,
 }
 
 /// Part of what pieces are weighed by that is cycles, whatever is weighed: where nothing of a kind is expected, little is.
@@ -56,7 +58,8 @@ pub fn weights(pieces: &[Estimate], path: &str) -> Vec<f64> {
         ["caches" | "rop", "depth", ..] | ["memory", "clients", "depth", ..] => |piece| piece.blocks[1],
         ["caches", "texture", "misses"] | ["memory", "clients", "texture", ..] => |piece| piece.texture_misses,
         ["caches", "texture", ..] => |piece| piece.lines,
-        ["caches", "vertex", ..] | ["memory", "clients", "index" | "vertex", ..] => |piece| piece.indices,
+        ["caches", "vertex", ..] | ["memory", "clients", "vertex", ..] => |piece| piece.indices,
+        ["memory", "clients", "index", ..] => |piece| piece.index_lines,
         ["caches", "l2", "misses"] => |piece| piece.memory.misses,
         ["caches", "l2", ..] => |piece| piece.memory.lookups,
         ["memory", "dram", "read_bytes"] => |piece| piece.memory.read,
@@ -246,6 +249,10 @@ impl<'c> Cutter<'c> {
         let start = Instant::now();
         self.end = self.flow.segment(segment, self.config);
         self.counts.indices += segment.stream.len() as f64;
+        if let Some(address) = segment.index_address {
+            let end = address + u64::from(segment.index_bytes) * segment.stream.len() as u64;
+            self.counts.index_lines += (end.div_ceil(LINE) - address / LINE) as f64;
+        }
         for tile in &segment.tiles {
             let shaded = |block: &&Block| {
                 let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
