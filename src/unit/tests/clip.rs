@@ -61,6 +61,16 @@ fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
 }
 
 #[test]
+fn what_is_cut_away_holds_the_unit_and_is_not_drawn() {
+    let outside = |cut_away| Primitive { cut_away, ..primitive(0, 0, 0, false, Outcome::Frustum) };
+    for (cut_away, at) in [(false, 2), (true, 9)] {
+        let kinds = [outside(cut_away), primitive(0, 0, 1, false, Outcome::Drawn)];
+        let (log, funnel) = clipped(&kinds, 1);
+        assert_eq!((log, funnel.culled_frustum, funnel.clipped), (vec![(at, (0, 1))], 1, 0));
+    }
+}
+
+#[test]
 fn what_is_culled_takes_its_turn() {
     // Seven culled primitives, two a cycle, before the one that is drawn: tested in cycle 4 with the last of them.
     let mut kinds = vec![primitive(0, 0, 0, false, Outcome::Scissor); 7];

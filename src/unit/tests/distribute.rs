@@ -12,7 +12,7 @@ use crate::unit::interleave::Pattern;
 use crate::unit::network::Sender;
 use crate::unit::sorting::SortCounts;
 use crate::unit::token::{Kind, Run, TriangleToken, bytes};
-use crate::work::Segment;
+use crate::work::{End, Segment};
 
 crate::circuit! {
     struct DistributeCircuit for Card {
@@ -100,6 +100,25 @@ fn a_triangle_that_covers_nothing_is_dropped_where_that_is_seen() {
         assert_eq!(times[0], [4, 5], "{pipelines} pipelines");
         assert_eq!((counts.sorted_items, counts.sent, counts.redistributed_items), (2, 2, 2));
     }
+}
+
+#[test]
+fn a_triangle_that_is_not_culled_goes_where_its_bounds_are() {
+    let mut segment = row_of_tiles(3, 8, 4, 0);
+    (segment.triangles[0].visits, segment.triangles[0].end) = (0, End::Setup);
+    for overlap in [Overlap::Exact, Overlap::Bounds] {
+        let (times, counts) = distributed(4, &config(overlap, 64), &segment);
+        assert_eq!(times.iter().map(Vec::len).collect::<Vec<_>>(), [1, 1, 1, 0], "{overlap:?}");
+        assert_eq!((counts.sent, counts.redistributed_items), (1, 3));
+    }
+    // Outside of all pixels: to one pipeline, whose turn goes by the primitive.
+    for (primitive, to) in [(0, 0), (3, 3), (6, 2)] {
+        let triangle = &mut segment.triangles[0];
+        (triangle.bounds, triangle.primitive) = ([0; 4], primitive);
+        let (times, counts) = distributed(4, &config(Overlap::Exact, 64), &segment);
+        assert_eq!((times[to].len(), counts.redistributed_items), (1, 1), "primitive {primitive}");
+    }
+    assert_eq!(distributed(1, &config(Overlap::Exact, 64), &segment).0[0].len(), 1);
 }
 
 #[test]

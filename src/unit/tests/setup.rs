@@ -1,13 +1,16 @@
 //! Triangle setup: its rate, and the order of sequence numbers.
 
+use std::sync::Arc;
+
 use super::kit::{FREE, Sink, Source, settle};
-use super::scenery::{card, triangle};
+use super::scenery::{card, draw, row_of_tiles, triangle};
 use crate::num::Cycle;
 use crate::sim::{Gate, Link, One, Wiring};
 use crate::unit::network::Receiver;
 use crate::unit::setup::{Setup, SetupConfig};
 use crate::unit::sorting::Keep;
 use crate::unit::token::{Kind, TriangleToken};
+use crate::work::{End, Segment};
 
 crate::circuit! {
     struct SetupCircuit for crate::unit::Card {
@@ -19,7 +22,17 @@ crate::circuit! {
 
 /// When triangles come out of a setup unit whose geometry units send them as listed.
 fn set_up(config: &SetupConfig, inputs: &[Vec<(Cycle, TriangleToken)>]) -> Vec<(Cycle, u32)> {
-    let wanted = inputs.iter().flatten().filter(|(_, token)| token.kind == Kind::DATA).count();
+    set_up_of(config, inputs, None).0
+}
+
+/// The same where something is known of the triangles; and how many end in the unit.
+fn set_up_of(
+    config: &SetupConfig,
+    inputs: &[Vec<(Cycle, TriangleToken)>],
+    segment: Option<&Segment>,
+) -> (Vec<(Cycle, u32)>, u64) {
+    let ends = |token: &TriangleToken| segment.is_some_and(|s| s.triangles[token.triangle as usize].end == End::Setup);
+    let wanted = inputs.iter().flatten().filter(|(_, token)| token.kind == Kind::DATA && !ends(token)).count();
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -34,10 +47,14 @@ fn set_up(config: &SetupConfig, inputs: &[Vec<(Cycle, TriangleToken)>]) -> Vec<(
             let link = Link::items(config.queue, config.triangles_per_cycle, config.latency);
             let (output, input) = wiring.channel("out", 0, link, setup, sink);
             let unit = Setup::new(config.clone(), Receiver::direct(into), false, Keep::Always, Gate::default(), output);
-            (SetupCircuit::new(wiring, source, One(unit), One(Sink::new(input))), card(1))
+            let mut card = card(1);
+            if let Some(segment) = segment {
+                card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);
+            }
+            (SetupCircuit::new(wiring, source, One(unit), One(Sink::new(input))), card)
         },
         |c, _| c.sink.got.len() == wanted,
-        |c, _| c.sink.log(|token| token.triangle),
+        |c, _| (c.sink.log(|token| token.triangle), c.setup.found().ended),
     )
 }
 
@@ -52,6 +69,18 @@ fn a_triangle_takes_the_interval_and_the_latency() {
     assert_eq!(set_up(&config, &inputs), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
     let config = SetupConfig { triangles_per_cycle: 2, ..CONFIG };
     assert_eq!(set_up(&config, &inputs), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
+}
+
+#[test]
+fn a_triangle_that_ends_here_takes_its_time_and_no_place_behind() {
+    let mut segment = row_of_tiles(1, 1, 1, 0);
+    segment.triangles = vec![segment.triangles[0]; 4];
+    for ended in [1, 2] {
+        segment.triangles[ended].end = End::Setup;
+    }
+    let items: Vec<_> = (0..4).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
+    let config = SetupConfig { interval: 3, ..CONFIG };
+    assert_eq!(set_up_of(&config, &[items], Some(&segment)), (vec![(11, 0), (20, 3)], 2));
 }
 
 #[test]

@@ -14,7 +14,7 @@ use crate::unit::Card;
 use crate::unit::card::DepthStart;
 use crate::unit::token::{DepthBounds, GroupToken, Kind, TriangleToken};
 use crate::unit::traverse::{Territory, Traverse, TraverseConfig, TraverseCounts};
-use crate::work::{Draw, Funnel, Segment};
+use crate::work::{Draw, End, Funnel, Segment};
 
 crate::circuit! {
     struct TraverseCircuit for Card {
@@ -260,4 +260,23 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     // Off, nothing is.
     let segment = over_each_other(&[0.3]);
     assert_eq!(traversed(&self::config(), &segment, &[], hidden(&segment, Some(0.5))).2, TraverseCounts::default());
+}
+
+#[test]
+fn a_triangle_without_samples_takes_all_blocks_of_its_bounds() {
+    // Three of them, 4 tests a cycle; bounds of one, 8, 9 and 600 blocks, of which a pipeline alone owns all.
+    for (x1, y1, all) in [(1, 1, 1), (8, 1, 6), (9, 1, 7), (30, 20, 450)] {
+        let mut segment = triangles(3, 1, 4, 0);
+        for triangle in &mut segment.triangles {
+            (triangle.visits, triangle.bounds, triangle.end) = (0, [0, 0, x1, y1], End::Traversal);
+        }
+        assert_eq!(cycles(&config(), &segment), all, "{x1} x {y1} blocks");
+        let (log, funnel, counts) = traversed(&config(), &segment, &[], |_| ());
+        assert_eq!((log.len(), funnel.quads_rasterized), (1, 0));
+        let blocks_in_vain = 3 * u64::from(x1) * u64::from(y1);
+        assert_eq!(counts, TraverseCounts { ended: 3, blocks_in_vain, ..TraverseCounts::default() });
+        // Of several pipelines each has its own tiles: the first of four owns every fourth tile of a row.
+        let (.., counts) = traversed(&config(), &segment, &[], |own| *own = card_of_tiles(4, 8));
+        assert!(counts.blocks_in_vain < blocks_in_vain || x1 == 1, "{counts:?}");
+    }
 }
