@@ -98,7 +98,7 @@ fn pieces_add_up_to_the_frame_and_stand_for_it() {
 #[test]
 fn what_cannot_be_sampled_is_refused_by_name() {
     let refused = |found: anyhow::Result<Replay>, with: &str| {
-        let error = found.err().expect("it is refused").to_string();
+        let error = found.expect_err("it is refused").to_string();
         assert!(error.contains(with), "{error}");
     };
     refused(sampled(7, 1, 1, &[]), "8 are the least");
