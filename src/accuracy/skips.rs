@@ -174,6 +174,23 @@ pub const SKIPS: &[Skip] = &[
         work: ("lines of textures looked up", &["caches.texture[*].accesses"]),
     },
     Skip {
+        name: "draws out of view",
+        what: "vertices of a draw whose bounds lie outside the view volume are neither read nor shaded",
+        switch: "--set command.cull=draws turns it on",
+        how: Switch::Machine { base: &["command.cull=draws"], off: &["command.cull=none"] },
+        // What is left out is not assembled.
+        changes: &["funnel.primitives_in"],
+        work: ("vertices shaded", &["funnel.vertices_shaded"]),
+    },
+    Skip {
+        name: "instances out of view",
+        what: "the same for each instance of a draw, beside whole draws",
+        switch: "--set command.cull=instances turns it on",
+        how: Switch::Machine { base: &["command.cull=instances"], off: &["command.cull=draws"] },
+        changes: &["funnel.primitives_in"],
+        work: ("vertices shaded", &["funnel.vertices_shaded"]),
+    },
+    Skip {
         name: "idle cycles",
         what: "cycles in which nothing can move",
         switch: "--clock every-cycle",

@@ -132,7 +132,7 @@ impl Candidate<'_> {
             self.builtins(BuiltIn::InstanceIndex, Range::point(number), given);
             seen.culling.tests += 1;
             let outside = self.outside(boxes, given);
-            if outside == None && instance == all.start {
+            if outside.is_none() && instance == all.start {
                 seen.instances.push(all);
                 return;
             }

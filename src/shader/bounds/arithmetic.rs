@@ -9,7 +9,10 @@ use crate::shader::code::{Code, eval};
 
 use super::range::Range;
 
-type Floats = (f32, f32);
+/// Least and greatest.
+type Ends<T> = (T, T);
+
+type Floats = Ends<f32>;
 
 /// Both ends by a function that never falls.
 fn rising(a: Floats, f: impl Fn(f32) -> f32) -> Range {
@@ -160,8 +163,8 @@ fn ones(x: u32) -> u32 {
 /// Two operands as integers.
 fn integer(code: Code, a: Range, b: Range) -> Range {
     let (u, s) = (a.unsigned.zip(b.unsigned), a.signed.zip(b.signed));
-    let unsigned = |f: &dyn Fn((u32, u32), (u32, u32)) -> Option<(u32, u32)>| u.and_then(|(a, b)| f(a, b));
-    let signed = |f: &dyn Fn((i32, i32), (i32, i32)) -> Option<(i32, i32)>| s.and_then(|(a, b)| f(a, b));
+    let unsigned = |f: &dyn Fn(Ends<u32>, Ends<u32>) -> Option<Ends<u32>>| u.and_then(|(a, b)| f(a, b));
+    let signed = |f: &dyn Fn(Ends<i32>, Ends<i32>) -> Option<Ends<i32>>| s.and_then(|(a, b)| f(a, b));
     match code {
         Code::IAdd => Range::integers(
             unsigned(&|a, b| Some((a.0.checked_add(b.0)?, a.1.checked_add(b.1)?))),
