@@ -123,8 +123,7 @@ fn simulated(trace: &Trace, sort: &str, cull: &str) -> Replay {
 
 #[test]
 fn machines_of_all_classes_draw_what_is_left() {
-    let trace =
-        import::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/town.zip")).expect("a trace of the repository");
+    let trace = import::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/town.zip")).expect("a trace of the repository");
     let classes = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
     for sort in classes {
         let runs = ["none", "draws", "instances"].map(|cull| simulated(&trace, sort, cull));

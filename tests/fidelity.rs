@@ -70,7 +70,7 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
             eprintln!("left out: there is no {}", path.display());
             continue;
         }
-        let trace = import::open(&path.join("trace")).expect("a recorded trace");
+        let trace = import::open(path.join("trace")).expect("a recorded trace");
         let config = Config::built_in("baseline").expect("it is built in");
         let run = |fidelity| {
             let options = Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };

@@ -31,7 +31,7 @@ fn wall(u: f64, v: f64) -> [f64; 4] {
     let plaster = scale([0.62, 0.57, 0.48], rough);
     let (x, y) = ((u - 0.5).abs(), (v - 0.45).abs());
     if x < 0.2 && y < 0.24 {
-        let bar = x < 0.015 || x > 0.17 || y < 0.015 || y > 0.21;
+        let bar = !(0.015..=0.17).contains(&x) || !(0.015..=0.21).contains(&y);
         return opaque(if bar {
             [0.75, 0.74, 0.70]
         } else {
