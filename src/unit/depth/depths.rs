@@ -4,10 +4,64 @@ use crate::gfx::hierarchical::depth_key;
 use crate::gfx::rop::DepthStencilState;
 use crate::gfx::setup::{SAMPLES_1, SAMPLES_4};
 use crate::num::SUBPIXEL;
-use crate::unit::card::{Group, Work};
+use crate::unit::card::{Group, PassState, Work};
 use crate::unit::frame::Store;
 use crate::unit::token::DepthBounds;
+use crate::unit::traverse::fragments;
 use crate::work::{BLOCK, Triangle};
+
+/// What a test has left of a group.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tested {
+    /// Quads still alive.
+    pub alive: u8,
+    /// Fragments that have failed.
+    pub failed_fragments: u32,
+    /// Samples that have.
+    pub failed_samples: u32,
+}
+
+/// Tests a group's quads against the stored depths and stencils, and writes what passes; `late`: with the depths that the shader has
+/// found, if it does.
+#[inline(always)]
+pub fn test_group(
+    state: &DepthStencilState,
+    work: &Work,
+    group: &mut Group,
+    pass: &PassState,
+    store: &mut Store,
+    late: bool,
+) -> Tested {
+    let samples = store.surface.samples as usize;
+    let triangle = &work.segment.triangles[group.triangle as usize];
+    let tile = &work.segment.tiles[group.tile as usize];
+    let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
+    let (left, top) = (group.block % pass.blocks_across * BLOCK, group.block / pass.blocks_across * BLOCK);
+    let mut tested = Tested::default();
+    for (live, quad) in group.live.iter_mut().zip(quads) {
+        if *live == 0 {
+            continue;
+        }
+        let mut codes = [[0_u32; 4]; 4];
+        // A test that comes before the shader in API order does not know its depths, wherever it is made.
+        if late && !work.early && work.draw.depth_words > 0 {
+            let words = &tile.payload[quad.payload as usize..];
+            for (codes, words) in codes[..samples].iter_mut().zip(words.chunks_exact(4)) {
+                *codes = state.code_quad(std::array::from_fn(|p| f32::from_bits(words[p])));
+            }
+        } else {
+            let x = (left + u32::from(quad.position) % 4 * 2) as i32;
+            let y = (top + u32::from(quad.position) / 4 * 2) as i32;
+            sample_depths(state, triangle, x, y, samples, &mut codes);
+        }
+        let before = *live;
+        *live = state.test_quad(samples, triangle.back, before, &codes, store.quad_mut(group.block, quad.position));
+        tested.failed_fragments += fragments(before) - fragments(*live);
+        tested.failed_samples += before.count_ones() - live.count_ones();
+        tested.alive += u8::from(*live != 0);
+    }
+    tested
+}
 
 /// Tests a group's quads ahead of the test that counts, by the state that their draw has for it, against depths known of a pass `across`
 /// blocks wide; gives the quads still alive.
