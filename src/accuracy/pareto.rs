@@ -36,8 +36,17 @@ pub struct Point {
     pub errors: [Option<f64>; QUANTITIES.len()],
     /// Half the intervals, relative.
     pub margins: [Option<f64>; QUANTITIES.len()],
-    /// How often intervals of this many clusters hold the truth.
+    /// How other draws of as many clusters do.
+    pub resampled: Resampled,
+}
+
+/// What [`RESAMPLINGS`] draws of frames come to, of a sequence that is known whole.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Resampled {
+    /// How often the intervals hold the truth.
     pub covered: [Option<f64>; QUANTITIES.len()],
+    /// The relative error's absolute value on average.
+    pub errors: [Option<f64>; QUANTITIES.len()],
 }
 
 /// The fidelities on a trace.
@@ -68,12 +77,11 @@ fn point(fidelity: String, run: &Replay, truth: &[Option<f64>; QUANTITIES.len()]
         let (measured, truth) = measured[i].zip(truth[i])?;
         (truth > 0.0).then(|| (measured / truth - 1.0).abs())
     });
-    let none = [None; QUANTITIES.len()];
     let margins = std::array::from_fn(|i| {
         let value = measured[i].filter(|&value| value > 0.0)?;
         margin(&run.total, PATHS[i]).map(|margin| margin / value)
     });
-    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margins, covered: none }
+    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margins, resampled: Resampled::default() }
 }
 
 /// Half the interval of a count, as the statistics have it under its path as a name.
@@ -86,21 +94,29 @@ fn margin(tree: &Tree, path: &str) -> Option<f64> {
     })
 }
 
-/// How often the intervals hold the truth, over [`RESAMPLINGS`] draws of frames of a sequence that is known whole.
-pub fn coverage(survey: &Survey, frames: &[&Tree], samples: usize) -> [Option<f64>; QUANTITIES.len()] {
+/// Draws frames again and again, of a sequence that is known whole.
+pub fn resample(survey: &Survey, frames: &[&Tree], samples: usize) -> Resampled {
     let clusters = Clusters::new(&survey.signatures, samples);
-    PATHS.map(|path| {
+    let mut resampled = Resampled::default();
+    for (at, path) in PATHS.iter().enumerate() {
         let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
         let estimates = survey.estimates(path);
         let truth: f64 = own.iter().sum();
-        let holds = |seed: u64| {
+        if truth <= 0.0 {
+            continue;
+        }
+        let (mut held, mut errors) = (0, 0.0);
+        for seed in 0..RESAMPLINGS {
             let drawn = clusters.draw(&mut random(seed));
             let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
-            clusters.total(&drawn, &estimates, &own, false).covers(truth)
-        };
-        let held = (0..RESAMPLINGS).filter(|&seed| holds(seed)).count();
-        (truth > 0.0).then_some(held as f64 / RESAMPLINGS as f64)
-    })
+            let told = clusters.total(&drawn, &estimates, &own, false);
+            held += u64::from(told.covers(truth));
+            errors += (told.value / truth - 1.0).abs();
+        }
+        resampled.covered[at] = Some(held as f64 / RESAMPLINGS as f64);
+        resampled.errors[at] = Some(errors / RESAMPLINGS as f64);
+    }
+    resampled
 }
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
@@ -118,8 +134,8 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
         let sampling = Sampling { samples, seed, ..Sampling::default() };
         let options = Options { fidelity: Fidelity::Sampled(sampling), ..options.clone() };
         let run = sampled(trace, &options, &sampling, &|_| ())?;
-        let covered = coverage(&survey, &frames, samples as usize);
-        points.push(Point { covered, ..point(format!("sampled, {samples} frames"), &run, &truth) });
+        let resampled = resample(&survey, &frames, samples as usize);
+        points.push(Point { resampled, ..point(format!("sampled, {samples} frames"), &run, &truth) });
     }
     points.push(point("bound".into(), &run(Fidelity::Bound)?, &truth));
     let functional = run(Fidelity::Functional)?;
@@ -138,7 +154,7 @@ impl Front {
     pub fn table(&self) -> String {
         let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
         let mut out = format!(
-            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | intervals of these | how many hold |\n|---|---|---|---|{}---|---|\n",
+            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | on average of {RESAMPLINGS} draws | intervals of these | how many hold |\n|---|---|---|---|{}---|---|---|\n",
             self.trace,
             self.frames,
             self.cycles,
@@ -148,14 +164,15 @@ impl Front {
         for point in &self.points {
             let errors: Vec<String> = point.errors.iter().map(|&error| percent(error)).collect();
             out.push_str(&format!(
-                "| {} | {:.3} ms | {} | {:.2} s | {} | {} | {} |\n",
+                "| {} | {:.3} ms | {} | {:.2} s | {} | {} | {} | {} |\n",
                 point.fidelity,
                 1e3 * point.time.as_secs_f64(),
                 self.speed(point).map_or("-".into(), |speed| format!("{speed:.1}")),
                 point.whole.as_secs_f64(),
                 errors.join(" | "),
+                together(&point.resampled.errors, 2),
                 together(&point.margins, 1),
-                together(&point.covered, 1)
+                together(&point.resampled.covered, 1)
             ));
         }
         out
@@ -174,7 +191,8 @@ impl Front {
                     "times_as_fast": self.speed(point),
                     "errors": named(&point.errors),
                     "margins": named(&point.margins),
-                    "covered": named(&point.covered),
+                    "errors_of_draws": named(&point.resampled.errors),
+                    "covered": named(&point.resampled.covered),
                 })
             })
             .collect();

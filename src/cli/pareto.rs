@@ -21,7 +21,7 @@ pub struct Arguments {
     #[command(flatten)]
     machine: super::configs::Choice,
     /// Frames to sample; several make several runs
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,3,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Vec<u32>,
     /// Of the random numbers by which frames are drawn
     #[arg(long, value_name = "N", default_value = "1")]

@@ -47,8 +47,8 @@ pub struct Arguments {
     /// With --fidelity sampled: frames or pieces of draws that are simulated and counted, or runs with some of the tiles each
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// With --fidelity sampled: frames or pieces that are simulated before each of these, to warm caches and fill pipelines, and not
-    /// counted [default: 1 frame, 2 pieces]
+    /// With --fidelity sampled: frames before each of these that warm caches (drawn at once where the machine allows), or pieces that are
+    /// simulated to fill pipelines; not counted [default: 1 frame, 2 pieces]
     #[arg(long, value_name = "N")]
     warm_up: Option<u32>,
     /// With --sample tiles: groups that tiles are dealt to, of which each run draws one [default: twice the runs]

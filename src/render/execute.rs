@@ -35,6 +35,11 @@ impl FrameSet {
         self.0.iter().map(|range| range.end).max().unwrap_or(0)
     }
 
+    /// The first of them from a number on.
+    pub fn next(&self, from: u32) -> Option<u32> {
+        self.0.iter().filter(|range| range.end > from.max(range.start)).map(|range| range.start.max(from)).min()
+    }
+
     /// How many there are, of ranges that do not overlap.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|range| range.len() as u64).sum()

@@ -225,7 +225,8 @@ pub(super) struct Simulated {
     pub machine_time: Duration,
 }
 
-/// Replays some frames of a trace on the machine, renderer and machine side by side.
+/// Replays some frames of a trace on the machine, renderer and machine side by side; those that only warm up for others are drawn at
+/// once ([`apply`](crate::unit::apply)).
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.
@@ -233,15 +234,27 @@ pub(super) fn simulate(
     trace: &Trace,
     options: &Options,
     frames: FrameSet,
+    warms_up: &(dyn Fn(u32) -> bool + Sync),
     progress: &(dyn Fn(u32) + Sync),
 ) -> Result<Simulated> {
     let mut machine = Machine::new(&options.config)?;
-    let render_options = render::Options { record: true, frames, skips: Skips::default(), key: options.config.render_key() };
+    let mut under_way = frames.next(0);
+    let render_options =
+        render::Options { record: true, frames: frames.clone(), skips: Skips::default(), key: options.config.render_key() };
+    let mut role = move |event| match event {
+        Event::Segment(segment) if under_way.is_some_and(warms_up) => Event::Applied(segment),
+        Event::EndFrame(end) => {
+            under_way = frames.next(end.number + 1);
+            Event::EndFrame(end)
+        }
+        other => other,
+    };
     let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
     std::thread::scope(|scope| {
         // The machine's thread sees the end of the stream when the sender goes with the renderer.
-        let renderer = scope
-            .spawn(move || render::render(trace, &render_options, &mut |event| send.send(event).map_err(|_| render::Stop)));
+        let renderer = scope.spawn(move || {
+            render::render(trace, &render_options, &mut |event| send.send(role(event)).map_err(|_| render::Stop))
+        });
         let busy = Stopwatch::start();
         let mut frames = Vec::new();
         let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
@@ -258,7 +271,8 @@ pub(super) fn simulate(
 
 fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
     let watch = Stopwatch::start();
-    let Simulated { frames, total, machine_time } = simulate(trace, options, options.frames.clone().into(), progress)?;
+    let Simulated { frames, total, machine_time } =
+        simulate(trace, options, options.frames.clone().into(), &|_| false, progress)?;
     Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
 }
 

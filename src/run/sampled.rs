@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow, bail};
 
 use super::bound::{BATCH, Bound, FrameEstimate, PhaseEstimate};
+use super::draws;
 use super::host::Stopwatch;
 use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
@@ -24,7 +25,8 @@ pub struct Sampling {
     pub samples: u32,
     /// Of the random numbers.
     pub seed: u64,
-    /// Frames simulated before each of these to warm the caches, and not counted.
+    /// Frames before each of these that warm the caches, and are not counted: drawn at once where the machine is one on which they can be
+    /// ([`apply`](crate::unit::apply)), else simulated.
     pub warm_up: u32,
 }
 
@@ -164,7 +166,10 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.frames[frame].number).collect();
     let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
     let simulated = chosen.count();
-    let Simulated { frames, machine_time, .. } = simulate(trace, options, chosen, progress)?;
+    // Where work can be drawn at once, frames that warm up are.
+    let at_once = draws::check(&options.config).is_ok();
+    let warms_up = |number: u32| at_once && !numbers.contains(&number);
+    let Simulated { frames, machine_time, .. } = simulate(trace, options, chosen, &warms_up, progress)?;
     let mut counted: Vec<Option<Frame>> = frames.into_iter().map(Some).collect();
     let mut take = |number: &u32| {
         let frame = counted.iter_mut().find(|frame| frame.as_ref().is_some_and(|frame| frame.number == *number));

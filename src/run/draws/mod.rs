@@ -76,7 +76,7 @@ enum Role {
 }
 
 /// Refuses what draws cannot be sampled on.
-fn check(config: &Config) -> Result<()> {
+pub(super) fn check(config: &Config) -> Result<()> {
     let name = &config.name;
     let reason = match config.card.sort {
         SortClass::MiddleBinned => "it draws tile after tile, each with all draws of a pass",
