@@ -178,8 +178,8 @@ pub const SKIPS: &[Skip] = &[
         what: "vertices of a draw whose bounds lie outside the view volume are neither read nor shaded",
         switch: "--set command.cull=draws turns it on",
         how: Switch::Machine { base: &["command.cull=draws"], off: &["command.cull=none"] },
-        // What is left out is not assembled.
-        changes: &["funnel.primitives_in"],
+        // What is left out is not assembled, and so not found outside (`command.primitives_culled` has it).
+        changes: &["funnel.primitives_in", "funnel.culled_frustum"],
         work: ("vertices shaded", &["funnel.vertices_shaded"]),
     },
     Skip {
@@ -187,7 +187,7 @@ pub const SKIPS: &[Skip] = &[
         what: "the same for each instance of a draw, beside whole draws",
         switch: "--set command.cull=instances turns it on",
         how: Switch::Machine { base: &["command.cull=instances"], off: &["command.cull=draws"] },
-        changes: &["funnel.primitives_in"],
+        changes: &["funnel.primitives_in", "funnel.culled_frustum"],
         work: ("vertices shaded", &["funnel.vertices_shaded"]),
     },
     Skip {
