@@ -3,7 +3,7 @@
 //! A segment's quads go through the very tests and blends of the ROPs, in API order, so that depths and colours are what they are behind
 //! a segment that was simulated. Nothing takes time and nothing is counted. What later segments meet is left as it would be, as far as it does
 //! not depend on time: which blocks are in the ROPs' caches and how large the others are in memory, what hierarchical Z knows of them,
-//! which lines the texture caches have. What goes on to memory is told, for the second level.
+//! which lines the texture caches have. What goes on to memory is told, for the second level, and so is what geometry reads.
 
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
 use super::color::{self, Color, blend_group};
@@ -11,6 +11,7 @@ use super::depth::{Depth, test_group};
 use super::frame::Frame;
 use super::texture::{Texture, stored_bytes};
 use super::traverse::{Territory, Traverse};
+use crate::gfx::state::StepMode;
 use crate::work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
 
 /// A touch of memory by a cache.
@@ -43,6 +44,7 @@ pub struct Keepers<'u> {
 pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touching) {
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
     let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
+    geometry(work, memory);
     let pipelines = units.color.len();
     let mut noted = vec![false; units.traverse.len()];
     for (number, triangle) in (0..).zip(&work.segment.triangles) {
@@ -67,6 +69,31 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
                 if let Err(found) = place.draw(frame, *epoch, units, memory) {
                     fault.get_or_insert(found);
                     return;
+                }
+            }
+        }
+    }
+}
+
+/// What geometry reads of a segment: indices, and the lines of its vertices' attributes, each once where neighbours share it.
+fn geometry(work: &Work, memory: &mut Touching) {
+    let segment = &work.segment;
+    let mut read = |line: u64| memory.push(Touch { address: line * LINE, bytes: LINE as u32, write: false });
+    if let Some(address) = segment.index_address {
+        let bytes = segment.stream.len() as u64 * u64::from(segment.index_bytes);
+        (address / LINE..(address + bytes).div_ceil(LINE)).for_each(&mut read);
+    }
+    for fetch in &work.draw.attributes {
+        let mut last = None;
+        for vertex in &segment.vertices {
+            let element = match fetch.step {
+                StepMode::Vertex => vertex.index,
+                StepMode::Instance => vertex.instance,
+            };
+            let address = fetch.address + u64::from(element) * fetch.stride;
+            for line in address / LINE..(address + u64::from(fetch.bytes)).div_ceil(LINE) {
+                if last.replace(line) != Some(line) {
+                    read(line);
                 }
             }
         }
