@@ -261,14 +261,21 @@ const KEPT: [&str; 10] = [
     "funnel.fragments_written",
 ];
 
-fn simulate(trace: &Trace, config: &Config, clock: Clock, runs: usize) -> Result<Replay> {
-    let options = Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX };
-    let mut best = replay(trace, &options, &|_| ())?;
-    for _ in 1..runs {
-        let again = replay(trace, &options, &|_| ())?;
-        best.machine_time = best.machine_time.min(again.machine_time);
+/// A machine, and its clock.
+type Timed<'c> = (&'c Config, Clock);
+
+fn simulate(trace: &Trace, (config, clock): Timed<'_>) -> Result<Replay> {
+    replay(trace, &Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX }, &|_| ())
+}
+
+/// Takes the least host time of further runs of two machines, by turns: what a host has else to do changes from one second to the next.
+fn in_turn(trace: &Trace, machines: [Timed<'_>; 2], best: &mut [Replay; 2], further: usize) -> Result<()> {
+    for _ in 0..further {
+        for (machine, best) in machines.into_iter().zip(&mut *best) {
+            best.machine_time = best.machine_time.min(simulate(trace, machine)?.machine_time);
+        }
     }
-    Ok(best)
+    Ok(())
 }
 
 /// What no skip of the renderer may change: all but what says where hidden quads were thrown away.
@@ -298,31 +305,26 @@ fn differs(skip: &Skip, on: &Replay, off: &Replay) -> Option<String> {
     changed.map(|path| (*path).to_owned())
 }
 
-/// Renders without recording; pictures, funnel and the least time.
-fn rendered(trace: &Trace, skips: Skips, runs: usize) -> Result<(Vec<Vec<u8>>, Funnel, Duration)> {
-    let mut best = None;
-    for _ in 0..runs.max(1) {
-        let watch = Stopwatch::start();
-        let (mut pictures, mut funnel) = (Vec::new(), Funnel::default());
-        let options = render::Options { skips, key: RenderKey::default(), ..render::Options::default() };
-        render::render(trace, &options, &mut |event| {
-            match event {
-                Event::Segment(segment) => funnel += segment.funnel,
-                Event::EndFrame(end) => pictures.push(end.reference.to_vec()),
-                _ => {}
-            }
-            Ok(())
-        })?;
-        let time = watch.clock();
-        best = match best {
-            Some((_, _, least)) if least <= time => best,
-            _ => Some((pictures, funnel, time)),
-        };
-    }
-    Ok(best.unwrap_or_default())
+/// What a renderer leaves: pictures, funnel, and its time.
+type Rendered = (Vec<Vec<u8>>, Funnel, Duration);
+
+/// Renders without recording.
+fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
+    let watch = Stopwatch::start();
+    let (mut pictures, mut funnel) = (Vec::new(), Funnel::default());
+    let options = render::Options { skips, key: RenderKey::default(), ..render::Options::default() };
+    render::render(trace, &options, &mut |event| {
+        match event {
+            Event::Segment(segment) => funnel += segment.funnel,
+            Event::EndFrame(end) => pictures.push(end.reference.to_vec()),
+            _ => {}
+        }
+        Ok(())
+    })?;
+    Ok((pictures, funnel, watch.clock()))
 }
 
-/// Every skip on a trace, on and off; host times are the least of so many runs.
+/// Every skip on a trace, on and off; host times are the least of so many runs of both, by turns.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or a machine stops.
@@ -334,45 +336,51 @@ pub fn savings(trace: &Trace, config: &Config, runs: usize) -> Result<Vec<Saving
         }
         Ok(config)
     };
-    let plain = simulate(trace, config, Clock::SkipIdle, runs)?;
-    let plain_render = rendered(trace, Skips::default(), runs)?;
+    let further = runs.saturating_sub(1);
+    let plain = simulate(trace, (config, Clock::SkipIdle))?;
+    let plain_render = rendered(trace, Skips::default())?;
     let mut found = Vec::new();
     for skip in SKIPS {
         let saving = match skip.how {
             Switch::Renderer(off) => {
                 let mut skips = Skips::default();
                 off(&mut skips);
-                let (pictures, funnel, time) = rendered(trace, skips, runs)?;
+                let (pictures, funnel, time) = rendered(trace, skips)?;
+                let mut host = [plain_render.2, time];
+                for _ in 0..further {
+                    for (skips, host) in [Skips::default(), skips].into_iter().zip(&mut host) {
+                        *host = rendered(trace, skips)?.2.min(*host);
+                    }
+                }
                 let differs = if pictures != plain_render.0 {
                     Some("picture".to_owned())
                 } else {
                     (kept(&funnel) != kept(&plain_render.1)).then(|| "funnel".to_owned())
                 };
-                Saving { skip, cycles: None, host: [plain_render.2, time], work: None, differs }
+                Saving { skip, cycles: None, host, work: None, differs }
             }
             Switch::Machine { base, off } => {
-                let own;
-                let on = if base.is_empty() {
-                    &plain
-                } else {
-                    own = simulate(trace, &with(base)?, Clock::SkipIdle, runs)?;
-                    &own
-                };
-                let off = simulate(trace, &with(&[base, off].concat())?, Clock::SkipIdle, runs)?;
-                let pair = |paths: &[&str]| [on, &off].map(|run| sum(&run.total, paths));
+                let [with_base, without] = [with(base)?, with(&[base, off].concat())?];
+                let machines = [&with_base, &without].map(|config| (config, Clock::SkipIdle));
+                let on = if base.is_empty() { plain.clone() } else { simulate(trace, machines[0])? };
+                let mut pair = [on, simulate(trace, machines[1])?];
+                in_turn(trace, machines, &mut pair, further)?;
+                let both = |paths: &[&str]| [0, 1].map(|at: usize| sum(&pair[at].total, paths));
                 Saving {
                     skip,
-                    cycles: Some(pair(&["cycles"])),
-                    host: [on.machine_time, off.machine_time],
-                    work: Some(pair(skip.work.1)),
-                    differs: differs(skip, on, &off),
+                    cycles: Some(both(&["cycles"])),
+                    host: [0, 1].map(|at: usize| pair[at].machine_time),
+                    work: Some(both(skip.work.1)),
+                    differs: differs(skip, &pair[0], &pair[1]),
                 }
             }
             Switch::Clock => {
-                let off = simulate(trace, config, Clock::EveryCycle, runs)?;
-                let differs = differs(skip, &plain, &off)
-                    .or_else(|| (plain.total.json() != off.total.json()).then(|| "statistics".to_owned()));
-                Saving { skip, cycles: None, host: [plain.machine_time, off.machine_time], work: None, differs }
+                let machines = [Clock::SkipIdle, Clock::EveryCycle].map(|clock| (config, clock));
+                let mut pair = [plain.clone(), simulate(trace, machines[1])?];
+                in_turn(trace, machines, &mut pair, further)?;
+                let differs = differs(skip, &pair[0], &pair[1])
+                    .or_else(|| (pair[0].total.json() != pair[1].total.json()).then(|| "statistics".to_owned()));
+                Saving { skip, cycles: None, host: [0, 1].map(|at: usize| pair[at].machine_time), work: None, differs }
             }
         };
         found.push(saving);

@@ -14,7 +14,7 @@ const RUNS: usize = 3;
 /// What is skipped because a scene does not need it: work and time saved, and that nothing else changes
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  fillrate accuracy skips traces/layers traces/shadow\n\n\
-Host times are the least of three runs. Exit code 1 where a skip changes a picture or a counter that it must not.")]
+Host times are the least of three runs of both, by turns. Exit code 1 where a skip changes a picture or a counter that it must not.")]
 pub struct Arguments {
     /// Traces
     #[arg(required_unless_present = "list")]
