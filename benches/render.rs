@@ -1,6 +1,7 @@
 //! The functional draw path on the four speed workloads: milliseconds a frame, clears included, reading and loading left out.
 //!
-//! `cargo bench --bench render -- [w1|w2|w3|w4]... [frames N] [no-skips] [record]`
+//! `cargo bench --bench render -- [w1|w2|w3|w4]... [frames N] [no-skips] [record]`; instead of all skips one of them goes by
+//! `no-hierarchical-z`, `no-empty-tiles`, `no-overwritten` or `no-full-blocks`.
 
 #[path = "../examples/record_workloads/mesh.rs"]
 mod mesh;
@@ -129,7 +130,12 @@ fn main() {
     let has = |word: &str| arguments.iter().any(|a| a == word);
     let after = |word: &str| arguments.iter().position(|a| a == word).and_then(|i| arguments.get(i + 1)?.parse().ok());
     let frames: usize = after("frames").unwrap_or(9);
-    let skips = if has("no-skips") { Skips::NONE } else { Skips::default() };
+    let skips = Skips {
+        hierarchical_z: !has("no-skips") && !has("no-hierarchical-z"),
+        tile_reject: !has("no-skips") && !has("no-empty-tiles"),
+        overwritten: !has("no-skips") && !has("no-overwritten"),
+        full_blocks: !has("no-skips") && !has("no-full-blocks"),
+    };
     let names: Vec<&str> = arguments.iter().map(String::as_str).filter(|a| a.starts_with('w')).collect();
     let names = if names.is_empty() { vec!["w1", "w2", "w3", "w4"] } else { names };
     for name in names {

@@ -39,9 +39,9 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
         ("layers", 0.03),
         ("sprites", 0.03),
         ("triangle", 0.03),
-        ("panel.zip", 0.06),
-        ("spokes-msaa", 0.15),
-        ("town.zip", 0.15),
+        ("panel.zip", 0.04),
+        ("spokes-msaa", 0.12),
+        ("town.zip", 0.12),
     ];
     for (trace, allowed) in scenes {
         let (bound, cycle) = (run(trace, Fidelity::Bound, &[]), run(trace, Fidelity::Cycle, &[]));
