@@ -238,18 +238,23 @@ impl Machine {
     /// Draws the segments at the head of the events that are to be drawn at once; whether there was one.
     fn apply(&mut self) -> bool {
         let Machine { circuit, card, .. } = self;
+        let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { traverse, depth, color, texture, .. } = circuit;
+            let Parts { traverse, depth, color, texture, l2, .. } = circuit;
             apply(card, slot, &mut Keepers { traverse, depth, color, texture }, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;
-        }
-        let Some(interleave) = circuit.crossbar.as_ref().map(Crossbar::interleave) else { return any };
-        for Touch { address, bytes, write } in touched {
-            for (address, bytes) in requests(address, bytes) {
-                let (slice, address) = interleave.split(address);
-                circuit.l2[slice as usize].visit(address, bytes, write);
+            let Some(interleave) = interleave else {
+                // Memory without a second level keeps nothing.
+                touched.clear();
+                continue;
+            };
+            for Touch { address, bytes, write } in touched.drain(..) {
+                for (address, bytes) in requests(address, bytes) {
+                    let (slice, address) = interleave.split(address);
+                    l2[slice as usize].visit(address, bytes, write);
+                }
             }
         }
         any
