@@ -55,6 +55,18 @@ pub struct Options {
     pub frames: Range<u32>,
 }
 
+impl Options {
+    /// How the trace is rendered for work.
+    pub(super) fn rendering(&self) -> render::Options {
+        render::Options {
+            record: true,
+            frames: self.frames.clone().into(),
+            skips: Skips::default(),
+            key: self.config.render_key(),
+        }
+    }
+}
+
 /// One frame of a replay.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -146,12 +158,7 @@ fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Result<Rep
     let (mut frames, mut profiler) = (Vec::new(), Profiler::default());
     let (mut funnel, mut total) = (Funnel::default(), Funnel::default());
     let mut sum = FrameEstimate::default();
-    let render_options = render::Options {
-        record: true,
-        frames: options.frames.clone().into(),
-        skips: Skips::default(),
-        key: options.config.render_key(),
-    };
+    let render_options = options.rendering();
     let mut estimate = |gathered: &mut Vec<(FrameProfile, EndFrame, Funnel)>| {
         let start = Instant::now();
         let estimates: Vec<FrameEstimate> = gathered.iter().map(|(profile, ..)| bound.frame(profile)).collect();
@@ -239,8 +246,7 @@ pub(super) fn simulate(
 ) -> Result<Simulated> {
     let mut machine = Machine::new(&options.config)?;
     let mut under_way = frames.next(0);
-    let render_options =
-        render::Options { record: true, frames: frames.clone(), skips: Skips::default(), key: options.config.render_key() };
+    let render_options = render::Options { frames: frames.clone(), ..options.rendering() };
     let mut role = move |event| match event {
         Event::Segment(segment) if under_way.is_some_and(warms_up) => Event::Applied(segment),
         Event::EndFrame(end) => {

@@ -13,7 +13,7 @@ use super::draws;
 use super::host::Stopwatch;
 use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
-use crate::render::{self, FrameSet, Skips};
+use crate::render::{self, FrameSet};
 use crate::stats::{Leaf, Tree};
 use crate::trace::Trace;
 use crate::work::profile::{FrameProfile, Profiler};
@@ -65,12 +65,7 @@ pub fn survey(trace: &Trace, options: &Options) -> Result<Survey> {
         time += start.elapsed();
     };
     let mut profiles: Vec<FrameProfile> = Vec::with_capacity(BATCH);
-    let render_options = render::Options {
-        record: true,
-        frames: options.frames.clone().into(),
-        skips: Skips::default(),
-        key: options.config.render_key(),
-    };
+    let render_options = options.rendering();
     render::render(trace, &render_options, &mut |event| {
         profiles.extend(profiler.event(&event));
         if profiles.len() == BATCH {

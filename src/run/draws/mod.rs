@@ -23,7 +23,7 @@ use super::sampled::counted;
 use crate::machine::config::SortClass;
 use crate::machine::{Config, Machine, Retirement};
 use crate::num::Cycle;
-use crate::render::{self, Skips};
+use crate::render;
 use crate::report::files::funnel_tree;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
@@ -100,12 +100,7 @@ impl Pieces {
         let mut cutter = Cutter::new(&options.config);
         let mut events = Vec::new();
         let (mut funnel, mut own, mut frames) = (Funnel::default(), Funnel::default(), Vec::new());
-        let render_options = render::Options {
-            record: true,
-            frames: options.frames.clone().into(),
-            skips: Skips::default(),
-            key: options.config.render_key(),
-        };
+        let render_options = options.rendering();
         render::render(trace, &render_options, &mut |event| {
             match &event {
                 Event::Segment(segment) => own += segment.funnel,
