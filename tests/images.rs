@@ -57,10 +57,10 @@ fn stem(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()
 }
 
-/// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for `tests/fidelity.rs`, which
-/// compares its pictures between fidelities; the dials are for `tests/same_tiles.rs`, which compares those of machines with the
-/// renderer's; the town, for many small draws of which most are out of view, and the viewer, for what is bound and not read, show
-/// nothing that other scenes do not.
+/// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for
+/// `tests/fidelity/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/same_tiles.rs`,
+/// which compares those of machines with the renderer's; the town, for many small draws of which most are out of view, and the
+/// viewer, for what is bound and not read, show nothing that other scenes do not.
 fn scenes() -> Vec<Case> {
     let references = entries(&here("tests/references"));
     entries(&here("traces"))

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use fillrate::trace::{Packing, Trace, write_zip};
 
-#[path = "../../tests/fuzz/replays.rs"]
+#[path = "../../tests/robust/replays.rs"]
 mod replays;
 
 /// Copies the files below a folder with an extension into a corpus, each after a byte if one is given.

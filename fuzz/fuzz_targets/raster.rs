@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../../tests/fuzz/raster.rs"]
+#[path = "../../tests/robust/raster.rs"]
 mod oracle;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {

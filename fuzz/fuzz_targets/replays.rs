@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../../tests/fuzz/replays.rs"]
+#[path = "../../tests/robust/replays.rs"]
 mod oracle;
 
 thread_local! {

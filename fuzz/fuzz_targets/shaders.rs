@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../../tests/fuzz/shaders.rs"]
+#[path = "../../tests/robust/shaders.rs"]
 mod oracle;
 
 /// The fuzzer's hook ends the process at every panic; those of naga that the library reports as errors are none of ours.

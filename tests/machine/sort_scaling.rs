@@ -1,15 +1,13 @@
 //! What pipelines gain: linear speed-up where nothing stands against it, and where something does, a loss that is told apart by cause,
 //! to the cycle.
 
-mod machine_common;
-
+use crate::common::{Figures, config, run};
 use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::stats::{Leaf, Node};
 use fillrate::work::{Event, Shade};
-use machine_common::{Figures, config, run};
 
 const CLASSES: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
 
@@ -173,7 +171,7 @@ fn uneven_work_is_imbalance() {
         };
         let scene = Scene { frames: 2, ..row(4, (0..100).map(shape).collect(), 500) };
         let (report, split) = split(class, 4, &[], &scene);
-        machine_common::frames_add_up(&report);
+        crate::common::frames_add_up(&report);
         split.is_most("imbalance", class);
         // A quarter of all pipelines works, but for the small ones.
         assert!((split.at("useful") - 0.25).abs() < 0.02, "{class}: {:?}", split.0);

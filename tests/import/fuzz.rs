@@ -5,9 +5,6 @@ use std::sync::LazyLock;
 
 use proptest::prelude::*;
 
-#[path = "import/oracle.rs"]
-mod oracle;
-
 /// A trace of everything, which the checker refuses early, and one of a whole program, which it accepts.
 static TEXTS: LazyLock<[(PathBuf, Vec<u8>); 2]> = LazyLock::new(|| {
     ["all", "culling/trace"].map(|name| {
@@ -76,6 +73,6 @@ proptest! {
         let (folder, text) = &TEXTS[which];
         let mut text = text.clone();
         edits.iter().for_each(|edit| apply(&mut text, edit));
-        oracle::import_everything(folder, &text);
+        crate::oracle::import_everything(folder, &text);
     }
 }

@@ -1,10 +1,8 @@
 //! The language through a trace: layouts, pointers, control flow, conversions, arithmetic at its edges; against plain Rust.
 
-mod programs;
-
+use crate::common::*;
 use fillrate::trace::command::*;
 use fillrate::trace::record;
-use programs::*;
 
 /// The head of a program whose results go to binding 0.
 const RESULT: &str = "@group(0) @binding(0) var<storage, read_write> result: array<u32>;\n";

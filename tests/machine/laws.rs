@@ -1,8 +1,7 @@
 //! Laws that every machine keeps on every scene: accounts that add up, conservation, one outcome whatever the clock and the order of
 //! ticks.
 
-mod machine_common;
-
+use crate::common::{accounts_add_up, config, conserved, dispatch, everything, frames_add_up, rendered, run};
 use fillrate::accuracy::Random;
 use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::machine::{Config, Machine, MachineError};
@@ -11,7 +10,6 @@ use fillrate::unit::Fault;
 use fillrate::unit::knob::Allowed;
 use fillrate::unit::sorting::Keep;
 use fillrate::work::{Event, Funnel, Shade};
-use machine_common::{accounts_add_up, config, conserved, dispatch, everything, frames_add_up, rendered, run};
 
 /// Scenes of `traces/`, and whether all their draws have a fragment stage.
 const SCENES: [(&str, bool); 8] = [

@@ -1,17 +1,15 @@
 //! Every sort class draws the picture of API order, on any number of pipelines, with any pattern, tile and network; whatever keeps the
 //! order on it is needed.
 
-mod machine_common;
-
 use std::sync::Arc;
 
+use crate::common::{accounts_add_up, frames_add_up};
 use fillrate::accuracy::synthetic::{Scene, events, in_two_passes};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::work::{Event, Shade};
-use machine_common::{accounts_add_up, frames_add_up};
 
 fn config(changes: &[&str]) -> Config {
     let mut config = Config::built_in("baseline").unwrap();

@@ -1,15 +1,12 @@
 //! Random bytes and mutations of good traces never make the reader, the checker or the writer fall over.
 
-#[path = "trace_fuzz/oracle.rs"]
-mod oracle;
-
 use std::fs;
 use std::path::Path;
 
 use fillrate::trace::{Packing, Trace, write_zip};
 use proptest::prelude::*;
 
-use oracle::read_everything;
+use crate::oracle::read_everything;
 
 /// Good inputs of each kind.
 fn seeds() -> Vec<Vec<u8>> {

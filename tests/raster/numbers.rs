@@ -1,8 +1,7 @@
 //! Interpolation of batches, lines and clipped triangles; depth bias, and the bounds that hierarchical Z relies on. (`fillrate
 //! accuracy interpolation depth` has the errors against f64.)
 
-mod raster_common;
-
+use crate::common::*;
 use fillrate::accuracy::Random;
 use fillrate::gfx::clip::{ClipVolume, Clipped, Polygon};
 use fillrate::gfx::interpolate::{self, Place, Site, Weights};
@@ -10,7 +9,6 @@ use fillrate::gfx::setup::{self, BiasUnit, Bounds, DepthBias, SAMPLES_4, Screen,
 use fillrate::gfx::state::Viewport;
 use fillrate::gfx::traverse;
 use fillrate::num::{LANES, Lanes, QUADS};
-use raster_common::*;
 
 /// Covered quads of a triangle, as sites with their masks.
 fn sites(t: &Triangle) -> Vec<(Site, u16)> {

@@ -1,14 +1,12 @@
 //! Coverage against its definition, with examples made small where it fails; where the rules for lines and points meet. (`fillrate
 //! accuracy oracle` has the adversarial cases.)
 
-mod raster_common;
-
+use crate::common::*;
 use fillrate::accuracy::Random;
 use fillrate::gfx::reference;
 use fillrate::gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex};
 use fillrate::gfx::traverse::Blocks;
 use proptest::prelude::*;
-use raster_common::*;
 
 fn line_pixels(samples: u32, from: [i32; 2], to: [i32; 2], window: [i32; 4]) -> Image {
     let state = state(samples, window);

@@ -1,10 +1,9 @@
 //! Where geometry does not cull, setup and traversal find out what is not drawn: later, by a known number of triangles, and with the
 //! same picture, on every sort class.
 
-mod machine_common;
-
 use std::sync::Arc;
 
+use crate::common::{Figures, accounts_add_up, config, everything};
 use fillrate::accuracy::Random;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
@@ -14,7 +13,6 @@ use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::trace::record::{self, Recorder};
 use fillrate::work::{End, Event, Outcome, Segment};
-use machine_common::{Figures, accounts_add_up, config, everything};
 
 const SHADER: &str = "
 struct Varying { @builtin(position) position: vec4<f32>, @location(0) tint: vec4<f32> }
@@ -107,7 +105,7 @@ fn segments(events: &[Event]) -> impl Iterator<Item = &Segment> {
 }
 
 fn run(config: &Config, events: &[Event]) -> MachineReport {
-    machine_common::run(config, events, Clock::SkipIdle)
+    crate::common::run(config, events, Clock::SkipIdle)
 }
 
 /// A machine with some culls off.
@@ -186,9 +184,9 @@ fn what_is_not_culled_is_found_out_later_on_every_class() {
                 let more = b.at("funnel.triangles_setup") - a.at("funnel.triangles_setup");
                 assert!(more >= in_setup && in_setup + in_traversal > 0, "{context}: {more} of {in_setup}");
                 if off.len() == 4 {
-                    let every = machine_common::run(&off_config, &events, Clock::EveryCycle);
+                    let every = crate::common::run(&off_config, &events, Clock::EveryCycle);
                     assert!(everything(&every) == everything(&report), "{context}");
-                    let shuffled = machine_common::run(&off_config, &events, Clock::Shuffled(3));
+                    let shuffled = crate::common::run(&off_config, &events, Clock::Shuffled(3));
                     assert!(everything(&shuffled) == everything(&report), "{context}");
                 }
             }

@@ -1,21 +1,16 @@
 //! Modules that are not WGSL, through a trace: SPIR-V as glslang writes it, plain and optimised (`tests/programs/spirv`), and naga's
 //! own form; each against the same program in WGSL.
 
-mod programs;
-
+use crate::common::*;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::num::ShaderId;
 use fillrate::trace::command::*;
 use fillrate::trace::record;
-use programs::*;
 
-const VERTEX: [&[u8]; 2] =
-    [include_bytes!("programs/spirv/engine.vert.spv"), include_bytes!("programs/spirv/engine.vert.opt.spv")];
-const FRAGMENT: [&[u8]; 2] =
-    [include_bytes!("programs/spirv/engine.frag.spv"), include_bytes!("programs/spirv/engine.frag.opt.spv")];
-const COMPUTE: [&[u8]; 2] =
-    [include_bytes!("programs/spirv/engine.comp.spv"), include_bytes!("programs/spirv/engine.comp.opt.spv")];
+const VERTEX: [&[u8]; 2] = [include_bytes!("spirv/engine.vert.spv"), include_bytes!("spirv/engine.vert.opt.spv")];
+const FRAGMENT: [&[u8]; 2] = [include_bytes!("spirv/engine.frag.spv"), include_bytes!("spirv/engine.frag.opt.spv")];
+const COMPUTE: [&[u8]; 2] = [include_bytes!("spirv/engine.comp.spv"), include_bytes!("spirv/engine.comp.opt.spv")];
 
 const DRAWN: &str = "
     struct Scene { transform: mat4x4f, turn: mat3x3f, offsets: array<vec3f, 4>, scale: f32 }

@@ -1,8 +1,6 @@
 //! Programs recorded with the library's recorder and run the whole way: trace, checker, renderer, image. What a program leaves in
 //! a buffer is shown as a texture of `r32uint`, so that every bit of it comes back.
 
-#![allow(dead_code, reason = "each test file takes what it needs")]
-
 use fillrate::gfx::format::Format;
 use fillrate::num::*;
 use fillrate::render::{self, Options};

@@ -1,13 +1,9 @@
 //! Mutations of real shaders, configurations and traces, and random primitives: nothing makes the readers, the compiler, the
 //! rasteriser or a replay fall over. `fuzz/` does the same for as long as one likes.
 
-#[path = "fuzz/configs.rs"]
 mod configs;
-#[path = "fuzz/raster.rs"]
 mod raster;
-#[path = "fuzz/replays.rs"]
 mod replays;
-#[path = "fuzz/shaders.rs"]
 mod shaders;
 
 use std::path::{Path, PathBuf};

@@ -1,17 +1,15 @@
 //! Sort-last-image: pipelines with frame buffers of their own draw the picture of API order wherever order does not matter, send what
 //! the formulas of composition say, and name the passes whose order they do not keep.
 
-mod machine_common;
-
 use std::sync::Arc;
 
+use crate::common::{accounts_add_up, frames_add_up};
 use fillrate::accuracy::synthetic::{Scene, events, in_two_passes};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare};
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::work::Event;
-use machine_common::{accounts_add_up, frames_add_up};
 
 const SCHEMES: [&str; 3] = ["binary-swap", "direct-send", "pipeline"];
 

@@ -1,13 +1,11 @@
 //! Textures through a trace: levels of detail, comparisons, gathers, atomics, arrays of bindings, storage formats, queries.
 
-mod programs;
-
+use crate::common::*;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::num::{BufferId, SamplerId, ViewId};
 use fillrate::trace::command::*;
 use fillrate::trace::record;
-use programs::*;
 
 fn sampler(filter: FilterMode, mipmap: FilterMode) -> SamplerDesc {
     SamplerDesc { mag: filter, min: filter, mipmap, ..SamplerDesc::default() }

@@ -2,16 +2,14 @@
 //! (`FILLRATE_PEERS` names the folder that holds `wgpu/`). A machine that keeps API order draws what `render` draws, bit for bit; a
 //! machine that does not names the passes that need it.
 
-mod machine_common;
-
 use std::path::{Path, PathBuf};
 
+use crate::common::{config, run};
 use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::render::{self, Options};
 use fillrate::sim::Clock;
 use fillrate::work::{Event, RenderKey, Shade};
-use machine_common::{config, run};
 use rayon::prelude::*;
 
 /// A machine of each class; in those that sort last other pipelines have drawn most of what hides a quad.

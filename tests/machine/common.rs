@@ -1,7 +1,5 @@
 //! What must hold of the statistics of every run, whatever the machine and the scene; and small work to run.
 
-#![allow(dead_code)]
-
 use std::path::Path;
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! The kept scenes: recording them again gives the same bytes, they keep all rules, and their shaders are valid.
 
-#[path = "../examples/record_scenes/scenes/mod.rs"]
+#[path = "../../examples/record_scenes/scenes/mod.rs"]
 mod scenes;
 
 use std::fs;

@@ -1,11 +1,9 @@
 //! Compute programs as engines have them, through a trace: sorting, scanning, culling, transforms; against plain Rust.
 
-mod programs;
-
+use crate::common::*;
 use fillrate::gfx::state::Aspect;
 use fillrate::trace::command::*;
 use fillrate::trace::record;
-use programs::*;
 
 /// Exclusive prefix sums of 8 blocks of 512, then of the blocks' sums, then their sum: three passes as in a culling pipeline.
 #[test]

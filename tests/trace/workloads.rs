@@ -1,6 +1,6 @@
 //! The recorded speed workloads are those that others were measured on, to the byte.
 
-#[path = "../examples/record_workloads/mesh.rs"]
+#[path = "../../examples/record_workloads/mesh.rs"]
 mod mesh;
 
 use mesh::Mesh;

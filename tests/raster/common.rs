@@ -1,5 +1,4 @@
 //! What the rasterisation tests share: plain state, and an image of hit counts.
-#![allow(dead_code)]
 
 use fillrate::gfx::setup::{Bounds, DepthBias, SetupState, Triangle};
 use fillrate::gfx::state::{CullMode, FrontFace};
@@ -41,10 +40,6 @@ impl Image {
 
     pub fn total(&self) -> u32 {
         self.hits.iter().sum()
-    }
-
-    pub fn all(&self) -> &[u32] {
-        &self.hits
     }
 
     /// Draws a primitive tile by tile, as a renderer would, and checks the order and form of what traversal yields.

@@ -1,13 +1,11 @@
 //! Draws through a trace: built-in values, indirect and bundled draws, queries, blending with two sources, clipping, skinning.
 
-mod programs;
-
+use crate::common::*;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::num::{BufferId, TextureId, ViewId};
 use fillrate::trace::command::*;
 use fillrate::trace::record::{self, RenderPass};
-use programs::*;
 
 /// A lab with one target.
 struct Canvas {

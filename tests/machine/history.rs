@@ -1,16 +1,14 @@
 //! Cards of history against their data sheets: peak rates of pixels, texels, triangles and bytes, measured on the model by work that is
 //! limited by nothing else.
 
-mod machine_common;
-
 use std::sync::Arc;
 
+use crate::common::{Figures, run};
 use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::state::Compare;
 use fillrate::machine::Config;
 use fillrate::sim::Clock;
 use fillrate::work::*;
-use machine_common::{Figures, run};
 
 fn scene(side: u32, shapes: Vec<[[f32; 2]; 3]>, textures: u32) -> Scene {
     Scene {

@@ -1,0 +1,15 @@
+//! The whole machine: its laws, its images on every sort class, what each skip may and may not change, and real cards.
+
+mod common;
+mod culls;
+mod draw_culls;
+mod history;
+mod image;
+mod laws;
+mod same_tiles;
+mod skips;
+mod sort_classes;
+mod sort_image;
+mod sort_scaling;
+mod sort_traces;
+mod unread;

@@ -1,0 +1,8 @@
+//! Shaders the whole way, from a trace to the bits that they leave.
+
+mod common;
+mod compute;
+mod draw;
+mod language;
+mod modules;
+mod textures;

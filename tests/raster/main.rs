@@ -1,0 +1,5 @@
+//! Coverage and interpolation, case by case.
+
+mod common;
+mod coverage;
+mod numbers;
