@@ -240,7 +240,7 @@ pub struct Saving {
     /// Simulated cycles with it and without; none where it is the host's alone.
     pub cycles: Option<[f64; 2]>,
     /// Host time with it and without.
-    pub host: [Duration; 2],
+    pub host: HostTimes,
     /// The work that it is about, with it and without; none where nothing counts it.
     pub work: Option<[f64; 2]>,
     /// What changed that must not; none if all is well.
@@ -268,14 +268,50 @@ fn simulate(trace: &Trace, (config, clock): Timed<'_>) -> Result<Replay> {
     replay(trace, &Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX }, &|_| ())
 }
 
-/// Takes the least host time of further runs of two machines, by turns: what a host has else to do changes from one second to the next.
-fn in_turn(trace: &Trace, machines: [Timed<'_>; 2], best: &mut [Replay; 2], further: usize) -> Result<()> {
-    for _ in 0..further {
-        for (machine, best) in machines.into_iter().zip(&mut *best) {
-            best.machine_time = best.machine_time.min(simulate(trace, machine)?.machine_time);
+/// How long both sides of a skip are run by turns to tell their host times apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Turns {
+    /// Pairs of runs, at least.
+    pub least: usize,
+    /// Further pairs as long as all have taken less.
+    pub time: Duration,
+}
+
+/// Host times of runs with a skip and without, by turns.
+#[derive(Clone, Debug)]
+pub struct HostTimes(Vec<[Duration; 2]>);
+
+impl HostTimes {
+    /// Runs both sides by turns; which of them is first changes every time, since what a host has else to do changes, too.
+    fn take(turns: Turns, first: [Duration; 2], mut run: impl FnMut(usize) -> Result<Duration>) -> Result<HostTimes> {
+        let watch = Stopwatch::start();
+        let mut pairs = vec![first];
+        while pairs.len() < turns.least || watch.clock() < turns.time {
+            let mut pair = [Duration::ZERO; 2];
+            let first = pairs.len() % 2;
+            for side in [first, 1 - first] {
+                pair[side] = run(side)?;
+            }
+            pairs.push(pair);
         }
+        Ok(HostTimes(pairs))
     }
-    Ok(())
+
+    /// The share of the time without the skip that it saves: the median over the pairs, which runs that something else
+    /// held up do not move, and two standard errors of it (of normal noise: 1.2533 deviations over the root of their number, with
+    /// 1.4826 median absolute deviations for one; Huber, Robust Statistics, 1981). Infinite for one pair.
+    pub fn saved(&self) -> (f64, f64) {
+        let median = |values: &mut [f64]| {
+            values.sort_by(f64::total_cmp);
+            (values[(values.len() - 1) / 2] + values[values.len() / 2]) / 2.0
+        };
+        let mut shares: Vec<f64> = self.0.iter().map(|[on, off]| 1.0 - on.as_secs_f64() / off.as_secs_f64()).collect();
+        let middle = median(&mut shares);
+        let mut off: Vec<f64> = shares.iter().map(|share| (share - middle).abs()).collect();
+        let count = shares.len() as f64;
+        let error = if shares.len() == 1 { f64::INFINITY } else { 2.0 * 1.2533 * 1.4826 * median(&mut off) / count.sqrt() };
+        (middle, error)
+    }
 }
 
 /// What no skip of the renderer may change: all but what says where hidden quads were thrown away.
@@ -324,11 +360,11 @@ fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
     Ok((pictures, funnel, watch.clock()))
 }
 
-/// Every skip on a trace, on and off; host times are the least of so many runs of both, by turns.
+/// Every skip on a trace, on and off.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or a machine stops.
-pub fn savings(trace: &Trace, config: &Config, runs: usize) -> Result<Vec<Saving>> {
+pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Saving>> {
     let with = |settings: &[&str]| -> Result<Config> {
         let mut config = config.clone();
         for setting in settings {
@@ -336,51 +372,47 @@ pub fn savings(trace: &Trace, config: &Config, runs: usize) -> Result<Vec<Saving
         }
         Ok(config)
     };
-    let further = runs.saturating_sub(1);
     let plain = simulate(trace, (config, Clock::SkipIdle))?;
     let plain_render = rendered(trace, Skips::default())?;
+    let of_machines = |machines: [Timed<'_>; 2], pair: &[Replay; 2]| {
+        let first = [0, 1].map(|at: usize| pair[at].machine_time);
+        HostTimes::take(turns, first, |side| Ok(simulate(trace, machines[side])?.machine_time))
+    };
     let mut found = Vec::new();
     for skip in SKIPS {
         let saving = match skip.how {
             Switch::Renderer(off) => {
-                let mut skips = Skips::default();
-                off(&mut skips);
-                let (pictures, funnel, time) = rendered(trace, skips)?;
-                let mut host = [plain_render.2, time];
-                for _ in 0..further {
-                    for (skips, host) in [Skips::default(), skips].into_iter().zip(&mut host) {
-                        *host = rendered(trace, skips)?.2.min(*host);
-                    }
-                }
+                let mut skips = [Skips::default(); 2];
+                off(&mut skips[1]);
+                let (pictures, funnel, time) = rendered(trace, skips[1])?;
                 let differs = if pictures != plain_render.0 {
                     Some("picture".to_owned())
                 } else {
                     (kept(&funnel) != kept(&plain_render.1)).then(|| "funnel".to_owned())
                 };
+                let host = HostTimes::take(turns, [plain_render.2, time], |side| Ok(rendered(trace, skips[side])?.2))?;
                 Saving { skip, cycles: None, host, work: None, differs }
             }
             Switch::Machine { base, off } => {
                 let [with_base, without] = [with(base)?, with(&[base, off].concat())?];
                 let machines = [&with_base, &without].map(|config| (config, Clock::SkipIdle));
                 let on = if base.is_empty() { plain.clone() } else { simulate(trace, machines[0])? };
-                let mut pair = [on, simulate(trace, machines[1])?];
-                in_turn(trace, machines, &mut pair, further)?;
+                let pair = [on, simulate(trace, machines[1])?];
                 let both = |paths: &[&str]| [0, 1].map(|at: usize| sum(&pair[at].total, paths));
                 Saving {
                     skip,
                     cycles: Some(both(&["cycles"])),
-                    host: [0, 1].map(|at: usize| pair[at].machine_time),
+                    host: of_machines(machines, &pair)?,
                     work: Some(both(skip.work.1)),
                     differs: differs(skip, &pair[0], &pair[1]),
                 }
             }
             Switch::Clock => {
                 let machines = [Clock::SkipIdle, Clock::EveryCycle].map(|clock| (config, clock));
-                let mut pair = [plain.clone(), simulate(trace, machines[1])?];
-                in_turn(trace, machines, &mut pair, further)?;
+                let pair = [plain.clone(), simulate(trace, machines[1])?];
                 let differs = differs(skip, &pair[0], &pair[1])
                     .or_else(|| (pair[0].total.json() != pair[1].total.json()).then(|| "statistics".to_owned()));
-                Saving { skip, cycles: None, host: [0, 1].map(|at: usize| pair[at].machine_time), work: None, differs }
+                Saving { skip, cycles: None, host: of_machines(machines, &pair)?, work: None, differs }
             }
         };
         found.push(saving);
@@ -402,14 +434,14 @@ pub fn table(name: &str, savings: &[Saving]) -> String {
         "{name}\n\n| skip | work | work saved | cycles saved | host time saved | same picture and counters |\n|---|---|--:|--:|--:|---|\n"
     );
     for saving in savings {
-        let host = saving.host.map(|time| time.as_secs_f64());
+        let (host, error) = saving.host.saved();
         out.push_str(&format!(
             "| {} | {} | {} | {} | {} | {} |\n",
             saving.skip.name,
             if saving.work.is_some() { saving.skip.work.0 } else { "" },
             saved(saving.work),
             saved(saving.cycles),
-            saved(Some(host)),
+            format_args!("{:.1} ± {:.1} %", 100.0 * host, 100.0 * error),
             saving.differs.as_deref().map_or("yes".to_owned(), |what| format!("**no: {what}**"))
         ));
     }

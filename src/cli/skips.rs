@@ -1,20 +1,19 @@
 //! `fillrate accuracy skips`
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::skips::{SKIPS, savings, table};
+use crate::accuracy::skips::{SKIPS, Turns, savings, table};
 use crate::import;
-
-/// Host times are the least of so many runs.
-const RUNS: usize = 3;
 
 /// What is skipped because a scene does not need it: work and time saved, and that nothing else changes
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  fillrate accuracy skips traces/layers traces/shadow\n\n\
-Host times are the least of three runs of both, by turns. Exit code 1 where a skip changes a picture or a counter that it must not.")]
+Host times: the median of what a run with the skip takes less than one without, three pairs of runs or more by turns, \
+and two standard errors of it. Exit code 1 where a skip changes a picture or a counter that it must not.")]
 pub struct Arguments {
     /// Traces
     #[arg(required_unless_present = "list")]
@@ -22,6 +21,9 @@ pub struct Arguments {
     /// Name the skips and their switches
     #[arg(long)]
     list: bool,
+    /// Seconds for which both sides of each skip are run by turns; more tell host times apart
+    #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
+    seconds: f64,
     #[command(flatten)]
     machine: super::configs::Choice,
 }
@@ -34,11 +36,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let config = arguments.machine.load()?;
+    let time = Duration::try_from_secs_f64(arguments.seconds).context("--seconds")?;
+    let turns = Turns { least: 3, time };
     let mut verdict = Verdict::Done;
     for path in &arguments.traces {
         let trace = import::open(path)?;
         let name = path.display().to_string();
-        let found = savings(&trace, &config, RUNS).with_context(|| name.clone())?;
+        let found = savings(&trace, &config, turns).with_context(|| name.clone())?;
         println!("{}", table(&name, &found));
         if found.iter().any(|saving| saving.differs.is_some()) {
             verdict = Verdict::Failed;

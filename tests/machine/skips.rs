@@ -1,15 +1,17 @@
 //! What a scene does not need is skipped, and nothing else changes.
 
 use std::path::Path;
+use std::time::Duration;
 
-use fillrate::accuracy::skips::{SKIPS, Saving, savings};
+use fillrate::accuracy::skips::{SKIPS, Saving, Turns, savings};
 use fillrate::machine::Config;
 use fillrate::trace::Trace;
 
 fn all(trace: &str) -> Vec<Saving> {
     let trace =
         Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
-    savings(&trace, &Config::built_in("baseline").expect("it is built in"), 1).expect("all run")
+    let turns = Turns { least: 1, time: Duration::ZERO };
+    savings(&trace, &Config::built_in("baseline").expect("it is built in"), turns).expect("all run")
 }
 
 #[test]
