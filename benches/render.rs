@@ -1,11 +1,12 @@
 //! The functional draw path on the four speed workloads: milliseconds a frame, clears included, reading and loading left out.
 //!
 //! `cargo bench --bench render -- [w1|w2|w3|w4]... [frames N] [no-skips] [record]`; instead of all skips one of them goes by
-//! `no-hierarchical-z`, `no-empty-tiles`, `no-overwritten` or `no-full-blocks`.
+//! `no-overwritten` or `no-full-blocks`. A path in place of a workload is a trace, whose first frame is rendered, loading included.
 
 #[path = "../examples/record_workloads/mesh.rs"]
 mod mesh;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -13,10 +14,12 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::image::ImageDesc;
 use fillrate::gfx::state::*;
 use fillrate::gfx::texture;
+use fillrate::import;
 use fillrate::num::{ShaderId, Words};
 use fillrate::render::draw::{BufferRange, DrawCall, IndexRange, Range, RenderPass, Skips};
 use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
+use fillrate::render::{Options, render};
 use fillrate::shader::{self, Module, Resource, Resources};
 use fillrate::trace::command::{RenderPipelineDesc, Stage};
 use fillrate::work::RenderKey;
@@ -131,11 +134,15 @@ fn main() {
     let after = |word: &str| arguments.iter().position(|a| a == word).and_then(|i| arguments.get(i + 1)?.parse().ok());
     let frames: usize = after("frames").unwrap_or(9);
     let skips = Skips {
-        hierarchical_z: !has("no-skips") && !has("no-hierarchical-z"),
-        tile_reject: !has("no-skips") && !has("no-empty-tiles"),
         overwritten: !has("no-skips") && !has("no-overwritten"),
         full_blocks: !has("no-skips") && !has("no-full-blocks"),
     };
+    for path in arguments.iter().filter(|a| a.contains('/')) {
+        render_trace(Path::new(path), frames, skips);
+    }
+    if arguments.iter().any(|a| a.contains('/')) {
+        return;
+    }
     let names: Vec<&str> = arguments.iter().map(String::as_str).filter(|a| a.starts_with('w')).collect();
     let names = if names.is_empty() { vec!["w1", "w2", "w3", "w4"] } else { names };
     for name in names {
@@ -145,6 +152,23 @@ fn main() {
         };
         run(name, &workload, frames, skips, has("record"));
     }
+}
+
+fn render_trace(path: &Path, runs: usize, skips: Skips) {
+    let trace = import::open(path).unwrap_or_else(|e| panic!("{e:#}"));
+    let options = Options { skips, frames: (0..1).into(), ..Options::default() };
+    let mut times = Vec::new();
+    for _ in 0..runs {
+        let start = Instant::now();
+        render(&trace, &options, &mut |event| {
+            drop(event);
+            Ok(())
+        })
+        .unwrap_or_else(|e| panic!("{e:#}"));
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    println!("{}: {:.1} ms a frame (least {:.1})", path.display(), times[times.len() / 2], times[0]);
 }
 
 fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: bool) {

@@ -199,22 +199,6 @@ pub const SKIPS: &[Skip] = &[
         work: ("cycles", &["cycles"]),
     },
     Skip {
-        name: "hierarchical Z of the renderer",
-        what: "hidden blocks are not tested",
-        switch: "Skips::hierarchical_z",
-        how: Switch::Renderer(|skips| skips.hierarchical_z = false),
-        changes: &[],
-        work: ("", &[]),
-    },
-    Skip {
-        name: "empty tiles",
-        what: "tiles that a large triangle misses are not visited",
-        switch: "Skips::tile_reject",
-        how: Switch::Renderer(|skips| skips.tile_reject = false),
-        changes: &[],
-        work: ("", &[]),
-    },
-    Skip {
         name: "full blocks",
         what: "samples of blocks that lie inside of all edges are not tested",
         switch: "Skips::full_blocks",
@@ -314,9 +298,9 @@ impl HostTimes {
     }
 }
 
-/// What no skip of the renderer may change: all but what says where hidden quads were thrown away.
+/// What no skip of the renderer may change.
 fn kept(funnel: &Funnel) -> Funnel {
-    Funnel { tiles_visited: 0, tiles_hiz_culled: 0, quads_early_culled: 0, ..*funnel }
+    Funnel { tiles_visited: 0, quads_early_culled: 0, ..*funnel }
 }
 
 /// A sum of statistics; `[*]` stands for all units of a kind.

@@ -8,7 +8,6 @@
 use rayon::prelude::*;
 
 use crate::gfx::format::Format;
-use crate::gfx::hierarchical::depth_key;
 use crate::gfx::rop;
 use crate::num::Words;
 use crate::work::{BLOCK, TILE};
@@ -31,22 +30,6 @@ pub fn quad_of(x: u32, y: u32) -> u32 {
 pub fn quad_origin(quad: u32) -> (u32, u32) {
     let (block, in_block) = (quad / 16, quad % 16);
     (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2)
-}
-
-/// Bounds on the depths that a block holds, as ordered keys ([`depth_key`]). They always hold, and may be wider than need be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BlockDepth {
-    /// No stored depth is below.
-    pub min: u32,
-    /// No stored depth is above.
-    pub max: u32,
-    /// Quads that may have been written since the bounds were exact.
-    pub stale: u32,
-}
-
-impl BlockDepth {
-    /// Bounds that hold for anything.
-    pub const UNKNOWN: BlockDepth = BlockDepth { min: 0, max: u32::MAX, stale: u32::MAX };
 }
 
 /// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
@@ -107,8 +90,6 @@ pub struct TileMut<'a> {
     pub codes: &'a mut [u32],
     /// Whether it still holds nothing but the clear value, not yet written to `codes`.
     pub clear: &'a mut bool,
-    /// Depth bounds of its blocks; empty where there is no depth.
-    pub depth: &'a mut [BlockDepth],
     /// The clear value.
     pub value: [u32; 4],
 }
@@ -144,7 +125,6 @@ pub struct TileSurface {
     codes: Vec<u32>,
     clear: Vec<bool>,
     value: [u32; 4],
-    depth: Vec<BlockDepth>,
 }
 
 impl TileSurface {
@@ -152,14 +132,8 @@ impl TileSurface {
     pub fn new(shape: Shape) -> TileSurface {
         let [tx, ty] = shape.tiles();
         let tiles = (tx * ty) as usize;
-        let blocks = if shape.format.has_depth() { tiles * TILE_BLOCKS } else { 0 };
-        let mut surface = TileSurface {
-            shape,
-            codes: vec![0; tiles * shape.tile_words()],
-            clear: vec![true; tiles],
-            value: [0; 4],
-            depth: vec![BlockDepth::UNKNOWN; blocks],
-        };
+        let mut surface =
+            TileSurface { shape, codes: vec![0; tiles * shape.tile_words()], clear: vec![true; tiles], value: [0; 4] };
         surface.clear([0; 4]);
         surface
     }
@@ -173,8 +147,6 @@ impl TileSurface {
     pub fn clear(&mut self, value: [u32; 4]) {
         self.value = value;
         self.clear.fill(true);
-        let key = depth_key(self.shape.format, value[0]);
-        self.depth.fill(BlockDepth { min: key, max: key, stale: 0 });
     }
 
     /// Sets the bits of every texel that `mask` selects (an aspect: see [`aspect_masks`]) and keeps the others.
@@ -185,8 +157,6 @@ impl TileSurface {
             return;
         }
         let words = self.shape.words();
-        let format = self.shape.format;
-        let whole = format.has_depth() && aspect_masks(format).0[0] & !mask[0] == 0;
         self.par_tiles().for_each(|(_, mut tile)| {
             tile.materialise(words);
             for texels in tile.codes.chunks_exact_mut(4 * words) {
@@ -196,34 +166,23 @@ impl TileSurface {
                     }
                 }
             }
-            if whole {
-                let key = depth_key(format, value[0]);
-                tile.depth.fill(BlockDepth { min: key, max: key, stale: 0 });
-            }
         });
     }
 
     /// All tiles in row-major order, to hand to threads.
     pub fn tiles_mut(&mut self) -> impl Iterator<Item = TileMut<'_>> {
         let value = self.value;
-        let blocks = if self.depth.is_empty() { 0 } else { TILE_BLOCKS };
-        let mut depth = self.depth.as_mut_slice();
-        self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| {
-            let bounds = depth.split_off_mut(..blocks).expect("a tile's bounds");
-            TileMut { codes, clear, depth: bounds, value }
+        self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| TileMut {
+            codes,
+            clear,
+            value,
         })
     }
 
     /// One tile, to draw into.
     pub fn tile_mut(&mut self, index: usize) -> TileMut<'_> {
         let n = self.shape.tile_words();
-        let blocks = if self.depth.is_empty() { 0..0 } else { index * TILE_BLOCKS..(index + 1) * TILE_BLOCKS };
-        TileMut {
-            codes: &mut self.codes[index * n..(index + 1) * n],
-            clear: &mut self.clear[index],
-            depth: &mut self.depth[blocks],
-            value: self.value,
-        }
+        TileMut { codes: &mut self.codes[index * n..(index + 1) * n], clear: &mut self.clear[index], value: self.value }
     }
 
     fn par_tiles(&mut self) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
@@ -240,7 +199,6 @@ impl TileSurface {
         let across = shape.tiles()[0] as usize;
         self.par_tiles().for_each(|(index, tile)| {
             *tile.clear = false;
-            tile.depth.fill(BlockDepth::UNKNOWN);
             let geometry = TileGeometry::new(shape, index, across);
             geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
         });
@@ -301,7 +259,6 @@ impl TileSurface {
         out.par_tiles().for_each(|(index, tile)| {
             let Some(codes) = self.tile(index) else { return };
             *tile.clear = false;
-            tile.depth.fill(BlockDepth::UNKNOWN);
             let mut gathered = [0; 16];
             let mut mean = [0; 4];
             for quad in 0..TILE_QUADS {
@@ -490,7 +447,6 @@ mod tests {
         surface.clear_masked([5, 0, 0, 0], [0x00ff_ffff, 0, 0, 0]);
         assert_eq!(surface.texel(0, 0, 0)[0], 0x0900_0005);
         assert_eq!(surface.texel(64, 2, 0)[0], 0x0900_0005);
-        assert_eq!(surface.depth[0], BlockDepth { min: 5, max: 5, stale: 0 });
     }
 
     #[test]

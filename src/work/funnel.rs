@@ -51,7 +51,7 @@ funnel! {
     clipped "Primitives cut by a plane of the view volume or guard band.",
     triangles_setup "Triangles, lines and points set up, after clipping.",
     tiles_visited "8x8 blocks that traversal visited with at least one covered sample.",
-    tiles_hiz_culled "Visited blocks thrown away by hierarchical Z.",
+    tiles_hiz_culled "Visited blocks thrown away by hierarchical Z, which machines have: none without one.",
     quads_rasterized "Quads with at least one covered sample.",
     quads_early_culled "Quads of which no sample passed the early depth and stencil tests, hierarchical Z included.",
     quads_shaded "Quads that ran the fragment shader.",

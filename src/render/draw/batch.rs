@@ -374,7 +374,7 @@ fn tiles_of(b: &Bounds) -> [u32; 4] {
 /// Notes the tiles of a triangle that spans several.
 fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x1, y1]: [u32; 4], pairs: &mut Vec<(u32, u32)>) {
     let frame = input.frame;
-    let test = triangle.shape == Shape::Triangle && frame.skips.tile_reject;
+    let test = triangle.shape == Shape::Triangle && frame.overwrites;
     let (b, base) = (triangle.bounds, triangle.base());
     for ty in y0..=y1 {
         for tx in x0..=x1 {

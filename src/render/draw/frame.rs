@@ -71,10 +71,7 @@ pub struct Frame<'a> {
     pub fragment_uniforms: Uniforms,
     /// None where nothing reads, writes or kills with it.
     pub depth: Option<DepthStencilState>,
-    pub depth_format: Format,
     pub depth_words: usize,
-    /// Hierarchical Z may reject.
-    pub hierarchical_z: bool,
     /// Tests before shading.
     pub early: bool,
     /// Early tests may take whole blocks at once.
@@ -145,7 +142,6 @@ impl<'a> Frame<'a> {
         let depth_state = state
             .map(|state| DepthStencilState::new(state, call.stencil_reference, depth_range))
             .filter(|state| !state.is_idle());
-        let depth_format = state.map_or(Format::Depth32Float, |s| s.format);
         let fragment = pipeline.fragment();
         let interface = fragment.map(Program::interface);
         let early = pipeline.early && (call.key.early_z || fragment.is_none());
@@ -196,11 +192,7 @@ impl<'a> Frame<'a> {
             fragment_resources,
             fragment_uniforms: fragment.map_or_else(Uniforms::default, |p| uniforms(p, &fragment_resources)),
             depth: depth_state,
-            depth_format,
             depth_words: depth.map_or(0, |d| d.shape().words()),
-            hierarchical_z: early
-                && call.skips.hierarchical_z
-                && depth_state.is_some_and(|d| !d.uses_stencil() && d.reads_depth() && depth_format.has_depth()),
             early,
             tests_blocks: depth_state.is_some_and(|d| d.tests_blocks()),
             needs_triangles: !(flat && early && no_builtins),

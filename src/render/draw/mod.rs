@@ -86,10 +86,6 @@ pub struct Range {
 /// Work that the renderer leaves out where the image cannot change. Each can be switched off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skips {
-    /// Blocks that hierarchical Z rejects are not tested.
-    pub hierarchical_z: bool,
-    /// Screen tiles that a large triangle misses are not visited.
-    pub tile_reject: bool,
     /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed.
     pub overwritten: bool,
     /// Blocks that lie inside of all edges of a triangle are not tested sample by sample.
@@ -98,13 +94,13 @@ pub struct Skips {
 
 impl Default for Skips {
     fn default() -> Self {
-        Skips { hierarchical_z: true, tile_reject: true, overwritten: true, full_blocks: true }
+        Skips { overwritten: true, full_blocks: true }
     }
 }
 
 impl Skips {
     /// Nothing is left out.
-    pub const NONE: Skips = Skips { hierarchical_z: false, tile_reject: false, overwritten: false, full_blocks: false };
+    pub const NONE: Skips = Skips { overwritten: false, full_blocks: false };
 }
 
 /// A draw call with everything resolved.

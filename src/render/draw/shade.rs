@@ -69,11 +69,6 @@ impl TileRun<'_, '_, '_> {
             self.late_depths::<S>(&mut codes);
             if let Some(tile) = &mut self.job.depth {
                 tile.materialise(frame.depth_words);
-                if state.writes_depth() {
-                    for &at in &self.pending.at[..n] {
-                        tile.depth[at as usize / 16].written(state.compare(), 1, [0, u32::MAX], false);
-                    }
-                }
                 state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
             }
             self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());

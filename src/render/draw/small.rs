@@ -46,9 +46,6 @@ impl TileRun<'_, '_, '_> {
             let coverage = quad.coverage();
             let mut alive = coverage;
             if let (Some(state), Some(tile)) = (depth, &mut self.job.depth) {
-                if state.writes_depth() {
-                    tile.depth[at as usize / 16].written(state.compare(), 1, [0, u32::MAX], false);
-                }
                 let stored = &mut tile.codes.as_chunks_mut::<4>().0[at as usize];
                 // SAFETY: as above.
                 alive = unsafe { state.test_quad_avx2(&eight, quad, stored) };

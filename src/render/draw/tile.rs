@@ -276,7 +276,7 @@ impl TileRun<'_, '_, '_> {
         if frame.early
             && let Some(depth) = &frame.depth
         {
-            passed.samples = self.test::<S, WIDE>(depth, triangle, &block, n);
+            passed.samples = self.test::<S, WIDE>(depth, triangle, &block);
         }
         let alive = passed.pixels();
         self.counts.quads_early_culled += u64::from(n - quads_in(alive).count_ones());

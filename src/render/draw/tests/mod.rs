@@ -61,7 +61,7 @@ struct How {
 
 const USUAL: How = How {
     threads: 2,
-    skips: Skips { hierarchical_z: true, tile_reject: true, overwritten: true, full_blocks: true },
+    skips: Skips { overwritten: true, full_blocks: true },
     record: false,
     key: RenderKey {
         early_z: true,
