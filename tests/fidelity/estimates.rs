@@ -42,6 +42,7 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
         ("panel.zip", 0.04),
         ("spokes-msaa", 0.12),
         ("town.zip", 0.12),
+        ("viewer.zip", 0.11),
     ];
     for (trace, allowed) in scenes {
         let (bound, cycle) = (run(trace, Fidelity::Bound, &[]), run(trace, Fidelity::Cycle, &[]));

@@ -290,6 +290,11 @@ impl Bound<'_> {
         let invocations = batches * f64::from(c.core.warp_width);
         // Indices of a segment are asked for when those of the one before have been read.
         let indices = if draw.index_bytes > 0 { draw.segments as f64 * self.hit_latency } else { 0.0 };
+        // So many lines of them are held or on their way; each behind these comes after a trip to the second level, once one is read.
+        let (bytes, lines) = (draw.index_bytes.max(1) as f64, f64::from(c.fetch.index_lines));
+        let behind = (draw.indices * draw.index_bytes) as f64 / LINE as f64 - draw.segments as f64 * lines;
+        let trip = self.hit_latency + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
+        let stream = behind.max(0.0) * trip / lines;
         let clipping =
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
@@ -297,7 +302,7 @@ impl Bound<'_> {
         let held = draw.segments as f64 * (shading.latency + fragment.latency + self.fill());
         let geometry = [
             ("command", held / f64::from(c.command.segments)),
-            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups) + indices),
+            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream) + indices),
             ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
             ("fetch port", fetched / f64::from(c.memory.port_width)),
             ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
