@@ -211,7 +211,15 @@ pub const SKIPS: &[Skip] = &[
         what: "colours of a tile that a later opaque triangle covers whole are not computed",
         switch: "Skips::overwritten",
         how: Switch::Renderer(|skips| skips.overwritten = false),
-        changes: &[],
+        changes: &[
+            "funnel.tiles_visited",
+            "funnel.quads_rasterized",
+            "funnel.quads_shaded",
+            "funnel.fragments_covered",
+            "funnel.fragments_shaded",
+            "funnel.helper_fragments",
+            "funnel.fragments_written",
+        ],
         work: ("", &[]),
     },
 ];
@@ -298,9 +306,11 @@ impl HostTimes {
     }
 }
 
-/// What no skip of the renderer may change.
-fn kept(funnel: &Funnel) -> Funnel {
-    Funnel { tiles_visited: 0, quads_early_culled: 0, ..*funnel }
+/// The first counter of a renderer's that differs, beside those that the skip is about.
+fn differing(skip: &Skip, on: &Funnel, off: &Funnel) -> Option<String> {
+    let paths = Funnel::NAMES.iter().map(|name| format!("funnel.{name}"));
+    let mut counts = paths.zip(on.values().into_iter().zip(off.values()));
+    counts.find(|(path, (on, off))| on != off && !skip.changes.contains(&path.as_str())).map(|(path, _)| path)
 }
 
 /// A sum of statistics; `[*]` stands for all units of a kind.
@@ -372,7 +382,7 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
                 let differs = if pictures != plain_render.0 {
                     Some("picture".to_owned())
                 } else {
-                    (kept(&funnel) != kept(&plain_render.1)).then(|| "funnel".to_owned())
+                    differing(skip, &plain_render.1, &funnel)
                 };
                 let host = HostTimes::take(turns, [plain_render.2, time], |side| Ok(rendered(trace, skips[side])?.2))?;
                 Saving { skip, cycles: None, host, work: None, differs }
