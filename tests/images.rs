@@ -12,6 +12,7 @@ use fillrate::report::compare;
 use fillrate::report::picture::picture;
 use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
 use fillrate::sim::Clock;
+use fillrate::work::Funnel;
 use image::RgbaImage;
 
 /// What an image may differ from its reference: pixels with a channel off by more than 2, and the least PSNR in dB.
@@ -176,7 +177,10 @@ fn compare_all(cases: &[Case]) {
     assert!(failures.is_empty(), "images beyond their limits:\n{}", failures.join("\n"));
 }
 
-/// The card's own image is the renderer's on every machine.
+/// Counters that depend on the machine: how long it keeps shaded vertices, and what it finds hidden ahead of tests.
+const OF_MACHINES: [&str; 2] = ["vertices_shaded", "tiles_hiz_culled"];
+
+/// The card's own image is the renderer's on every machine, and so are its counters.
 fn machines_agree(cases: &[Case]) {
     for case in cases {
         let functional = run(case, Fidelity::Functional, config("baseline"));
@@ -187,6 +191,10 @@ fn machines_agree(cases: &[Case]) {
                 assert_eq!(a.number, b.number, "{} on {card}", case.name);
                 let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
                 assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
+            }
+            for name in Funnel::NAMES.iter().filter(|name| !OF_MACHINES.contains(name)) {
+                let count = |replay: &Replay| replay.total.number(&format!("funnel.{name}"));
+                assert_eq!(count(&functional), count(&cycle), "{} on {card}: {name}", case.name);
             }
             let json = cycle.total.json();
             let wrong = json.pointer("/sort/wrong_pixels").and_then(serde_json::Value::as_u64);

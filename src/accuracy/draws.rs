@@ -5,7 +5,7 @@ use anyhow::Result;
 
 use crate::gfx::format::Format;
 use crate::gfx::state::{Blend, ColorTarget, Compare, DepthStencil, IndexFormat, Topology, VertexFormat};
-use crate::render::{self, Options, Skips};
+use crate::render::{self, Options};
 use crate::trace::Trace;
 use crate::trace::command::{AnyPipeline, BoundResource};
 use crate::trace::record::{self, Recorder};
@@ -144,9 +144,9 @@ impl Sheet {
 ///
 /// # Errors
 /// If it cannot be rendered.
-pub fn work(trace: &Trace, key: RenderKey, skips: Skips) -> Result<Vec<Event>> {
+pub fn work(trace: &Trace, key: RenderKey) -> Result<Vec<Event>> {
     let mut events = Vec::new();
-    render::render(trace, &Options { record: true, key, skips, ..Options::default() }, &mut |event| {
+    render::render(trace, &Options { record: true, key, ..Options::default() }, &mut |event| {
         events.push(event);
         Ok(())
     })?;

@@ -211,16 +211,8 @@ pub const SKIPS: &[Skip] = &[
         what: "colours of a tile that a later opaque triangle covers whole are not computed",
         switch: "Skips::overwritten",
         how: Switch::Renderer(|skips| skips.overwritten = false),
-        changes: &[
-            "funnel.tiles_visited",
-            "funnel.quads_rasterized",
-            "funnel.quads_shaded",
-            "funnel.fragments_covered",
-            "funnel.fragments_shaded",
-            "funnel.helper_fragments",
-            "funnel.fragments_written",
-        ],
-        work: ("", &[]),
+        changes: &[],
+        work: ("colours computed", &[]),
     },
 ];
 
@@ -306,11 +298,10 @@ impl HostTimes {
     }
 }
 
-/// The first counter of a renderer's that differs, beside those that the skip is about.
-fn differing(skip: &Skip, on: &Funnel, off: &Funnel) -> Option<String> {
-    let paths = Funnel::NAMES.iter().map(|name| format!("funnel.{name}"));
-    let mut counts = paths.zip(on.values().into_iter().zip(off.values()));
-    counts.find(|(path, (on, off))| on != off && !skip.changes.contains(&path.as_str())).map(|(path, _)| path)
+/// The first counter of a renderer's that differs: none may.
+fn differing(on: &Funnel, off: &Funnel) -> Option<String> {
+    let mut counts = Funnel::NAMES.iter().zip(on.values().into_iter().zip(off.values()));
+    counts.find(|(_, (on, off))| on != off).map(|(name, _)| format!("funnel.{name}"))
 }
 
 /// A sum of statistics; `[*]` stands for all units of a kind.
@@ -335,15 +326,26 @@ fn differs(skip: &Skip, on: &Replay, off: &Replay) -> Option<String> {
     changed.map(|path| (*path).to_owned())
 }
 
-/// What a renderer leaves: pictures, funnel, and its time.
-type Rendered = (Vec<Vec<u8>>, Funnel, Duration);
+/// What the renderer leaves where it does not record.
+pub(super) struct Rendered {
+    /// The picture of each frame.
+    pub pictures: Vec<Vec<u8>>,
+    /// Counters of all frames.
+    pub funnel: Funnel,
+    /// Fragments whose colours it computed.
+    pub colors: f64,
+    time: Duration,
+}
 
 /// Renders without recording.
-fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub(super) fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
     let watch = Stopwatch::start();
     let (mut pictures, mut funnel) = (Vec::new(), Funnel::default());
     let options = render::Options { skips, key: RenderKey::default(), ..render::Options::default() };
-    render::render(trace, &options, &mut |event| {
+    let summary = render::render(trace, &options, &mut |event| {
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
             Event::EndFrame(end) => pictures.push(end.reference.to_vec()),
@@ -351,7 +353,8 @@ fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
         }
         Ok(())
     })?;
-    Ok((pictures, funnel, watch.clock()))
+    let colors = (funnel.fragments_shaded - summary.overwritten) as f64;
+    Ok(Rendered { pictures, funnel, colors, time: watch.clock() })
 }
 
 /// Every skip on a trace, on and off.
@@ -378,14 +381,13 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
             Switch::Renderer(off) => {
                 let mut skips = [Skips::default(); 2];
                 off(&mut skips[1]);
-                let (pictures, funnel, time) = rendered(trace, skips[1])?;
-                let differs = if pictures != plain_render.0 {
-                    Some("picture".to_owned())
-                } else {
-                    differing(skip, &plain_render.1, &funnel)
-                };
-                let host = HostTimes::take(turns, [plain_render.2, time], |side| Ok(rendered(trace, skips[side])?.2))?;
-                Saving { skip, cycles: None, host, work: None, differs }
+                let (on, off) = (&plain_render, rendered(trace, skips[1])?);
+                let same = on.pictures == off.pictures;
+                let differs = if same { differing(&on.funnel, &off.funnel) } else { Some("picture".to_owned()) };
+                let host = HostTimes::take(turns, [on.time, off.time], |side| Ok(rendered(trace, skips[side])?.time))?;
+                // What full blocks save nothing counts.
+                let work = (!skip.work.0.is_empty()).then_some([on.colors, off.colors]);
+                Saving { skip, cycles: None, host, work, differs }
             }
             Switch::Machine { base, off } => {
                 let [with_base, without] = [with(base)?, with(&[base, off].concat())?];

@@ -131,6 +131,8 @@ pub struct Summary {
     pub frames: u32,
     /// Commands run.
     pub commands: u64,
+    /// Fragments whose colours were not computed ([`Skips::overwritten`]).
+    pub overwritten: u64,
 }
 
 /// Renders a trace and hands its work on.
@@ -151,7 +153,8 @@ pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<S
     }
     match result {
         Ok(()) | Err(Fault::Stop) => {
-            Ok(Summary { frames: renderer.frame.max(u32::from(renderer.implicit_frame)), commands: commands + 1 })
+            let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
+            Ok(Summary { frames, commands: commands + 1, overwritten: renderer.overwritten })
         }
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, reason)),
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
@@ -181,6 +184,8 @@ pub(super) struct Renderer<'t, 's> {
     implicit_frame: bool,
     pub(super) passes: u32,
     pub(super) draws: u32,
+    /// Fragments whose colours were not computed.
+    pub(super) overwritten: u64,
     /// Render pipelines created.
     pipelines: u64,
     pub(super) dispatches: u32,
@@ -207,6 +212,7 @@ impl<'t, 's> Renderer<'t, 's> {
             implicit_frame: false,
             passes: 0,
             draws: 0,
+            overwritten: 0,
             pipelines: 0,
             dispatches: 0,
             moment: 0,

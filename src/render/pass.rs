@@ -415,6 +415,7 @@ impl ActivePass {
             }
         })?;
         stopped?;
+        renderer.overwritten += outcome.overwritten;
         if !renderer.recording() {
             // Without recorded work the funnel is all that there is to hand on.
             renderer.emit(Event::Segment(Arc::new(Segment { funnel: outcome.funnel, ..Segment::default() })))?;

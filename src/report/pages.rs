@@ -102,7 +102,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("", "Time.", RUN.to_vec()),
         (
             "funnel",
-            "What went in, and where it was thrown away. Under `--fidelity functional` with full reuse of vertices.",
+            "What went in, and where it was thrown away. Under `--fidelity functional` as a sort-middle card without hierarchical Z would count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's.",
             funnel,
         ),
         ("phases[i]", "Of a frame, in `stats.json` only: what is done one after another.", PHASE.to_vec()),

@@ -17,7 +17,7 @@ use crate::stats::{Node, Tree};
 use crate::trace::Trace;
 use crate::unit::phase::Phase;
 use crate::work::profile::{FrameProfile, Profiler};
-use crate::work::{EndFrame, Event, Funnel, RenderKey, Surface};
+use crate::work::{EndFrame, Event, Funnel, Surface};
 
 use super::bound::{BATCH, Bound, FrameEstimate, Traffic};
 use super::draws::{self, DrawSampling};
@@ -128,7 +128,7 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32)) -> Resul
         record: false,
         frames: options.frames.clone().into(),
         skips: Skips::default(),
-        key: RenderKey::default(),
+        key: options.config.render_key(),
     };
     render::render(trace, &render_options, &mut |event| {
         match event {

@@ -10,6 +10,7 @@ use fillrate::run::sampled::Sampling;
 use fillrate::run::tiles::TileSampling;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
+use fillrate::work::Funnel;
 
 fn run(trace: &str, fidelity: Fidelity, changes: &[&str]) -> Replay {
     frames(trace, fidelity, changes, 0..u32::MAX)
@@ -28,6 +29,17 @@ fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>)
 
 fn cycles(replay: &Replay) -> f64 {
     replay.total.number("cycles").expect("cycles")
+}
+
+#[test]
+fn functional_runs_count_as_the_card_does() {
+    for (scene, change) in [("cube", "depth.early=false"), ("town.zip", "command.cull=draws")] {
+        let both = [Fidelity::Functional, Fidelity::Cycle].map(|fidelity| run(scene, fidelity, &[change]));
+        for name in Funnel::NAMES.iter().filter(|name| **name != "tiles_hiz_culled") {
+            let [functional, cycle] = [0, 1].map(|at: usize| both[at].total.number(&format!("funnel.{name}")));
+            assert_eq!(functional, cycle, "{change}: {name}");
+        }
+    }
 }
 
 #[test]

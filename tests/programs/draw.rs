@@ -329,7 +329,7 @@ fn queries_count_what_is_overwritten() {
     let source = format!("{COVER} @fragment fn fs() -> @location(0) vec4f {{ return vec4f(1.0); }}");
     let pipeline = canvas.pipeline(&source, |_| {});
     let occlusion = canvas.lab.card.create_query_set(QueryKind::Occlusion, 1);
-    let statistics = canvas.lab.card.create_query_set(QueryKind::PipelineStatistics(0b1000), 1);
+    let statistics = canvas.lab.card.create_query_set(QueryKind::PipelineStatistics(0b1000), 2);
     {
         let color = [record::clear(canvas.view, [0.0; 4])];
         let mut pass = canvas.lab.card.begin_render_pass_with(color, None, Some(occlusion));
@@ -337,12 +337,16 @@ fn queries_count_what_is_overwritten() {
         pass.push(Command::BeginStatisticsQuery { set: statistics, index: 0 });
         pass.occlusion_query(0, |pass| pass.draw(3, 5));
         pass.push(Command::EndStatisticsQuery);
+        // Here nobody counts samples.
+        pass.push(Command::BeginStatisticsQuery { set: statistics, index: 1 });
+        pass.draw(3, 5);
+        pass.push(Command::EndStatisticsQuery);
     }
-    let result = canvas.lab.words(128);
+    let result = canvas.lab.words(132);
     canvas.lab.card.resolve_queries(occlusion, 0, 1, result, 0);
-    canvas.lab.card.resolve_queries(statistics, 0, 1, result, 256);
-    let got = canvas.lab.read(result, 128);
-    assert_eq!((got[0], got[64]), (5 * 1024, 5 * 1024));
+    canvas.lab.card.resolve_queries(statistics, 0, 2, result, 256);
+    let got = canvas.lab.read(result, 132);
+    assert_eq!((got[0], got[64], got[66]), (5 * 1024, 5 * 1024, 5 * 1024));
 }
 
 /// Two colours of the fragment stage in one equation.

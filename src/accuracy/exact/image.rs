@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::accuracy::draws::{DEPTH, Sheet, Stroke, work};
 use crate::accuracy::machine::{config, run};
+use crate::accuracy::skips::rendered;
 use crate::accuracy::synthetic::{Scene, events, in_two_passes};
 use crate::accuracy::{Random, Row, Section, Setting, Target};
 use crate::gfx::format::Format;
@@ -14,7 +15,7 @@ use crate::render::Skips;
 use crate::trace::Trace;
 use crate::trace::command::BoundResource;
 use crate::trace::record;
-use crate::work::{Event, RenderKey, Shade};
+use crate::work::{Event, Funnel, RenderKey, Shade};
 
 pub(super) const IMAGE: Target = Target {
     id: "image",
@@ -33,8 +34,9 @@ struct Picture {
     work: [Vec<Event>; 2],
 }
 
-/// Random triangles with a texture, in perspective, for the renderer; the last third of them blended, if any is.
-fn painted(random: &mut Random, edge: u32, samples: u32, triangles: u32, blended: bool) -> Trace {
+/// Random triangles with a texture, in perspective, for the renderer; the last third of them blended, if any is. Without depths one
+/// covers all that came before it.
+fn painted(random: &mut Random, edge: u32, samples: u32, triangles: u32, blended: bool, depths: bool) -> Trace {
     let mut sheet = Sheet::new([edge, edge * 3 / 4], samples);
     let desc = record::texture_mipped(32, 32, 6, Format::Rgba8Unorm);
     let texture = sheet.card.create_texture("texture", desc);
@@ -58,11 +60,13 @@ fn painted(random: &mut Random, edge: u32, samples: u32, triangles: u32, blended
             continue;
         }
         let mut vertices = Vec::new();
-        for _ in 0..count {
+        for number in 0..count {
             let [x, y, size] = [random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(0.1, 1.2)];
-            for _ in 0..3 {
+            let covers = !depths && number == count / 2;
+            for corner in [[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]] {
                 let w = random.range(0.5, 3.0);
-                let [x, y] = [x, y].map(|c| (c + random.range(-size, size)) * w);
+                let place = [x, y].map(|c| c + random.range(-size, size));
+                let [x, y] = if covers { corner } else { place }.map(|c| c * w);
                 let [u, v, a, b] = [(); 4].map(|()| random.unit());
                 vertices.push([x, y, random.unit() * w, w, 4.0 * u, 4.0 * v, a, b]);
             }
@@ -70,7 +74,11 @@ fn painted(random: &mut Random, edge: u32, samples: u32, triangles: u32, blended
         sheet.draw(Stroke {
             attributes: vertices,
             resources: vec![BoundResource::View(view), BoundResource::Sampler(sampler)],
-            depth: Some(DepthStencil { depth_write: !blend, depth_compare: Compare::Less, ..record::depth_less(DEPTH) }),
+            depth: depths.then_some(DepthStencil {
+                depth_write: !blend,
+                depth_compare: Compare::Less,
+                ..record::depth_less(DEPTH)
+            }),
             blend: blend.then_some(Blend { color: over, alpha: over }),
             ..Stroke::new(source, 3 * count)
         });
@@ -78,13 +86,15 @@ fn painted(random: &mut Random, edge: u32, samples: u32, triangles: u32, blended
     sheet.finish()
 }
 
-/// Traces for the renderer: opaque, blended, multisampled.
+/// Traces for the renderer: opaque, blended, multisampled, over each other.
 fn traces(setting: &Setting, random: &mut Random) -> Vec<(bool, Trace)> {
     let (edge, triangles) = setting.pick((64, 20), (160, 80), (320, 600));
     vec![
-        (true, painted(random, edge, 1, triangles, false)),
-        (false, painted(random, edge, 1, triangles, true)),
-        (false, painted(random, edge, 4, triangles / 2, true)),
+        (true, painted(random, edge, 1, triangles, false, true)),
+        (false, painted(random, edge, 1, triangles, true, true)),
+        (false, painted(random, edge, 4, triangles / 2, true, true)),
+        // More than one tile of the renderer: there it asks whether a triangle covers one whole.
+        (false, painted(random, 2 * edge, 1, triangles, false, false)),
     ]
 }
 
@@ -117,7 +127,7 @@ fn pictures(setting: &Setting) -> Result<Vec<Picture>> {
             all.push(Picture { opaque: opaque && round % 2 == 0, work });
         }
         for (opaque, trace) in traces(setting, &mut Random::nth(setting.seed, round)) {
-            let of = |shade| work(&trace, RenderKey { shade, ..RenderKey::default() }, Skips::default());
+            let of = |shade| work(&trace, RenderKey { shade, ..RenderKey::default() });
             all.push(Picture { opaque, work: [of(Shade::Visible)?, of(Shade::Covered)?] });
         }
     }
@@ -236,11 +246,6 @@ fn of_machines(setting: &Setting, about: &str, kinds: &[&[&str]], pictures: &[&P
     ])
 }
 
-/// The pictures that the renderer makes of a trace.
-fn rendered(trace: &Trace, skips: Skips) -> Result<Vec<Event>> {
-    work(trace, RenderKey::default(), skips)
-}
-
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let all = pictures(setting)?;
     let mut rows = Vec::new();
@@ -250,20 +255,30 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     // Composition keeps no order that could be switched off.
     let opaque: Vec<&Picture> = all.iter().filter(|picture| picture.opaque).collect();
     rows.extend(of_machines(&Setting { faulty: false, ..*setting }, "composition", COMPOSED, &opaque)?);
-    let (mut skips, mut threads) = (0, 0);
+    let (mut skips, mut colors, mut threads) = (0, 0, 0);
     for (_, trace) in traces(setting, &mut Random::nth(setting.seed, 0)) {
-        let events = rendered(&trace, Skips::default())?;
-        skips += u64::from(frames(&rendered(&trace, Skips::NONE)?) != frames(&events));
+        let events = work(&trace, RenderKey::default())?;
+        let [usual, all] = [rendered(&trace, Skips::default())?, rendered(&trace, Skips::NONE)?];
+        let mut funnel = Funnel::default();
+        events.iter().for_each(|event| {
+            if let Event::Segment(segment) = event {
+                funnel += segment.funnel
+            }
+        });
+        skips += u64::from(usual.pictures != all.pictures || frames(&events) != all.pictures);
+        skips += u64::from(usual.funnel != all.funnel || funnel != all.funnel);
+        colors += u64::from(usual.colors < all.colors);
         for number in [1, 2, 3, 8] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(number).build()?;
-            let other = pool.install(|| rendered(&trace, Skips::default()))?;
+            let other = pool.install(|| work(&trace, RenderKey::default()))?;
             // The work, too, not the picture alone.
             let same =
                 other.len() == events.len() && other.par_iter().zip(&events).all(|(a, b)| format!("{a:?}") == format!("{b:?}"));
             threads += u64::from(!same);
         }
     }
-    rows.push(Row::none("the renderer, nothing skipped: pictures that differ", skips));
+    rows.push(Row::none("the renderer, nothing skipped, and recording: pictures and counters that differ", skips));
+    rows.push(Row::exact("traces with colours that it left out", 1.0, colors as f64));
     rows.push(Row::none("the renderer on 1, 2, 3, 8 threads: works and pictures that differ", threads));
     Ok(rows)
 }

@@ -12,7 +12,6 @@ use super::draws::{Sheet, Stroke, work};
 use super::machine::sum;
 use crate::gfx::state::{FilterMode, SamplerDesc};
 use crate::machine::MachineReport;
-use crate::render::Skips;
 use crate::trace::Trace;
 use crate::trace::command::{BoundResource, TextureDesc};
 use crate::work::{Event, RenderKey};
@@ -52,5 +51,5 @@ fn textured(size: [u32; 2], texture: TextureDesc, sampler: SamplerDesc, vertices
 
 /// What the renderer leaves of a trace.
 fn rendered(trace: &Trace) -> Result<Vec<Event>> {
-    work(trace, RenderKey::default(), Skips::default())
+    work(trace, RenderKey::default())
 }

@@ -18,7 +18,7 @@ use crate::shader::{
 use crate::work::{Funnel, Needless, Shade};
 
 use super::pending::Pending;
-use super::{DrawCall, DrawError, Skips};
+use super::{DrawCall, DrawError, Drawn, Skips};
 
 /// Varyings that are interpolated with the same weights.
 pub struct VaryingClass {
@@ -342,6 +342,8 @@ pub struct Worker {
     /// Counts of the current segment.
     pub funnel: Funnel,
     pub samples_passed: u64,
+    /// Fragments whose colours a later triangle hides.
+    pub overwritten: u64,
     /// Pairs of tile and triangle, before they are sorted.
     pub pairs: Vec<(u32, u32)>,
 }
@@ -371,14 +373,15 @@ impl Workers {
     }
 
     /// Takes the counts of all threads, which are sums and so the same whoever counted.
-    pub fn take_counts(&self) -> (Funnel, u64) {
-        let (mut funnel, mut passed) = (Funnel::default(), 0);
+    pub fn take_counts(&self) -> Drawn {
+        let mut counts = Drawn::default();
         for worker in &self.workers {
             let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            funnel += std::mem::take(&mut worker.funnel);
-            passed += std::mem::take(&mut worker.samples_passed);
+            counts.funnel += std::mem::take(&mut worker.funnel);
+            counts.samples_passed += std::mem::take(&mut worker.samples_passed);
+            counts.overwritten += std::mem::take(&mut worker.overwritten);
         }
-        (funnel, passed)
+        counts
     }
 }
 

@@ -86,7 +86,7 @@ pub struct Range {
 /// Work that the renderer leaves out where the image cannot change. Each can be switched off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Skips {
-    /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed.
+    /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed, and counted as if they were.
     pub overwritten: bool,
     /// Blocks that lie inside of all edges of a triangle are not tested sample by sample.
     pub full_blocks: bool,
@@ -149,6 +149,8 @@ pub struct Drawn {
     pub samples_passed: u64,
     /// What was thrown away where.
     pub funnel: Funnel,
+    /// Fragments whose colours were not computed ([`Skips::overwritten`]); the funnel has them as shaded and written.
+    pub overwritten: u64,
 }
 
 /// Indices, borrowed.

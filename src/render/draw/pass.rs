@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::gfx::format::Format;
 use crate::render::surface::{Shape, TileSurface};
 use crate::shader::ShaderFault;
-use crate::work::{Culling, Event, Funnel, Segment};
+use crate::work::{Culling, Event, Segment};
 
 use super::batch::{self, Batch};
 use super::cull;
@@ -199,8 +199,10 @@ impl RenderPass {
                         planner.go_back(place);
                     }
                     (segment, quads) => {
-                        drawn.funnel +=
-                            self.fragments(call, frame, scratch, &pieces, segment, &mut drawn.samples_passed, sink)?;
+                        let piece = self.fragments(call, frame, scratch, &pieces, segment, sink)?;
+                        drawn.funnel += piece.funnel;
+                        drawn.samples_passed += piece.samples_passed;
+                        drawn.overwritten += piece.overwritten;
                         if quads < SEGMENT_QUADS / 4 {
                             limit = limit.saturating_mul(2).min(SEGMENT_PRIMITIVES);
                         }
@@ -258,9 +260,8 @@ impl RenderPass {
         scratch: &mut Scratch,
         pieces: &[Piece],
         mut segment: Segment,
-        samples_passed: &mut u64,
         sink: &mut dyn FnMut(Event),
-    ) -> Result<Funnel, DrawError> {
+    ) -> Result<Drawn, DrawError> {
         let tiles = self.tiles();
         let batches = &mut scratch.batches[..scratch.batches_used];
         let touched: Vec<usize> =
@@ -286,17 +287,16 @@ impl RenderPass {
             results.into_iter().collect::<Result<(), ShaderFault>>()?;
             keep(jobs);
         }
-        let (counts, passed) = workers.take_counts();
-        *samples_passed += passed;
+        let mut drawn = workers.take_counts();
         each(batches, Batch::count_uncovered);
-        let mut funnel = segment.funnel;
-        funnel += counts;
+        let funnel = &mut drawn.funnel;
+        *funnel += segment.funnel;
         for batch in batches.iter() {
-            funnel += batch.funnel;
+            *funnel += batch.funnel;
             funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
         }
         if call.record {
-            segment.funnel = funnel;
+            segment.funnel = *funnel;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
             let vertices = std::mem::take(&mut scratch.vertices);
             let signed = call.signature.is_some().then(|| signature::vertices(&vertices));
@@ -307,7 +307,7 @@ impl RenderPass {
             }
             sink(Event::Segment(Arc::new(segment)));
         }
-        Ok(funnel)
+        Ok(drawn)
     }
 
     /// One tile with its parts of the attachments.

@@ -67,6 +67,7 @@ pub struct TileRun<'a, 'f, 'j> {
     pub recorder: &'a mut crate::shader::Recorder,
     pub counts: Funnel,
     pub samples_passed: u64,
+    pub overwritten: u64,
     pub fault: Option<ShaderFault>,
     /// The current triangle: its batch, its number there, its place among the pending ones.
     pub batch: u32,
@@ -140,6 +141,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         recorder: &mut worker.recorder,
         counts: Funnel::default(),
         samples_passed: 0,
+        overwritten: 0,
         fault: None,
         batch: 0,
         number: 0,
@@ -147,6 +149,14 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     };
     let mut blocks = Blocks::new();
     blocks.takes_whole = frame.skips.full_blocks;
+    if frame.overwrites {
+        for (b, batch) in input.batches.iter().enumerate().take(start.0 + 1) {
+            let of_batch = batch.in_tile(tile);
+            for &r in if b == start.0 { &of_batch[..start.1] } else { of_batch } {
+                run.hidden::<S, WIDE>(b as u32, r, area, &mut blocks);
+            }
+        }
+    }
     let references = &mut worker.pairs;
     references.clear();
     for (b, batch) in input.batches.iter().enumerate().skip(start.0) {
@@ -185,27 +195,18 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     if RECORD {
         run.job.record.finish(run.recorder);
     }
-    let (counts, passed, fault) = (run.counts, run.samples_passed, run.fault);
+    let (counts, passed, overwritten, fault) = (run.counts, run.samples_passed, run.overwritten, run.fault);
     worker.funnel += counts;
     worker.samples_passed += passed;
+    worker.overwritten += overwritten;
     fault.map_or(Ok(()), Err)
 }
 
-/// The last triangle that covers the tile whole: what was drawn before it cannot be seen. Earlier ones count as covering.
+/// The last triangle that covers the tile whole, by batch and place there: what was drawn before it cannot be seen. The first of
+/// all if there is none.
 fn first_visible(batches: &[Batch], tile: usize) -> (usize, usize) {
-    for (b, batch) in batches.iter().enumerate().rev() {
-        let references = batch.in_tile(tile);
-        if let Some(at) = references.iter().rposition(|r| r & WHOLE != 0) {
-            for batch in &batches[..=b] {
-                let hidden = if std::ptr::eq(batch, &batches[b]) { &references[..at] } else { batch.in_tile(tile) };
-                for r in hidden {
-                    batch.covered[(r & NUMBER) as usize].store(1, Relaxed);
-                }
-            }
-            return (b, at);
-        }
-    }
-    (0, 0)
+    let last = |(b, batch): (usize, &Batch)| Some((b, batch.in_tile(tile).iter().rposition(|r| r & WHOLE != 0)?));
+    batches.iter().enumerate().rev().find_map(last).unwrap_or((0, 0))
 }
 
 /// Bit `4 q` for every quad with a bit in the mask.
@@ -213,6 +214,17 @@ fn first_visible(batches: &[Batch], tile: usize) -> (usize, usize) {
 pub(super) fn quads_in(mask: u64) -> u64 {
     let pairs = mask | mask >> 1;
     (pairs | pairs >> 2) & 0x1111_1111_1111_1111
+}
+
+/// The blocks of a triangle in a tile. `WIDE`: the caller is compiled for AVX2 and its companions.
+#[inline(always)]
+fn find<const S: usize, const WIDE: bool>(blocks: &mut Blocks<S>, triangle: &Triangle, area: Bounds) {
+    #[cfg(target_arch = "x86_64")]
+    if WIDE {
+        // SAFETY: `dispatch` has found the instruction sets on this host.
+        return unsafe { blocks.find_avx2(triangle, area) };
+    }
+    blocks.find_portable(triangle, area);
 }
 
 impl TileRun<'_, '_, '_> {
@@ -228,15 +240,7 @@ impl TileRun<'_, '_, '_> {
         let batch = &self.input.batches[b as usize];
         let triangle = &batch.set_up(number as usize, self.frame, self.input.vertices);
         (self.batch, self.number, self.slot) = (b, number, u32::MAX);
-        #[cfg(target_arch = "x86_64")]
-        if WIDE {
-            // SAFETY: `dispatch` has found the instruction sets on this host.
-            unsafe { blocks.find_avx2(triangle, area) };
-        } else {
-            blocks.find_portable(triangle, area);
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        blocks.find_portable(triangle, area);
+        find::<S, WIDE>(blocks, triangle, area);
         let mut covered = false;
         for block in blocks.iter() {
             covered |= self.block::<S, RECORD, WIDE>(triangle, *block);
@@ -247,6 +251,55 @@ impl TileRun<'_, '_, '_> {
                 self.job.record.end_visit(b, number);
             }
         }
+    }
+
+    /// Counts what a triangle covers that a later one hides, and what would become of it: since nothing tests or discards
+    /// fragments, all of them would be shaded and written ([`Frame::overwrites`]).
+    #[inline(never)]
+    fn hidden<const S: usize, const WIDE: bool>(&mut self, b: u32, reference: u32, area: Bounds, blocks: &mut Blocks<S>) {
+        let batch = &self.input.batches[b as usize];
+        let number = (reference & NUMBER) as usize;
+        let (mut hit, mut quads, mut fragments) = (0, 0, 0);
+        // Quads and fragments of each sample.
+        let mut samples = [[0; 2]; S];
+        if reference & WHOLE != 0 {
+            let [w, h] = [area.x1 - area.x0, area.y1 - area.y0].map(u64::from);
+            hit = w.div_ceil(8) * h.div_ceil(8);
+            quads = w.div_ceil(2) * h.div_ceil(2);
+            fragments = w * h;
+            samples = [[quads, fragments]; S];
+        } else {
+            find::<S, WIDE>(blocks, &batch.set_up(number, self.frame, self.input.vertices), area);
+            for block in blocks.iter() {
+                let count = |mask: u64| [quads_in(mask), mask].map(|bits| u64::from(bits.count_ones()));
+                let [q, f] = count(block.pixels());
+                (hit, quads, fragments) = (hit + u64::from(f > 0), quads + q, fragments + f);
+                for (sum, &mask) in samples.iter_mut().zip(&block.samples) {
+                    let [q, f] = count(mask);
+                    *sum = [sum[0] + q, sum[1] + f];
+                }
+            }
+        }
+        if fragments == 0 {
+            return;
+        }
+        batch.covered[number].store(1, Relaxed);
+        self.counts.tiles_visited += hit;
+        self.counts.quads_rasterized += quads;
+        self.counts.fragments_covered += fragments;
+        if self.frame.fragment.is_none() {
+            self.counts.fragments_written += fragments;
+            return;
+        }
+        let (quads, fragments) = match self.frame.per_sample {
+            true => samples.iter().fold((0, 0), |(quads, fragments), [q, f]| (quads + q, fragments + f)),
+            false => (quads, fragments),
+        };
+        self.overwritten += fragments;
+        self.counts.quads_shaded += quads;
+        self.counts.fragments_shaded += fragments;
+        self.counts.helper_fragments += 4 * quads - fragments;
+        self.counts.fragments_written += fragments;
     }
 
     /// One block of the current triangle; returns whether it covers a sample that may be written.

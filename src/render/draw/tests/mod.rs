@@ -219,6 +219,7 @@ impl Scene {
             })?;
             drawn.samples_passed += one.samples_passed;
             drawn.funnel += one.funnel;
+            drawn.overwritten += one.overwritten;
         }
         let ended = pass.end();
         let color = ended.color.into_iter().next().flatten().unwrap();

@@ -9,6 +9,12 @@ pub(super) fn variety() -> Vec<(&'static str, Scene)> {
     let base = || Scene::new(soup(600, 1, true)).with_depth(Format::Depth32Float, Compare::Less, true, 1.0);
     out.push(("depth", base()));
     out.push(("no depth", Scene::new(soup(600, 2, true))));
+    out.push(("screens", screens()));
+    out.push(("screens samples", screens().samples(4)));
+    out.push(("screens, scissored", Scene { scissor: Some(Rect { x: 3, y: 5, width: 95, height: 80 }), ..screens() }));
+    let mut unseen = screens();
+    unseen.target().write_mask = 0;
+    out.push(("screens, nothing written", unseen));
     out.push((
         "flat quads",
         Scene::new(soup(300, 3, false)).with_depth(Format::Depth24PlusStencil8, Compare::LessEqual, true, 1.0),
@@ -40,6 +46,7 @@ pub(super) fn variety() -> Vec<(&'static str, Scene)> {
         @fragment fn fs(v: V, @builtin(sample_index) s: u32) -> @location(0) vec4<f32> { return v.c * f32(s + 1u) * 0.25; }
     "
     .into();
+    out.push(("screens per sample", Scene { source: sampled.source.clone(), ..screens().samples(4) }));
     out.push(("per sample", sampled));
     let mut coverage = base().samples(4);
     coverage.state.multisample.alpha_to_coverage = true;
@@ -104,6 +111,13 @@ pub(super) fn variety() -> Vec<(&'static str, Scene)> {
     out
 }
 
+/// Triangles and screens that cover all of the target, and a rectangle that covers no tile.
+fn screens() -> Scene {
+    const PART: [f32; 4] = [-0.5, -0.5, 0.7, 0.7];
+    let screen = |c| rectangle([-1.0, -1.0, 3.0, 3.0], 0.5, c)[..3].to_vec();
+    Scene::new([soup(200, 13, true), screen(RED), soup(100, 14, false), screen(GREEN), rectangle(PART, 0.5, RED)].concat())
+}
+
 #[test]
 fn nothing_depends_on_the_number_of_threads() {
     for (name, scene) in variety() {
@@ -126,8 +140,10 @@ fn skips_and_recording_change_no_pixel() {
         let usual = scene.draw();
         let all = scene.draw_as(How { skips: Skips::NONE, ..USUAL });
         same(name, "with skips", &usual, &all);
+        assert_eq!(usual.drawn.funnel, all.drawn.funnel, "{name}");
         let recorded = scene.draw_as(How { record: true, ..USUAL });
         same(name, "when recorded", &usual, &recorded);
+        assert_eq!(usual.drawn.funnel, recorded.drawn.funnel, "{name}");
         let covered = RenderKey { shade: work::Shade::Covered, ..RenderKey::default() };
         let covered = scene.draw_as(How { record: true, key: covered, ..USUAL });
         same(name, "when everything covered is shaded", &usual, &covered);
@@ -139,6 +155,39 @@ fn skips_and_recording_change_no_pixel() {
         assert_eq!(passed, counts(How { skips: Skips::NONE, ..USUAL }), "{name}");
         assert_eq!(passed, counts(How { key: late, ..USUAL }), "{name}");
         assert_eq!(passed, counts(How { record: true, ..USUAL }), "{name}");
+    }
+}
+
+#[test]
+fn what_is_overwritten_is_counted_and_not_computed() {
+    let left_out = |scene: &Scene| scene.draw().drawn.overwritten;
+    for samples in [1, 4] {
+        let scene = screens().samples(samples);
+        let f = scene.draw().drawn.funnel;
+        // All but the second screen and what is drawn on it.
+        let last = scene.draws[0].end - 6..scene.draws[0].end;
+        let seen = Scene { draws: vec![last], ..scene.clone() }.draw().drawn.funnel.fragments_shaded;
+        assert_eq!(left_out(&scene), f.fragments_shaded - seen - 100 * 90, "{samples} samples");
+        assert_eq!((f.fragments_shaded, f.fragments_written), (f.fragments_covered, f.fragments_covered));
+        assert_eq!(f.culled_no_sample, scene.draw_as(How { skips: Skips::NONE, ..USUAL }).drawn.funnel.culled_no_sample);
+        assert!(f.culled_no_sample > 0, "{f:?}");
+
+        // What reads the target, tests, counts or discards leaves nothing out.
+        let mut masked = scene.clone();
+        masked.target().write_mask = 7;
+        let mut blended = scene.clone();
+        let add = BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
+        blended.target().blend = Some(Blend { color: add, alpha: add });
+        let discards =
+            Scene { source: PLAIN.replace("{ return v.c; }", "{ if v.c.x > 0.6 { discard; } return v.c; }"), ..scene.clone() };
+        let tested = scene.clone().with_depth(Format::Depth32Float, Compare::LessEqual, true, 1.0);
+        for other in [masked, blended, discards, tested] {
+            assert_eq!(left_out(&other), 0);
+        }
+        assert_eq!(scene.draw_as(How { count: true, ..USUAL }).drawn.overwritten, 0);
+        // Nor does a screen in the tile of which it leaves a corner free: of 36 x 64 pixels, upper right.
+        let corner = rectangle([-1.0, -1.0, 2.9, 3.0], 0.5, RED)[..3].repeat(2);
+        assert_eq!(left_out(&Scene::new(corner).samples(samples)), 100 * 90 - 36 * 64);
     }
 }
 
