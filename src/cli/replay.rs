@@ -208,7 +208,7 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
         match options.fidelity {
             Fidelity::Bound => {
                 println!(
-                    "estimated from counts and rates: off by 5 % in the middle, up to 25 % seen, more on small queues (docs/fidelity.md)"
+                    "estimated from counts and rates: off by 3 % in the middle, up to 15 % on the baseline, more on short queues (docs/fidelity.md)"
                 );
                 println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host);
             }
