@@ -99,6 +99,20 @@ fn frames_have_the_numbers_of_the_trace() {
 }
 
 #[test]
+fn each_fidelity_says_what_it_expects_to_be_off_by() {
+    for (fidelity, more, says) in [
+        ("functional", &[][..], "counted, not timed"),
+        ("bound", &[], "estimated from counts and rates: off by"),
+        ("sampled", &["--samples", "2"], "What is estimated"),
+        ("cycle", &[], "nothing estimated"),
+    ] {
+        let (code, text, message) = run(&[&["replay", "traces/particles", "--fidelity", fidelity], more].concat());
+        assert_eq!(code, 0, "{message}");
+        assert!(text.contains(says), "{fidelity}: {text}");
+    }
+}
+
+#[test]
 fn help_shows_an_example_each() {
     for command in ["replay", "import", "inspect", "configs", "compare"] {
         let (code, text, _) = run(&[command, "--help"]);

@@ -179,7 +179,9 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
     let host = done.machine_time.as_secs_f64();
     let all = done.clock_time.as_secs_f64();
     if options.fidelity == Fidelity::Functional {
-        println!("\nhost: {all:.3} s in all");
+        println!(
+            "\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\nhost: {all:.3} s in all"
+        );
     } else {
         let sampled = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_));
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
@@ -216,7 +218,8 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
                 println!("host: {host:.2} s in the machine, {all:.2} s in all")
             }
             _ => println!(
-                "host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {all:.2} s in all",
+                "every cycle of every unit, nothing estimated\n\
+                 host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {all:.2} s in all",
                 cycles / host.max(1e-9) / 1e6,
                 shaded / host.max(1e-9) / 1e6,
             ),
