@@ -15,7 +15,7 @@ use crate::render::surface::TileSurface;
 use crate::shader::{
     BuiltIn, Connection, Executor, Extra, InputRegister, Interpolation, Program, Recorder, Resources, Sampling, Uniforms,
 };
-use crate::work::{Funnel, Needless, Shade};
+use crate::work::{Needless, Shade};
 
 use super::pending::Pending;
 use super::{DrawCall, DrawError, Drawn, Skips};
@@ -340,10 +340,7 @@ pub struct Worker {
     pub weights: FragmentWeights,
     pub recorder: Recorder,
     /// Counts of the current segment.
-    pub funnel: Funnel,
-    pub samples_passed: u64,
-    /// Fragments whose colours a later triangle hides.
-    pub overwritten: u64,
+    pub drawn: Drawn,
     /// Pairs of tile and triangle, before they are sorted.
     pub pairs: Vec<(u32, u32)>,
 }
@@ -377,9 +374,7 @@ impl Workers {
         let mut counts = Drawn::default();
         for worker in &self.workers {
             let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            counts.funnel += std::mem::take(&mut worker.funnel);
-            counts.samples_passed += std::mem::take(&mut worker.samples_passed);
-            counts.overwritten += std::mem::take(&mut worker.overwritten);
+            counts += std::mem::take(&mut worker.drawn);
         }
         counts
     }

@@ -153,6 +153,14 @@ pub struct Drawn {
     pub overwritten: u64,
 }
 
+impl std::ops::AddAssign for Drawn {
+    fn add_assign(&mut self, other: Drawn) {
+        self.samples_passed += other.samples_passed;
+        self.funnel += other.funnel;
+        self.overwritten += other.overwritten;
+    }
+}
+
 /// Indices, borrowed.
 #[derive(Clone, Copy, Debug)]
 struct IndexBuffer<'a> {

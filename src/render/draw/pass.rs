@@ -199,10 +199,7 @@ impl RenderPass {
                         planner.go_back(place);
                     }
                     (segment, quads) => {
-                        let piece = self.fragments(call, frame, scratch, &pieces, segment, sink)?;
-                        drawn.funnel += piece.funnel;
-                        drawn.samples_passed += piece.samples_passed;
-                        drawn.overwritten += piece.overwritten;
+                        drawn += self.fragments(call, frame, scratch, &pieces, segment, sink)?;
                         if quads < SEGMENT_QUADS / 4 {
                             limit = limit.saturating_mul(2).min(SEGMENT_PRIMITIVES);
                         }

@@ -8,6 +8,7 @@ use crate::render::surface::TileMut;
 use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
 
+use super::Drawn;
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
 use super::frame::{FragmentWeights, Frame, Worker};
 use super::pending::Pending;
@@ -195,10 +196,8 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     if RECORD {
         run.job.record.finish(run.recorder);
     }
-    let (counts, passed, overwritten, fault) = (run.counts, run.samples_passed, run.overwritten, run.fault);
-    worker.funnel += counts;
-    worker.samples_passed += passed;
-    worker.overwritten += overwritten;
+    let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;
+    worker.drawn += Drawn { samples_passed, funnel, overwritten };
     fault.map_or(Ok(()), Err)
 }
 

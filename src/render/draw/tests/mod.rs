@@ -217,9 +217,7 @@ impl Scene {
                 Event::Segment(segment) => segments.push(segment),
                 other => panic!("{other:?}"),
             })?;
-            drawn.samples_passed += one.samples_passed;
-            drawn.funnel += one.funnel;
-            drawn.overwritten += one.overwritten;
+            drawn += one;
         }
         let ended = pass.end();
         let color = ended.color.into_iter().next().flatten().unwrap();
