@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 
 use super::Verdict;
-use crate::import;
 use crate::trace::{self, Packing};
 
 /// Turn a foreign trace into a native one (replay also takes foreign traces directly)
@@ -16,13 +15,15 @@ use crate::trace::{self, Packing};
 pub struct Arguments {
     /// The trace: a file, or its folder
     trace: PathBuf,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     /// Where to write the native trace: a folder that does not exist or is empty, or a file ending in .zip
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let trace = import::open(&arguments.trace)?;
+    let trace = arguments.reading.open(&arguments.trace)?;
     let out = &arguments.out;
     if out.extension().is_some_and(|e| e == "zip") {
         if out.exists() {

@@ -16,6 +16,8 @@ use crate::trace::command::{Command, ShaderSource};
 pub struct Arguments {
     /// The trace: a file, or its folder
     trace: PathBuf,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     /// List every command with its number
     #[arg(long)]
     commands: bool,
@@ -25,7 +27,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let trace = import::open(&arguments.trace)?;
+    let trace = arguments.reading.open(&arguments.trace)?;
     let summary = check(&trace)?;
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);

@@ -16,6 +16,7 @@ mod configs;
 mod import;
 mod inspect;
 mod pareto;
+mod reading;
 mod replay;
 mod shortcuts;
 mod skips;

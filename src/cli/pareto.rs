@@ -6,7 +6,6 @@ use anyhow::{Context, Result};
 
 use super::Verdict;
 use crate::accuracy::pareto::{Front, front, plot};
-use crate::import;
 use crate::run::replay::{Fidelity, Options};
 use crate::sim::Clock;
 
@@ -18,6 +17,8 @@ pub struct Arguments {
     /// Traces
     #[arg(required = true)]
     traces: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     #[command(flatten)]
     machine: super::configs::Choice,
     /// Frames to sample; several make several runs
@@ -36,7 +37,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
     let mut fronts: Vec<Front> = Vec::new();
     for path in &arguments.traces {
-        let trace = import::open(path)?;
+        let trace = arguments.reading.open(path)?;
         let name = path.display().to_string();
         let found = front(&name, &trace, &options, &arguments.samples, arguments.seed).with_context(|| name.clone())?;
         println!("{}", found.table());

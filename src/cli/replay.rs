@@ -10,7 +10,6 @@ use anyhow::{Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Verdict;
-use crate::import;
 use crate::report::summary;
 use crate::run::draws::DrawSampling;
 use crate::run::replay::{self, Fidelity, Options, Replay};
@@ -27,6 +26,8 @@ Leaves in --out: frame-NNNN.png (the trace's own frame numbers), stats.json, sta
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     #[command(flatten)]
     machine: super::configs::Choice,
     /// Frames to replay: half-open, as in 2..4, 2.. or ..4
@@ -143,7 +144,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         },
         frames: arguments.frames.0.clone(),
     };
-    let trace = import::open(&arguments.trace)?;
+    let trace = arguments.reading.open(&arguments.trace)?;
     let bar = progress_bar();
     let done = replay::replay(&trace, &options, &|frame| {
         bar.set_message(format!("frame {frame} done"));

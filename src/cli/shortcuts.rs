@@ -6,7 +6,6 @@ use anyhow::{Context, Result};
 
 use super::Verdict;
 use crate::accuracy::shortcuts::{SHORTCUTS, Taken, UNMEASURED, diverging, json, shortcuts, table};
-use crate::import;
 
 /// Edge in pixels of the scene that is made to diverge.
 const EDGE: u32 = 256;
@@ -19,6 +18,8 @@ pub struct Arguments {
     /// Traces
     #[arg(required_unless_present = "list")]
     traces: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     /// Name the shortcuts and their exact ways, and those that have none
     #[arg(long)]
     list: bool,
@@ -42,7 +43,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let config = arguments.machine.load()?;
     let mut found: Vec<(String, Vec<Taken>)> = Vec::new();
     for path in &arguments.traces {
-        let trace = import::open(path)?;
+        let trace = arguments.reading.open(path)?;
         let taken = shortcuts(&trace, &config).with_context(|| path.display().to_string())?;
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         found.push((name, taken));

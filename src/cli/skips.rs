@@ -7,7 +7,6 @@ use anyhow::{Context, Result};
 
 use super::Verdict;
 use crate::accuracy::skips::{SKIPS, Turns, savings, table};
-use crate::import;
 
 /// What is skipped because a scene does not need it: work and time saved, and that nothing else changes
 #[derive(clap::Args)]
@@ -18,6 +17,8 @@ pub struct Arguments {
     /// Traces
     #[arg(required_unless_present = "list")]
     traces: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: super::reading::Reading,
     /// Name the skips and their switches
     #[arg(long)]
     list: bool,
@@ -40,7 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let turns = Turns { least: 3, time };
     let mut verdict = Verdict::Done;
     for path in &arguments.traces {
-        let trace = import::open(path)?;
+        let trace = arguments.reading.open(path)?;
         let name = path.display().to_string();
         let found = savings(&trace, &config, turns).with_context(|| name.clone())?;
         println!("{}", table(&name, &found));

@@ -9,19 +9,24 @@ mod detect;
 
 use std::path::Path;
 
-use crate::trace::{Trace, TraceError};
+use crate::trace::{Reading, Trace, TraceError};
 
 pub use detect::{Found, Kind, detect};
 
 /// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
 pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
+    open_with(path, &Reading::default())
+}
+
+/// As [`open`], with limits and rules for its files other than the default ones.
+pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, TraceError> {
     let path = path.as_ref();
     if let Err(error) = std::fs::metadata(path) {
         return Err(TraceError::new(path, error));
     }
     match detect(path) {
-        Some(Found { kind: Kind::Native, path }) => Trace::open(path),
-        Some(Found { kind: Kind::Wgpu, path }) => wgpu::open(&path),
+        Some(Found { kind: Kind::Native, path }) => Trace::open_with(path, reading),
+        Some(Found { kind: Kind::Wgpu, path }) => wgpu::open_with(&path, reading),
         Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
             Err(TraceError::new(path, format_args!("{kind} traces are not supported yet")))
         }

@@ -6,6 +6,7 @@ mod edits;
 mod fixed;
 mod ids;
 mod lanes;
+mod limits;
 mod prefetch;
 mod words;
 
@@ -13,6 +14,7 @@ pub use edits::edits;
 pub use fixed::{Fx8, snap};
 pub use ids::*;
 pub use lanes::{LANES, Lanes, Mask, QUADS};
+pub use limits::{Limit, LimitExceeded, LimitInfo, Limits};
 pub use prefetch::prefetch;
 pub use words::Words;
 

@@ -375,7 +375,7 @@ impl<'t, 's> Renderer<'t, 's> {
             ShaderSource::NagaIr(name) => (name, shader::Source::NagaIr(self.trace.text(name)?)),
         };
         let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({label})"));
-        Module::new(&title, text).map(Arc::new).map_err(|error| Fault::Reason(error.to_string()))
+        Module::with_limits(&title, text, self.trace.limits()).map(Arc::new).map_err(|error| Fault::Reason(error.to_string()))
     }
 
     fn destroy(&mut self, object: Object) -> Result<(), Fault> {

@@ -77,7 +77,7 @@ fn allocate(
         match inst.code {
             Code::LoopBegin => {
                 open.push(loops.len());
-                loops.push((2 * i, 0));
+                loops.push((2 * i + 2, 0));
             }
             Code::LoopEnd | Code::LoopEndIf => {
                 if let Some(l) = open.pop() {

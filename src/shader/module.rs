@@ -6,6 +6,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::guard::guarded;
 use super::interface::Stage;
+use crate::num::Limits;
 
 /// The source of a shader module.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +63,8 @@ pub struct Module {
     pub(super) source: Arc<str>,
     pub(super) ir: Arc<naga::Module>,
     pub(super) info: Arc<ModuleInfo>,
+    /// What compiling it may take.
+    pub(super) limits: Limits,
 }
 
 /// What of naga's optional capabilities this implementation runs.
@@ -125,11 +128,21 @@ impl Module {
     /// # Errors
     /// If the text does not parse, or naga's validation refuses it, or it needs a capability that is not implemented.
     pub fn new(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
-        let fail = |message| ShaderError { module: name.to_owned(), entry: None, place: None, message };
-        guarded(|| Module::parse(name, source)).unwrap_or_else(|message| Err(fail(message)))
+        Module::with_limits(name, source, &Limits::default())
     }
 
-    fn parse(name: &str, source: Source<'_>) -> Result<Module, ShaderError> {
+    /// As [`Module::new`], with limits other than the default ones.
+    pub fn with_limits(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
+        let fail = |message| ShaderError { module: name.to_owned(), entry: None, place: None, message };
+        let length = match source {
+            Source::Wgsl(text) | Source::NagaIr(text) => text.len(),
+            Source::SpirV(bytes) => bytes.len(),
+        };
+        limits.shader_source.check(length as u64).map_err(|error| fail(error.to_string()))?;
+        guarded(|| Module::parse(name, source, limits)).unwrap_or_else(|message| Err(fail(message)))
+    }
+
+    fn parse(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         let (ir, text) = match source {
             Source::Wgsl(text) => {
@@ -167,7 +180,7 @@ impl Module {
         let info = Validator::new(ValidationFlags::all(), capabilities())
             .validate(&ir)
             .map_err(|e| fail(e.location(text).map(place_of), chain(e.as_inner())))?;
-        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(ir), info: Arc::new(info) })
+        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(ir), info: Arc::new(info), limits: *limits })
     }
 
     /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::num::Limits;
+
 use super::command::Command;
 use super::error::{Place, TraceError};
 use super::store::{Bytes, Store};
@@ -64,6 +66,7 @@ impl Builder {
 
     /// The trace.
     pub fn finish(self) -> Trace {
-        Trace { file: self.file, commands: Commands::List(self.commands, self.places), store: self.store }
+        let commands = Commands::List(self.commands, self.places);
+        Trace { file: self.file, commands, store: self.store, limits: Limits::default() }
     }
 }

@@ -46,6 +46,7 @@ pub use geometry::{LinearExtent, copy_block_bytes};
 pub use store::{Bytes, NAME_MAX};
 pub use write::{Packing, write, write_archive, write_zip};
 
+use crate::num::Limits;
 use command::{Command, Data};
 use store::Store;
 
@@ -63,6 +64,16 @@ pub struct Trace {
     file: PathBuf,
     commands: Commands,
     store: Store,
+    limits: Limits,
+}
+
+/// How far a trace from elsewhere is trusted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reading {
+    /// What it may ask for.
+    pub limits: Limits,
+    /// Whether files that symbolic links lead to are read, inside the trace's folder and outside of it.
+    pub follow_links: bool,
 }
 
 enum Commands {
@@ -76,15 +87,31 @@ impl Trace {
     /// Opens a native trace: its folder, its zip archive, or the `trace.ron` of its folder. Reads the header and checks that all
     /// files are there with the length stated; contents are checked at first use.
     pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
+        Trace::open_with(path, &Reading::default())
+    }
+
+    /// As [`Trace::open`], with limits and rules for its files other than the default ones.
+    pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, TraceError> {
         let path = path.as_ref();
-        if path.is_dir() {
-            return Trace::open_folder(path, &path.join(COMMANDS_FILE));
-        }
-        if path.file_name().is_some_and(|name| name == COMMANDS_FILE) {
-            return Trace::open_folder(path.parent().unwrap_or(Path::new("")), path);
-        }
-        let bytes = Bytes::from_file(path).map_err(|error| TraceError::new(path, error))?;
-        Trace::open_archive(path, bytes)
+        let trace = if path.is_dir() {
+            Trace::open_folder(path, &path.join(COMMANDS_FILE))
+        } else if path.file_name().is_some_and(|name| name == COMMANDS_FILE) {
+            Trace::open_folder(path.parent().unwrap_or(Path::new("")), path)
+        } else {
+            let bytes = Bytes::from_file(path).map_err(|error| TraceError::new(path, error))?;
+            Trace::open_archive(path, bytes)
+        };
+        Ok(trace?.with_limits(reading.limits))
+    }
+
+    /// The same trace, replayed within these limits.
+    pub fn with_limits(self, limits: Limits) -> Trace {
+        Trace { limits, ..self }
+    }
+
+    /// What the trace may ask for.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// Opens an archive that is in memory; `name` is what messages call it.
@@ -97,7 +124,7 @@ impl Trace {
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands: Commands::Text(text), store })
+        Ok(Trace { file, commands: Commands::Text(text), store, limits: Limits::default() })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -121,7 +148,7 @@ impl Trace {
         if let Some(missing) = header.files.keys().next() {
             return Err(TraceError::new(name, format!("file {missing:?} is not there")));
         }
-        Ok(Trace { file: name.to_path_buf(), commands: Commands::Text(text), store })
+        Ok(Trace { file: name.to_path_buf(), commands: Commands::Text(text), store, limits: Limits::default() })
     }
 
     fn open_folder(folder: &Path, file: &Path) -> Result<Trace, TraceError> {
@@ -138,7 +165,7 @@ impl Trace {
             }
             store.add_file(&name, path, size, Some(entry.hash)).map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands: Commands::Text(text), store })
+        Ok(Trace { file: file.to_path_buf(), commands: Commands::Text(text), store, limits: Limits::default() })
     }
 
     /// What messages call the trace: the file that holds its commands.

@@ -26,14 +26,19 @@ mod translate;
 
 use std::path::Path;
 
-use crate::trace::{Bytes, Trace, TraceError};
+use crate::trace::{Bytes, Reading, Trace, TraceError};
 
 pub(super) use reader::trivia;
 
 /// Opens the wgpu trace whose `trace.ron` this is.
 pub fn open(file: &Path) -> Result<Trace, TraceError> {
+    open_with(file, &Reading::default())
+}
+
+/// As [`open`], with limits and rules for its files other than the default ones.
+pub fn open_with(file: &Path, reading: &Reading) -> Result<Trace, TraceError> {
     let text = Bytes::from_file(file).map_err(|error| TraceError::new(file, error))?;
-    import(file, &text)
+    Ok(import(file, &text)?.with_limits(reading.limits))
 }
 
 /// Imports a trace from its text; the files that it names lie beside `file`.

@@ -1,0 +1,154 @@
+//! What an untrusted trace may ask for.
+//!
+//! A trace and its shaders are programs: they can ask for work without an end and for memory without a bound. Each limit here stops one such
+//! request with an error that names the limit. Real programs stay far below all of them; `--limit NAME=VALUE` raises one.
+
+/// One row of the table of limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LimitInfo {
+    /// Its name, as `--limit` and messages have it.
+    pub name: &'static str,
+    /// What one of it is.
+    pub unit: &'static str,
+    /// What is limited, and how much real programs need.
+    pub about: &'static str,
+    /// Its default.
+    pub default: u64,
+}
+
+/// Something asked for more than a limit allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{asked} {unit}, more than the limit of {limit}; --limit {name}=N allows more", unit = .info.unit, name = .info.name)]
+pub struct LimitExceeded {
+    /// The limit.
+    pub info: &'static LimitInfo,
+    /// Its value in this run.
+    pub limit: u64,
+    /// What was asked for, in the limit's unit.
+    pub asked: u64,
+}
+
+macro_rules! limits {
+    ($($(#[doc = $about:literal])+ $field:ident: $name:literal, $default:expr, $unit:literal;)+) => {
+        /// The limits of one run. All are inclusive.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Limits {
+            $($(#[doc = $about])+ pub $field: Limit,)+
+        }
+
+        impl Default for Limits {
+            fn default() -> Limits {
+                let mut next = 0..;
+                let mut row = || next.next().unwrap_or(0);
+                Limits { $($field: { let k = row(); Limit { info: &TABLE[k], value: TABLE[k].default } },)+ }
+            }
+        }
+
+        impl Limits {
+            fn all_mut(&mut self) -> impl Iterator<Item = &mut Limit> {
+                [$(&mut self.$field),+].into_iter()
+            }
+        }
+
+        /// All limits, in the order of the documentation.
+        static TABLE: &[LimitInfo] = &[
+            $(LimitInfo { name: $name, unit: $unit, about: concat!($($about),+), default: $default },)+
+        ];
+    };
+}
+
+/// One limit and its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    info: &'static LimitInfo,
+    value: u64,
+}
+
+impl Limit {
+    /// The largest amount that is allowed.
+    pub fn get(self) -> u64 {
+        self.value
+    }
+
+    /// Its row in the table.
+    pub fn info(self) -> &'static LimitInfo {
+        self.info
+    }
+
+    /// Another value for this limit.
+    pub fn with(self, value: u64) -> Limit {
+        Limit { value, ..self }
+    }
+
+    /// Whether an amount is allowed.
+    ///
+    /// # Errors
+    /// If it is larger than the limit.
+    pub fn check(self, asked: u64) -> Result<(), LimitExceeded> {
+        if asked > self.value { Err(LimitExceeded { info: self.info, limit: self.value, asked }) } else { Ok(()) }
+    }
+}
+
+limits! {
+    /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary.
+    shader_source: "shader.source", 16 << 20, "bytes of shader source";
+    /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other.
+    shader_nesting: "shader.nesting", 256, "levels of nesting in a shader";
+}
+
+impl Limits {
+    /// The rows of the table.
+    pub fn table() -> &'static [LimitInfo] {
+        TABLE
+    }
+
+    /// Sets a limit by `NAME=VALUE`.
+    ///
+    /// # Errors
+    /// If there is no such limit, or the value is no whole number.
+    pub fn set(&mut self, assignment: &str) -> Result<(), String> {
+        let (name, text) = assignment.split_once('=').ok_or_else(|| format!("`{assignment}`: write a limit as NAME=VALUE"))?;
+        let (name, text) = (name.trim(), text.trim());
+        let value = text.replace('_', "").parse().map_err(|_| format!("{name}: `{text}` is not a whole number"))?;
+        let Some(limit) = self.all_mut().find(|limit| limit.info.name == name) else {
+            let names: Vec<&str> = TABLE.iter().map(|row| row.name).collect();
+            return Err(format!("there is no limit {name}; there are {}", names.join(", ")));
+        };
+        limit.value = value;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_limit_is_set_by_its_name() {
+        for (k, row) in TABLE.iter().enumerate() {
+            let mut limits = Limits::default();
+            let default: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
+            assert_eq!(default[k], row.default);
+            limits.set(&format!("{} = 1_234", row.name)).expect("a limit");
+            let set: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
+            let wanted: Vec<u64> = default.iter().enumerate().map(|(i, &d)| if i == k { 1234 } else { d }).collect();
+            assert_eq!(set, wanted, "{}", row.name);
+        }
+    }
+
+    #[test]
+    fn what_exceeds_a_limit_names_it() {
+        let limit = Limits::default().shader_nesting.with(10);
+        assert_eq!(limit.check(10), Ok(()));
+        let text = limit.check(11).expect_err("more than ten").to_string();
+        assert_eq!(text, "11 levels of nesting in a shader, more than the limit of 10; --limit shader.nesting=N allows more");
+    }
+
+    #[test]
+    fn unknown_limits_and_values_are_refused() {
+        let mut limits = Limits::default();
+        assert!(limits.set("shader.nestng=4").is_err_and(|e| e.contains("shader.nesting")));
+        assert!(limits.set("shader.nesting=many").is_err_and(|e| e.contains("many")));
+        assert!(limits.set("shader.nesting").is_err());
+    }
+}
