@@ -200,7 +200,7 @@ pub fn configuration() -> Result<String, ConfigError> {
     let mut text = String::from(
         "# Configuration\n\nGenerated from the declarations in the code; `cargo test --test pages` checks it.\n\n\
          A configuration is RON with comments. `extends: \"baseline\"` takes every knob that is not named from there; an unknown key or \
-         a value outside its range is an error. `--set memory.dram.clock=2000` sets one knob from the command line, \
+         a value outside its range is an error. `--set fetch.cache_lines=512` sets one knob from the command line, \
          `fillrate configs NAME` prints a configuration with every knob.\n\n",
     );
     text.push_str(&documentation(&Config::built_in("baseline")?));
