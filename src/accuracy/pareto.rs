@@ -109,7 +109,7 @@ pub fn resample(survey: &Survey, frames: &[&Tree], samples: usize) -> Resampled 
         for seed in 0..RESAMPLINGS {
             let drawn = clusters.draw(&mut random(seed));
             let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
-            let told = clusters.total(&drawn, &estimates, &own, false);
+            let told = clusters.total(&drawn, &estimates, &own);
             held += u64::from(told.covers(truth));
             errors += (told.value / truth - 1.0).abs();
         }

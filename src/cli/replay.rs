@@ -11,10 +11,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Verdict;
 use crate::report::summary;
-use crate::run::draws::DrawSampling;
 use crate::run::replay::{self, Fidelity, Options, Replay};
 use crate::run::sampled::Sampling;
-use crate::run::tiles::TileSampling;
 use crate::sim::Clock;
 
 /// Replay a trace on a configured card: images, statistics, a short report
@@ -42,20 +40,13 @@ pub struct Arguments {
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
-    /// With --fidelity sampled: what is sampled
-    #[arg(long, value_enum, default_value = "frames")]
-    sample: SampleName,
-    /// With --fidelity sampled: frames or pieces of draws that are simulated and counted, or runs with some of the tiles each
+    /// With --fidelity sampled: frames that are simulated and counted
     #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// With --fidelity sampled: frames before each of these that warm caches (drawn at once where the machine allows), or pieces that are
-    /// simulated to fill pipelines; not counted [default: 1 frame, 2 pieces]
-    #[arg(long, value_name = "N")]
-    warm_up: Option<u32>,
-    /// With --sample tiles: groups that tiles are dealt to, of which each run draws one [default: twice the runs]
-    #[arg(long, value_name = "N")]
-    groups: Option<u32>,
-    /// With --fidelity sampled: of the random numbers
+    /// With --fidelity sampled: frames before each of these that warm the caches and are not counted
+    #[arg(long, value_name = "N", default_value = "1")]
+    warm_up: u32,
+    /// With --fidelity sampled: seed of the sampling generator
     #[arg(long, value_name = "N", default_value = "1")]
     seed: u64,
     /// Which clock drives the units; every statistic is the same under both
@@ -73,16 +64,6 @@ enum FidelityName {
     Sampled,
     /// Every cycle of every unit
     Cycle,
-}
-
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum SampleName {
-    /// Whole frames, of those that are alike one: for sequences
-    Frames,
-    /// Draws, cut into pieces or put together: for single frames of many
-    Draws,
-    /// Tiles of the screen: for single frames
-    Tiles,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -122,20 +103,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         fidelity: match arguments.fidelity {
             FidelityName::Functional => Fidelity::Functional,
             FidelityName::Bound => Fidelity::Bound,
-            FidelityName::Sampled if matches!(arguments.sample, SampleName::Tiles) => Fidelity::SampledTiles(TileSampling {
-                samples: arguments.samples,
-                groups: arguments.groups.unwrap_or(2 * arguments.samples),
-                seed: arguments.seed,
-            }),
-            FidelityName::Sampled if matches!(arguments.sample, SampleName::Draws) => {
-                let Arguments { samples, seed, warm_up, .. } = *arguments;
-                Fidelity::SampledDraws(DrawSampling { samples, seed, warm_up: warm_up.unwrap_or(2) })
+            FidelityName::Sampled => {
+                Fidelity::Sampled(Sampling { samples: arguments.samples, seed: arguments.seed, warm_up: arguments.warm_up })
             }
-            FidelityName::Sampled => Fidelity::Sampled(Sampling {
-                samples: arguments.samples,
-                seed: arguments.seed,
-                warm_up: arguments.warm_up.unwrap_or(1),
-            }),
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {
@@ -184,14 +154,14 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
             "\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\nhost: {all:.3} s in all"
         );
     } else {
-        let sampled = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_));
+        let sampled = matches!(options.fidelity, Fidelity::Sampled(_));
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
         let phases: Vec<_> = done.frames.iter().map(|frame| frame.phases.as_slice()).collect();
         if phases.iter().any(|phases| !phases.is_empty()) {
             print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
         }
-        if !matches!(options.fidelity, Fidelity::Bound | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_)) {
+        if options.fidelity != Fidelity::Bound {
             print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
             print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
             let pipelines = options.config.card.pipelines;

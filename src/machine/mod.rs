@@ -21,9 +21,7 @@ pub use report::{FrameReport, MachineReport, Picture};
 use self::build::Built;
 use self::config::SortClass;
 use crate::mem::{Crossbar, requests};
-use crate::num::Cycle;
 use crate::sim::{self, Circuit, Clock, Stuck, Wire};
-use crate::stats::Tree;
 use crate::unit::Fault;
 use crate::unit::apply::{Keepers, Touch, Touching, apply};
 use crate::unit::assembly::Deal;
@@ -49,17 +47,6 @@ pub enum MachineError {
     /// Something was left inside at the end.
     #[error("at the end of the run something was left in the machine: {0}")]
     Left(String),
-}
-
-/// A segment of a watched run that has retired.
-#[derive(Clone, Debug)]
-pub struct Retirement {
-    /// Its number among those of the stream, from 0; segments that are drawn at once have one too.
-    pub segment: u32,
-    /// The cycle in which the last of its quads was told to be in its place.
-    pub cycle: Cycle,
-    /// What caches and memory have counted since the machine was made.
-    pub counts: Tree,
 }
 
 /// Events that are read ahead of the command processor.
@@ -142,34 +129,9 @@ impl Machine {
     /// Why the run stopped before its end.
     pub fn run_each(
         &mut self,
-        events: impl Iterator<Item = Event>,
-        clock: Clock,
-        each: impl FnMut(FrameReport),
-    ) -> Result<MachineReport, MachineError> {
-        self.go(events, clock, each, None)
-    }
-
-    /// [`Machine::run_each`] that tells of every segment that retires what caches and memory have counted by then.
-    ///
-    /// # Errors
-    /// Why the run stopped before its end.
-    pub fn run_watched(
-        &mut self,
-        events: impl Iterator<Item = Event>,
-        clock: Clock,
-        each: impl FnMut(FrameReport),
-        mut retired: impl FnMut(Retirement),
-    ) -> Result<MachineReport, MachineError> {
-        self.circuit.command.watch();
-        self.go(events, clock, each, Some(&mut retired))
-    }
-
-    fn go(
-        &mut self,
         mut events: impl Iterator<Item = Event>,
         clock: Clock,
         mut each: impl FnMut(FrameReport),
-        mut watcher: Option<&mut dyn FnMut(Retirement)>,
     ) -> Result<MachineReport, MachineError> {
         let mut readings = Readings::new(self);
         self.card.closed = false;
@@ -200,7 +162,7 @@ impl Machine {
                 let done = short && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
-                let stops = card.fault.is_some() || circuit.command.has_retired() || applies && circuit.command.idle();
+                let stops = card.fault.is_some() || applies && circuit.command.idle();
                 stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
             });
             // A machine with a fault may well be stuck; the fault is why.
@@ -208,9 +170,6 @@ impl Machine {
                 return Err(fault.into());
             }
             ran?;
-            if let Some(watcher) = &mut watcher {
-                self.tell(watcher);
-            }
             if self.apply() {
                 continue;
             }
@@ -226,13 +185,6 @@ impl Machine {
         }
         self.empty()?;
         Ok(readings.total(self))
-    }
-
-    /// Tells of segments that have retired.
-    fn tell(&mut self, watcher: &mut dyn FnMut(Retirement)) {
-        for (segment, cycle) in self.circuit.command.take_retired() {
-            watcher(Retirement { segment, cycle, counts: report::traffic(self) });
-        }
     }
 
     /// Draws the segments at the head of the events that are to be drawn at once; whether there was one.

@@ -100,7 +100,7 @@ impl Sums {
 }
 
 /// What caches and memory have counted up to now.
-pub(super) fn traffic(machine: &Machine) -> Tree {
+fn traffic(machine: &Machine) -> Tree {
     let circuit = &machine.circuit;
     let mut tree = Tree::new();
     let caches = tree.child("caches");

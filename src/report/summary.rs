@@ -260,20 +260,8 @@ fn clip(text: &str, most: usize) -> String {
 /// What a sampled replay estimates, with the margins of its intervals.
 pub fn sampled(total: &Tree) -> String {
     let n = |path: &str| total.number(path).unwrap_or(0.0);
-    let from = match (total.number("sampled.runs"), total.number("sampled.pieces")) {
-        (Some(runs), _) => format!("{runs} runs, each with one of {} groups of tiles", n("sampled.groups_of_tiles")),
-        (None, Some(pieces)) => {
-            let [counted, edges, simulated] = ["counted", "edge", "simulated"].map(|of| n(&format!("sampled.{of}_pieces")));
-            let drawn = pieces - edges;
-            format!(
-                "{counted} of {drawn} pieces of draws and {edges} at the ends of passes ({simulated} of {pieces} simulated)"
-            )
-        }
-        (None, None) => {
-            let (counted, simulated) = (n("sampled.counted_frames"), n("sampled.simulated_frames"));
-            format!("{counted} of {} frames ({simulated} simulated)", n("sampled.frames"))
-        }
-    };
+    let (counted, simulated) = (n("sampled.counted_frames"), n("sampled.simulated_frames"));
+    let from = format!("{counted} of {} frames ({simulated} simulated)", n("sampled.frames"));
     let mut out = format!("  from {from}; intervals hold with a probability of {:.1} %\n", 100.0 * n("sampled.level"));
     let Some(Node::Tree(margins)) = total.get("sampled").and_then(|node| match node {
         Node::Tree(tree) => tree.get("margins"),
@@ -289,8 +277,7 @@ pub fn sampled(total: &Tree) -> String {
         let margin = margin.unwrap_or(f64::INFINITY);
         if let Some(cache) = path.strip_prefix("caches.").and_then(|rest| rest.strip_suffix(".hit_rate")) {
             let sum = |what: &str| (0..).map_while(|i| total.number(&format!("caches.{cache}[{i}].{what}"))).sum::<f64>();
-            let told = total.number(&format!("caches.{cache}.hit_rate"));
-            let rate = 100.0 * told.unwrap_or_else(|| sum("hits") / sum("accesses").max(1.0));
+            let rate = 100.0 * sum("hits") / sum("accesses").max(1.0);
             out.push_str(&format!("  {path:<34} {rate:>15.2} %   +- {:.2} points\n", 100.0 * margin));
         } else if n(path) > 0.0 {
             let value = n(path);

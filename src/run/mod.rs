@@ -1,9 +1,7 @@
 //! Floor 5: replay: render and machine side by side.
 
 pub mod bound;
-pub mod draws;
 pub mod host;
 pub mod replay;
 pub mod sample;
 pub mod sampled;
-pub mod tiles;

@@ -20,10 +20,8 @@ use crate::work::profile::{FrameProfile, Profiler};
 use crate::work::{EndFrame, Event, Funnel, Surface};
 
 use super::bound::{BATCH, Bound, FrameEstimate, Traffic};
-use super::draws::{self, DrawSampling};
 use super::host::Stopwatch;
 use super::sampled::{Sampling, sampled};
-use super::tiles::{self, TileSampling};
 
 /// How much of the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,10 +32,6 @@ pub enum Fidelity {
     Bound,
     /// Every cycle of some frames, which stand for all ([`sampled`](super::sampled)).
     Sampled(Sampling),
-    /// Every cycle of frames drawn in part, some tiles at a time ([`tiles`]).
-    SampledTiles(TileSampling),
-    /// Every cycle of some draws, which stand for all ([`draws`]).
-    SampledDraws(DrawSampling),
     /// Every cycle.
     Cycle,
 }
@@ -113,8 +107,6 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
         Fidelity::Functional => functional(trace, options, progress),
         Fidelity::Bound => bound(trace, options, progress),
         Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, progress),
-        Fidelity::SampledTiles(sampling) => tiles::sampled(trace, options, &sampling),
-        Fidelity::SampledDraws(sampling) => draws::sampled(trace, options, &sampling, progress),
         Fidelity::Cycle => cycle(trace, options, progress),
     }
 }
@@ -305,7 +297,7 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
         fidelity: match options.fidelity {
             Fidelity::Functional => "functional".into(),
             Fidelity::Bound => "bound".into(),
-            Fidelity::Sampled(_) | Fidelity::SampledTiles(_) | Fidelity::SampledDraws(_) => "sampled".into(),
+            Fidelity::Sampled(_) => "sampled".into(),
             Fidelity::Cycle => "cycle".into(),
         },
         total: replay.total.clone(),

@@ -125,9 +125,8 @@ impl Clusters {
         self.members.iter().zip(drawn).map(weight).collect()
     }
 
-    /// The sum over all frames of what was counted in those drawn. Where clusters differ much in size, a deviation counts by its cluster's
-    /// share (`by_share`), else all count alike.
-    pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64], by_share: bool) -> Interval {
+    /// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size.
+    pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64]) -> Interval {
         let weights = self.weights(drawn, estimates);
         let value: f64 = weights.iter().zip(counted).map(|(weight, counted)| weight * counted).sum();
         let clusters = drawn.len();
@@ -141,8 +140,7 @@ impl Clusters {
         let own =
             weights.iter().zip(counted).zip(&shares).map(|((w, y), share)| if *share > 0.0 { w * y / share } else { ratio });
         let even = 1.0 / clusters as f64;
-        let part = |share: f64| if by_share && all > 0.0 { share / all } else { even };
-        let squares = own.zip(&shares).map(|(own, &share)| part(share) * (own - ratio) * (own - ratio));
+        let squares = own.map(|own| even * (own - ratio) * (own - ratio));
         let spread = squares.sum::<f64>() * clusters as f64 / (clusters - 1) as f64;
         let parts = shares.iter().zip(&self.members).map(|(share, m)| share * share * (1.0 - 1.0 / m.len() as f64));
         let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
@@ -185,7 +183,7 @@ mod tests {
         let clusters = Clusters::new(&signatures, 4);
         let drawn = clusters.draw(&mut random(1));
         let counted: Vec<f64> = drawn.iter().map(|&frame| 3.0 * estimates[frame]).collect();
-        let total = clusters.total(&drawn, &estimates, &counted, false);
+        let total = clusters.total(&drawn, &estimates, &counted);
         assert!((total.value - 3.0 * 1275.0).abs() < 1e-6 && total.margin < 1e-6, "{total:?}");
     }
 
@@ -199,12 +197,12 @@ mod tests {
         let counts: Vec<f64> = estimates.iter().enumerate().map(|(i, x)| x * (1.0 + 0.05 * normal() + 0.1 * kind(i))).collect();
         let signatures: Vec<Vec<f64>> = estimates.iter().enumerate().map(|(i, &x)| vec![x, 60.0 * kind(i)]).collect();
         let truth: f64 = counts.iter().sum();
-        for (clusters, by_share) in [3, 6, 12, 40].into_iter().flat_map(|n| [(n, false), (n, true)]) {
+        for clusters in [3, 6, 12, 40] {
             let clusters = Clusters::new(&signatures, clusters);
             let covered = (0..1000).filter(|&seed| {
                 let drawn = clusters.draw(&mut random(seed));
                 let counted: Vec<f64> = drawn.iter().map(|&frame| counts[frame]).collect();
-                clusters.total(&drawn, &estimates, &counted, by_share).covers(truth)
+                clusters.total(&drawn, &estimates, &counted).covers(truth)
             });
             assert!(covered.count() >= 990, "{} clusters", clusters.members.len());
         }

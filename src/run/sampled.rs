@@ -9,13 +9,15 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow, bail};
 
 use super::bound::{BATCH, Bound, FrameEstimate, PhaseEstimate};
-use super::draws;
 use super::host::Stopwatch;
 use super::replay::{Frame, Options, Replay, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
+use crate::machine::Config;
+use crate::machine::config::SortClass;
 use crate::render::{self, FrameSet};
 use crate::stats::{Leaf, Tree};
 use crate::trace::Trace;
+use crate::unit::sorting::{EarlyTest, Keep};
 use crate::work::profile::{FrameProfile, Profiler};
 
 /// How frames are sampled.
@@ -120,7 +122,18 @@ impl Survey {
     /// The sum over all frames of what was counted in those drawn.
     pub fn total(&self, clusters: &Clusters, drawn: &[usize], path: &str, frames: &[&Tree]) -> Interval {
         let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
-        clusters.total(drawn, &self.estimates(path), &own, false)
+        clusters.total(drawn, &self.estimates(path), &own)
+    }
+}
+
+/// Whether functional warming ([`apply`](crate::unit::apply)) leaves on this machine what simulating a frame leaves. Frames that warm up
+/// are simulated on the others: a tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image
+/// draw into copies; with some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
+fn warms_functionally(config: &Config) -> bool {
+    match config.card.sort {
+        SortClass::First | SortClass::Middle => true,
+        SortClass::LastFragment => config.order.keep == Keep::Always && config.order.early != EarlyTest::Local,
+        SortClass::MiddleBinned | SortClass::LastImage => false,
     }
 }
 
@@ -161,9 +174,8 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.frames[frame].number).collect();
     let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
     let simulated = chosen.count();
-    // Where work can be drawn at once, frames that warm up are.
-    let at_once = draws::check(&options.config).is_ok();
-    let warms_up = |number: u32| at_once && !numbers.contains(&number);
+    let functional = warms_functionally(&options.config);
+    let warms_up = |number: u32| functional && !numbers.contains(&number);
     let Simulated { frames, machine_time, .. } = simulate(trace, options, chosen, &warms_up, progress)?;
     let mut counted: Vec<Option<Frame>> = frames.into_iter().map(Some).collect();
     let mut take = |number: &u32| {
@@ -274,7 +286,7 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
         let rate = total(&format!("caches.{cache}.hits")).value / accesses.value;
         // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
         let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
-        let margin = clusters.total(drawn, &survey.estimates("cycles"), &beside, false).margin / accesses.value;
+        let margin = clusters.total(drawn, &survey.estimates("cycles"), &beside).margin / accesses.value;
         found.push((path, Interval { value: rate, margin }));
     }
     found

@@ -145,8 +145,6 @@ pub struct Command {
     /// Free slots, and the reports still to come for those in use.
     free: Vec<u16>,
     reports: Vec<u32>,
-    /// Segments that have retired and when, where that is watched.
-    retired: Option<Vec<(u32, Cycle)>>,
     free_runs: Vec<u16>,
     /// Surfaces to be cleared in memory: address and bytes.
     clears: VecDeque<(u64, u64)>,
@@ -185,7 +183,6 @@ impl Command {
             dispatch: None,
             free: (0..segments).rev().collect(),
             reports: vec![0; usize::from(segments)],
-            retired: None,
             free_runs: (0..runs).rev().collect(),
             clears: VecDeque::new(),
             resolves: VecDeque::new(),
@@ -239,21 +236,6 @@ impl Command {
         Some(slot)
     }
 
-    /// Notes from now on when segments retire.
-    pub fn watch(&mut self) {
-        self.retired = Some(Vec::new());
-    }
-
-    /// Whether segments have retired that have not been taken.
-    pub fn has_retired(&self) -> bool {
-        self.retired.as_ref().is_some_and(|retired| !retired.is_empty())
-    }
-
-    /// Takes the numbers of segments that have retired, each with the cycle of its last report.
-    pub fn take_retired(&mut self) -> Vec<(u32, Cycle)> {
-        self.retired.as_mut().map(std::mem::take).unwrap_or_default()
-    }
-
     /// Workgroups are under way.
     fn computing(&self) -> bool {
         self.free_runs.len() < self.config.workgroup_runs as usize
@@ -275,9 +257,6 @@ impl Command {
                 let slot = usize::from(ack.slot);
                 self.reports[slot] -= 1;
                 if self.reports[slot] == 0 {
-                    if let (Some(retired), Some(work)) = (&mut self.retired, &card.work[slot]) {
-                        retired.push((work.number, wires.now()));
-                    }
                     card.work[slot] = None;
                     self.free.push(ack.slot);
                 }

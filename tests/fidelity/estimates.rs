@@ -7,7 +7,6 @@ use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sampled::Sampling;
-use fillrate::run::tiles::TileSampling;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
@@ -141,16 +140,6 @@ fn some_frames_stand_for_all() {
 }
 
 #[test]
-fn some_tiles_stand_for_a_frame() {
-    let truth = cycles(&run("corridor", Fidelity::Cycle, &[]));
-    let some = run("corridor", Fidelity::SampledTiles(TileSampling { samples: 3, groups: 8, seed: 1 }), &[]);
-    assert!((cycles(&some) / truth - 1.0).abs() < 0.05, "{} for {truth}", cycles(&some));
-    // All groups are the whole, and leave nothing to chance.
-    let all = run("corridor", Fidelity::SampledTiles(TileSampling { samples: 2, groups: 2, seed: 1 }), &[]);
-    assert_eq!(all.total.number("sampled.margins.cycles"), Some(0.0));
-}
-
-#[test]
 fn sampling_without_an_interval_is_refused() {
     let refused = |fidelity| {
         let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
@@ -160,5 +149,4 @@ fn sampling_without_an_interval_is_refused() {
     };
     assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));
     assert!(refused(Fidelity::Sampled(Sampling::default())).contains("1 frames are too few"));
-    assert!(refused(Fidelity::SampledTiles(TileSampling { samples: 3, groups: 2, seed: 1 })).contains("at least as many"));
 }

@@ -1,5 +1,4 @@
-//! Estimates of cycles, by the whole frame, by pieces of one, and what the model's own shortcuts cost.
+//! Estimates of cycles, and what the model's own shortcuts cost.
 
-mod draws;
 mod estimates;
 mod shortcuts;

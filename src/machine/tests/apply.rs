@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use super::little::{config, rendered};
 use crate::machine::config::Config;
-use crate::machine::{FrameReport, Machine, MachineError, Retirement};
-use crate::num::Cycle;
+use crate::machine::{FrameReport, Machine, MachineError};
 use crate::sim::Clock;
 use crate::stats::Tree;
 use crate::unit::Fault;
@@ -29,17 +28,15 @@ fn applied(events: &[Event], mut chosen: impl FnMut(u32) -> bool) -> Vec<Event> 
 struct Left {
     frames: Vec<FrameReport>,
     total: Tree,
-    retired: Vec<(u32, Cycle)>,
     blocks: Vec<(SurfaceKey, Vec<u32>, Vec<BlockState>)>,
 }
 
 fn run(config: &Config, events: Vec<Event>) -> Left {
     let mut machine = Machine::new(config).unwrap();
-    let (mut frames, mut retired) = (Vec::new(), Vec::new());
-    let note = |told: Retirement| retired.push((told.segment, told.cycle));
-    let total = machine.run_watched(events.into_iter(), Clock::SkipIdle, |frame| frames.push(frame), note).unwrap().total;
+    let mut frames = Vec::new();
+    let total = machine.run_each(events.into_iter(), Clock::SkipIdle, |frame| frames.push(frame)).unwrap().total;
     let blocks = |store: &Store| (store.surface.key, store.codes.clone(), store.blocks.clone());
-    Left { frames, total, retired, blocks: machine.card.frame.stores.iter().map(blocks).collect() }
+    Left { frames, total, blocks: machine.card.frame.stores.iter().map(blocks).collect() }
 }
 
 /// All that can be seen of surfaces is what it is where all is simulated: texels, and what they take in memory.
@@ -62,7 +59,6 @@ fn the_same(config: &Config, scene: &str, events: &[Event]) {
         }
         let sum = |path: &str| (0..).map_while(|i| found.total.number(&format!("rop.depth[{i}].{path}"))).sum::<f64>();
         assert_eq!(sum("accepted_failed"), 0.0, "{at}");
-        assert!(found.retired.iter().all(|&(number, _)| !chosen(number)), "{at}");
     }
 }
 
@@ -85,19 +81,6 @@ fn what_is_drawn_at_once_leaves_what_a_simulation_leaves() {
     for scene in ["spokes-msaa", "particles"] {
         the_same(&machines[1], scene, &rendered(scene, machines[1].render_key()));
     }
-}
-
-#[test]
-fn every_segment_retires_once_and_in_order() {
-    let events = rendered("layers", config("baseline", &[]).render_key());
-    let segments = events.iter().filter(|event| matches!(event, Event::Segment(_))).count();
-    let watched = run(&config("baseline", &[]), events.clone());
-    assert_eq!(watched.retired.len(), segments);
-    assert!(watched.retired.windows(2).all(|pair| pair[0].0 + 1 == pair[1].0 && pair[0].1 <= pair[1].1));
-    // A watched run is the run.
-    let mut machine = Machine::new(&config("baseline", &[])).unwrap();
-    let plain = machine.run(events.into_iter(), Clock::EveryCycle).unwrap();
-    assert_eq!(plain.total.json(), watched.total.json());
 }
 
 #[test]
