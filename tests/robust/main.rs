@@ -2,6 +2,8 @@
 //! rasteriser or a replay fall over. `fuzz/` does the same for as long as one likes.
 
 mod configs;
+#[cfg(unix)]
+mod process;
 mod raster;
 mod replays;
 mod shaders;
