@@ -4,7 +4,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | [`num`] |
+//! | 0 | [`num`], [`host`] |
 //! | 1 | [`gfx`], [`trace`], [`stats`], [`sim`] |
 //! | 2 | [`shader`], [`mem`], [`work`], [`import`] |
 //! | 3 | [`render`], [`mod@unit`] |
@@ -13,6 +13,7 @@
 //! | 6 | [`accuracy`] |
 //! | 7 | [`cli`] |
 
+pub mod host;
 pub mod num;
 
 pub mod gfx;

@@ -6,27 +6,31 @@ use std::path::{Path, PathBuf};
 /// Modules and what each may import, beside itself.
 const TABLE: &[(&str, &[&str])] = &[
     ("num", &[]),
+    ("host", &[]),
     ("gfx", &["num"]),
-    ("trace", &["num", "gfx"]),
+    ("trace", &["num", "host", "gfx"]),
     ("stats", &["num"]),
     ("sim", &["num", "stats"]),
     ("shader", &["num", "gfx", "work"]),
     ("mem", &["num", "stats", "sim"]),
     ("work", &["num", "gfx"]),
-    ("import", &["num", "gfx", "trace"]),
+    ("import", &["num", "host", "gfx", "trace"]),
     ("render", &["num", "gfx", "trace", "shader", "work"]),
     ("unit", &["num", "gfx", "stats", "sim", "mem", "work"]),
     ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
-    ("report", &["num", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
-    ("run", &["num", "gfx", "trace", "stats", "sim", "mem", "import", "work", "render", "unit", "machine", "report"]),
+    ("report", &["num", "host", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
+    ("run", &["num", "host", "gfx", "trace", "stats", "sim", "mem", "import", "work", "render", "unit", "machine", "report"]),
     (
         "accuracy",
         &[
-            "num", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine", "report",
-            "run",
+            "num", "host", "gfx", "trace", "stats", "sim", "shader", "mem", "work", "import", "render", "unit", "machine",
+            "report", "run",
         ],
     ),
-    ("cli", &["num", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report", "accuracy"]),
+    (
+        "cli",
+        &["num", "host", "gfx", "trace", "stats", "sim", "import", "work", "render", "machine", "run", "report", "accuracy"],
+    ),
 ];
 
 /// Source files below a folder, those of unit tests left out.

@@ -1,8 +1,12 @@
 //! Which kind of trace a path holds, from the first bytes of its files.
 
 use std::fmt;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+
+use crate::host;
+use crate::host::Links;
+use crate::trace::{COMMANDS_FILE, TraceError};
 
 /// A kind of trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,32 +47,51 @@ const PEEK: u64 = 64 << 10;
 /// Finds the trace that a path means: a trace's file, its folder, or the folder above it. None if there is none, or if nothing
 /// there can be read.
 pub fn detect(path: &Path) -> Option<Found> {
+    detect_with(path, Links::Follow).ok().flatten()
+}
+
+/// As [`detect`], with a rule for symbolic links in the folder. What has the name of a trace and cannot be read is an error.
+pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<Found>, TraceError> {
     if !path.is_dir() {
-        return Some(Found { kind: kind_of_file(path)?, path: path.to_path_buf() });
+        // The user's own path.
+        return found(path, Links::Follow);
     }
     // A wgpu recorder writes into a folder that its program chose; here it is kept as `trace` below the trace's own folder.
-    for file in [path.join("trace.ron"), path.join("trace").join("trace.ron")] {
-        if file.is_file() {
-            return Some(Found { kind: kind_of_file(&file)?, path: file });
+    let below = path.join("trace");
+    for folder in [path, &below] {
+        let file = folder.join(COMMANDS_FILE);
+        // Whatever else bears the name is refused by name.
+        if std::fs::symlink_metadata(&file).is_ok() {
+            if folder == below {
+                host::check_folder(folder, links).map_err(|error| TraceError::new(folder, error))?;
+            }
+            return found(&file, links);
         }
     }
     // The other kinds are single files, of any name: take the first by name that is one.
-    let mut files: Vec<PathBuf> = std::fs::read_dir(path).ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let Ok(entries) = std::fs::read_dir(path) else { return Ok(None) };
+    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     files.sort();
     let gl = |file: &PathBuf| {
         let name = file.file_name()?.to_str()?;
         let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz");
-        let kind = likely.then(|| kind_of_file(file)).flatten()?;
+        let kind = likely.then(|| found(file, links).ok().flatten()).flatten()?.kind;
         matches!(kind, Kind::Apitrace | Kind::GlInterceptor).then(|| Found { kind, path: file.clone() })
     };
-    files.iter().find_map(gl)
+    Ok(files.iter().find_map(gl))
 }
 
-fn kind_of_file(file: &Path) -> Option<Kind> {
+/// The trace in a file.
+fn found(file: &Path, links: Links) -> Result<Option<Found>, TraceError> {
+    let kind = kind_of_file(file, links).map_err(|error| TraceError::new(file, error))?;
+    Ok(kind.map(|kind| Found { kind, path: file.to_path_buf() }))
+}
+
+fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
     let mut start = Vec::new();
-    std::fs::File::open(file).ok()?.take(PEEK).read_to_end(&mut start).ok()?;
-    let name = file.file_name()?.to_str().unwrap_or("");
-    if start.starts_with(b"PK") {
+    host::open(file, links)?.take(PEEK).read_to_end(&mut start)?;
+    let name = file.file_name().and_then(|name| name.to_str()).unwrap_or("");
+    Ok(if start.starts_with(b"PK") {
         Some(Kind::Native)
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
         Some(Kind::GlInterceptor)
@@ -81,5 +104,5 @@ fn kind_of_file(file: &Path) -> Option<Kind> {
         Some(if first == Some('[') { Kind::Wgpu } else { Kind::Native })
     } else {
         None
-    }
+    })
 }

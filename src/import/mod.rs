@@ -9,6 +9,7 @@ mod detect;
 
 use std::path::Path;
 
+use crate::host::Links;
 use crate::trace::{Reading, Trace, TraceError};
 
 pub use detect::{Found, Kind, detect};
@@ -21,12 +22,16 @@ pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
 /// As [`open`], with limits and rules for its files other than the default ones.
 pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, TraceError> {
     let path = path.as_ref();
-    if let Err(error) = std::fs::metadata(path) {
-        return Err(TraceError::new(path, error));
-    }
-    match detect(path) {
-        Some(Found { kind: Kind::Native, path }) => Trace::open_with(path, reading),
-        Some(Found { kind: Kind::Wgpu, path }) => wgpu::open_with(&path, reading),
+    // The path is the user's own; files that are found in a folder are the trace's.
+    let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
+    match detect::detect_with(path, reading.links())? {
+        Some(Found { kind: Kind::Native, path: file }) => match file.parent() {
+            Some(folder) if in_folder => Trace::open_with(folder, reading),
+            _ => Trace::open_with(file, reading),
+        },
+        Some(Found { kind: Kind::Wgpu, path: file }) => {
+            wgpu::open_linked(&file, if in_folder { reading.links() } else { Links::Follow }, reading)
+        }
         Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
             Err(TraceError::new(path, format_args!("{kind} traces are not supported yet")))
         }

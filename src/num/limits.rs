@@ -90,6 +90,10 @@ impl Limit {
 }
 
 limits! {
+    /// Bytes of the files of a trace, inflated: its commands and all that they name. Recorded traces have up to 3 MB.
+    trace_bytes: "trace.bytes", 4 << 30, "bytes of the trace's files";
+    /// Files of a trace, or entries of its archive. Recorded traces have up to 43.
+    trace_files: "trace.files", 1 << 16, "files of the trace";
     /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary.
     shader_source: "shader.source", 16 << 20, "bytes of shader source";
     /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other.

@@ -3,18 +3,21 @@
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use zip::result::ZipError;
 use zip::{CompressionMethod, ZipArchive};
 
 use super::COMMANDS_FILE;
+use super::archive_end as end;
 use super::error::TraceError;
 use super::store::{Bytes, Store};
 use super::text::FileEntry;
+use crate::num::Limits;
 
 /// An open archive; clones share its directory.
 pub(super) type Archive = ZipArchive<Cursor<Bytes>>;
 
-/// Bytes of command text that an archive may inflate to.
-const TEXT_MAX: u64 = 4 << 30;
+/// A deflated byte becomes at most so many.
+const DEFLATE_MAX: u64 = 1032;
 
 /// A trace's archive and the folder in it that holds the trace ("" or "NAME/").
 pub(super) struct Package {
@@ -25,9 +28,19 @@ pub(super) struct Package {
 
 impl Package {
     /// Opens an archive; the command list is at its root or in its only folder.
-    pub fn open(path: &Path, bytes: Bytes) -> Result<Package, TraceError> {
-        let archive = ZipArchive::new(Cursor::new(bytes.clone()))
-            .map_err(|error| TraceError::new(path, format!("not a zip archive: {error}")))?;
+    pub fn open(path: &Path, bytes: Bytes, limits: &Limits) -> Result<Package, TraceError> {
+        let fail = |reason: String| TraceError::new(path, reason);
+        let no_archive = |error: ZipError| fail(format!("not a zip archive: {error}"));
+        limits.trace_bytes.check(bytes.len() as u64).map_err(|error| TraceError::new(path, error))?;
+        let entries = end::most_entries(&bytes).map_err(|reason| fail(reason.to_owned()))?;
+        limits.trace_files.check(entries).map_err(|error| TraceError::new(path, error))?;
+        let mut archive = ZipArchive::new(Cursor::new(bytes.clone())).map_err(no_archive)?;
+        if archive.has_duplicate_names() {
+            return Err(fail("the archive has two entries of one name: which is meant is not clear".to_owned()));
+        }
+        if archive.has_overlapping_files().map_err(no_archive)? {
+            return Err(fail("entries of the archive overlap: the same bytes would be inflated several times".to_owned()));
+        }
         let mut folder = None;
         for name in archive.file_names() {
             let name =
@@ -45,14 +58,12 @@ impl Package {
     }
 
     /// The command list, with its checksum verified.
-    pub fn commands(&mut self, path: &Path) -> Result<Bytes, TraceError> {
+    pub fn commands(&mut self, path: &Path, limits: &Limits) -> Result<Bytes, TraceError> {
         let entry = self.entry(path, COMMANDS_FILE)?;
-        if entry.size > TEXT_MAX {
-            return Err(TraceError::new(
-                path,
-                format!("{COMMANDS_FILE} has {} bytes, at most {TEXT_MAX} are read", entry.size),
-            ));
-        }
+        limits
+            .trace_bytes
+            .check(entry.size)
+            .map_err(|error| TraceError::new(path, format!("{COMMANDS_FILE} in the archive: {error}")))?;
         if let Some(bytes) = entry.stored {
             let mut reader = self.archive.by_index(entry.index).map_err(|error| TraceError::new(path, error))?;
             std::io::copy(&mut reader, &mut std::io::sink())
@@ -98,6 +109,10 @@ impl Package {
                 let outside = || TraceError::new(path, format!("{full} in the archive reaches outside of it"));
                 Some(bytes.ok_or_else(outside)?)
             }
+            CompressionMethod::Deflated if size / DEFLATE_MAX > packed => {
+                let reason = format!("its header says {size} bytes, more than its {packed} deflated bytes can become");
+                return Err(TraceError::new(path, format!("{full} in the archive is damaged: {reason}")));
+            }
             CompressionMethod::Deflated => None,
             other => {
                 return Err(TraceError::new(
@@ -117,13 +132,18 @@ struct Entry {
     stored: Option<Bytes>,
 }
 
-/// Inflates an entry to the size that it states; memory grows with what arrives, not with what is stated.
+/// Inflates an entry to the size that it states.
 pub(super) fn inflate(archive: &Archive, index: usize, size: u64) -> Result<Vec<u8>, String> {
     let mut archive = archive.clone();
     let file = archive.by_index(index).map_err(|error| format!("cannot be inflated: {error}"))?;
     let mut bytes = Vec::new();
+    let room = usize::try_from(size).ok().and_then(|size| bytes.try_reserve_exact(size.saturating_add(1)).ok());
+    room.ok_or_else(|| format!("becomes {size} bytes: there is not so much memory"))?;
     // One byte beyond the stated size tells a longer stream from a complete one.
     file.take(size.saturating_add(1)).read_to_end(&mut bytes).map_err(|error| format!("cannot be inflated: {error}"))?;
+    if bytes.len() as u64 > size {
+        return Err(format!("inflates to more than the {size} bytes that its header says"));
+    }
     if bytes.len() as u64 != size {
         return Err(format!("inflates to {} bytes, its header says {size}", bytes.len()));
     }

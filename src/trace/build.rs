@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::host;
+use crate::host::Links;
 use crate::num::Limits;
 
 use super::command::Command;
@@ -52,11 +54,16 @@ impl Builder {
         self.store.add_bytes(name, bytes.into(), None).map_err(|reason| TraceError::new(&self.file, reason))
     }
 
-    /// Adds a file as a blob; it is opened at first use. Fails if it is not there.
-    pub fn add_file(&mut self, name: &str, path: impl AsRef<Path>) -> Result<(), TraceError> {
-        let path = path.as_ref();
-        let size = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.len();
-        self.store.add_file(name, path.to_path_buf(), size, None).map_err(|reason| TraceError::new(&self.file, reason))
+    /// Adds a regular file as a blob and answers its length in bytes; it is opened at first use. Fails if it is not there.
+    pub fn add_file(&mut self, name: &str, path: impl AsRef<Path>) -> Result<u64, TraceError> {
+        self.add_linked_file(name, path.as_ref(), Links::Follow)
+    }
+
+    /// As [`Builder::add_file`], with a rule for symbolic links.
+    pub(crate) fn add_linked_file(&mut self, name: &str, path: &Path, links: Links) -> Result<u64, TraceError> {
+        let size = host::length(path, links).map_err(|error| TraceError::new(path, error))?;
+        let added = self.store.add_file(name, path.to_path_buf(), links, size, None);
+        added.map(|()| size).map_err(|reason| TraceError::new(&self.file, reason))
     }
 
     /// Whether there is a blob of this name.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::host;
+
 /// A place in a text file; both count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
@@ -12,7 +14,8 @@ pub struct Place {
     pub column: usize,
 }
 
-/// Why a trace cannot be used. Displays as `file:line:column: command N: reason`, without the parts that are not known.
+/// Why a trace cannot be used. Displays as `file:line:column: command N: reason`, without the parts that are not known, and with
+/// control characters escaped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TraceError {
     /// The file that is wrong: the trace's text or one of its blobs.
@@ -46,14 +49,14 @@ impl TraceError {
 
 impl fmt::Display for TraceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.file.display())?;
+        f.write_str(&host::path_line(&self.file))?;
         if let Some(place) = self.place {
             write!(f, ":{}:{}", place.line, place.column)?;
         }
         if let Some(command) = self.command {
             write!(f, ": command {command}")?;
         }
-        write!(f, ": {}", self.reason)
+        write!(f, ": {}", host::printable(&self.reason))
     }
 }
 

@@ -24,6 +24,7 @@
 //! An imported trace is the same [`Trace`], with its commands in memory and its blobs where the foreign trace has them.
 
 mod archive;
+mod archive_end;
 mod build;
 mod error;
 mod geometry;
@@ -46,6 +47,8 @@ pub use geometry::{LinearExtent, copy_block_bytes};
 pub use store::{Bytes, NAME_MAX};
 pub use write::{Packing, write, write_archive, write_zip};
 
+use crate::host;
+use crate::host::Links;
 use crate::num::Limits;
 use command::{Command, Data};
 use store::Store;
@@ -76,6 +79,13 @@ pub struct Reading {
     pub follow_links: bool,
 }
 
+impl Reading {
+    /// What symbolic links among the files of the trace mean.
+    pub(crate) fn links(&self) -> Links {
+        if self.follow_links { Links::Follow } else { Links::Refuse }
+    }
+}
+
 enum Commands {
     /// The text of a native trace, valid UTF-8.
     Text(Bytes),
@@ -85,7 +95,8 @@ enum Commands {
 
 impl Trace {
     /// Opens a native trace: its folder, its zip archive, or the `trace.ron` of its folder. Reads the header and checks that all
-    /// files are there with the length stated; contents are checked at first use.
+    /// files are there with the length stated; contents are checked at first use. Only regular files are read. The path itself may be
+    /// a symbolic link, the files in the trace's folder may not.
     pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
         Trace::open_with(path, &Reading::default())
     }
@@ -93,15 +104,14 @@ impl Trace {
     /// As [`Trace::open`], with limits and rules for its files other than the default ones.
     pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, TraceError> {
         let path = path.as_ref();
-        let trace = if path.is_dir() {
-            Trace::open_folder(path, &path.join(COMMANDS_FILE))
+        if path.is_dir() {
+            Trace::open_folder(path, &path.join(COMMANDS_FILE), reading.links(), reading)
         } else if path.file_name().is_some_and(|name| name == COMMANDS_FILE) {
-            Trace::open_folder(path.parent().unwrap_or(Path::new("")), path)
+            Trace::open_folder(path.parent().unwrap_or(Path::new("")), path, Links::Follow, reading)
         } else {
             let bytes = Bytes::from_file(path).map_err(|error| TraceError::new(path, error))?;
-            Trace::open_archive(path, bytes)
-        };
-        Ok(trace?.with_limits(reading.limits))
+            Trace::open_archive_with(path, bytes, &reading.limits)
+        }
     }
 
     /// The same trace, replayed within these limits.
@@ -116,15 +126,21 @@ impl Trace {
 
     /// Opens an archive that is in memory; `name` is what messages call it.
     pub fn open_archive(name: &Path, bytes: Bytes) -> Result<Trace, TraceError> {
-        let mut package = archive::Package::open(name, bytes)?;
-        let text = package.commands(name)?;
+        Trace::open_archive_with(name, bytes, &Limits::default())
+    }
+
+    /// As [`Trace::open_archive`], within these limits.
+    pub fn open_archive_with(name: &Path, bytes: Bytes, limits: &Limits) -> Result<Trace, TraceError> {
+        let mut package = archive::Package::open(name, bytes, limits)?;
+        let text = package.commands(name, limits)?;
         let file = name.join(COMMANDS_FILE);
         let header = text::read_header(&file, check_utf8(&file, &text)?)?;
+        header.check(&file, text.len() as u64, limits)?;
         let mut store = Store::default();
         for (blob, entry) in &header.files {
             package.add(name, &mut store, blob, entry)?;
         }
-        Ok(Trace { file, commands: Commands::Text(text), store, limits: Limits::default() })
+        Ok(Trace { file, commands: Commands::Text(text), store, limits: *limits })
     }
 
     /// Opens a trace whose files are in memory: the text of `trace.ron`, and the files that it names; `name` is what messages
@@ -151,21 +167,26 @@ impl Trace {
         Ok(Trace { file: name.to_path_buf(), commands: Commands::Text(text), store, limits: Limits::default() })
     }
 
-    fn open_folder(folder: &Path, file: &Path) -> Result<Trace, TraceError> {
-        let text = Bytes::from_file(file).map_err(|error| TraceError::new(file, error))?;
+    /// Opens the trace in a folder; `links` is about the file of its commands.
+    fn open_folder(folder: &Path, file: &Path, links: Links, reading: &Reading) -> Result<Trace, TraceError> {
+        let limits = reading.limits;
+        let text = read_commands_file(file, links, &limits)?;
         let header = text::read_header(file, check_utf8(file, &text)?)?;
+        header.check(file, text.len() as u64, &limits)?;
         let mut store = Store::default();
         for (name, entry) in header.files {
             let path = folder.join(&name);
             let gone = |error| TraceError::new(&path, format!("{error}; {} names it under `files`", file.display()));
-            let size = std::fs::metadata(&path).map_err(gone)?.len();
+            let size = host::length(&path, reading.links()).map_err(gone)?;
             if size != entry.size {
                 let reason = format!("is {size} bytes long, the trace says {}", entry.size);
                 return Err(TraceError::new(&path, reason));
             }
-            store.add_file(&name, path, size, Some(entry.hash)).map_err(|reason| TraceError::new(file, reason))?;
+            store
+                .add_file(&name, path, reading.links(), size, Some(entry.hash))
+                .map_err(|reason| TraceError::new(file, reason))?;
         }
-        Ok(Trace { file: file.to_path_buf(), commands: Commands::Text(text), store, limits: Limits::default() })
+        Ok(Trace { file: file.to_path_buf(), commands: Commands::Text(text), store, limits })
     }
 
     /// What messages call the trace: the file that holds its commands.
@@ -269,6 +290,16 @@ impl Trace {
             Commands::Text(text) => text::place_of(std::str::from_utf8(text).ok()?, index),
         }
     }
+}
+
+/// The bytes of a file that holds the commands of a trace, native or foreign.
+///
+/// # Errors
+/// If it is no regular file, cannot be read, or is longer than all files of a trace may be.
+pub(crate) fn read_commands_file(file: &Path, links: Links, limits: &Limits) -> Result<Bytes, TraceError> {
+    let fail = |error: std::io::Error| TraceError::new(file, error);
+    limits.trace_bytes.check(host::length(file, links).map_err(fail)?).map_err(|error| TraceError::new(file, error))?;
+    Bytes::read(file, links).map_err(fail)
 }
 
 /// The hash of a file's contents as the text of a trace states it: BLAKE3, 64 hexadecimal digits.

@@ -1,8 +1,7 @@
 //! The payload of a trace: named pieces of bytes, each in a file, in an archive or in memory, loaded at first use and checked once.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -11,6 +10,8 @@ use memmap2::Mmap;
 
 use super::archive::{self, Archive};
 use super::error::TraceError;
+use crate::host;
+use crate::host::Links;
 
 /// Files up to this many bytes are read, larger ones are mapped: a page table entry costs more than copying a few pages, and
 /// the kernel bounds the number of mappings of a process.
@@ -30,13 +31,29 @@ enum Repr {
 }
 
 impl Bytes {
-    /// The contents of a file: mapped, unless small. The file must not change while the trace is in use.
-    pub fn from_file(path: &Path) -> std::io::Result<Bytes> {
-        let mut file = File::open(path)?;
+    /// The contents of a regular file: mapped, unless small. The file must not change while the trace is in use. The path is the
+    /// user's own: it may be a symbolic link.
+    ///
+    /// # Errors
+    /// If it is not there, cannot be read, or is no regular file.
+    pub fn from_file(path: &Path) -> io::Result<Bytes> {
+        Bytes::read(path, Links::Follow)
+    }
+
+    /// As [`Bytes::from_file`], with a rule for symbolic links.
+    pub(crate) fn read(path: &Path, links: Links) -> io::Result<Bytes> {
+        let file = host::open(path, links)?;
         let length = file.metadata()?.len();
+        if length == 0 {
+            // Files that are made up by the system say so, and reading some of them waits.
+            return Ok(Vec::new().into());
+        }
         if length < MAP_FROM {
             let mut bytes = Vec::with_capacity(length as usize);
-            file.read_to_end(&mut bytes)?;
+            file.take(length).read_to_end(&mut bytes)?;
+            if bytes.len() as u64 != length {
+                return Err(io::Error::other("became shorter while it was read"));
+            }
             return Ok(bytes.into());
         }
         // SAFETY: the mapping is private to this process and read-only, and every access goes through a shared slice. What is
@@ -93,7 +110,7 @@ enum Source {
     /// They are here.
     Ready(Bytes),
     /// A file, opened at first use.
-    File(PathBuf),
+    File(PathBuf, Links),
     /// An entry of an archive, inflated at first use.
     Entry(Archive, usize),
 }
@@ -115,7 +132,7 @@ impl Blob {
     fn load(&self) -> Result<Bytes, String> {
         let bytes = match &self.source {
             Source::Ready(bytes) => bytes.clone(),
-            Source::File(path) => Bytes::from_file(path).map_err(|error| error.to_string())?,
+            Source::File(path, links) => Bytes::read(path, *links).map_err(|error| error.to_string())?,
             Source::Entry(archive, index) => archive::inflate(archive, *index, self.size)?.into(),
         };
         if bytes.len() as u64 != self.size {
@@ -145,8 +162,15 @@ impl Store {
     }
 
     /// Adds a file that is there and has this size.
-    pub fn add_file(&mut self, name: &str, path: PathBuf, size: u64, expected: Option<blake3::Hash>) -> Result<(), String> {
-        self.add(name, Blob::new(Source::File(path), size, expected))
+    pub fn add_file(
+        &mut self,
+        name: &str,
+        path: PathBuf,
+        links: Links,
+        size: u64,
+        expected: Option<blake3::Hash>,
+    ) -> Result<(), String> {
+        self.add(name, Blob::new(Source::File(path, links), size, expected))
     }
 
     /// Adds an entry of an archive that becomes this many bytes.
@@ -193,7 +217,7 @@ impl Store {
             return Err(TraceError::new(home, format!("there is no blob {name:?}")));
         };
         blob.loaded.get_or_init(|| blob.load()).as_ref().map_err(|reason| match &blob.source {
-            Source::File(path) => TraceError::new(path, reason),
+            Source::File(path, _) => TraceError::new(path, reason),
             _ => TraceError::new(home, format!("blob {name:?} {reason}")),
         })
     }

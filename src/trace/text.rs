@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::VERSION;
 use super::command::Command;
 use super::error::{Place, TraceError};
+use crate::num::Limits;
 
 /// What a trace says of one of its files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +33,16 @@ pub(super) struct WrittenEntry {
 #[derive(Default)]
 pub(super) struct Header {
     pub files: BTreeMap<String, FileEntry>,
+}
+
+impl Header {
+    /// Checks what the files and the text of the commands need together, before any of the files is read.
+    pub fn check(&self, file: &Path, text: u64, limits: &Limits) -> Result<(), TraceError> {
+        let fail = |error| TraceError::new(file, error);
+        limits.trace_files.check(self.files.len() as u64).map_err(fail)?;
+        let bytes = self.files.values().fold(text, |sum, entry| sum.saturating_add(entry.size));
+        limits.trace_bytes.check(bytes).map_err(fail)
+    }
 }
 
 /// The dialect: an optional value is written as the value itself.

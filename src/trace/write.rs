@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ron::ser::PrettyConfig;
 use zip::write::SimpleFileOptions;
@@ -12,6 +12,7 @@ use super::command::Command;
 use super::error::TraceError;
 use super::text::dialect;
 use super::{COMMANDS_FILE, Trace, VERSION};
+use crate::host;
 
 /// Stored entries start at multiples of this many bytes, so that a mapped blob is as well aligned as one in its own file.
 const ALIGNMENT: u16 = 64;
@@ -102,23 +103,9 @@ impl From<io::Error> for Failure {
     }
 }
 
-/// Writes a file beside its final place and then moves it there.
+/// Writes a file of a trace: complete, or not at all.
 fn replace(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), Failure>) -> Result<(), TraceError> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let written = || -> Result<(), Failure> {
-        let mut file = BufWriter::new(File::create(&part)?);
-        fill(&mut file)?;
-        file.flush()?;
-        fs::rename(&part, path)?;
-        Ok(())
-    };
-    written().map_err(|failure| {
-        // Best effort: what matters is the first failure.
-        let _ = fs::remove_file(&part);
-        failure.at(path)
-    })
+    host::replace(path, fill).map_err(|failure| failure.at(path))
 }
 
 /// Writes the text, a command at a time.

@@ -3,8 +3,9 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::host;
 use crate::trace::command::Data;
-use crate::trace::{Builder, NAME_MAX};
+use crate::trace::{Builder, NAME_MAX, Reading};
 
 use super::objects::Reason;
 use super::schema;
@@ -12,6 +13,9 @@ use super::schema;
 /// Gives the payload of actions to a trace.
 pub struct Blobs {
     folder: PathBuf,
+    reading: Reading,
+    /// Bytes of the trace so far, its text among them.
+    bytes: u64,
     /// Sizes of the files that are blobs already.
     sizes: HashMap<String, u64>,
     /// Number of blobs made from bytes inside the text.
@@ -19,9 +23,9 @@ pub struct Blobs {
 }
 
 impl Blobs {
-    /// Blobs of a trace in this folder.
-    pub fn new(folder: &Path) -> Blobs {
-        Blobs { folder: folder.to_path_buf(), sizes: HashMap::new(), inline: 0 }
+    /// Blobs of a trace in this folder, whose text has so many bytes.
+    pub fn new(folder: &Path, reading: &Reading, text: u64) -> Blobs {
+        Blobs { folder: folder.to_path_buf(), reading: *reading, bytes: text, sizes: HashMap::new(), inline: 0 }
     }
 
     /// Makes a blob of some payload and answers its name and size.
@@ -36,13 +40,14 @@ impl Blobs {
                     return Err(format!("data file name {name:?} is not a plain file name"));
                 }
                 let path = self.folder.join(&name);
-                let about = std::fs::metadata(&path).map_err(|error| format!("data file {}: {error}", path.display()))?;
-                if !about.is_file() {
-                    return Err(format!("data file {} is not a file", path.display()));
-                }
-                builder.add_file(&name, &path).map_err(|error| error.reason)?;
-                self.sizes.insert(name.clone(), about.len());
-                Ok((name, about.len()))
+                let fail = |reason| format!("data file {}: {reason}", host::path_line(&path));
+                let size = builder.add_linked_file(&name, &path, self.reading.links()).map_err(|error| fail(error.reason))?;
+                self.bytes = self.bytes.saturating_add(size);
+                let limits = self.reading.limits;
+                limits.trace_bytes.check(self.bytes).map_err(|error| fail(error.to_string()))?;
+                self.sizes.insert(name.clone(), size);
+                limits.trace_files.check(self.sizes.len() as u64).map_err(|error| fail(error.to_string()))?;
+                Ok((name, size))
             }
             schema::Data::String(kind, text) => self.add_inline(builder, kind, text.into_bytes()),
             schema::Data::Binary(kind, bytes) => self.add_inline(builder, kind, bytes),

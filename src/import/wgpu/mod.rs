@@ -26,7 +26,8 @@ mod translate;
 
 use std::path::Path;
 
-use crate::trace::{Bytes, Reading, Trace, TraceError};
+use crate::host::Links;
+use crate::trace::{Reading, Trace, TraceError, read_commands_file};
 
 pub(super) use reader::trivia;
 
@@ -37,19 +38,27 @@ pub fn open(file: &Path) -> Result<Trace, TraceError> {
 
 /// As [`open`], with limits and rules for its files other than the default ones.
 pub fn open_with(file: &Path, reading: &Reading) -> Result<Trace, TraceError> {
-    let text = Bytes::from_file(file).map_err(|error| TraceError::new(file, error))?;
-    Ok(import(file, &text)?.with_limits(reading.limits))
+    open_linked(file, Links::Follow, reading)
+}
+
+/// As [`open_with`], with a rule for the case that `file` is a symbolic link.
+pub(super) fn open_linked(file: &Path, links: Links, reading: &Reading) -> Result<Trace, TraceError> {
+    import_with(file, &read_commands_file(file, links, &reading.limits)?, reading)
 }
 
 /// Imports a trace from its text; the files that it names lie beside `file`.
 pub fn import(file: &Path, text: &[u8]) -> Result<Trace, TraceError> {
+    import_with(file, text, &Reading::default())
+}
+
+fn import_with(file: &Path, text: &[u8], reading: &Reading) -> Result<Trace, TraceError> {
     let mut reader = reader::Reader::new(file, text)?;
-    let mut translator = translate::Translator::new(file);
+    let mut translator = translate::Translator::new(file, reading, text.len() as u64);
     while let Some(step) = reader.step()? {
         translator.action(step.place, step.action).map_err(|reason| {
             let reason = format!("action {} ({}): {reason}", step.number, step.name);
             TraceError::new(file, reason).at(Some(step.place))
         })?;
     }
-    translator.finish()
+    Ok(translator.finish()?.with_limits(reading.limits))
 }

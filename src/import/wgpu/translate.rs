@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::trace::command::*;
-use crate::trace::{Builder, Place, Trace, TraceError};
+use crate::trace::{Builder, Place, Reading, Trace, TraceError};
 
 use super::blob::Blobs;
 use super::lifetime;
@@ -22,11 +22,11 @@ pub struct Translator {
 }
 
 impl Translator {
-    /// A translator of the trace whose actions are in this file.
-    pub fn new(file: &Path) -> Translator {
+    /// A translator of the trace whose actions are in this file, as so many bytes of text.
+    pub fn new(file: &Path, reading: &Reading, text: u64) -> Translator {
         Translator {
             objects: Objects::new(),
-            blobs: Blobs::new(file.parent().unwrap_or(Path::new(""))),
+            blobs: Blobs::new(file.parent().unwrap_or(Path::new("")), reading, text),
             builder: Builder::new(file),
             commands: Vec::new(),
             places: Vec::new(),
