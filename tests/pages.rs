@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fillrate::machine::Config;
 use fillrate::machine::config::SortClass;
-use fillrate::report::pages;
+use fillrate::report::{limits, pages};
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
@@ -27,6 +27,11 @@ fn statistics_page_is_up_to_date() {
 #[test]
 fn configuration_page_is_up_to_date() {
     check("configuration.md", &pages::configuration().expect("the baseline is sound"));
+}
+
+#[test]
+fn limits_page_is_up_to_date() {
+    check("limits.md", &limits::page());
 }
 
 #[test]

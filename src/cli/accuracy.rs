@@ -1,9 +1,8 @@
 //! `fillrate accuracy`
 
-use std::io::Write;
-
 use anyhow::{Context, Result};
 
+use super::threads::MOST;
 use super::{Verdict, pareto, shortcuts, skips};
 use crate::accuracy::{self, Outcome, Setting, Size, Target};
 
@@ -41,8 +40,8 @@ pub struct Arguments {
     #[arg(long)]
     faulty: bool,
     /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
 }
 
 #[derive(clap::Subcommand)]
@@ -78,7 +77,6 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         list(&targets);
         return Ok(Verdict::Done);
     }
-    super::use_threads(arguments.threads)?;
     let quiet = arguments.json || arguments.markdown;
     if !quiet {
         print!("{}", accuracy::header());
@@ -98,13 +96,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             let outcome = target.run(&setting).with_context(|| format!("target {}", target.id))?;
             if !quiet {
                 print!("{}", accuracy::lines(&outcome));
-                std::io::stdout().flush()?;
+                super::flush();
             }
             outcomes.push(outcome);
         }
     }
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&accuracy::json(&outcomes))?);
+        super::say_json(&accuracy::json(&outcomes))?;
     } else if arguments.markdown {
         print!("{}", accuracy::markdown(&outcomes));
     }

@@ -1,12 +1,19 @@
 //! `fillrate compare`
 
+use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use image::{ImageFormat, ImageReader};
 use serde_json::Value;
 
 use super::Verdict;
+use crate::host;
+use crate::host::Links;
 use crate::report::compare::{self, TOLERANCE};
+
+/// Bytes of a statistics file at most: hours of frames.
+const TEXT_MAX: u64 = 1 << 30;
 
 /// Compare two images (difference image, PSNR, pixels off by more than 2), or two statistics files.
 #[derive(clap::Args)]
@@ -40,8 +47,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
 
 fn images(arguments: &Arguments) -> Result<Verdict> {
     let open = |path: &Path| {
-        let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
-        anyhow::Ok(image.into_rgba8())
+        let fail = || format!("cannot read {}", path.display());
+        let file = BufReader::new(host::open(path, Links::Follow).with_context(fail)?);
+        anyhow::Ok(ImageReader::with_format(file, ImageFormat::Png).decode().with_context(fail)?.into_rgba8())
     };
     let (a, b) = (open(&arguments.a)?, open(&arguments.b)?);
     let d = compare::images(&a, &b).map_err(anyhow::Error::msg)?;
@@ -55,14 +63,17 @@ fn images(arguments: &Arguments) -> Result<Verdict> {
         d.psnr
     );
     if let Some(path) = &arguments.difference {
-        d.picture.save(path).with_context(|| format!("cannot write {}", path.display()))?;
+        let fail = || format!("cannot write {}", path.display());
+        let mut png = Vec::new();
+        d.picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).with_context(fail)?;
+        host::write_file(path, &png).with_context(fail)?;
     }
     Ok(if 100.0 * d.off_share() > arguments.allow { Verdict::Failed } else { Verdict::Done })
 }
 
 fn statistics(arguments: &Arguments) -> Result<Verdict> {
     let open = |path: &Path| -> Result<Value> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
         serde_json::from_str(&text).with_context(|| format!("{} is not a statistics file", path.display()))
     };
     let (a, b) = (open(&arguments.a)?, open(&arguments.b)?);

@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::Verdict;
+use crate::host;
 use crate::machine::config::BUILT_IN;
 use crate::machine::{Config, Machine};
 use crate::report::diagram::Diagram;
@@ -71,13 +72,16 @@ impl Choice {
     }
 }
 
+/// Bytes of a configuration at most; the largest built-in one has 45,000.
+const TEXT_MAX: u64 = 256 << 10;
+
 /// A built-in configuration or one in a file, with knobs set.
 fn load(name: &str, settings: &[String]) -> Result<Config> {
     let is_built_in = BUILT_IN.iter().any(|(known, _)| *known == name);
     let mut config = if is_built_in || !Path::new(name).exists() {
         Config::built_in(name)?
     } else {
-        let text = std::fs::read_to_string(name).with_context(|| format!("cannot read {name}"))?;
+        let text = host::read_text(Path::new(name), TEXT_MAX).with_context(|| format!("cannot read {name}"))?;
         Config::parse(name, &text)?
     };
     for setting in settings {

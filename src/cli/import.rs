@@ -1,11 +1,11 @@
 //! `fillrate import`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
 use super::Verdict;
-use crate::trace::{self, Packing};
+use crate::trace::{self, Packing, Trace};
 
 /// Turn a foreign trace into a native one (replay also takes foreign traces directly)
 #[derive(clap::Args)]
@@ -35,9 +35,21 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         if occupied || out.is_file() {
             bail!("{} is there already and not empty", out.display());
         }
+        let is_new = !out.exists();
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-        trace::write(&trace, out)?;
+        trace::write(&trace, out).inspect_err(|_| remove(&trace, out, is_new))?;
     }
     println!("{}", out.display());
     Ok(Verdict::Done)
+}
+
+/// Removes what has been written of a trace: without its command list, which is written last, it is none, and would be in the way of the
+/// next try. What cannot be removed stays: the error that is being reported is the first one.
+fn remove(trace: &Trace, folder: &Path, with_folder: bool) {
+    for name in trace.blob_names() {
+        let _ = std::fs::remove_file(folder.join(name));
+    }
+    if with_folder {
+        let _ = std::fs::remove_dir(folder);
+    }
 }

@@ -30,7 +30,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let trace = arguments.reading.open(&arguments.trace)?;
     let summary = check(&trace)?;
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
+        super::say_json(&summary)?;
         return Ok(Verdict::Done);
     }
     println!(

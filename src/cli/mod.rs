@@ -10,6 +10,11 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::cli::say(format_args!("{}\n", format_args!($($text)*))) };
 }
 
+/// As the standard one; what is said comes from others too, and must not steer a terminal.
+macro_rules! eprintln {
+    ($($text:tt)*) => { $crate::cli::complain(format_args!($($text)*)) };
+}
+
 mod accuracy;
 mod compare;
 mod configs;
@@ -20,13 +25,15 @@ mod reading;
 mod replay;
 mod shortcuts;
 mod skips;
+mod threads;
 
 use std::io::{ErrorKind, Write};
 use std::process::{ExitCode, exit};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::{Parser, Subcommand};
 
+use crate::host::{Fence, excerpt, is_obeyed};
 use crate::render::is_guarded;
 
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
@@ -59,21 +66,64 @@ enum Verdict {
 /// Exit code of a program whose reader has gone: what shells report for one that the signal of a broken pipe has ended.
 const READER_GONE: i32 = 141;
 
-/// Writes to the standard output. Where nobody reads on (`fillrate replay … | head`), the program ends without a word.
+/// Bytes of a message at most: one that quotes a file of gigabytes is of no use.
+const MESSAGE_MAX: usize = 16 << 10;
+
+/// Writes to the standard output, with control characters escaped: labels and file names are not ours. Where nobody reads on
+/// (`fillrate replay … | head`), the program ends without a word.
 fn say(text: std::fmt::Arguments<'_>) {
-    if let Err(error) = std::io::stdout().write_fmt(text) {
-        if error.kind() == ErrorKind::BrokenPipe {
-            exit(READER_GONE);
-        }
-        eprintln!("error: cannot write to the standard output: {error}");
-        exit(2);
-    }
+    said(Fence::print(std::io::stdout().lock(), text));
 }
 
-/// Makes so many threads those that everything runs on.
-fn use_threads(threads: Option<u16>) -> Result<()> {
-    let Some(threads) = threads else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().context("cannot start the threads")
+/// Writes what was said and not yet written.
+fn flush() {
+    said(std::io::stdout().flush());
+}
+
+fn said(result: std::io::Result<()>) {
+    let Err(error) = result else { return };
+    if error.kind() == ErrorKind::BrokenPipe {
+        exit(READER_GONE);
+    }
+    eprintln!("error: cannot write to the standard output: {error}");
+    exit(2);
+}
+
+/// Writes JSON to the standard output, on lines. What a terminal would obey is written as JSON escapes it: the same value.
+fn say_json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value)?;
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            c if c == '\n' || !is_obeyed(c) => out.push(c),
+            c => c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}"))),
+        }
+    }
+    println!("{out}");
+    Ok(())
+}
+
+/// Writes a line to the standard error, with control characters escaped.
+fn complain(text: std::fmt::Arguments<'_>) {
+    let text = text.to_string();
+    // There is no other place to report that this fails.
+    let _ = Fence::print(std::io::stderr().lock(), format_args!("{}\n", excerpt(&text, MESSAGE_MAX)));
+}
+
+fn run(command: &Command) -> Result<Verdict> {
+    threads::start(match command {
+        Command::Replay(arguments) => arguments.threads,
+        Command::Accuracy(arguments) => arguments.threads,
+        Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
+    })?;
+    match command {
+        Command::Replay(arguments) => replay::run(arguments),
+        Command::Import(arguments) => import::run(arguments),
+        Command::Inspect(arguments) => inspect::run(arguments),
+        Command::Configs(arguments) => configs::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
+        Command::Accuracy(arguments) => accuracy::run(arguments),
+    }
 }
 
 /// Runs the command line and answers the exit code: 0 done, 1 a check failed, 2 bad input or use.
@@ -85,15 +135,21 @@ pub fn main() -> ExitCode {
             report(panic);
         }
     }));
-    let arguments = Arguments::parse();
-    let result = match arguments.command {
-        Command::Replay(arguments) => replay::run(&arguments),
-        Command::Import(arguments) => import::run(&arguments),
-        Command::Inspect(arguments) => inspect::run(&arguments),
-        Command::Configs(arguments) => configs::run(&arguments),
-        Command::Compare(arguments) => compare::run(&arguments),
-        Command::Accuracy(arguments) => accuracy::run(&arguments),
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        // What is wrong repeats the arguments; help is ours alone.
+        Err(wrong) if wrong.use_stderr() => {
+            eprintln!("{}", wrong.to_string().trim_end());
+            return ExitCode::from(2);
+        }
+        Err(help) => {
+            said(help.print());
+            flush();
+            return ExitCode::SUCCESS;
+        }
     };
+    let result = run(&arguments.command);
+    flush();
     match result {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
         Ok(Verdict::Failed) => ExitCode::from(1),

@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 
 use super::Verdict;
 use crate::accuracy::pareto::{Front, front, plot};
+use crate::host;
 use crate::run::replay::{Fidelity, Options};
 use crate::sim::Clock;
 
@@ -47,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
         let put = |name: &str, text: String| {
             let path = out.join(name);
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+            host::write_file(&path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
         };
         let tables: Vec<String> = fronts.iter().map(Front::table).collect();
         put("pareto.md", tables.join("\n"))?;

@@ -10,6 +10,7 @@ use anyhow::{Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Verdict;
+use super::threads::MOST;
 use crate::report::summary;
 use crate::run::replay::{self, Fidelity, Options, Replay};
 use crate::run::sampled::Sampling;
@@ -35,8 +36,8 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
@@ -93,7 +94,6 @@ impl FromStr for Frames {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    super::use_threads(arguments.threads)?;
     let config = arguments.machine.load()?;
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
@@ -138,7 +138,15 @@ fn progress_bar() -> ProgressBar {
     }
     let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
     let bar = ProgressBar::new_spinner().with_style(style).with_message("rendering");
-    bar.enable_steady_tick(Duration::from_millis(100));
+    let ticking = bar.clone();
+    let tick = move || {
+        while !ticking.is_finished() {
+            ticking.tick();
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    // Not the library's own ticker: it panics where no thread can be started. Without one the bar moves at the end of each frame.
+    let _ = std::thread::Builder::new().name("progress".into()).spawn(tick);
     bar
 }
 

@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     // What no trace of a real program shows.
     found.push(("diverging".to_owned(), shortcuts(&diverging(EDGE), &config).context("the scene made to diverge")?));
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&json(&found))?);
+        super::say_json(&json(&found))?;
     } else {
         print!("{}", table(&found));
     }

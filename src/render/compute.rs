@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::host::one_line;
 use crate::shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
 use crate::trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
 use crate::work::{Dispatch, Event, Groups, Packet, ShaderShape};
@@ -32,7 +33,7 @@ impl ComputePipeline {
     pub fn new(stage: &Stage, module: &Module, label: &str) -> Result<ComputePipeline, String> {
         let options = shader::Options { constants: &stage.constants, outputs: None };
         let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
-            .map_err(|error| format!("compute pipeline `{label}`: {error}"))?;
+            .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
         Ok(ComputePipeline { label: label.to_owned(), program })
     }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::gfx::image::ImageDesc;
 use crate::gfx::texture::Sampler;
+use crate::host::one_line;
 use crate::num::*;
 use crate::shader::{self, Module};
 use crate::trace::check::Checker;
@@ -374,7 +375,7 @@ impl<'t, 's> Renderer<'t, 's> {
             ShaderSource::SpirV(name) => (name, shader::Source::SpirV(self.trace.blob(name)?)),
             ShaderSource::NagaIr(name) => (name, shader::Source::NagaIr(self.trace.text(name)?)),
         };
-        let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({label})"));
+        let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({})", one_line(label)));
         Module::with_limits(&title, text, self.trace.limits()).map(Arc::new).map_err(|error| Fault::Reason(error.to_string()))
     }
 

@@ -6,6 +6,7 @@ use crate::gfx::state::{
     VertexFormat,
 };
 use crate::gfx::vertex::{ComponentKind, component_kind};
+use crate::host::one_line;
 use crate::shader::{self, BuiltIn, Connection, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
 use crate::trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
 use crate::work::Needless;
@@ -105,7 +106,7 @@ impl RenderPipeline {
             if label.is_empty() {
                 format!("render pipeline: {message}")
             } else {
-                format!("render pipeline `{label}`: {message}")
+                format!("render pipeline `{}`: {message}", one_line(label))
             }
         };
         Self::build(desc, vertex, fragment, needless, label).map_err(fail)

@@ -1,5 +1,6 @@
 //! The short text that a replay prints.
 
+use crate::host::one_line;
 use crate::num::Cycle;
 use crate::stats::{Leaf, Node, Tree};
 use crate::unit::phase::{Phase, PhaseKind};
@@ -235,7 +236,7 @@ pub fn phases(frames: &[&[(Phase, Cycle)]], most: usize) -> String {
             PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
             _ => String::new(),
         };
-        let name = format!("{}{number} {}", phase.kind.name(), phase.label);
+        let name = format!("{}{number} {}", phase.kind.name(), one_line(&phase.label));
         let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
         let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
         out.push_str(&row);

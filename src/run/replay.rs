@@ -1,5 +1,6 @@
 //! A replay: a trace in; pictures and statistics out.
 
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -7,6 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel;
 
+use crate::host;
 use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
 use crate::render::{self, FrameSet, Skips};
@@ -250,9 +252,10 @@ pub(super) fn simulate(
     let (send, receive) = channel::bounded(EVENTS_IN_FLIGHT);
     std::thread::scope(|scope| {
         // The machine's thread sees the end of the stream when the sender goes with the renderer.
-        let renderer = scope.spawn(move || {
-            render::render(trace, &render_options, &mut |event| send.send(role(event)).map_err(|_| render::Stop))
-        });
+        let renderer =
+            move || render::render(trace, &render_options, &mut |event| send.send(role(event)).map_err(|_| render::Stop));
+        let named = std::thread::Builder::new().name("renderer".into());
+        let renderer = named.spawn_scoped(scope, renderer).context("cannot start the renderer's thread")?;
         let busy = Stopwatch::start();
         let mut frames = Vec::new();
         let run = machine.run_each(receive.into_iter(), options.clock, |frame| {
@@ -274,7 +277,11 @@ fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> R
     Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
 }
 
-/// Writes the files of a replay into a folder, which is made where it is missing.
+/// The file that a replay writes last.
+const STATISTICS: &str = "stats.json";
+
+/// Writes the files of a replay into a folder, which is made where it is missing. Each is complete under its name or not there; the last is
+/// `stats.json`.
 ///
 /// # Errors
 /// If a picture cannot be made of what a frame shows, or a file cannot be written.
@@ -282,8 +289,16 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
     std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
     let put = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+        host::write_file(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
     };
+    // The statistics are written last: a folder that has them is complete, and those of an earlier replay must not stand for this one's
+    // pictures.
+    match std::fs::remove_file(out.join(STATISTICS)) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            return Err(error).with_context(|| format!("cannot replace {}", out.join(STATISTICS).display()));
+        }
+        _ => {}
+    }
     for frame in &replay.frames {
         let Some((surface, bytes)) = &frame.shown else { continue };
         let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
@@ -307,7 +322,7 @@ pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Res
             .map(|frame| FrameStatistics { number: frame.number, tree: frame.tree.clone(), phases: frame.phases.clone() })
             .collect(),
     };
-    put("stats.json", serde_json::to_string_pretty(&statistics.json())?.as_bytes())?;
     put("stats.csv", statistics.csv().as_bytes())?;
-    put("config.ron", options.config.resolved().as_bytes())
+    put("config.ron", options.config.resolved().as_bytes())?;
+    put(STATISTICS, serde_json::to_string_pretty(&statistics.json())?.as_bytes())
 }

@@ -6,6 +6,7 @@ use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::guard::guarded;
 use super::interface::Stage;
+use crate::host::one_line;
 use crate::num::Limits;
 
 /// The source of a shader module.
@@ -49,7 +50,7 @@ pub struct ShaderError {
 }
 
 fn entry_text(entry: &Option<String>) -> String {
-    entry.as_ref().map(|e| format!(", entry point `{e}`")).unwrap_or_default()
+    entry.as_ref().map(|e| format!(", entry point `{}`", one_line(e))).unwrap_or_default()
 }
 
 fn place_text(place: &Option<Place>) -> String {

@@ -141,9 +141,6 @@ pub(super) fn inflate(archive: &Archive, index: usize, size: u64) -> Result<Vec<
     room.ok_or_else(|| format!("becomes {size} bytes: there is not so much memory"))?;
     // One byte beyond the stated size tells a longer stream from a complete one.
     file.take(size.saturating_add(1)).read_to_end(&mut bytes).map_err(|error| format!("cannot be inflated: {error}"))?;
-    if bytes.len() as u64 > size {
-        return Err(format!("inflates to more than the {size} bytes that its header says"));
-    }
     if bytes.len() as u64 != size {
         return Err(format!("inflates to {} bytes, its header says {size}", bytes.len()));
     }

@@ -44,6 +44,7 @@ pub use build::Builder;
 pub use check::{Checker, Summary, check};
 pub use error::{Place, TraceError};
 pub use geometry::{LinearExtent, copy_block_bytes};
+pub(crate) use store::check_name;
 pub use store::{Bytes, NAME_MAX};
 pub use write::{Packing, write, write_archive, write_zip};
 

@@ -224,7 +224,7 @@ impl Store {
 }
 
 /// Checks a blob's name: a plain file name that means the same on every file system.
-pub(super) fn check_name(name: &str) -> Result<(), String> {
+pub(crate) fn check_name(name: &str) -> Result<(), String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     let reason = if name.is_empty() || name.len() > NAME_MAX {
         "must have 1 to 128 characters"

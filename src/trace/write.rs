@@ -1,8 +1,10 @@
 //! Writing a native trace: the same trace gives the same bytes, in a folder and in an archive.
 
+use std::cell::Cell;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::rc::Rc;
 
 use ron::ser::PrettyConfig;
 use zip::write::SimpleFileOptions;
@@ -52,7 +54,9 @@ pub fn write_archive(trace: &Trace, name: &Path, out: impl Write + Seek, packing
 }
 
 fn pack(trace: &Trace, out: impl Write + Seek, packing: Packing) -> Result<(), Failure> {
-    let mut archive = ZipWriter::new(out);
+    let failure = Rc::default();
+    let mut archive = ZipWriter::new(Quiet { out, at: 0, failure: Rc::clone(&failure) });
+    let check = || failure.take().map_or(Ok(()), Err);
     // Neither the time nor the host may show in the bytes.
     let method = match packing {
         Packing::Stored => CompressionMethod::Stored,
@@ -71,9 +75,58 @@ fn pack(trace: &Trace, out: impl Write + Seek, packing: Packing) -> Result<(), F
         let large = bytes.len() as u64 >= u64::from(u32::MAX);
         archive.start_file(name, options.large_file(large)).map_err(io::Error::from)?;
         archive.write_all(bytes)?;
+        check()?;
     }
     archive.finish().map_err(io::Error::from)?;
-    Ok(())
+    Ok(check()?)
+}
+
+/// Where an archive is written to. The library's writer, dropped after a failure, writes about it on the standard error: so it learns of
+/// none, and the first is kept here.
+struct Quiet<W> {
+    out: W,
+    /// The position, also after a failure.
+    at: u64,
+    failure: Rc<Cell<Option<io::Error>>>,
+}
+
+impl<W> Quiet<W> {
+    /// What an operation answers, or `otherwise` if it fails.
+    fn quiet<T>(&self, result: io::Result<T>, otherwise: T) -> T {
+        result.unwrap_or_else(|error| {
+            // The first failure counts.
+            let first = self.failure.take().unwrap_or(error);
+            self.failure.set(Some(first));
+            otherwise
+        })
+    }
+}
+
+impl<W: Write> Write for Quiet<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write_all(bytes);
+        self.quiet(written, ());
+        self.at += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.out.flush();
+        self.quiet(flushed, ());
+        Ok(())
+    }
+}
+
+impl<W: Seek> Seek for Quiet<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let there = match to {
+            SeekFrom::Start(at) => at,
+            SeekFrom::Current(by) | SeekFrom::End(by) => self.at.saturating_add_signed(by),
+        };
+        let sought = self.out.seek(to);
+        self.at = self.quiet(sought, there);
+        Ok(self.at)
+    }
 }
 
 /// What can go wrong while a file is written.

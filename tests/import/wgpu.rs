@@ -264,9 +264,9 @@ fn payload_is_checked() {
         (write("Binary(bin, [1, 2])", 0, 4), "has 2 bytes, 4 are needed"),
         (write("File(\"data1.bin\")", 60, 8), "8 bytes at offset 60 reach past the end of the buffer of 64 bytes"),
         (write("File(\"data1.bin\")", u64::MAX, 8), "reach past the end"),
-        (write("File(\"../all/data1.bin\")", 0, 4), "is not a plain file name"),
-        (write("File(\"..\")", 0, 4), "is not a file"),
-        (write("File(\"\")", 0, 4), "is not a file"),
+        (write("File(\"../all/data1.bin\")", 0, 4), "blob name"),
+        (write("File(\"..\")", 0, 4), "blob name"),
+        (write("File(\"\")", 0, 4), "blob name"),
         (
             "[CreateShaderModule(id: PointerId(1), desc: (label: None), data: File(\"x.cso\"))]".into(),
             "language cannot be told",

@@ -3,10 +3,16 @@
 
 mod configs;
 #[cfg(unix)]
+mod files;
+#[cfg(unix)]
+mod outputs;
+#[cfg(unix)]
 mod process;
 mod raster;
 mod replays;
 mod shaders;
+#[cfg(unix)]
+mod terminal;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

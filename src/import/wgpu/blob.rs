@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::host;
 use crate::trace::command::Data;
-use crate::trace::{Builder, NAME_MAX, Reading};
+use crate::trace::{Builder, Reading, check_name};
 
 use super::objects::Reason;
 use super::schema;
@@ -35,10 +35,8 @@ impl Blobs {
                 if let Some(&size) = self.sizes.get(&name) {
                     return Ok((name, size));
                 }
-                // The name must not lead out of the folder; the builder refuses all but plain file names, but only later.
-                if name.contains(['/', '\\']) || name.len() > NAME_MAX {
-                    return Err(format!("data file name {name:?} is not a plain file name"));
-                }
+                // The name must not lead out of the folder.
+                check_name(&name)?;
                 let path = self.folder.join(&name);
                 let fail = |reason| format!("data file {}: {reason}", host::path_line(&path));
                 let size = builder.add_linked_file(&name, &path, self.reading.links()).map_err(|error| fail(error.reason))?;

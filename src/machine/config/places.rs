@@ -14,6 +14,8 @@ pub fn keys(text: &str) -> Vec<Place> {
     let mut found = Vec::new();
     // The keys whose values are open, and the last word with its place: a key, if a colon follows.
     let (mut open, mut key, mut word) = (Vec::new(), String::new(), None);
+    // How far lines are counted, and the place there: counted from the top for each key, a long text would take minutes.
+    let (mut counted, mut line, mut column) = (0, 1, 1);
     let mut left = text;
     while let Some(c) = left.chars().next() {
         let length = match c {
@@ -29,9 +31,10 @@ pub fn keys(text: &str) -> Vec<Place> {
             _ => {
                 match (c, word) {
                     (':', Some((name, offset))) => {
-                        let before = &text[..offset];
-                        let line = before.matches('\n').count() + 1;
-                        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+                        for c in text[counted..offset].chars() {
+                            (line, column) = if c == '\n' { (line + 1, 1) } else { (line, column + 1) };
+                        }
+                        counted = offset;
                         let above = open.iter().rfind(|k: &&String| !k.is_empty());
                         key = above.map_or(name.to_owned(), |above| format!("{above}.{name}"));
                         found.push(Place { path: key.clone(), at: [line, column] });

@@ -1,5 +1,7 @@
 //! From text to configuration.
 
+use std::collections::BTreeMap;
+
 use ron::Value;
 use ron::error::Position;
 use ron::value::Number;
@@ -20,9 +22,10 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
         ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: error.code.to_string() }
     })?;
     let Value::Map(map) = value else { return Err(syntax("a configuration is (key: value, …)".to_owned())) };
-    let places = places::keys(text);
-    for (n, place) in places.iter().enumerate() {
-        if places[..n].iter().any(|before| before.path == place.path) {
+    let keys = places::keys(text);
+    let mut places = BTreeMap::new();
+    for place in &keys {
+        if places.insert(place.path.as_str(), place).is_some() {
             return Err(ConfigError::Syntax { file: at(file, place), message: format!("{} is given twice", place.path) });
         }
     }
@@ -50,7 +53,7 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
     };
     config.name = file.to_owned();
     for (path, setting) in &written {
-        let place = places.iter().find(|place| place.path == *path);
+        let place = places.get(path.as_str());
         apply(&mut config, &place.map_or(file.to_owned(), |place| at(file, place)), path, setting)?;
     }
     Ok(config)

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use rayon::prelude::*;
 
 use crate::gfx::format::Format;
+use crate::host::one_line;
 use crate::render::surface::{Shape, TileSurface};
 use crate::shader::ShaderFault;
 use crate::work::{Culling, Event, Segment};
@@ -30,7 +31,7 @@ const SEGMENT_QUADS: u64 = 1 << 20;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DrawError {
     /// Pipeline and pass do not fit each other.
-    #[error("render pipeline `{label}`: {message}")]
+    #[error("render pipeline `{}`: {message}", one_line(.label))]
     Pipeline {
         /// The pipeline's label.
         label: String,

@@ -1,0 +1,65 @@
+//! The threads that everything runs on.
+
+use anyhow::{Context, Result, bail};
+
+/// Threads at most.
+pub const MOST: u16 = 1024;
+
+/// The variable that says how many, where no option does: that of the library.
+const VARIABLE: &str = "RAYON_NUM_THREADS";
+
+/// Starts the threads: so many, or as many as the environment says, or as there are processors. Started by the first that needs them,
+/// they could not say why they fail to.
+///
+/// # Errors
+/// If the environment asks for too many or does not say a number, or if they cannot be started.
+pub fn start(option: Option<u16>) -> Result<()> {
+    let threads = match option {
+        Some(threads) => threads,
+        None => match std::env::var_os(VARIABLE) {
+            Some(text) => stated(&text.to_string_lossy())?,
+            None => None,
+        }
+        .unwrap_or_else(processors),
+    };
+    rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().with_context(|| {
+        format!(
+            "cannot start {threads} threads; ask for fewer (--threads N, or {VARIABLE}=N), or let the process have more (ulimit -u) and \
+             more memory (ulimit -v)"
+        )
+    })
+}
+
+/// The number that the variable states; none where it leaves it to the program.
+fn stated(text: &str) -> Result<Option<u16>> {
+    match text.trim().parse::<u64>() {
+        Ok(0) => Ok(None),
+        Ok(threads) if threads <= u64::from(MOST) => Ok(Some(threads as u16)),
+        Err(_) if text.trim().is_empty() => Ok(None),
+        _ => bail!(
+            "{VARIABLE} is `{text}`, and must be a number of threads from 1 to {MOST}; 0 means as many as there are processors"
+        ),
+    }
+}
+
+fn processors() -> u16 {
+    let found = std::thread::available_parallelism().map_or(1, |number| number.get());
+    u16::try_from(found).unwrap_or(MOST).min(MOST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_environment_states_a_number_or_nothing() {
+        assert_eq!(stated("3").expect("a number"), Some(3));
+        assert_eq!(stated(" 1024 ").expect("a number"), Some(1024));
+        assert_eq!(stated("0").expect("left open"), None);
+        assert_eq!(stated("").expect("left open"), None);
+        for bad in ["1025", "-1", "two", "18446744073709551616"] {
+            let error = stated(bad).expect_err(bad).to_string();
+            assert!(error.contains(bad) && error.contains("1024"), "{error}");
+        }
+    }
+}
