@@ -82,14 +82,14 @@ fn a_full_standard_output_is_an_error() {
 fn killed(run: &Run, mut look: impl FnMut()) {
     let begin = Instant::now();
     let (mut wait, mut ends) = (Duration::from_millis(2), 0);
-    while ends < 3 && begin.elapsed() < Duration::from_secs(20) {
+    while ends < 2 && begin.elapsed() < Duration::from_secs(20) {
         let mut child = run.spawn();
         std::thread::sleep(wait);
         child.kill().expect("a process of ours");
         let output = child.wait().expect("it ends");
         look();
         ends += u32::from(output.signal().is_none());
-        wait = wait * 5 / 4;
+        wait = wait * 3 / 2;
     }
     assert!(ends > 0, "it never came to its end");
 }
