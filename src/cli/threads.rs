@@ -1,6 +1,6 @@
 //! The threads that everything runs on.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, anyhow, bail};
 
 /// Threads at most.
 pub const MOST: u16 = 1024;
@@ -22,10 +22,10 @@ pub fn start(option: Option<u16>) -> Result<()> {
         }
         .unwrap_or_else(processors),
     };
-    rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().with_context(|| {
-        format!(
+    rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global().map_err(|error| {
+        anyhow!(
             "cannot start {threads} threads; ask for fewer (--threads N, or {VARIABLE}=N), or let the process have more (ulimit -u) and \
-             more memory (ulimit -v)"
+             more memory (ulimit -v): {error}"
         )
     })
 }

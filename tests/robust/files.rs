@@ -92,6 +92,17 @@ fn only_regular_files_are_read() {
         }
         done(&inspect(&trace).run());
     }
+    // A FIFO has the length that this trace states.
+    let (_home, trace, blob) = native();
+    let text = std::fs::read_to_string(trace.join("trace.ron")).expect("a text");
+    let size = std::fs::metadata(&blob).expect("there").len();
+    std::fs::write(trace.join("trace.ron"), text.replacen(&format!("size: {size}"), "size: 0", 1)).expect("written");
+    std::fs::remove_file(&blob).expect("removed");
+    fifo(&blob);
+    for links in [&[][..], &["--follow-links"]] {
+        let run = fillrate(["replay".as_ref(), trace.as_os_str()]).wall_seconds(10);
+        refused(&links.iter().fold(run, |run, link| run.arg(link)).run(), &[name(&blob), "a FIFO"]);
+    }
 }
 
 #[test]
