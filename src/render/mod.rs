@@ -6,6 +6,7 @@
 mod bind;
 mod compute;
 mod execute;
+mod ledger;
 mod memory;
 mod pass;
 mod resources;
@@ -19,3 +20,4 @@ pub mod surface;
 pub use crate::shader::is_guarded;
 pub use draw::Skips;
 pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
+pub use ledger::{Held, Ledger, Watch};

@@ -19,7 +19,7 @@ use super::replay::{Frame, Options, Replay};
 use super::sample::{Interval, LEVEL, STUDENT, random};
 use crate::machine::{Config, Machine};
 use crate::num::Cycle;
-use crate::render;
+use crate::render::{self, Held};
 use crate::report::files::funnel_tree;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
@@ -106,7 +106,10 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &TileSampling) -> Res
         bail!("{samples} runs over {groups} groups of tiles: 2 runs are the least, and groups are at least as many");
     }
     let mut bound = Bound::new(&options.config)?;
-    let render_options = options.rendering();
+    // All work is kept, and the runs go side by side, each with its part of the work.
+    let runs = u64::from(samples);
+    let held = Held { images: runs * Machine::images(&options.config), pieces: u64::MAX, pictures: true };
+    let render_options = render::Options { held, ..options.rendering() };
     // 1. The whole, once.
     let mut whole = Profiler::default();
     let mut frames: Vec<FrameProfile> = Vec::new();

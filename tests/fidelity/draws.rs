@@ -20,7 +20,7 @@ fn options(fidelity: Fidelity, changes: &[&str]) -> Options {
     for change in changes {
         config.set(change).expect("a knob");
     }
-    Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX }
+    Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None }
 }
 
 fn sampled(samples: u32, seed: u64, warm_up: u32, changes: &[&str]) -> anyhow::Result<Replay> {

@@ -23,7 +23,7 @@ use super::sampled::counted;
 use crate::machine::config::SortClass;
 use crate::machine::{Config, Machine, Retirement};
 use crate::num::Cycle;
-use crate::render;
+use crate::render::{self, Held};
 use crate::report::files::funnel_tree;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
@@ -100,7 +100,9 @@ impl Pieces {
         let mut cutter = Cutter::new(&options.config);
         let mut events = Vec::new();
         let (mut funnel, mut own, mut frames) = (Funnel::default(), Funnel::default(), Vec::new());
-        let render_options = options.rendering();
+        // All pieces are kept; a machine follows that draws them.
+        let held = Held { images: Machine::images(&options.config), pieces: u64::MAX, pictures: true };
+        let render_options = render::Options { held, ..options.rendering() };
         render::render(trace, &render_options, &mut |event| {
             match &event {
                 Event::Segment(segment) => own += segment.funnel,
