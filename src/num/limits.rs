@@ -111,15 +111,15 @@ limits! {
     /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other.
     shader_nesting: "shader.nesting", 256, "levels of nesting in a shader";
     /// Commands that one rendering of a trace runs; those of bundles count each time, and so do the draws of indirect commands.
-    work_commands: "work.commands", 50_000_000, "commands run";
+    work_commands: "work.commands", 10_000_000, "commands run";
     /// Vertices, or indices, times instances of all draws.
-    work_vertices: "work.vertices", 20_000_000_000, "vertices drawn";
+    work_vertices: "work.vertices", 10_000_000_000, "vertices drawn";
     /// Quads that triangles cover, plus one for every triangle in every screen tile of 64 x 64 pixels that it may touch.
-    work_quads: "work.quads", 20_000_000_000, "quads rasterised";
+    work_quads: "work.quads", 10_000_000_000, "quads rasterised";
     /// Workgroups of all dispatches.
     work_workgroups: "work.workgroups", 1 << 30, "workgroups run";
     /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64.
-    work_steps: "work.shader_steps", 20_000_000_000, "shader steps";
+    work_steps: "work.shader_steps", 30_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
     /// Bytes that creations, copies, clears, loads of attachments and presents touch.

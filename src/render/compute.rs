@@ -138,6 +138,7 @@ impl ActiveCompute {
         ledger.passing("a workgroup", files + u64::from(interface.workgroup_bytes))?;
         let resolved = ResolvedBindings::new(&mut renderer.res, interface, &self.bindings)?;
         ledger.bytes.charge(resolved.cost())?;
+        ledger.steps.charge(pipeline.program.uniform_steps())?;
         let borrowed = resolved.borrow();
         let resources = shader::Resources { bindings: &borrowed, immediates: resolved.immediates() };
         let uniforms = pipeline.program.uniforms(&resources);

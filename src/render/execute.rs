@@ -4,23 +4,19 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use crate::gfx::image::ImageDesc;
-use crate::gfx::texture::Sampler;
 use crate::num::*;
-use crate::shader::{self, Module};
 use crate::trace::check::Checker;
 use crate::trace::command::*;
 use crate::trace::{Trace, TraceError};
-use crate::work::{EndFrame, Event, RenderKey, Surface, SurfaceKey, Transfer, TransferKind};
+use crate::work::{EndFrame, Event, RenderKey, Surface, SurfaceKey};
 
-use super::compute::{ActiveCompute, ComputePipeline};
+use super::compute::ActiveCompute;
 use super::draw::{Boxes, DrawError, Skips};
 use super::ledger::{Claim, Held, Ledger, Watch};
-use super::memory::{AddressSpace, texture_bytes};
+use super::memory::AddressSpace;
+use super::objects::is_about_objects;
 use super::pass::ActivePass;
-use super::pipeline::RenderPipeline;
 use super::resources::*;
-use super::transfer::{Region, clear_image, layers_of};
 
 /// Some of a trace's frames, in ranges.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -162,17 +158,8 @@ pub struct Summary {
     pub ledger: Arc<Ledger>,
 }
 
-/// Bytes that an object takes beside its contents, about: its entries in tables of the renderer and the checker.
-const OBJECT: u64 = 256;
-
 /// Bytes that a frame's statistics take until they are written, about.
 const FRAME: u64 = 16 << 10;
-
-/// Bytes of a shader module for each byte of its source, about.
-const MODULE: u64 = 16;
-
-/// Bytes of an operation of a compiled program with what belongs to it, about.
-const OPERATION: u64 = 128;
 
 /// Renders a trace and hands its work on.
 ///
@@ -216,14 +203,14 @@ enum Scope {
 
 /// A trace in execution.
 pub(super) struct Renderer<'t, 's> {
-    trace: &'t Trace,
+    pub(super) trace: &'t Trace,
     pub(super) options: Options,
     pub(super) res: Resources,
-    addresses: AddressSpace,
+    pub(super) addresses: AddressSpace,
     sink: &'s mut Sink<'s>,
     scope: Scope,
     /// Number of the current frame.
-    frame: u32,
+    pub(super) frame: u32,
     /// The trace had no present, so that its end was the end of frame 0.
     implicit_frame: bool,
     pub(super) passes: u32,
@@ -231,12 +218,12 @@ pub(super) struct Renderer<'t, 's> {
     /// Fragments whose colours were not computed.
     pub(super) overwritten: u64,
     /// Render pipelines created.
-    pipelines: u64,
+    pub(super) pipelines: u64,
     pub(super) dispatches: u32,
     /// Commands that count as moments of time, for time stamps.
     pub(super) moment: u64,
     /// What the last texture-to-buffer copy read.
-    copied: Option<(TextureId, u32, u32)>,
+    pub(super) copied: Option<(TextureId, u32, u32)>,
     /// The last colour target written.
     pub(super) drawn: Option<(TextureId, u32, u32)>,
     /// What tests of bounds know of buffers.
@@ -360,89 +347,6 @@ impl<'t, 's> Renderer<'t, 's> {
         }
     }
 
-    /// Runs a command that makes or destroys an object, which may stand anywhere.
-    fn objects(&mut self, command: &Command) -> Result<(), Fault> {
-        match command {
-            &Command::CreateBuffer { id, size, .. } => {
-                let claim = self.claim("a buffer", size)?;
-                self.ledger.bytes.charge(size)?;
-                let address = self.addresses.buffer(size)?;
-                self.res.buffers.add(id.0, Buffer::new(size, address), claim)?;
-            }
-            Command::CreateTexture { id, desc, .. } => self.create_texture(*id, desc)?,
-            Command::CreateView { id, texture, desc } => {
-                let image = self.res.textures.get(texture.0)?.image;
-                let view = View::new(*texture, &image, desc)?;
-                self.res.views.add(id.0, view, self.claim("a view", 0)?)?;
-            }
-            Command::CreateSampler { id, desc } => {
-                let claim = self.claim("a sampler", 0)?;
-                self.res.samplers.add(id.0, Arc::new(Sampler::new(desc)), claim)?;
-            }
-            Command::CreateShader { id, source, label } => {
-                let (shader, claim) = self.load_shader(source, label.as_deref())?;
-                self.res.shaders.add(id.0, shader, claim)?;
-            }
-            Command::CreateBindGroupLayout { id, entries } => {
-                let claim = self.claim("a bind group layout", size_of_val(&**entries) as u64)?;
-                self.res.bind_group_layouts.add(id.0, entries.clone(), claim)?;
-            }
-            // The groups of a pipeline layout say nothing that the bind groups, which name their layouts, do not.
-            Command::CreatePipelineLayout { id, groups, .. } => {
-                for group in groups.iter().flatten() {
-                    self.res.bind_group_layouts.get(group.0)?;
-                }
-                self.res.pipeline_layouts.add(id.0, (), self.claim("a pipeline layout", 0)?)?;
-            }
-            Command::CreateBindGroup { id, layout, entries } => {
-                let elements = |entry: &BindGroupEntry| elements_of(&entry.resource) * size_of::<BoundResource>() as u64;
-                let bytes = size_of_val(&**entries) as u64 + entries.iter().map(elements).sum::<u64>();
-                let claim = self.claim("a bind group", bytes)?;
-                let layout = self.res.bind_group_layouts.get(layout.0)?;
-                self.res.bind_groups.add(id.0, BindGroup::new(layout, entries.clone())?, claim)?;
-            }
-            Command::CreateRenderPipeline { id, desc, label } => {
-                let vertex = self.stage_of(desc.vertex.shader)?;
-                let fragment = match &desc.fragment {
-                    Some(stage) => Some(self.stage_of(stage.shader)?),
-                    None => None,
-                };
-                let label = label.as_deref().unwrap_or_default();
-                let mut pipeline = RenderPipeline::new(desc, &vertex, fragment.as_deref(), self.options.key.needless, label)?;
-                pipeline.number = self.pipelines;
-                self.pipelines += 1;
-                let programs = pipeline.programs().iter().map(program_bytes).sum();
-                let claim = self.claim("a render pipeline", programs)?;
-                self.res.render_pipelines.add(id.0, Arc::new(pipeline), claim)?;
-            }
-            Command::CreateComputePipeline { id, stage, label, .. } => {
-                let module = self.stage_of(stage.shader)?;
-                let pipeline = ComputePipeline::new(stage, &module, label.as_deref().unwrap_or_default())?;
-                let claim = self.claim("a compute pipeline", program_bytes(pipeline.program()))?;
-                self.res.compute_pipelines.add(id.0, Arc::new(pipeline), claim)?;
-            }
-            Command::GetBindGroupLayout { id, pipeline, group } => {
-                let entries = match pipeline {
-                    AnyPipeline::Render(pipeline) => self.res.render_pipelines.get(pipeline.0)?.derived_layout(*group),
-                    AnyPipeline::Compute(pipeline) => self.res.compute_pipelines.get(pipeline.0)?.derived_layout(*group),
-                };
-                let claim = self.claim("a bind group layout", size_of_val(&*entries) as u64)?;
-                self.res.bind_group_layouts.add(id.0, entries, claim)?;
-            }
-            &Command::CreateQuerySet { id, kind, count } => {
-                let mut set = QuerySet { kind, values: Vec::new() };
-                let values = u64::from(count) * set.stride() as u64;
-                let claim = self.claim("a query set", 8 * values)?;
-                self.ledger.bytes.charge(8 * values)?;
-                set.values.resize(values as usize, 0);
-                self.res.query_sets.add(id.0, set, claim)?;
-            }
-            Command::Destroy(object) => self.destroy(*object)?,
-            command => return Err(format!("{} is about no object", command.name()).into()),
-        }
-        Ok(())
-    }
-
     fn outside(&mut self, command: &Command) -> Result<(), Fault> {
         self.moment += 1;
         match command {
@@ -462,226 +366,6 @@ impl<'t, 's> Renderer<'t, 's> {
         Ok(())
     }
 
-    fn create_texture(&mut self, id: TextureId, desc: &TextureDesc) -> Result<(), Fault> {
-        let image = ImageDesc {
-            dimension: desc.dimension,
-            size: desc.size,
-            levels: desc.levels,
-            samples: desc.samples,
-            format: desc.format,
-        };
-        let claim = self.claim("a texture", image.bytes())?;
-        self.ledger.bytes.charge(image.bytes())?;
-        let address = self.addresses.texture(texture_bytes(&image))?;
-        let words = Arc::new(Words::new(image.bytes()));
-        let texture = Texture { image, words, address, version: 0, images: Default::default() };
-        Ok(self.res.textures.add(id.0, texture, claim)?)
-    }
-
-    /// Claims the memory of an object whose contents take so many bytes.
-    fn claim(&self, what: &str, bytes: u64) -> Result<Claim, Fault> {
-        Ok(self.ledger.claim(what, bytes.saturating_add(OBJECT))?)
-    }
-
-    /// The module of a stage that is about to be compiled.
-    fn stage_of(&self, id: ShaderId) -> Result<Arc<Module>, Fault> {
-        let shader = self.res.shaders.get(id.0)?;
-        self.ledger.sources.charge(shader.bytes)?;
-        Ok(shader.module.clone())
-    }
-
-    fn load_shader(&self, source: &ShaderSource, label: Option<&str>) -> Result<(Shader, Claim), Fault> {
-        let (name, text) = match source {
-            ShaderSource::Wgsl(name) => (name, shader::Source::Wgsl(self.trace.text(name)?)),
-            ShaderSource::SpirV(name) => (name, shader::Source::SpirV(self.trace.blob(name)?)),
-            ShaderSource::NagaIr(name) => (name, shader::Source::NagaIr(self.trace.text(name)?)),
-        };
-        let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({label})"));
-        let bytes = match text {
-            shader::Source::Wgsl(text) | shader::Source::NagaIr(text) => text.len(),
-            shader::Source::SpirV(bytes) => bytes.len(),
-        } as u64;
-        self.ledger.sources.charge(bytes)?;
-        let claim = self.claim("a shader", bytes.saturating_mul(MODULE))?;
-        let module = Module::with_limits(&title, text, self.trace.limits()).map_err(|error| error.to_string())?;
-        Ok((Shader { module: Arc::new(module), bytes }, claim))
-    }
-
-    fn destroy(&mut self, object: Object) -> Result<(), Fault> {
-        match object {
-            Object::Buffer(id) => drop(self.res.buffers.remove(id.0)?),
-            Object::Texture(id) => drop(self.res.textures.remove(id.0)?),
-            Object::View(id) => drop(self.res.views.remove(id.0)?),
-            Object::Sampler(id) => drop(self.res.samplers.remove(id.0)?),
-            Object::Shader(id) => drop(self.res.shaders.remove(id.0)?),
-            Object::BindGroupLayout(id) => drop(self.res.bind_group_layouts.remove(id.0)?),
-            Object::PipelineLayout(id) => drop(self.res.pipeline_layouts.remove(id.0)?),
-            Object::BindGroup(id) => drop(self.res.bind_groups.remove(id.0)?),
-            Object::RenderPipeline(id) => drop(self.res.render_pipelines.remove(id.0)?),
-            Object::ComputePipeline(id) => drop(self.res.compute_pipelines.remove(id.0)?),
-            Object::Bundle(id) => drop(self.res.bundles.remove(id.0)?),
-            Object::QuerySet(id) => drop(self.res.query_sets.remove(id.0)?),
-        }
-        Ok(())
-    }
-
-    /// Counts bytes that are about to be moved; whether those of them that wait between reading and writing find room.
-    fn moves(&self, bytes: u64, waiting: u64) -> Result<(), Fault> {
-        self.ledger.bytes.charge(bytes)?;
-        Ok(self.ledger.passing("a copy", waiting)?)
-    }
-
-    fn transfer(&mut self, command: &Command) -> Result<(), Fault> {
-        let mut moved = Transfer { kind: TransferKind::Copy, from: None, to: None, bytes: 0, surfaces: None };
-        match command {
-            &Command::WriteBuffer { id, offset, ref data } => {
-                let buffer = self.res.buffers.get(id.0)?;
-                let bytes = self.trace.data(data)?;
-                buffer.range(id, offset, Some(bytes.len() as u64))?;
-                self.moves(bytes.len() as u64, 0)?;
-                buffer.words.write(offset, bytes);
-                buffer.changed();
-                moved = Transfer {
-                    kind: TransferKind::Upload,
-                    to: Some(buffer.address + offset),
-                    bytes: bytes.len() as u64,
-                    ..moved
-                };
-            }
-            Command::WriteTexture { to, data, layout, size } => {
-                let bytes = self.trace.data(data)?;
-                let (region, words, address) = self.texture_end(to, *size, true)?;
-                self.moves(region.bytes(), 0)?;
-                region.write_from(&words, bytes, layout)?;
-                moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), ..moved };
-            }
-            &Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {
-                let source = self.res.buffers.get(from.0)?;
-                source.range(from, from_offset, Some(size))?;
-                let target = self.res.buffers.get(to.0)?;
-                target.range(to, to_offset, Some(size))?;
-                self.moves(size, size)?;
-                copy_words(&source.words, from_offset, &target.words, to_offset, size);
-                target.changed();
-                moved.from = Some(source.address + from_offset);
-                moved.to = Some(target.address + to_offset);
-                moved.bytes = size;
-            }
-            Command::CopyBufferToTexture { from, layout, to, size } => {
-                let source = self.res.buffers.get(from.0)?;
-                let (source, address) = (source.words.clone(), source.address);
-                let (region, words, to_address) = self.texture_end(to, *size, true)?;
-                self.moves(region.bytes(), 0)?;
-                region.write_from_buffer(&words, &source, layout)?;
-                moved.from = Some(address + layout.offset);
-                moved.to = Some(to_address);
-                moved.bytes = region.bytes();
-            }
-            Command::CopyTextureToBuffer { from, to, layout, size } => {
-                let (region, words, address) = self.texture_end(from, *size, false)?;
-                let target = self.res.buffers.get(to.0)?;
-                self.moves(region.bytes(), 0)?;
-                region.read_to_buffer(&words, &target.words, layout)?;
-                target.changed();
-                moved.from = Some(address);
-                moved.to = Some(target.address + layout.offset);
-                moved.bytes = region.bytes();
-                self.copied = Some((from.texture, from.level, from.origin[2]));
-            }
-            Command::CopyTextureToTexture { from, to, size } => self.copy_texture(from, to, *size, &mut moved)?,
-            &Command::ClearBuffer { buffer: id, offset, size } => {
-                let buffer = self.res.buffers.get(id.0)?;
-                let (offset, size) = buffer.range(id, offset, size)?;
-                self.moves(size, 0)?;
-                fill_zero(&buffer.words, offset, size);
-                buffer.changed();
-                moved = Transfer { kind: TransferKind::Clear, to: Some(buffer.address + offset), bytes: size, ..moved };
-            }
-            &Command::ClearTexture { texture: id, aspect, base_level, levels, base_layer, layers } => {
-                let image = self.res.textures.get(id.0)?.image;
-                let view = ViewDesc { base_level, levels, base_layer, layers, ..ViewDesc::default() };
-                let view = View::new(id, &image, &view)?;
-                for level in base_level..base_level + view.range.levels {
-                    let layers = layers_of(&image, level, base_layer, view.range.layers).len() as u64;
-                    self.moves(layers * image.layer_bytes(level), 0)?;
-                }
-                let texture = self.res.flushed(id)?;
-                for level in base_level..base_level + view.range.levels {
-                    for layer in layers_of(&image, level, base_layer, view.range.layers) {
-                        clear_image(&image, &texture.words, level, layer, aspect);
-                        texture.overwritten(level, layer);
-                        moved.bytes += image.layer_bytes(level);
-                    }
-                }
-                moved.kind = TransferKind::Clear;
-                moved.to = Some(texture.address);
-            }
-            &Command::WriteTimestamp { set, index } => return self.write_timestamp(set, index),
-            &Command::ResolveQuerySet { set: id, first, count, to, to_offset } => {
-                let buffer = self.res.buffers.get(to.0)?;
-                let (words, address) = (buffer.words.clone(), buffer.address);
-                let set = self.res.query_sets.get_mut(id.0)?;
-                let size = u64::from(count) * set.stride() as u64 * 8;
-                self.ledger.bytes.charge(size)?;
-                let target = self.res.buffers.get(to.0)?;
-                target.range(to, to_offset, Some(size))?;
-                target.changed();
-                for index in first..first.saturating_add(count) {
-                    let at = to_offset + u64::from(index - first) * set.stride() as u64 * 8;
-                    for (k, value) in set.slot(index)?.iter().enumerate() {
-                        words.write(at + k as u64 * 8, &value.to_le_bytes());
-                    }
-                }
-                moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, ..moved };
-            }
-            &Command::Present { texture } => {
-                self.end_frame(Some((texture, 0, 0)))?;
-                self.frame += 1;
-                // Nobody asks for what comes after the last frame that is wanted.
-                return if self.options.frames.end() > self.frame { Ok(()) } else { Err(Fault::Stop) };
-            }
-            command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
-        }
-        Ok(self.emit(Event::Transfer(moved))?)
-    }
-
-    fn copy_texture(&mut self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3], moved: &mut Transfer) -> Result<(), Fault> {
-        let (source, source_words, source_address) = self.texture_end(from, size, false)?;
-        let knows = self.res.textures.get(from.texture.0)?.images.get(&(from.level, from.origin[2]));
-        let (knows, drawn) = knows.map_or((false, false), |state| (state.machine_knows, state.drawn));
-        let (target, target_words, target_address) = self.texture_end(to, size, true)?;
-        // A layer is read whole before it is written.
-        self.moves(source.bytes(), source.bytes())?;
-        source.copy_to(&source_words, &target, &target_words)?;
-        moved.from = Some(source_address);
-        moved.to = Some(target_address);
-        moved.bytes = source.bytes();
-        if knows && source.is_whole_image() && target.is_whole_image() {
-            let texture = self.res.textures.get_mut(to.texture.0)?;
-            let state = texture.images.entry((to.level, to.origin[2])).or_default();
-            state.machine_knows = true;
-            state.drawn = drawn;
-            let key = |end: &TextureEnd| {
-                self.res.textures.get(end.texture.0).map(|t| t.surface(end.texture, end.level, end.origin[2]).key)
-            };
-            moved.surfaces = Some((key(from)?, key(to)?));
-        }
-        Ok(())
-    }
-
-    /// One end of a copy: the box, the texture's bytes brought up to date, and the address of the image.
-    fn texture_end(&mut self, end: &TextureEnd, size: [u32; 3], written: bool) -> Result<(Region, Arc<Words>, u64), Fault> {
-        let region = Region::new(&self.res.textures.get(end.texture.0)?.image, end, size)?;
-        let texture = self.res.flushed(end.texture)?;
-        if written {
-            for layer in region.layers() {
-                texture.overwritten(end.level, layer);
-            }
-        }
-        let address = texture.surface(end.texture, end.level, end.origin[2]).address;
-        Ok((region, texture.words.clone(), address))
-    }
-
     /// Time stamps count commands: no clock is known here, and a trace's results must not depend on the machine.
     pub(super) fn write_timestamp(&mut self, set: QuerySetId, index: u32) -> Result<(), Fault> {
         let moment = self.moment;
@@ -689,7 +373,7 @@ impl<'t, 's> Renderer<'t, 's> {
         Ok(())
     }
 
-    fn end_frame(&mut self, shown: Option<(TextureId, u32, u32)>) -> Result<(), Fault> {
+    pub(super) fn end_frame(&mut self, shown: Option<(TextureId, u32, u32)>) -> Result<(), Fault> {
         if !self.in_range() {
             return Ok(());
         }
@@ -738,16 +422,6 @@ impl<'t, 's> Renderer<'t, 's> {
     }
 }
 
-/// Elements of a binding array; 1 of what is none.
-fn elements_of(resource: &BoundResource) -> u64 {
-    match resource {
-        BoundResource::Buffers(elements) => elements.len() as u64,
-        BoundResource::Views(elements) => elements.len() as u64,
-        BoundResource::Samplers(elements) => elements.len() as u64,
-        BoundResource::Buffer { .. } | BoundResource::View(_) | BoundResource::Sampler(_) => 1,
-    }
-}
-
 /// Bytes that a command of a bundle has beside itself.
 fn payload(command: &Command) -> u64 {
     (match command {
@@ -756,47 +430,4 @@ fn payload(command: &Command) -> u64 {
         Command::PushDebugGroup(text) | Command::InsertDebugMarker(text) => text.len(),
         _ => 0,
     }) as u64
-}
-
-/// Bytes of a compiled program, about.
-fn program_bytes(program: &shader::Program) -> u64 {
-    let (body, prologue) = program.operations();
-    (body + prologue) as u64 * OPERATION
-}
-
-/// Copies bytes between (or inside) buffers as if through a copy.
-fn copy_words(from: &Words, from_offset: u64, to: &Words, to_offset: u64, size: u64) {
-    let mut bytes = vec![0; size as usize];
-    from.read(from_offset, &mut bytes);
-    to.write(to_offset, &bytes);
-}
-
-fn fill_zero(words: &Words, offset: u64, size: u64) {
-    const ZEROS: [u8; 4096] = [0; 4096];
-    let mut at = 0;
-    while at < size {
-        let n = (size - at).min(ZEROS.len() as u64);
-        words.write(offset + at, &ZEROS[..n as usize]);
-        at += n;
-    }
-}
-
-/// Whether a command makes or destroys an object.
-fn is_about_objects(command: &Command) -> bool {
-    matches!(
-        command,
-        Command::CreateBuffer { .. }
-            | Command::CreateTexture { .. }
-            | Command::CreateView { .. }
-            | Command::CreateSampler { .. }
-            | Command::CreateShader { .. }
-            | Command::CreateBindGroupLayout { .. }
-            | Command::CreatePipelineLayout { .. }
-            | Command::CreateBindGroup { .. }
-            | Command::CreateRenderPipeline { .. }
-            | Command::CreateComputePipeline { .. }
-            | Command::GetBindGroupLayout { .. }
-            | Command::CreateQuerySet { .. }
-            | Command::Destroy(_)
-    )
 }

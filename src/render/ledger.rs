@@ -93,7 +93,7 @@ impl Ledger {
     /// If they pass the limit; the message says what they are for.
     pub fn passing(&self, what: &str, bytes: u64) -> Result<(), String> {
         let alive = self.alive();
-        let refused = |error| format!("{what} asks for {bytes} bytes where {alive} are alive: {error}");
+        let refused = |error| format!("asks for {bytes} bytes for {what} where {alive} are alive: {error}");
         self.memory.check(alive.saturating_add(bytes)).map_err(refused)
     }
 
@@ -201,7 +201,7 @@ mod tests {
         let ledger = Arc::new(Ledger::new(&limits));
         let mut first = ledger.claim("a buffer", 60).expect("60 of 100");
         let refused = ledger.claim("a texture", 41).expect_err("101 of 100");
-        assert!(refused.starts_with("a texture asks for 41 bytes where 60 are alive: 101 bytes of memory"), "{refused}");
+        assert!(refused.starts_with("asks for 41 bytes for a texture where 60 are alive: 101 bytes of memory"), "{refused}");
         assert!(refused.ends_with("the limit of 100; --limit memory.bytes=N allows more"), "{refused}");
         first.grow("a buffer", 40).expect("100 of 100");
         assert!(first.grow("a buffer", 1).is_err());

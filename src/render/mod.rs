@@ -5,9 +5,11 @@
 
 mod bind;
 mod compute;
+mod copy;
 mod execute;
 mod ledger;
 mod memory;
+mod objects;
 mod pass;
 mod resources;
 mod state;

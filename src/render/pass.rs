@@ -368,6 +368,7 @@ impl ActivePass {
             .iter()
             .map(|program| ResolvedBindings::new(&mut renderer.res, program.interface(), &state.bindings))
             .collect::<Result<_, _>>()?;
+        ledger.steps.charge(pipeline.programs().iter().map(Program::uniform_steps).sum())?;
         ledger.bytes.charge(resolved.iter().map(ResolvedBindings::cost).sum())?;
         let mut vertex_buffers = Vec::new();
         for slot in &state.vertex {

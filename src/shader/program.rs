@@ -238,6 +238,11 @@ impl Program {
         self.body.all_steps()
     }
 
+    /// Steps of what is computed once a draw or dispatch for all invocations.
+    pub fn uniform_steps(&self) -> u64 {
+        self.prologue.all_steps()
+    }
+
     /// Bytes of the registers of a batch of 64 invocations.
     pub fn register_bytes(&self) -> u64 {
         (self.body.registers * size_of::<crate::num::Lanes>()) as u64

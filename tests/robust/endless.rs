@@ -152,7 +152,7 @@ fn what_buffers_say_at_run_time_is_looked_at() {
 
 #[test]
 fn loops_in_loops_come_to_an_end() {
-    const STEPS: [&str; 2] = ["--limit", "work.shader_steps=200000000"];
+    const STEPS: [&str; 2] = ["--limit", "work.shader_steps=10000000"];
     // Each stays far below the turns that one loop may make.
     let nested = "var s = id.x;
         for (var i = 0u; i < 100000u; i++) { for (var j = 0u; j < 100000u; j++) { for (var k = 0u; k < 100000u; k++) { s = s * 3u + k; } } }
@@ -180,7 +180,7 @@ fn what_threads_do_side_by_side_ends_with_the_same_words() {
         },
     );
     let said = ["1", "2", "8"].map(|threads| {
-        let output = hostile.replay(&["--threads", threads, "--limit", "work.shader_steps=30000000"]);
+        let output = hostile.replay(&["--threads", threads, "--limit", "work.shader_steps=5000000"]);
         at_limit(&output, "Draw", "work.shader_steps");
         output.stderr
     });
@@ -189,10 +189,10 @@ fn what_threads_do_side_by_side_ends_with_the_same_words() {
     let hostile = drawing(8192, "return p;", |card, pipeline, view| {
         let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
         pass.set_pipeline(pipeline);
-        pass.draw(30_000, 1);
+        pass.draw(3_000, 1);
     });
     let said = ["1", "2", "8"].map(|threads| {
-        let output = hostile.replay(&["--threads", threads, "--limit", "work.quads=10000000"]);
+        let output = hostile.replay(&["--threads", threads, "--limit", "work.quads=2000000"]);
         at_limit(&output, "Draw", "work.quads");
         output.stderr
     });

@@ -8,7 +8,7 @@ use crate::gfx::format::Format;
 use crate::num::{LimitExceeded, LimitOverrun, Meter};
 use crate::render::surface::{Shape, TileSurface};
 use crate::shader::{Program, ShaderFault};
-use crate::work::{Culling, Event, Segment};
+use crate::work::{Cull, Culling, Event, Segment};
 
 use super::batch::{self, Batch};
 use super::cull;
@@ -26,6 +26,9 @@ const SEGMENT_PRIMITIVES: u32 = 64 * 1024;
 
 /// References of a segment to triangles, in all tiles together, at most: on the largest targets its primitives are fewer.
 const SEGMENT_REFERENCES: u32 = 1 << 27;
+
+/// Bytes of a strip in the plan of a draw.
+const STRIP: u64 = 12;
 
 /// Bytes of a recorded quad, roughly: itself, depth and colour, a request.
 const RECORDED_QUAD: u64 = 48;
@@ -130,10 +133,15 @@ pub struct EndedPass {
 }
 
 /// The walk over a draw's primitives, without those that bounds show to be out of view.
-fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> (Planner, Culling) {
+fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> Result<(Planner, Culling), DrawError> {
     let range = call.range;
     let index = call.index.map(|i| i.buffer());
     let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
+    if restart.is_some() && index.is_some() && frame.topology.is_strip() {
+        // At most every other index ends a strip.
+        let strips = u64::from(range.count / 2) * STRIP;
+        call.ledger.passing("the strips of a draw", strips).map_err(DrawError::Memory)?;
+    }
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
     let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
@@ -141,14 +149,19 @@ fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> (Planner, Culling) {
     match call.boxes {
         Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
             let restart = restart.filter(|_| frame.topology.is_strip());
+            if call.key.cull == Cull::Instances {
+                // Each instance is a run of the program on single values.
+                let steps = u64::from(range.instances).saturating_mul(call.pipeline.vertex().steps());
+                call.ledger.steps.charge(steps / 8)?;
+            }
             let candidate = cull::Candidate { call, frame, restart, primitives, entries };
             // A poisoned lock means that another draw panicked; what is known of buffers is true all the same.
             let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let seen = candidate.test(&mut boxes);
             planner.draw_only(seen.instances);
-            (planner, seen.culling)
+            Ok((planner, seen.culling))
         }
-        _ => (planner, Culling::default()),
+        _ => Ok((planner, Culling::default())),
     }
 }
 
@@ -186,7 +199,7 @@ impl RenderPass {
         }
         let extent = (self.width, self.height, self.samples);
         let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
-        let (planner, culling) = plan(call, &frame);
+        let (planner, culling) = plan(call, &frame)?;
         if call.record {
             sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
         }

@@ -73,7 +73,7 @@ pub struct TileRun<'a, 'f, 'j> {
     pub samples_passed: u64,
     pub overwritten: u64,
     pub fault: Option<ShaderFault>,
-    /// Times that it was looked whether it may go on: triangles, or some small ones together.
+    /// Triangles so far.
     visits: u64,
     /// Steps of which the ledger was told, beside those of shaders.
     told: u64,
@@ -186,14 +186,14 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     }
     let mut at = 0;
     while at < references.len() && run.fault.is_none() {
-        if !run.may_go_on(1) {
-            break;
-        }
         let ahead = references.get(at..(at + 8).min(references.len())).unwrap_or_default();
         let small = if WIDE && S == 1 && !RECORD { ahead.iter().take_while(|(_, r)| r & SMALL != 0).count() } else { 0 };
         // Two of them take less time one by one.
         let together = small > 2;
         let n = if together { small } else { small.max(1) };
+        if !run.may_go_on(n as u64) {
+            break;
+        }
         for i in at..at + n {
             // The lists jump through the segment's triangles, which are more than the nearer caches hold.
             if let Some(&(b, r)) = references.get(i + AHEAD) {

@@ -25,7 +25,7 @@ impl Checker<'_> {
         ensure!(bytes <= OBJECT_MAX, "{what} of {bytes} bytes, it must be {OBJECT_MAX} at most");
         let alive = self.memory;
         let total = alive.saturating_add(bytes);
-        let refused = |error| format!("{what} asks for {bytes} bytes where {alive} are alive: {error}");
+        let refused = |error| format!("asks for {bytes} bytes for {what} where {alive} are alive: {error}");
         self.trace.limits().memory_bytes.check(total).map_err(refused)?;
         self.memory = total;
         self.summary.peak_bytes = self.summary.peak_bytes.max(total);
