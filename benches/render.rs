@@ -15,11 +15,11 @@ use fillrate::gfx::image::ImageDesc;
 use fillrate::gfx::state::*;
 use fillrate::gfx::texture;
 use fillrate::import;
-use fillrate::num::{ShaderId, Words};
+use fillrate::num::{Limits, ShaderId, Words};
 use fillrate::render::draw::{BufferRange, DrawCall, IndexRange, Range, RenderPass, Skips};
 use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
-use fillrate::render::{Options, render};
+use fillrate::render::{Ledger, Options, render};
 use fillrate::shader::{self, Module, Resource, Resources};
 use fillrate::trace::command::{RenderPipelineDesc, Stage};
 use fillrate::work::RenderKey;
@@ -230,6 +230,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
     let shape = |format| Shape { format, width: WIDTH, height: HEIGHT, samples: 1 };
     let mut color = Some(TileSurface::new(shape(Format::Rgba8Unorm)));
     let mut depth = Some(TileSurface::new(shape(Format::Depth32Float)));
+    let ledger = Ledger::new(&Limits::default());
     let mut times = Vec::new();
     let mut last = None;
     let mut spent = 0.0;
@@ -258,6 +259,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             signature: None,
             skips,
             boxes: None,
+            ledger: &ledger,
         };
         let drawn = pass.draw(&call, &mut |event| drop(event)).unwrap_or_else(|e| panic!("{e}"));
         let ended = pass.end();

@@ -46,7 +46,8 @@ fn every_statistic_of_a_replay_is_explained() {
                 machine.set(change).expect("a knob");
             }
         }
-        let options = Options { config: machine, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+        let options =
+            Options { config: machine, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
         let done = replay(&trace, &options, &|_| ()).expect("the replay runs");
         let mut unexplained = Vec::new();
         let mut seen = 0;

@@ -181,7 +181,8 @@ pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
             config.set(setting)?;
         }
         config.check()?;
-        let made = replay(trace, &Options { config, fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX }, &|_| ())?;
+        let made =
+            replay(trace, &Options { config, fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX, watch: None }, &|_| ())?;
         known.push((settings.to_vec(), clock, made.clone()));
         Ok(made)
     };

@@ -249,7 +249,11 @@ const KEPT: [&str; 10] = [
 type Timed<'c> = (&'c Config, Clock);
 
 fn simulate(trace: &Trace, (config, clock): Timed<'_>) -> Result<Replay> {
-    replay(trace, &Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX }, &|_| ())
+    replay(
+        trace,
+        &Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX, watch: None },
+        &|_| (),
+    )
 }
 
 /// How long both sides of a skip are run by turns to tell their host times apart.

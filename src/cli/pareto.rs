@@ -35,7 +35,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let config = arguments.machine.load()?;
-    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
     let mut fronts: Vec<Front> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;

@@ -4,6 +4,9 @@ use std::io::IsTerminal;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Result, anyhow, bail};
@@ -11,10 +14,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Verdict;
 use super::threads::MOST;
+use crate::render::Watch;
 use crate::report::summary;
-use crate::run::replay::{self, Fidelity, Options, Replay};
+use crate::run::replay::{self, Album, Fidelity, Options, Replay};
 use crate::run::sampled::Sampling;
 use crate::sim::Clock;
+use crate::work::Surface;
 
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
@@ -98,6 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
     }
+    let watch = Arc::new(Watch::default());
     let options = Options {
         config,
         fidelity: match arguments.fidelity {
@@ -113,14 +119,19 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             ClockName::EveryCycle => Clock::EveryCycle,
         },
         frames: arguments.frames.0.clone(),
+        watch: Some(watch.clone()),
     };
     let trace = arguments.reading.open(&arguments.trace)?;
+    let mut album = arguments.out.as_deref().map(Album::new).transpose()?;
+    // Pictures are written as frames end, and kept by nobody.
+    let mut taker = |number: u32, surface: &Surface, bytes: &[u8]| match &mut album {
+        Some(album) => album.put(number, surface, bytes),
+        None => Ok(()),
+    };
     let bar = progress_bar();
-    let done = replay::replay(&trace, &options, &|frame| {
-        bar.set_message(format!("frame {frame} done"));
-        bar.inc(1);
-    });
-    bar.finish_and_clear();
+    let told = Told::begin(&bar, &watch);
+    let done = replay::replay_to(&trace, &options, &|frame| told.frame(frame), &mut taker);
+    told.end();
     let done = done?;
     if done.frames.is_empty() {
         bail!("the trace has no frame in {}..{}", options.frames.start, options.frames.end);
@@ -148,6 +159,46 @@ fn progress_bar() -> ProgressBar {
     // Not the library's own ticker: it panics where no thread can be started. Without one the bar moves at the end of each frame.
     let _ = std::thread::Builder::new().name("progress".into()).spawn(tick);
     bar
+}
+
+/// What the spinner says: the last frame, and once a limit comes near, the command that runs and how much of the limit is used.
+struct Told {
+    bar: ProgressBar,
+    frame: Arc<Mutex<String>>,
+    /// Goes when the replay is over, which the thread that tells waits for.
+    over: Sender<()>,
+    teller: Option<JoinHandle<()>>,
+}
+
+impl Told {
+    fn begin(bar: &ProgressBar, watch: &Arc<Watch>) -> Told {
+        let (over, end) = channel();
+        let frame = Arc::new(Mutex::new(String::from("rendering")));
+        let (mine, bar_of, watch) = (frame.clone(), bar.clone(), watch.clone());
+        let tell = move || {
+            while end.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
+                let frame = mine.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                bar_of.set_message(watch.line().map_or(frame.clone(), |line| format!("{frame}; {line}")));
+            }
+        };
+        // Without a terminal nobody reads it; without a thread to be had it is left out.
+        let teller = if bar.is_hidden() { None } else { std::thread::Builder::new().spawn(tell).ok() };
+        Told { bar: bar.clone(), frame, over, teller }
+    }
+
+    fn frame(&self, frame: u32) {
+        let text = format!("frame {frame} done");
+        self.bar.set_message(text.clone());
+        self.bar.inc(1);
+        *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }
+
+    fn end(self) {
+        drop(self.over);
+        // A teller that panicked told nothing more; the replay is not touched by that.
+        drop(self.teller.map(JoinHandle::join));
+        self.bar.finish_and_clear();
+    }
 }
 
 fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verdict> {

@@ -97,6 +97,19 @@ impl Machine {
         Ok(Machine { config: config.clone(), circuit, card, clients, network })
     }
 
+    /// Images that a machine has of each attachment of a pass: its frame buffer, and pipelines' copies, each with as many bytes of numbers.
+    pub fn images(config: &Config) -> u64 {
+        let pipelines = u64::from(config.card.pipelines);
+        let copies = if config.card.sort == SortClass::LastImage { 2 * pipelines } else { 0 };
+        let seen = if config.order.early == EarlyTest::Local { pipelines } else { 0 };
+        1 + copies + seen
+    }
+
+    /// Pieces of work that a machine has at one time, those that it reads ahead among them.
+    pub fn pieces(config: &Config) -> u64 {
+        u64::from(config.command.segments) + u64::from(config.command.workgroup_runs) + AHEAD as u64
+    }
+
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config

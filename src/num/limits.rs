@@ -3,6 +3,10 @@
 //! A trace and its shaders are programs: they can ask for work without an end and for memory without a bound. Each limit here stops one such
 //! request with an error that names the limit. Real programs stay far below all of them; `--limit NAME=VALUE` raises one.
 
+use std::sync::OnceLock;
+
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+
 /// One row of the table of limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LimitInfo {
@@ -28,6 +32,16 @@ pub struct LimitExceeded {
     pub asked: u64,
 }
 
+/// Work that was counted while it was done came to more than a limit allows. How much more says nothing: it was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("more than {limit} {unit}, the limit; --limit {name}=N allows more", unit = .info.unit, name = .info.name)]
+pub struct LimitOverrun {
+    /// The limit.
+    pub info: &'static LimitInfo,
+    /// Its value in this run.
+    pub limit: u64,
+}
+
 macro_rules! limits {
     ($($(#[doc = $about:literal])+ $field:ident: $name:literal, $default:expr, $unit:literal;)+) => {
         /// The limits of one run. All are inclusive.
@@ -40,7 +54,9 @@ macro_rules! limits {
             fn default() -> Limits {
                 let mut next = 0..;
                 let mut row = || next.next().unwrap_or(0);
-                Limits { $($field: { let k = row(); Limit { info: &TABLE[k], value: TABLE[k].default } },)+ }
+                let mut limits = Limits { $($field: { let k = row(); Limit { info: &TABLE[k], value: TABLE[k].default } },)+ };
+                limits.memory_bytes.value = limits.memory_bytes.value.min(half_of_memory());
+                limits
             }
         }
 
@@ -98,6 +114,41 @@ limits! {
     shader_source: "shader.source", 16 << 20, "bytes of shader source";
     /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other.
     shader_nesting: "shader.nesting", 256, "levels of nesting in a shader";
+    /// Commands that one rendering of a trace runs; those of bundles count each time, and so do the draws of indirect commands.
+    work_commands: "work.commands", 10_000_000, "commands run";
+    /// Vertices, or indices, times instances of all draws.
+    work_vertices: "work.vertices", 10_000_000_000, "vertices drawn";
+    /// Quads that triangles cover, plus one for every triangle in every screen tile of 64 x 64 pixels that it may touch.
+    work_quads: "work.quads", 10_000_000_000, "quads rasterised";
+    /// Workgroups of all dispatches.
+    work_workgroups: "work.workgroups", 1 << 30, "workgroups run";
+    /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64.
+    work_steps: "work.shader_steps", 30_000_000_000, "shader steps";
+    /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
+    work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
+    /// Bytes that creations, copies, clears, loads of attachments and presents touch.
+    work_bytes: "work.bytes", 1 << 40, "bytes created, copied and cleared";
+    /// Bytes of shader source that are compiled: once for a module, and once for every pipeline stage made of it.
+    work_sources: "work.shader_source", 1 << 30, "bytes of shader source compiled";
+    /// Bytes of everything that a trace makes alive at one time. The default is half of the machine's memory, or of what its control group
+    /// may use, and 1 TiB at most.
+    memory_bytes: "memory.bytes", 1 << 40, "bytes of memory";
+}
+
+/// Half of the memory of the machine, or of what the process may use of it, in bytes; 4 GiB where the system does not say.
+fn half_of_memory() -> u64 {
+    static HALF: OnceLock<u64> = OnceLock::new();
+    *HALF.get_or_init(|| {
+        let refresh = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+        let memory = |system: System| {
+            let group = system.cgroup_limits().map_or(u64::MAX, |group| group.total_memory);
+            system.total_memory().min(group)
+        };
+        match System::new_with_specifics(refresh).map_or(0, memory) {
+            0 => 4 << 30,
+            bytes => bytes / 2,
+        }
+    })
 }
 
 impl Limits {
@@ -132,7 +183,8 @@ mod tests {
         for (k, row) in TABLE.iter().enumerate() {
             let mut limits = Limits::default();
             let default: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
-            assert_eq!(default[k], row.default);
+            // Half of the machine's memory is the one that no table has.
+            assert!(default[k] == row.default || row.name == "memory.bytes" && (1 << 20..row.default).contains(&default[k]));
             limits.set(&format!("{} = 1_234", row.name)).expect("a limit");
             let set: Vec<u64> = limits.all_mut().map(|limit| limit.get()).collect();
             let wanted: Vec<u64> = default.iter().enumerate().map(|(i, &d)| if i == k { 1234 } else { d }).collect();

@@ -7,6 +7,7 @@ mod fixed;
 mod ids;
 mod lanes;
 mod limits;
+mod meter;
 mod prefetch;
 mod words;
 
@@ -14,7 +15,8 @@ pub use edits::edits;
 pub use fixed::{Fx8, snap};
 pub use ids::*;
 pub use lanes::{LANES, Lanes, Mask, QUADS};
-pub use limits::{Limit, LimitExceeded, LimitInfo, Limits};
+pub use limits::{Limit, LimitExceeded, LimitInfo, LimitOverrun, Limits};
+pub use meter::Meter;
 pub use prefetch::prefetch;
 pub use words::Words;
 

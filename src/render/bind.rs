@@ -67,6 +67,12 @@ impl ResolvedBindings {
         self.bindings.iter().map(|(_, elements)| elements.iter().map(Held::lend).collect()).collect()
     }
 
+    /// Bytes that were looked up and copied for it, about.
+    pub fn cost(&self) -> u64 {
+        let held: usize = self.bindings.iter().map(|(_, held)| held.len()).sum();
+        (held * size_of::<Held>() + size_of_val(&*self.immediates)) as u64
+    }
+
     /// Immediate words.
     pub fn immediates(&self) -> &[u32] {
         &self.immediates
@@ -212,15 +218,15 @@ fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {
 
 fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
     let view = res.views.get(id.0)?;
-    let texture = res.textures.get_mut(view.texture.0)?;
-    texture.flush();
+    let (id, range) = (view.texture, view.range);
+    let texture = res.flushed(id)?;
     Ok(Held::Storage {
         words: texture.words.clone(),
-        desc: ImageDesc { format: view.range.format, ..texture.image },
-        level: view.range.base_level,
-        base_layer: view.range.base_layer,
-        layers: view.range.layers,
+        desc: ImageDesc { format: range.format, ..texture.image },
+        level: range.base_level,
+        base_layer: range.base_layer,
+        layers: range.layers,
         address: texture.address,
-        texture: view.texture.0,
+        texture: id.0,
     })
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::host::one_line;
+use crate::num::LANES;
 use crate::shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
 use crate::trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
 use crate::work::{Dispatch, Event, Groups, Packet, ShaderShape};
@@ -35,6 +36,11 @@ impl ComputePipeline {
         let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
             .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
         Ok(ComputePipeline { label: label.to_owned(), program })
+    }
+
+    /// What it runs.
+    pub fn program(&self) -> &Program {
+        &self.program
     }
 
     /// The bind group layout that the shader implies.
@@ -123,11 +129,22 @@ impl ActiveCompute {
         if groups == 0 {
             return Ok(());
         }
+        let ledger = renderer.ledger.clone();
+        ledger.workgroups.charge(groups)?;
+        // Every batch does all operations at least once. The batches of a group are at most these: small groups share one.
+        let batches = groups.saturating_mul(u64::from(invocations)).div_ceil(LANES as u64);
+        ledger.steps.check(batches.saturating_mul(pipeline.program.steps()))?;
+        ledger.bytes.charge(groups.saturating_mul(u64::from(interface.workgroup_bytes)))?;
+        let files = u64::from(invocations).div_ceil(LANES as u64) * pipeline.program.register_bytes();
+        ledger.passing("a workgroup", files + u64::from(interface.workgroup_bytes))?;
         let resolved = ResolvedBindings::new(&mut renderer.res, interface, &self.bindings)?;
+        ledger.bytes.charge(resolved.cost())?;
+        ledger.steps.charge(pipeline.program.uniform_steps())?;
         let borrowed = resolved.borrow();
         let resources = shader::Resources { bindings: &borrowed, immediates: resolved.immediates() };
         let uniforms = pipeline.program.uniforms(&resources);
-        let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms);
+        let growth = ledger.growth();
+        let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms).within(&ledger.steps, Some(&growth));
         if renderer.recording() {
             let packets_a_group = u64::from(invocations.div_ceil(4));
             renderer.emit(Event::Dispatch(Arc::new(Dispatch {
@@ -144,7 +161,11 @@ impl ActiveCompute {
             while at < groups {
                 let end = (at + step).min(groups);
                 let mut costs = Vec::with_capacity(((end - at) * packets_a_group) as usize);
+                // A piece that has been handed on counts as what it takes itself.
+                growth.restart(ledger.alive());
                 bound.run_groups(at..end, count, Some((&mut recorder, &mut costs))).map_err(|fault| fault.to_string())?;
+                growth.add(recorder.take_bytes());
+                growth.verify()?;
                 let packets = costs.iter().map(|quad| Packet { cost: quad.cost, first_request: quad.first_request }).collect();
                 let (costs, requests, lines) = recorder.take();
                 let piece = Groups { groups: (end - at) as u32, packets, requests, lines, costs };
@@ -154,6 +175,8 @@ impl ActiveCompute {
         } else {
             bound.run_groups(0..groups, count, None).map_err(|fault| fault.to_string())?;
         }
+        ledger.steps.add(self.executor.take_steps());
+        ledger.steps.verify()?;
         Ok(resolved.note_writes(&mut renderer.res)?)
     }
 }

@@ -2,6 +2,10 @@
 
 use crate::gfx::image::ImageDesc;
 use crate::gfx::tiling::{BlockLayout, Tiled};
+use crate::work::LINE;
+
+/// Bytes of addresses: work names memory by lines of 64 bytes in 32 bits, and copies of surfaces lie behind.
+const ADDRESSES: u64 = LINE << 32;
 
 /// Gives out addresses in order of creation. Nothing is given back: an address names one object for the whole trace, so that no
 /// cache of a machine can mistake one for another.
@@ -23,19 +27,33 @@ impl AddressSpace {
     }
 
     /// An address for a buffer of so many bytes.
-    pub fn buffer(&mut self, bytes: u64) -> u64 {
+    ///
+    /// # Errors
+    /// If there are not so many left.
+    pub fn buffer(&mut self, bytes: u64) -> Result<u64, String> {
         self.take(bytes, BUFFER_ALIGN)
     }
 
     /// An address for a texture: room for its tiled form, in which each image is padded to whole blocks.
-    pub fn texture(&mut self, bytes: u64) -> u64 {
+    ///
+    /// # Errors
+    /// If there are not so many left.
+    pub fn texture(&mut self, bytes: u64) -> Result<u64, String> {
         self.take(bytes, TEXTURE_ALIGN)
     }
 
-    fn take(&mut self, bytes: u64, align: u64) -> u64 {
+    fn take(&mut self, bytes: u64, align: u64) -> Result<u64, String> {
         let at = self.next.next_multiple_of(align);
-        self.next = at + bytes.max(1);
-        at
+        match at.checked_add(bytes.max(1)) {
+            Some(end) if end <= ADDRESSES => {
+                self.next = end;
+                Ok(at)
+            }
+            _ => Err(format!(
+                "{bytes} bytes of addresses where {at} are given out: a card has {ADDRESSES}, and those of what is destroyed are not given \
+                 out again; replay fewer frames, or a trace that creates less"
+            )),
+        }
     }
 }
 
@@ -62,12 +80,22 @@ mod tests {
     #[test]
     fn addresses_are_aligned_and_apart() {
         let mut space = AddressSpace::new();
-        let a = space.buffer(10);
-        let b = space.buffer(0);
-        let t = space.texture(5000);
-        let u = space.texture(1);
+        let a = space.buffer(10).unwrap();
+        let b = space.buffer(0).unwrap();
+        let t = space.texture(5000).unwrap();
+        let u = space.texture(1).unwrap();
         assert!(a >= TEXTURE_ALIGN && a.is_multiple_of(BUFFER_ALIGN));
         assert!(b >= a + 10 && t >= b && t.is_multiple_of(TEXTURE_ALIGN));
         assert_eq!(u, t + 8192);
+    }
+
+    #[test]
+    fn addresses_end_where_lines_would_begin_anew() {
+        let mut space = AddressSpace::new();
+        let first = space.buffer(ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN).unwrap();
+        assert_eq!(space.buffer(BUFFER_ALIGN), Ok(first + ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN));
+        let refused = space.buffer(1).unwrap_err();
+        assert!(refused.starts_with("1 bytes of addresses where 274877906944 are given out"), "{refused}");
+        assert!(space.texture(u64::MAX).is_err());
     }
 }

@@ -5,8 +5,11 @@
 
 mod bind;
 mod compute;
+mod copy;
 mod execute;
+mod ledger;
 mod memory;
+mod objects;
 mod pass;
 mod resources;
 mod state;
@@ -19,3 +22,4 @@ pub mod surface;
 pub use crate::shader::is_guarded;
 pub use draw::Skips;
 pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
+pub use ledger::{Held, Ledger, Watch};

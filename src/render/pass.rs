@@ -13,8 +13,9 @@ use crate::work::{Attachment, Contents, Event, Funnel, Load, Pass, Segment, Sign
 use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer};
+use super::ledger::Claim;
 use super::pipeline::RenderPipeline;
-use super::resources::{Buffer, Texture};
+use super::resources::{Buffer, Resources};
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::surface::{Shape, TileSurface};
 
@@ -87,14 +88,14 @@ impl ActivePass {
                 continue;
             };
             let (place, format) = place_of(renderer, attachment.view.0, attachment.depth_slice)?;
-            let texture = renderer.res.textures.get_mut(place.texture.0)?;
-            let surface = texture.surface(place.texture, place.level, place.layer);
+            let surface = renderer.res.textures.get(place.texture.0)?.surface(place.texture, place.level, place.layer);
             check_extent(&surface)?;
+            renderer.claim_images(&surface)?;
             let load = match attachment.clear {
                 Some(value) => Load::Clear(clear_bits(format.kind(), value)),
                 None => Load::Load,
             };
-            let mut tiles = take_tiles(texture, place);
+            let mut tiles = take_tiles(&mut renderer.res, place)?;
             if let Load::Clear(bits) = load {
                 tiles.clear(stored_words(format, bits));
             }
@@ -138,14 +139,14 @@ impl ActivePass {
             let (place, format) = place_of(renderer, attachment.view.0, None)?;
             let read_only =
                 (attachment.depth_read_only || !format.has_depth()) && (attachment.stencil_read_only || !format.has_stencil());
-            let texture = renderer.res.textures.get_mut(place.texture.0)?;
             if read_only {
                 // Shaders may sample it during the pass, so the words must hold it too.
-                texture.flush();
+                renderer.res.flushed(place.texture)?;
             }
-            let surface = texture.surface(place.texture, place.level, place.layer);
+            let surface = renderer.res.textures.get(place.texture.0)?.surface(place.texture, place.level, place.layer);
             check_extent(&surface)?;
-            let mut tiles = take_tiles(texture, place);
+            renderer.claim_images(&surface)?;
+            let mut tiles = take_tiles(&mut renderer.res, place)?;
             let depth_load = attachment.depth_clear.map_or(Load::Load, |z| Load::Clear([z.to_bits(), 0, 0, 0]));
             let stencil_load = attachment.stencil_clear.map_or(Load::Load, |s| Load::Clear([0, s & 0xff, 0, 0]));
             let value = [attachment.depth_clear.unwrap_or(0.0).to_bits(), attachment.stencil_clear.unwrap_or(0) & 0xff, 0, 0];
@@ -159,6 +160,7 @@ impl ActivePass {
             if mask == both {
                 tiles.clear(stored_words(format, value));
             } else if mask != [0; 4] {
+                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
                 tiles.clear_masked(stored_words(format, value), mask);
             }
             announce(renderer, place, &surface, mask != both, Some(&tiles))?;
@@ -281,6 +283,7 @@ impl ActivePass {
                     // A bundle sees none of the pass's state except viewport, scissor, blend constant and stencil reference.
                     self.state.reset_after_bundle();
                     for command in commands.iter() {
+                        renderer.ledger.commands.charge(1)?;
                         self.run(renderer, command)?;
                     }
                     self.state.reset_after_bundle();
@@ -322,6 +325,7 @@ impl ActivePass {
             .into());
         }
         for draw_index in 0..count {
+            renderer.ledger.commands.charge(1)?;
             let at = (offset + u64::from(draw_index) * stride) as usize;
             let word = |i: usize| words.u32_at(at + 4 * i);
             let range = if indexed {
@@ -357,11 +361,15 @@ impl ActivePass {
         if range.count == 0 || range.instances == 0 {
             return Ok(());
         }
+        let ledger = renderer.ledger.clone();
+        ledger.vertices.charge(u64::from(range.count) * u64::from(range.instances))?;
         let resolved: Vec<ResolvedBindings> = pipeline
             .programs()
             .iter()
             .map(|program| ResolvedBindings::new(&mut renderer.res, program.interface(), &state.bindings))
             .collect::<Result<_, _>>()?;
+        ledger.steps.charge(pipeline.programs().iter().map(Program::uniform_steps).sum())?;
+        ledger.bytes.charge(resolved.iter().map(ResolvedBindings::cost).sum())?;
         let mut vertex_buffers = Vec::new();
         for slot in &state.vertex {
             vertex_buffers.push(match slot {
@@ -407,8 +415,9 @@ impl ActivePass {
             signature,
             skips: renderer.options.skips,
             boxes: self.open_statistics.is_none().then_some(&*boxes),
+            ledger: &ledger,
         };
-        let mut stopped = Ok(());
+        let mut stopped: Result<(), Fault> = Ok(());
         let outcome = self.pass.draw(&call, &mut |event| {
             if stopped.is_ok() {
                 stopped = renderer.emit(event);
@@ -443,13 +452,15 @@ impl ActivePass {
         for (bound, tiles) in self.color.iter().zip(ended.color) {
             let (Some(bound), Some(tiles)) = (bound, tiles) else { continue };
             if let Some(to) = bound.resolve {
-                let resolved = tiles.resolve(bound.format);
-                put_tiles(renderer, to, resolved, true)?;
+                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
+                let single = Shape { samples: 1, ..tiles.shape() };
+                let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;
+                put_tiles(renderer, to, tiles.resolve(bound.format), true, Some(claim))?;
                 renderer.drawn = Some((to.texture, to.level, to.layer));
             } else if tiles.shape().samples == 1 {
                 renderer.drawn = Some((bound.place.texture, bound.place.level, bound.place.layer));
             }
-            put_tiles(renderer, bound.place, tiles, bound.keep_color_or_depth)?;
+            put_tiles(renderer, bound.place, tiles, bound.keep_color_or_depth, None)?;
         }
         if let (Some(bound), Some(mut tiles)) = (&self.depth, ended.depth)
             && !bound.read_only
@@ -461,9 +472,10 @@ impl ActivePass {
             });
             let keep = bound.keep_color_or_depth || bound.keep_stencil;
             if keep && lose != [0; 4] {
+                renderer.ledger.bytes.charge(tiles.shape().bytes())?;
                 tiles.clear_masked([0; 4], lose);
             }
-            put_tiles(renderer, bound.place, tiles, keep)?;
+            put_tiles(renderer, bound.place, tiles, keep, None)?;
         }
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
             renderer.write_timestamp(set, index)?;
@@ -514,19 +526,31 @@ fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Resul
 }
 
 /// An image's contents as tiles, out of the texture for the length of the pass.
-fn take_tiles(texture: &mut Texture, place: Place) -> TileSurface {
+fn take_tiles(res: &mut Resources, place: Place) -> Result<TileSurface, Fault> {
+    let texture = res.textures.get_mut(place.texture.0)?;
     let state = texture.images.entry((place.level, place.layer)).or_default();
     if let Some(tiles) = state.tiles.take() {
-        return tiles;
+        return Ok(tiles);
     }
     let [width, height, _] = texture.image.level_size(place.level);
-    let mut tiles = TileSurface::new(Shape { width, height, samples: texture.image.samples, format: texture.image.format });
+    let shape = Shape { width, height, samples: texture.image.samples, format: texture.image.format };
+    state.working = None;
+    state.working = Some(res.ledger.claim("the tiles of an attachment", shape.tiled_bytes())?);
+    res.ledger.bytes.charge(shape.tiled_bytes())?;
+    let mut tiles = TileSurface::new(shape);
     tiles.load(&texture.words, texture.image.offset(place.level, place.layer));
-    tiles
+    Ok(tiles)
 }
 
-/// Puts an image's contents back after a pass; what is not kept becomes zeros, as WebGPU has it.
-fn put_tiles(renderer: &mut Renderer<'_, '_>, place: Place, mut tiles: TileSurface, keep: bool) -> Result<(), Fault> {
+/// Puts an image's contents back after a pass; what is not kept becomes zeros, as WebGPU has it. A claim replaces that of the tiles that
+/// the image had.
+fn put_tiles(
+    renderer: &mut Renderer<'_, '_>,
+    place: Place,
+    mut tiles: TileSurface,
+    keep: bool,
+    claim: Option<Claim>,
+) -> Result<(), Fault> {
     let followed = renderer.recording();
     let texture = renderer.res.textures.get_mut(place.texture.0)?;
     if !keep {
@@ -535,6 +559,9 @@ fn put_tiles(renderer: &mut Renderer<'_, '_>, place: Place, mut tiles: TileSurfa
     texture.version += 1;
     let state = texture.images.entry((place.level, place.layer)).or_default();
     state.tiles = Some(tiles);
+    if claim.is_some() {
+        state.working = claim;
+    }
     // What a pass did not keep is zeros here and whatever it was in the machine: the machine must be told before it loads.
     state.machine_knows = followed && keep;
     state.drawn = keep;
@@ -557,6 +584,10 @@ fn announce(
         return Ok(());
     }
     state.machine_knows = true;
+    if let Some(tiles) = tiles {
+        renderer.ledger.bytes.charge(tiles.shape().bytes())?;
+        renderer.ledger.passing("the contents of an attachment", 2 * tiles.shape().bytes())?;
+    }
     let bytes = tiles.map(TileSurface::to_bytes).unwrap_or_default();
     Ok(renderer.emit(Event::Contents(Contents { surface: *surface, bytes: bytes.into() }))?)
 }

@@ -14,6 +14,7 @@ use crate::trace::command::{BindGroupEntry, BindingKind, BoundResource, Command,
 use crate::work::{Funnel, Surface, SurfaceKey};
 
 use super::compute::ComputePipeline;
+use super::ledger::{Claim, Ledger};
 use super::memory::target_offset;
 use super::pipeline::RenderPipeline;
 use super::surface::TileSurface;
@@ -22,7 +23,7 @@ use super::surface::TileSurface;
 #[derive(Debug)]
 pub struct Table<T> {
     kind: &'static str,
-    objects: BTreeMap<u32, T>,
+    objects: BTreeMap<u32, (T, Claim)>,
 }
 
 impl<T> Table<T> {
@@ -31,12 +32,12 @@ impl<T> Table<T> {
         Table { kind, objects: BTreeMap::new() }
     }
 
-    /// Adds an object.
+    /// Adds an object, with its claim of memory.
     ///
     /// # Errors
     /// If the id is taken.
-    pub fn add(&mut self, id: u32, object: T) -> Result<(), String> {
-        match self.objects.insert(id, object) {
+    pub fn add(&mut self, id: u32, object: T, claim: Claim) -> Result<(), String> {
+        match self.objects.insert(id, (object, claim)) {
             None => Ok(()),
             Some(_) => Err(format!("{} {id} is created twice", self.kind)),
         }
@@ -47,7 +48,7 @@ impl<T> Table<T> {
     /// # Errors
     /// If there is none.
     pub fn get(&self, id: u32) -> Result<&T, String> {
-        self.objects.get(&id).ok_or_else(|| self.missing(id))
+        self.objects.get(&id).map(|(object, _)| object).ok_or_else(|| self.missing(id))
     }
 
     /// The object of an id, to change.
@@ -56,7 +57,7 @@ impl<T> Table<T> {
     /// If there is none.
     pub fn get_mut(&mut self, id: u32) -> Result<&mut T, String> {
         let missing = self.missing(id);
-        self.objects.get_mut(&id).ok_or(missing)
+        self.objects.get_mut(&id).map(|(object, _)| object).ok_or(missing)
     }
 
     /// Takes an object out.
@@ -65,7 +66,7 @@ impl<T> Table<T> {
     /// If there is none.
     pub fn remove(&mut self, id: u32) -> Result<T, String> {
         let missing = self.missing(id);
-        self.objects.remove(&id).ok_or(missing)
+        self.objects.remove(&id).map(|(object, _)| object).ok_or(missing)
     }
 
     fn missing(&self, id: impl Display) -> String {
@@ -123,6 +124,8 @@ impl Buffer {
 pub struct ImageState {
     /// The newest contents, where a pass left them, if they are not in the words.
     pub tiles: Option<TileSurface>,
+    /// Memory of the tiles, there or in the pass that draws in them.
+    pub working: Option<Claim>,
     /// A machine that follows the event stream has these contents in its own frame buffers.
     pub machine_knows: bool,
     /// The last writer was a draw.
@@ -145,14 +148,18 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Brings the words up to date with what passes have drawn.
-    pub fn flush(&mut self) {
+    /// Brings the words up to date with what passes have drawn; the bytes that are written.
+    fn flush(&mut self) -> u64 {
         let image = self.image;
+        let mut written = 0;
         for (&(level, layer), state) in &mut self.images {
             if let Some(tiles) = state.tiles.take() {
                 tiles.store(&self.words, image.offset(level, layer));
+                written += tiles.shape().bytes();
+                state.working = None;
             }
         }
+        written
     }
 
     /// Notes that something other than a draw has written an image; the words must be flushed before.
@@ -187,9 +194,8 @@ impl Texture {
         }
     }
 
-    /// Bytes of one image, up to date.
-    pub fn image_bytes(&mut self, level: u32, layer: u32) -> Arc<[u8]> {
-        self.flush();
+    /// Bytes of one image; the words must be flushed before.
+    pub fn image_bytes(&self, level: u32, layer: u32) -> Arc<[u8]> {
         let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
         let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
         self.words.read(self.image.offset(level, layer), unshared);
@@ -205,7 +211,7 @@ pub struct View {
     /// Which part, as what.
     pub range: ViewRange,
     /// Texels ready for sampling, and the version of the texture that they show.
-    prepared: Option<(u64, Arc<texture::View>)>,
+    prepared: Option<(u64, Arc<texture::View>, Claim)>,
 }
 
 impl View {
@@ -377,6 +383,15 @@ impl QuerySet {
     }
 }
 
+/// A shader module and the bytes of its source.
+#[derive(Debug)]
+pub struct Shader {
+    /// The module.
+    pub module: Arc<Module>,
+    /// Bytes of its source.
+    pub bytes: u64,
+}
+
 /// All objects.
 #[allow(missing_docs, reason = "each field is the table of what it is named for")]
 pub struct Resources {
@@ -384,7 +399,7 @@ pub struct Resources {
     pub textures: Table<Texture>,
     pub views: Table<View>,
     pub samplers: Table<Arc<Sampler>>,
-    pub shaders: Table<Arc<Module>>,
+    pub shaders: Table<Shader>,
     pub bind_group_layouts: Table<Vec<LayoutEntry>>,
     pub pipeline_layouts: Table<()>,
     pub bind_groups: Table<BindGroup>,
@@ -392,11 +407,12 @@ pub struct Resources {
     pub compute_pipelines: Table<Arc<ComputePipeline>>,
     pub bundles: Table<Arc<Vec<Command>>>,
     pub query_sets: Table<QuerySet>,
+    pub ledger: Arc<Ledger>,
 }
 
 impl Resources {
     /// No objects.
-    pub fn new() -> Resources {
+    pub fn new(ledger: Arc<Ledger>) -> Resources {
         Resources {
             buffers: Table::new("buffer"),
             textures: Table::new("texture"),
@@ -410,7 +426,19 @@ impl Resources {
             compute_pipelines: Table::new("compute pipeline"),
             bundles: Table::new("bundle"),
             query_sets: Table::new("query set"),
+            ledger,
         }
+    }
+
+    /// A texture whose words are up to date with what passes have drawn.
+    ///
+    /// # Errors
+    /// If it does not exist, or too much has been copied.
+    pub fn flushed(&mut self, id: TextureId) -> Result<&mut Texture, String> {
+        let texture = self.textures.get_mut(id.0)?;
+        let written = texture.flush();
+        self.ledger.bytes.charge(written).map_err(|error| error.to_string())?;
+        Ok(texture)
     }
 
     /// The newest contents of a view, ready for sampling; passes' results are flushed into the texture first.
@@ -418,23 +446,22 @@ impl Resources {
     /// # Errors
     /// If the view or its texture does not exist.
     pub fn prepare_view(&mut self, id: u32) -> Result<Arc<texture::View>, String> {
+        let texture = self.views.get(id)?.texture;
+        self.flushed(texture)?;
         let view = self.views.get_mut(id)?;
-        let texture = self.textures.get_mut(view.texture.0)?;
-        texture.flush();
-        if let Some((version, prepared)) = &view.prepared
+        let texture = self.textures.get(texture.0)?;
+        if let Some((version, prepared, _)) = &view.prepared
             && *version == texture.version
         {
             return Ok(prepared.clone());
         }
+        view.prepared = None;
+        let bytes = texture::View::bytes(&texture.image, &view.range);
+        self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
+        let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
         let made = texture::View::new(&texture.words, &texture.image, &view.range, texture.address);
         let prepared = Arc::new(made.map_err(|error| error.to_string())?);
-        view.prepared = Some((texture.version, prepared.clone()));
+        view.prepared = Some((texture.version, prepared.clone(), claim));
         Ok(prepared)
-    }
-}
-
-impl Default for Resources {
-    fn default() -> Self {
-        Resources::new()
     }
 }

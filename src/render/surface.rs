@@ -78,6 +78,12 @@ impl Shape {
         (TILE * TILE) as usize * self.samples as usize * self.words()
     }
 
+    /// Bytes of working storage.
+    pub fn tiled_bytes(&self) -> u64 {
+        let [across, down] = self.tiles().map(u64::from);
+        4 * across * down * self.tile_words() as u64
+    }
+
     /// Bytes of the linear image.
     pub fn bytes(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height) * u64::from(self.samples) * u64::from(self.format.block_bytes())

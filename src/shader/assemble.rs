@@ -242,12 +242,15 @@ fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
     }
     body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
     link(&mut body.ops);
-    let mut sum = [0u32; 4];
+    let (mut sum, mut steps) = ([0u32; 4], 0);
     body.counts.push(sum);
+    body.steps.push(steps);
     for op in &body.ops {
         let (class, n) = op.code.weight();
         sum[class as usize] = sum[class as usize].saturating_add(n);
         body.counts.push(sum);
+        steps += op.code.steps();
+        body.steps.push(steps);
     }
     body
 }

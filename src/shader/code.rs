@@ -224,6 +224,16 @@ macro_rules! codes {
                 }
             }
 
+            /// What it counts as work of the host, in steps: about the time of one addition of a batch. None is free, so that no loop is.
+            pub fn steps(self) -> u64 {
+                match self {
+                    Code::Texture | Code::TextureStore | Code::TextureAtomic => 64,
+                    Code::Atomic | Code::Subgroup => 32,
+                    Code::Load | Code::Store | Code::LoadIndexed | Code::StoreIndexed | Code::LoadConst => 8,
+                    code => u64::from(code.weight().1.max(1)),
+                }
+            }
+
             /// Whether the result depends on the operands alone, lane by lane, so that it may be folded, shared and moved.
             pub fn is_pure(self) -> bool {
                 matches!(self, $(Code::$un)|* $(| Code::$h1)* $(| Code::$bi)* $(| Code::$te)*

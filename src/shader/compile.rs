@@ -56,5 +56,7 @@ pub fn compile(module: &Module, stage: Stage, entry: Option<&str>, options: &Opt
     let keep = |location: u32| options.outputs.is_none_or(|kept| kept.contains(&location));
     let mut lowered = lower::lower(module, &ir, &info, index, &keep)?;
     optimize::run(&mut lowered);
-    assemble(module.name(), lowered).map_err(|message| fail(Some(name), message))
+    let mut program = assemble(module.name(), lowered).map_err(|message| fail(Some(name), message))?;
+    program.body.loop_turns = module.limits.work_loop_turns.get();
+    Ok(program)
 }

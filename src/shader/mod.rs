@@ -35,7 +35,7 @@ mod tests;
 
 pub use bounds::{Encloser, Range};
 pub use compile::{Options, compile};
-pub use exec::{Bound, Executor, Extra, InputRegister, MAX_ITERATIONS, Outcome, QuadCost, Recorder, ShaderFault, Uniforms};
+pub use exec::{Bound, Executor, Extra, InputRegister, Outcome, QuadCost, Recorder, ShaderFault, Uniforms, Why};
 pub use guard::is_guarded;
 pub use interface::*;
 pub use module::{Module, Place, ShaderError, Source};

@@ -196,6 +196,10 @@ pub(super) struct Body {
     pub loops: Vec<Option<Place>>,
     /// Running instruction counts: entry `i` counts operations before `i`.
     pub counts: Vec<[u32; 4]>,
+    /// Running sum of steps ([`Code::steps`]): entry `i` counts operations before `i`.
+    pub steps: Vec<u64>,
+    /// Turns that a loop may make between its entry and its end.
+    pub loop_turns: u64,
 }
 
 /// A compiled entry point.
@@ -221,7 +225,29 @@ pub struct Program {
     pub(super) outputs: Vec<Vec<Reg>>,
 }
 
+impl Body {
+    /// Steps of all operations, each once.
+    pub fn all_steps(&self) -> u64 {
+        self.steps.last().copied().unwrap_or(0)
+    }
+}
+
 impl Program {
+    /// Steps that a batch of 64 invocations counts before its loops go round: each operation once.
+    pub fn steps(&self) -> u64 {
+        self.body.all_steps()
+    }
+
+    /// Steps of what is computed once a draw or dispatch for all invocations.
+    pub fn uniform_steps(&self) -> u64 {
+        self.prologue.all_steps()
+    }
+
+    /// Bytes of the registers of a batch of 64 invocations.
+    pub fn register_bytes(&self) -> u64 {
+        (self.body.registers * size_of::<crate::num::Lanes>()) as u64
+    }
+
     /// What the program asks of its surroundings.
     pub fn interface(&self) -> &Interface {
         &self.interface

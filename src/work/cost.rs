@@ -122,6 +122,14 @@ pub struct CostTable {
     pub spans: Vec<Span>,
 }
 
+impl CostTable {
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let cost = |cost: &Cost| size_of::<Cost>() + size_of_val(&*cost.steps) + size_of_val(&*cost.path);
+        self.costs.iter().map(|one| cost(one) as u64).sum::<u64>() + size_of_val(&*self.spans) as u64
+    }
+}
+
 impl From<Vec<Cost>> for CostTable {
     fn from(costs: Vec<Cost>) -> CostTable {
         CostTable { costs, spans: Vec::new() }

@@ -497,6 +497,33 @@ pub struct TileWork {
     pub costs: CostTable,
 }
 
+impl TileWork {
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let quads = size_of_val(&*self.blocks) + size_of_val(&*self.quads) + size_of_val(&*self.payload);
+        (quads + size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64 + self.costs.bytes()
+    }
+}
+
+impl Segment {
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        let geometry = size_of_val(&*self.stream) + size_of_val(&*self.vertices) + size_of_val(&*self.primitives);
+        let triangles = size_of_val(&*self.triangles) + size_of_val(&*self.visits) + size_of_val(&*self.signatures);
+        let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
+        let tiles: u64 = self.tiles.iter().map(TileWork::bytes).sum();
+        (geometry + triangles + memory) as u64 + tiles + self.costs.bytes()
+    }
+}
+
+impl Groups {
+    /// Bytes that they take.
+    pub fn bytes(&self) -> u64 {
+        let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
+        (size_of_val(&*self.packets) + memory) as u64 + self.costs.bytes()
+    }
+}
+
 /// A bounded piece of a draw: whole primitives in API order.
 #[derive(Clone, Debug, Default)]
 pub struct Segment {

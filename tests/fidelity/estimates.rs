@@ -22,7 +22,7 @@ fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>)
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames };
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames, watch: None };
     replay(&trace, &options, &|_| ()).expect("a replay")
 }
 
@@ -85,7 +85,8 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
         let trace = import::open(path.join("trace")).expect("a recorded trace");
         let config = Config::built_in("baseline").expect("it is built in");
         let run = |fidelity| {
-            let options = Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+            let options =
+                Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
             cycles(&replay(&trace, &options, &|_| ()).expect("a replay"))
         };
         let (bound, cycle) = (run(Fidelity::Bound), run(Fidelity::Cycle));
@@ -110,7 +111,7 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
 fn a_class_whose_rates_are_not_known_is_refused() {
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
     let config = Config::built_in("sort-first").expect("it is built in");
-    let options = Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1 };
+    let options = Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1, watch: None };
     let error = replay(&trace, &options, &|_| ()).expect_err("not known").to_string();
     assert!(error.contains("sort-first") && error.contains("cycle"), "{error}");
 }
@@ -144,7 +145,7 @@ fn sampling_without_an_interval_is_refused() {
     let refused = |fidelity| {
         let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
         let config = Config::built_in("baseline").expect("it is built in");
-        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
         replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
     };
     assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));

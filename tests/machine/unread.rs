@@ -99,7 +99,7 @@ fn run_with(extra: Extra, changes: &[&str]) -> Replay {
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX };
+    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
     replay(&record(extra).finish(), &options, &|_| ()).expect("it runs")
 }
 

@@ -5,7 +5,7 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::image::ImageDesc;
 use fillrate::gfx::state::{Aspect, Compare, FilterMode, SamplerDesc, TextureDimension, ViewDimension};
 use fillrate::gfx::texture::{Sampler, View, ViewRange};
-use fillrate::num::Words;
+use fillrate::num::{Limits, Meter, Words};
 use fillrate::shader::{
     BindingKind, BufferRange, Executor, Module, Options, Recorder, Resource, Resources, SampleKind, Source, Stage,
     StorageImage, compile,
@@ -13,6 +13,9 @@ use fillrate::shader::{
 
 /// Invocations of a workgroup that are still run here; larger ones only take longer.
 const LARGEST_GROUP: u32 = 1 << 10;
+
+/// Steps that one entry point may take: a second or so.
+const STEPS: u64 = 20_000_000;
 
 /// The first byte chooses: SPIR-V, naga's own form, or else WGSL.
 pub fn run_everything(data: &[u8]) {
@@ -138,8 +141,9 @@ fn run(module: &Module, stage: Stage, entry: &str) {
     let uniforms = program.uniforms(&resources);
     let mut executor = Executor::new();
     let mut recorder = Recorder::new();
-    let mut bound = executor.bind(&program, &resources, &uniforms);
-    // A loop that does not end stops with an error.
+    // Loops inside of loops stop with an error, and so does one that does not end.
+    let steps = Meter::new(Limits::default().work_steps.with(STEPS));
+    let mut bound = executor.bind(&program, &resources, &uniforms).within(&steps, None);
     let stopped = if stage == Stage::Compute {
         let mut packets = Vec::new();
         bound.run_groups(0..2, [2, 1, 1], Some((&mut recorder, &mut packets))).err()
@@ -154,6 +158,7 @@ fn run(module: &Module, stage: Stage, entry: &str) {
         bound.run_recorded(!0 << 8, 0xff, &mut recorder).err()
     };
     if let Some(fault) = stopped {
-        assert!(fault.to_string().contains("without an end"), "{fault}");
+        let text = fault.to_string();
+        assert!(text.contains("without an end") || text.contains("--limit work.shader_steps"), "{fault}");
     }
 }

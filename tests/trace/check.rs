@@ -116,8 +116,8 @@ fn every_broken_rule_is_named_with_its_command() {
         ("CreateShader(id: 1, source: Wgsl(\"b.wgsl\"))", 0, "blob \"b.wgsl\" is not UTF-8 text: byte 0 is invalid"),
         ("CreateShader(id: 1, source: SpirV(\"c.spv\"))", 0, "of 5 bytes is not made of whole words"),
         // Sizes.
-        ("CreateBuffer(id: 2, size: 4294967296)", 0, "bytes, at most 4294967296 are allowed"),
-        ("CreateBuffer(id: 2, size: 18446744073709551615)", 0, "bytes, at most 4294967296 are allowed"),
+        ("CreateBuffer(id: 2, size: 4294967297)", 0, "a buffer of 4294967297 bytes, it must be 4294967296 at most"),
+        ("CreateBuffer(id: 2, size: 18446744073709551615)", 0, "bytes, it must be 4294967296 at most"),
         ("CreateTexture(id: 9, desc: (size: (16385, 1, 1), format: R8Unorm))", 0, "width is 16385, it must be 1 to 16384"),
         ("CreateTexture(id: 9, desc: (size: (1, 0, 1), format: R8Unorm))", 0, "height is 0"),
         (
@@ -133,7 +133,7 @@ fn every_broken_rule_is_named_with_its_command() {
         (
             "CreateTexture(id: 9, desc: (dimension: D3, size: (2048, 2048, 2048), format: Rgba32Float))",
             0,
-            "at most 4294967296 are allowed",
+            "a texture of 137438953472 bytes, it must be 4294967296 at most",
         ),
         (
             "CreateTexture(id: 9, desc: (size: (8, 4, 1), levels: 5, format: R8Unorm))",

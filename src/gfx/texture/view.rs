@@ -187,6 +187,26 @@ impl View {
         })
     }
 
+    /// Bytes that the texels of a view take when they are ready for sampling, about: nothing is checked.
+    pub fn bytes(image: &ImageDesc, range: &ViewRange) -> u64 {
+        let texels = |level: u32| {
+            let [w, h, d] = image.level_size(level);
+            let slices = if range.dimension == ViewDimension::D3 { d } else { range.layers };
+            (u64::from(w) + 1) * u64::from(h) * u64::from(slices) * u64::from(image.samples)
+        };
+        let stored = image.format;
+        // Four channels of 8 bits; with a second store in linear light; one number; four numbers.
+        let bytes = match stored.block_bytes() {
+            _ if stored.is_depth_stencil() || stored == Format::R32Float => 4,
+            _ if range.format.is_srgb() => 12,
+            _ if stored.is_compressed() => 16,
+            1 | 2 | 4 => 10,
+            _ => 16,
+        };
+        let levels = range.base_level..range.base_level.saturating_add(range.levels).min(image.levels);
+        levels.map(texels).fold(0, u64::saturating_add).saturating_mul(bytes)
+    }
+
     /// Dimension of the view.
     pub fn dimension(&self) -> ViewDimension {
         self.dimension

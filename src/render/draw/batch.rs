@@ -176,6 +176,11 @@ impl Batch {
         &self.references[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
     }
 
+    /// References of all tiles together.
+    pub fn references(&self) -> u64 {
+        self.references.len() as u64
+    }
+
     /// Whether it has anything in a tile.
     #[inline(always)]
     pub fn touches(&self, tile: usize) -> bool {

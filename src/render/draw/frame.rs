@@ -19,6 +19,8 @@ use crate::work::{Needless, Shade};
 
 use super::pending::Pending;
 use super::{DrawCall, DrawError, Drawn, Skips};
+use crate::num::LimitOverrun;
+use crate::render::ledger::Ledger;
 
 /// Varyings that are interpolated with the same weights.
 pub struct VaryingClass {
@@ -106,6 +108,8 @@ pub struct Frame<'a> {
     pub extra: Extra,
     /// What is recorded though it changes no picture.
     pub needless: Needless,
+    /// Where work is counted.
+    pub ledger: &'a Ledger,
     pub skips: Skips,
 }
 
@@ -221,6 +225,7 @@ impl<'a> Frame<'a> {
             shade_covered: call.record && call.key.shade == Shade::Covered,
             extra: Extra::of(&call.key),
             needless: call.key.needless,
+            ledger: call.ledger,
             skips: call.skips,
         })
     }
@@ -367,6 +372,19 @@ impl Workers {
         // A poisoned lock means that a task panicked; its scratch holds no invariant that the next one needs.
         let mut worker = self.workers[at].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         task(&mut worker)
+    }
+
+    /// Tells the ledger of the steps of all threads that it was not told of; whether they are still allowed.
+    ///
+    /// # Errors
+    /// If they are more than the limit.
+    pub fn settle(&self, ledger: &Ledger) -> Result<(), LimitOverrun> {
+        for worker in &self.workers {
+            let mut worker = worker.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let Worker { vertex, fragment, .. } = &mut *worker;
+            ledger.steps.add(vertex.take_steps() + fragment.take_steps());
+        }
+        ledger.steps.verify()
     }
 
     /// Takes the counts of all threads, which are sums and so the same whoever counted.

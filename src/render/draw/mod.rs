@@ -34,6 +34,7 @@ use crate::num::Words;
 use crate::shader::Resources;
 use crate::work::{Funnel, RenderKey, Signature};
 
+use super::ledger::Ledger;
 use super::pipeline::RenderPipeline;
 
 pub use super::surface::aspect_masks;
@@ -140,6 +141,8 @@ pub struct DrawCall<'a> {
     /// What is known of buffers, for tests of bounds ahead of vertex shading; none: nothing is tested (something counts vertices or
     /// primitives).
     pub boxes: Option<&'a Mutex<Boxes>>,
+    /// Where work is counted.
+    pub ledger: &'a Ledger,
 }
 
 /// What a draw leaves beside the image.

@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use crate::gfx::format::Format;
 use crate::host::one_line;
+use crate::num::{LimitExceeded, LimitOverrun, Meter};
 use crate::render::surface::{Shape, TileSurface};
-use crate::shader::ShaderFault;
-use crate::work::{Culling, Event, Segment};
+use crate::shader::{Program, ShaderFault};
+use crate::work::{Cull, Culling, Event, Segment};
 
 use super::batch::{self, Batch};
 use super::cull;
@@ -23,6 +24,15 @@ use super::{DrawCall, Drawn, Range};
 
 /// Primitives of a segment.
 const SEGMENT_PRIMITIVES: u32 = 64 * 1024;
+
+/// References of a segment to triangles, in all tiles together, at most: on the largest targets its primitives are fewer.
+const SEGMENT_REFERENCES: u32 = 1 << 27;
+
+/// Bytes of a strip in the plan of a draw.
+const STRIP: u64 = 12;
+
+/// Bytes of a recorded quad, roughly: itself, depth and colour, a request.
+const RECORDED_QUAD: u64 = 48;
 
 /// Quads of a recorded segment, roughly.
 const SEGMENT_QUADS: u64 = 1 << 20;
@@ -44,6 +54,15 @@ pub enum DrawError {
     /// A shader was stopped.
     #[error(transparent)]
     Shader(#[from] ShaderFault),
+    /// It asks for more than is allowed.
+    #[error(transparent)]
+    Limit(#[from] LimitExceeded),
+    /// It came to more than is allowed.
+    #[error(transparent)]
+    Overrun(#[from] LimitOverrun),
+    /// There is not as much memory as it asks for.
+    #[error("{0}")]
+    Memory(String),
 }
 
 impl From<DrawError> for String {
@@ -115,10 +134,15 @@ pub struct EndedPass {
 }
 
 /// The walk over a draw's primitives, without those that bounds show to be out of view.
-fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> (Planner, Culling) {
+fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> Result<(Planner, Culling), DrawError> {
     let range = call.range;
     let index = call.index.map(|i| i.buffer());
     let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
+    if restart.is_some() && index.is_some() && frame.topology.is_strip() {
+        // At most every other index ends a strip.
+        let strips = u64::from(range.count / 2) * STRIP;
+        call.ledger.passing("the strips of a draw", strips).map_err(DrawError::Memory)?;
+    }
     let first = u64::from(range.first_instance);
     let instances = first..first + u64::from(range.instances);
     let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
@@ -126,15 +150,29 @@ fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> (Planner, Culling) {
     match call.boxes {
         Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
             let restart = restart.filter(|_| frame.topology.is_strip());
+            if call.key.cull == Cull::Instances {
+                // Each instance is a run of the program on single values.
+                let steps = u64::from(range.instances).saturating_mul(call.pipeline.vertex().steps());
+                call.ledger.steps.charge(steps / 8)?;
+            }
             let candidate = cull::Candidate { call, frame, restart, primitives, entries };
             // A poisoned lock means that another draw panicked; what is known of buffers is true all the same.
             let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             let seen = candidate.test(&mut boxes);
             planner.draw_only(seen.instances);
-            (planner, seen.culling)
+            Ok((planner, seen.culling))
         }
-        _ => (planner, Culling::default()),
+        _ => Ok((planner, Culling::default())),
     }
+}
+
+/// Looks whether a stage that all threads took part in came to more than is allowed. What stopped one of its tasks comes after: which tasks
+/// came to their end says nothing once the sum is over.
+fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Option<&Program>) -> Result<(), DrawError> {
+    if let Err(over) = workers.settle(call.ledger) {
+        return Err(program.map_or(over.into(), |program| program.fault(over.into(), None).into()));
+    }
+    Ok(growth.verify()?)
 }
 
 impl RenderPass {
@@ -162,7 +200,7 @@ impl RenderPass {
         }
         let extent = (self.width, self.height, self.samples);
         let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
-        let (planner, culling) = plan(call, &frame);
+        let (planner, culling) = plan(call, &frame)?;
         if call.record {
             sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
         }
@@ -185,14 +223,17 @@ impl RenderPass {
         let mut drawn = Drawn::default();
         // Vertex shaders with side effects run once: their segments are not cut again.
         let divisible = call.record && !frame.vertex_in_order;
-        let mut limit = SEGMENT_PRIMITIVES;
+        let [across, down] = self.tiles();
+        let most = (SEGMENT_REFERENCES / (across * down).max(1)).clamp(2, SEGMENT_PRIMITIVES);
+        let mut limit = most;
         loop {
             let place = planner.place();
             let mut pieces = std::mem::take(&mut scratch.pieces);
             let more = planner.next(limit, &mut pieces);
             if more {
                 let primitives: u32 = pieces.iter().map(|p| p.primitives).sum();
-                match self.geometry(call, frame, scratch, &source, &pieces)? {
+                let growth = call.ledger.growth();
+                match self.geometry(call, frame, scratch, &source, &pieces, &growth)? {
                     (_, quads) if divisible && quads > SEGMENT_QUADS && primitives > 2 => {
                         // Too much for one piece: the same primitives again, fewer at a time.
                         let fraction = SEGMENT_QUADS as f64 / quads as f64;
@@ -200,9 +241,13 @@ impl RenderPass {
                         planner.go_back(place);
                     }
                     (segment, quads) => {
-                        drawn += self.fragments(call, frame, scratch, &pieces, segment, sink)?;
+                        if call.record {
+                            let bytes = quads.saturating_mul(RECORDED_QUAD);
+                            call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
+                        }
+                        drawn += self.fragments(call, frame, scratch, &pieces, &growth, segment, sink)?;
                         if quads < SEGMENT_QUADS / 4 {
-                            limit = limit.saturating_mul(2).min(SEGMENT_PRIMITIVES);
+                            limit = limit.saturating_mul(2).min(most);
                         }
                     }
                 }
@@ -223,13 +268,18 @@ impl RenderPass {
         scratch: &mut Scratch,
         source: &StreamSource<'_>,
         pieces: &[Piece],
+        growth: &Meter,
     ) -> Result<(Segment, u64), DrawError> {
         let Scratch { workers, stream, vertices, batches, .. } = scratch;
         stream.read(source, pieces, call.record);
         let mut segment = Segment::default();
-        let shaded = vertices.shade(frame, workers, stream, call.record.then_some(&mut segment))?;
+        let shaded = vertices.shade(frame, workers, stream, call.record.then_some((&mut segment, growth)));
+        settle(call, workers, growth, Some(call.pipeline.vertex()))?;
+        let shaded = shaded?;
         let n = batch::cut(frame.topology, pieces, batches);
         let tiles = self.tiles();
+        // Every batch has a list for every tile.
+        call.ledger.bytes.charge(4 * n as u64 * u64::from(tiles[0]) * u64::from(tiles[1]))?;
         let late_setup = batch::late_setup(frame, call.record);
         let input = batch::Input {
             frame,
@@ -257,6 +307,7 @@ impl RenderPass {
         frame: &Frame<'_>,
         scratch: &mut Scratch,
         pieces: &[Piece],
+        growth: &Meter,
         mut segment: Segment,
         sink: &mut dyn FnMut(Event),
     ) -> Result<Drawn, DrawError> {
@@ -264,7 +315,8 @@ impl RenderPass {
         let batches = &mut scratch.batches[..scratch.batches_used];
         let touched: Vec<usize> =
             (0..(tiles[0] * tiles[1]) as usize).filter(|t| batches.iter().any(|b| b.touches(*t))).collect();
-        let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices };
+        call.ledger.quads.charge(batches.iter().map(Batch::references).sum())?;
+        let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices, growth };
         let workers = &scratch.workers;
         let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
         let mut recorded = Vec::new();
@@ -273,19 +325,27 @@ impl RenderPass {
                 recorded.extend(jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))));
             }
         };
+        let mut result = Ok(());
         if frame.tiles_in_order || touched.len() <= FEW_TILES {
             for index in touched {
                 let mut job = self.job(frame, tiles, index);
-                one(&mut job)?;
+                result = one(&mut job);
+                if result.is_err() {
+                    break;
+                }
                 keep(vec![job]);
             }
         } else {
             let mut jobs = self.jobs(frame, tiles, &touched);
             let results: Vec<Result<(), ShaderFault>> = jobs.par_iter_mut().with_max_len(1).map(one).collect();
-            results.into_iter().collect::<Result<(), ShaderFault>>()?;
+            result = results.into_iter().collect();
             keep(jobs);
         }
         let mut drawn = workers.take_counts();
+        settle(call, workers, growth, frame.fragment)?;
+        result?;
+        call.ledger.quads.add(drawn.funnel.quads_rasterized);
+        call.ledger.quads.verify()?;
         each(batches, Batch::count_uncovered);
         let funnel = &mut drawn.funnel;
         *funnel += segment.funnel;

@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use crate::gfx::setup::{Bounds, Triangle};
 use crate::gfx::traverse::{Block, Blocks};
+use crate::num::Meter;
 use crate::render::surface::TileMut;
 use crate::shader::{Bound, ShaderFault};
 use crate::work::{Funnel, TILE};
@@ -55,6 +56,8 @@ pub struct SegmentInput<'a, 'f> {
     pub pieces: &'a [Piece],
     pub batches: &'a [Batch],
     pub vertices: &'a Vertices,
+    /// Counts what is recorded.
+    pub growth: &'a Meter,
 }
 
 /// A tile while it is drawn.
@@ -70,6 +73,10 @@ pub struct TileRun<'a, 'f, 'j> {
     pub samples_passed: u64,
     pub overwritten: u64,
     pub fault: Option<ShaderFault>,
+    /// Triangles so far.
+    visits: u64,
+    /// Steps of which the ledger was told, beside those of shaders.
+    told: u64,
     /// The current triangle: its batch, its number there, its place among the pending ones.
     pub batch: u32,
     pub number: u32,
@@ -122,6 +129,10 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
 ) -> Result<(), ShaderFault> {
     let frame = input.frame;
     let tile = job.index;
+    if frame.ledger.steps.verify().is_err() {
+        // The draw is refused when all tiles are back.
+        return Ok(());
+    }
     let [x0, y0] = job.at.map(|v| (v * TILE) as u16);
     let area = Bounds {
         x0,
@@ -136,7 +147,10 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         frame,
         input,
         job,
-        bound: frame.fragment.map(|program| worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms)),
+        bound: frame.fragment.map(|program| {
+            let bound = worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms);
+            bound.within(&frame.ledger.steps, RECORD.then_some(input.growth))
+        }),
         pending: &mut worker.pending,
         weights: &mut worker.weights,
         recorder: &mut worker.recorder,
@@ -144,6 +158,8 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         samples_passed: 0,
         overwritten: 0,
         fault: None,
+        visits: 0,
+        told: 0,
         batch: 0,
         number: 0,
         slot: u32::MAX,
@@ -154,6 +170,9 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         for (b, batch) in input.batches.iter().enumerate().take(start.0 + 1) {
             let of_batch = batch.in_tile(tile);
             for &r in if b == start.0 { &of_batch[..start.1] } else { of_batch } {
+                if !run.may_go_on(1) {
+                    break;
+                }
                 run.hidden::<S, WIDE>(b as u32, r, area, &mut blocks);
             }
         }
@@ -172,6 +191,9 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         // Two of them take less time one by one.
         let together = small > 2;
         let n = if together { small } else { small.max(1) };
+        if !run.may_go_on(n as u64) {
+            break;
+        }
         for i in at..at + n {
             // The lists jump through the segment's triangles, which are more than the nearer caches hold.
             if let Some(&(b, r)) = references.get(i + AHEAD) {
@@ -193,7 +215,9 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         at += n;
     }
     run.flush::<S, RECORD>();
+    frame.ledger.steps.add(run.work());
     if RECORD {
+        input.growth.add(run.recorder.take_bytes() + run.job.record.work.bytes());
         run.job.record.finish(run.recorder);
     }
     let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;
@@ -226,7 +250,27 @@ fn find<const S: usize, const WIDE: bool>(blocks: &mut Blocks<S>, triangle: &Tri
     blocks.find_portable(triangle, area);
 }
 
+/// Steps after which the ledger is told of them.
+const TELL: u64 = 1 << 18;
+
 impl TileRun<'_, '_, '_> {
+    /// Work beside shaders that the ledger was not told of, in steps: traversal and tests of triangles and quads take about so long.
+    fn work(&self) -> u64 {
+        16 * self.visits + self.counts.quads_rasterized / 4 - self.told
+    }
+
+    /// Counts a visit; whether the ledger allows it.
+    #[inline(always)]
+    fn may_go_on(&mut self, visits: u64) -> bool {
+        self.visits += visits;
+        let work = self.work();
+        if work < TELL {
+            return true;
+        }
+        self.told += work;
+        self.frame.ledger.steps.add(work)
+    }
+
     /// One triangle.
     #[inline(always)]
     fn triangle<const S: usize, const RECORD: bool, const WIDE: bool>(

@@ -6,7 +6,7 @@ use crate::gfx::clip::Outcode;
 use crate::gfx::setup::ScreenVertex;
 use crate::gfx::simd::wide;
 use crate::gfx::state::StepMode;
-use crate::num::{LANES, Lanes, Mask};
+use crate::num::{LANES, Lanes, Mask, Meter};
 use crate::shader::{BuiltIn, Executor, Recorder, ShaderFault};
 use crate::work;
 
@@ -57,7 +57,7 @@ impl Vertices {
         frame: &Frame<'_>,
         workers: &Workers,
         stream: &Stream,
-        record: Option<&mut work::Segment>,
+        record: Option<(&mut work::Segment, &Meter)>,
     ) -> Result<u64, ShaderFault> {
         self.varying_stride = frame.pipeline.varying_words;
         self.distance_stride = frame.pipeline.clip_distances.map_or(0, |(_, n)| n);
@@ -78,7 +78,7 @@ impl Vertices {
             .zip(self.distances.par_chunks_mut(TASK * ds))
             .map(|((((codes, screen), clip), varyings), distances)| Task { codes, screen, clip, varyings, distances })
             .enumerate();
-        if let Some(segment) = record {
+        if let Some((segment, growth)) = record {
             // One recorder in one thread, so that costs are numbered in order.
             let mut recorder = Recorder::with(frame.extra);
             let tasks: Vec<_> = tasks.collect();
@@ -87,12 +87,13 @@ impl Vertices {
             let alone = !frame.pipeline.vertex().interface().bindings.is_empty();
             for (number, mut task) in tasks {
                 let start = number * TASK;
-                let mut record = Some((&mut recorder, &mut *segment));
+                let mut record = Some((&mut recorder, &mut *segment, growth));
                 shaded += workers.with(|w| match alone {
                     true => shade_task::<4>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
                     false => shade_task::<1>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
                 })?;
             }
+            growth.add(recorder.take_bytes());
             (segment.costs, segment.requests, segment.lines) = recorder.take();
             return Ok(shaded);
         }
@@ -114,11 +115,16 @@ fn shade_task<const SPREAD: usize>(
     stream: &Stream,
     start: usize,
     task: &mut Task<'_>,
-    record: &mut Option<(&mut Recorder, &mut work::Segment)>,
+    record: &mut Option<(&mut Recorder, &mut work::Segment, &Meter)>,
 ) -> Result<u64, ShaderFault> {
     let pipeline = frame.pipeline;
     let program = pipeline.vertex();
-    let mut bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
+    if frame.ledger.steps.verify().is_err() {
+        return Ok(0);
+    }
+    let growth = record.as_ref().map(|(.., growth)| *growth);
+    let bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
+    let mut bound = bound.within(&frame.ledger.steps, growth);
     let (mut index, mut instance) = ([0; LANES], [0; LANES]);
     let mut fetched = [Lanes::ZERO; 4];
     let mut shaded = 0;
@@ -163,7 +169,7 @@ fn shade_task<const SPREAD: usize>(
         }
         match record {
             None => drop(bound.run(mask, 0)?),
-            Some((recorder, segment)) => {
+            Some((recorder, segment, _)) => {
                 bound.run_recorded(mask, 0, recorder)?;
                 for i in (0..LANES).filter(|i| mask >> i & 1 == 1) {
                     let quad = recorder.quads[i / 4];

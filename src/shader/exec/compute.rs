@@ -10,8 +10,8 @@ use crate::num::{LANES, Lanes, Mask, Words};
 use crate::shader::interface::{BuiltIn, Connection};
 use crate::shader::program::NO_REG;
 
-use super::record::{Extra, QuadCost, Recorder, Scratch};
-use super::run::{self, Machine, Stop};
+use super::record::{QuadCost, Recorder, Scratch};
+use super::run::{self, Machine, PAUSE, Stop};
 use super::{Bound, Executor, ShaderFault, load_shared};
 
 /// A batch of a workgroup of several batches.
@@ -91,7 +91,7 @@ impl Bound<'_> {
                 self.fill(b, &a, count);
                 *stop = Some(a.mask);
             }
-            self.run_batches::<RECORD>(&stops, recorder.extra)?;
+            self.run_batches::<RECORD>(&stops, recorder)?;
             if RECORD {
                 for b in 0..batches {
                     let scratch = if b == 0 { &mut self.executor.scratch } else { &mut self.executor.waiting[b - 1].scratch };
@@ -99,6 +99,7 @@ impl Bound<'_> {
                     let quads = if side > 1 { together * padded / 4 } else { (padded / 4 - 16 * b).min(16) };
                     packets.extend_from_slice(&recorder.quads[..quads]);
                 }
+                self.tell_recorded(recorder)?;
             }
             at += together as u64;
         }
@@ -152,40 +153,60 @@ impl Bound<'_> {
     }
 
     /// Runs the batches of one group (or of packed groups) from barrier to barrier.
-    fn run_batches<const RECORD: bool>(&mut self, masks_of: &[Option<Mask>], extra: Extra) -> Result<(), ShaderFault> {
-        let Executor { file, masks, waiting, shared, scratch } = &mut *self.executor;
+    fn run_batches<const RECORD: bool>(
+        &mut self,
+        masks_of: &[Option<Mask>],
+        recorder: &mut Recorder,
+    ) -> Result<(), ShaderFault> {
+        let Bound { executor, program, resources, allowance, .. } = &mut *self;
+        let Executor { file, masks, waiting, shared, scratch, spent } = &mut **executor;
         let mut machines: Vec<_> = masks_of
             .iter()
             .map(|mask| {
                 let mask = mask.unwrap_or(0);
-                Machine::new(&self.program.body, self.resources, shared, mask, mask)
+                Machine::new(&program.body, resources, shared, mask, mask)
             })
             .collect();
         if RECORD {
-            scratch.begin(extra);
-            waiting.iter_mut().for_each(|w| w.scratch.begin(extra));
+            scratch.begin(recorder.extra);
+            waiting.iter_mut().for_each(|w| w.scratch.begin(recorder.extra));
         }
         let mut ended = vec![false; machines.len()];
-        let mut failed = None;
-        while failed.is_none() && ended.contains(&false) {
+        *spent += program.body.all_steps() * machines.len() as u64;
+        while ended.contains(&false) {
             for (b, machine) in machines.iter_mut().enumerate() {
                 if ended[b] {
                     continue;
                 }
-                let stop = if b == 0 {
-                    run::dispatch::<RECORD>(machine, file, masks, scratch)
-                } else {
-                    let w = &mut waiting[b - 1];
-                    run::dispatch::<RECORD>(machine, &mut w.file, &mut w.masks, &mut w.scratch)
-                };
-                match stop {
-                    Stop::End => ended[b] = true,
-                    Stop::Barrier => {}
-                    Stop::Loop(number) => failed = Some(number),
+                // To its barrier or end, whatever pauses lie between.
+                loop {
+                    let stop = if b == 0 {
+                        run::dispatch::<RECORD>(machine, file, masks, scratch)
+                    } else {
+                        let w = &mut waiting[b - 1];
+                        run::dispatch::<RECORD>(machine, &mut w.file, &mut w.masks, &mut w.scratch)
+                    };
+                    *spent += std::mem::take(&mut machine.spent);
+                    if *spent >= PAUSE {
+                        let mut told = allowance.tell_steps(spent);
+                        if RECORD && told.is_ok() {
+                            let staged = scratch.bytes() + waiting.iter().map(|w| w.scratch.bytes()).sum::<u64>();
+                            told = allowance.tell_recorded(recorder.bytes() + staged, &mut recorder.told);
+                        }
+                        told.map_err(|over| program.fault(over.into(), None))?;
+                    }
+                    match stop {
+                        Stop::Pause => {}
+                        Stop::Loop(number) => return Err(program.loop_fault(number)),
+                        Stop::Barrier => break,
+                        Stop::End => {
+                            ended[b] = true;
+                            break;
+                        }
+                    }
                 }
             }
         }
-        drop(machines);
-        failed.map_or(Ok(()), |number| Err(self.fault(number)))
+        Ok(())
     }
 }

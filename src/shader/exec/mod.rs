@@ -13,25 +13,35 @@ mod run;
 mod subgroup;
 mod texture;
 
-use crate::num::{Lanes, Mask, Words};
+use crate::num::{Lanes, LimitOverrun, Mask, Meter, Words};
 
 use super::module::Place;
 use super::program::{NO_REG, Program, Reg};
 use super::resources::Resources;
 use record::Scratch;
 pub use record::{Extra, QuadCost, Recorder};
-use run::{Machine, Stop};
+use run::{Machine, PAUSE, Stop};
 
-/// How often a loop may go round in one entry before the run is stopped with an error: a program that needs more hangs a card.
-pub const MAX_ITERATIONS: u32 = 1 << 20;
+/// What a run was stopped for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Why {
+    /// One loop made so many turns.
+    #[error("a loop ran {turns} times without an end; --limit work.loop_turns=N allows more")]
+    Loop {
+        /// How many are allowed.
+        turns: u64,
+    },
+    /// All work together came to more than is allowed. No place is known: it is where some thread happened to be.
+    #[error(transparent)]
+    Limit(#[from] LimitOverrun),
+}
 
 /// Why a run was stopped.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "shader `{module}`, entry point `{entry}`{}: a loop ran {MAX_ITERATIONS} times without an end",
-    .place.map(|p| format!(", {p}")).unwrap_or_default()
-)]
+#[error("shader `{module}`, entry point `{entry}`{}: {why}", .place.map(|p| format!(", {p}")).unwrap_or_default())]
 pub struct ShaderFault {
+    /// What for.
+    pub why: Why,
     /// Name of the module.
     pub module: String,
     /// The entry point.
@@ -73,6 +83,17 @@ impl InputRegister {
 }
 
 impl Program {
+    /// This program was stopped.
+    pub fn fault(&self, why: Why, place: Option<Place>) -> ShaderFault {
+        ShaderFault { why, module: self.module.clone(), entry: self.interface.entry.clone(), place }
+    }
+
+    /// It was stopped in the loop of this number.
+    fn loop_fault(&self, number: u32) -> ShaderFault {
+        let place = self.body.loops.get(number as usize).copied().flatten();
+        self.fault(Why::Loop { turns: self.body.loop_turns }, place)
+    }
+
     /// The register of a component of an input; none where the program does not read it.
     pub fn input_register(&self, slot: usize, component: usize) -> Option<InputRegister> {
         let register = *self.inputs.get(slot)?.get(component)?;
@@ -106,6 +127,8 @@ pub struct Executor {
     waiting: Vec<compute::Waiting>,
     shared: Words,
     scratch: Scratch,
+    /// Steps that no meter has been told of yet.
+    spent: u64,
 }
 
 impl Executor {
@@ -114,13 +137,18 @@ impl Executor {
         Executor::default()
     }
 
+    /// Steps since the last that a meter was told of ([`Bound::within`]): the caller tells it of these.
+    pub fn take_steps(&mut self) -> u64 {
+        std::mem::take(&mut self.spent)
+    }
+
     /// Gets ready to run a program: loads uniforms and constants into the register file.
     pub fn bind<'a>(&'a mut self, program: &'a Program, resources: &'a Resources<'a>, uniforms: &'a Uniforms) -> Bound<'a> {
         self.file.resize(self.file.len().max(program.body.registers), Lanes::ZERO);
         self.masks.clear();
         self.masks.resize(program.body.slots, 0);
         load_shared(&mut self.file, program, uniforms);
-        Bound { executor: self, program, resources, uniforms }
+        Bound { executor: self, program, resources, uniforms, allowance: Allowance::default() }
     }
 }
 
@@ -136,6 +164,50 @@ pub struct Bound<'a> {
     program: &'a Program,
     resources: &'a Resources<'a>,
     uniforms: &'a Uniforms,
+    allowance: Allowance<'a>,
+}
+
+/// Recorded bytes after which their meter is told.
+const RECORDED_PAUSE: u64 = 1 << 24;
+
+/// The meters of what runs come to.
+#[derive(Clone, Copy, Default)]
+struct Allowance<'a> {
+    steps: Option<&'a Meter>,
+    recorded: Option<&'a Meter>,
+}
+
+impl Allowance<'_> {
+    /// Tells the meter of steps, which are counted from 0 again.
+    #[cold]
+    fn tell_steps(&self, spent: &mut u64) -> Result<(), LimitOverrun> {
+        let spent = std::mem::take(spent);
+        match self.steps {
+            Some(meter) if !meter.add(spent) => Err(meter.overrun()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Tells the meter of bytes that were recorded, of which it was told of some already.
+    fn tell_recorded(&self, bytes: u64, told: &mut u64) -> Result<(), LimitOverrun> {
+        let more = bytes.saturating_sub(*told);
+        match self.recorded {
+            Some(meter) if more >= RECORDED_PAUSE => {
+                *told = bytes;
+                if meter.add(more) { Ok(()) } else { Err(meter.overrun()) }
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<'a> Bound<'a> {
+    /// Runs stop when a meter is over: of steps, or of the bytes that recorders hold. Meters are told from time to time; of the rest the
+    /// caller tells them ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on who ran what.
+    pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> Bound<'a> {
+        self.allowance = Allowance { steps: Some(steps), recorded };
+        self
+    }
 }
 
 impl Bound<'_> {
@@ -173,7 +245,7 @@ impl Bound<'_> {
     /// # Errors
     /// If a loop does not end.
     pub fn run(&mut self, active: Mask, helpers: Mask) -> Result<Outcome, ShaderFault> {
-        self.run_impl::<false>(active, helpers)
+        self.run_impl::<false>(active, helpers, None)
     }
 
     /// As [`Bound::run`], and records what it cost: [`Recorder::quads`] holds the result.
@@ -182,26 +254,44 @@ impl Bound<'_> {
     /// If a loop does not end.
     pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
         self.executor.scratch.begin(recorder.extra);
-        let outcome = self.run_impl::<true>(active, helpers)?;
+        let outcome = self.run_impl::<true>(active, helpers, Some(recorder))?;
         recorder.finish(&mut self.executor.scratch);
+        self.tell_recorded(recorder)?;
         Ok(outcome)
     }
 
-    fn run_impl<const RECORD: bool>(&mut self, active: Mask, helpers: Mask) -> Result<Outcome, ShaderFault> {
-        let Executor { file, masks, shared, scratch, .. } = &mut *self.executor;
-        let mut machine = Machine::new(&self.program.body, self.resources, shared, active | helpers, active);
-        let stop = run::dispatch::<RECORD>(&mut machine, file, masks, scratch);
-        match stop {
-            Stop::End | Stop::Barrier => Ok(Outcome { mask: machine.live & active }),
-            Stop::Loop(number) => Err(self.fault(number)),
-        }
+    fn tell_recorded(&self, recorder: &mut Recorder) -> Result<(), ShaderFault> {
+        let told = self.allowance.tell_recorded(recorder.bytes(), &mut recorder.told);
+        told.map_err(|over| self.program.fault(over.into(), None))
     }
 
-    fn fault(&self, number: u32) -> ShaderFault {
-        ShaderFault {
-            module: self.program.module.clone(),
-            entry: self.program.interface.entry.clone(),
-            place: self.program.body.loops.get(number as usize).copied().flatten(),
+    fn run_impl<const RECORD: bool>(
+        &mut self,
+        active: Mask,
+        helpers: Mask,
+        mut recorder: Option<&mut Recorder>,
+    ) -> Result<Outcome, ShaderFault> {
+        let Bound { executor, program, resources, allowance, .. } = &mut *self;
+        let Executor { file, masks, shared, scratch, spent, .. } = &mut **executor;
+        let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active);
+        *spent += program.body.all_steps();
+        loop {
+            let stop = run::dispatch::<RECORD>(&mut machine, file, masks, scratch);
+            *spent += std::mem::take(&mut machine.spent);
+            if *spent >= PAUSE {
+                let mut told = allowance.tell_steps(spent);
+                if let Some(recorder) = &mut recorder
+                    && told.is_ok()
+                {
+                    told = allowance.tell_recorded(recorder.bytes() + scratch.bytes(), &mut recorder.told);
+                }
+                told.map_err(|over| program.fault(over.into(), None))?;
+            }
+            match stop {
+                Stop::Pause => {}
+                Stop::End | Stop::Barrier => return Ok(Outcome { mask: machine.live & active }),
+                Stop::Loop(number) => return Err(program.loop_fault(number)),
+            }
         }
     }
 }

@@ -45,6 +45,8 @@ pub struct Recorder {
     pub quads: [QuadCost; QUADS],
     /// What is recorded beside what counts always.
     pub extra: Extra,
+    /// Bytes that a meter was told of.
+    pub(super) told: u64,
     known: HashMap<Cost, CostId>,
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
@@ -84,10 +86,22 @@ impl Recorder {
         Recorder { extra, ..Recorder::default() }
     }
 
+    /// Bytes of the requests and lines that were collected.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64
+    }
+
+    /// Bytes since the last that a meter was told of ([`Bound::within`](super::Bound::within)): the caller tells it of these.
+    pub fn take_bytes(&mut self) -> u64 {
+        let bytes = self.bytes();
+        bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))
+    }
+
     /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
     pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
         self.known.clear();
         self.spans.clear();
+        self.told = 0;
         (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
     }
 }
@@ -150,6 +164,14 @@ impl Scratch {
         for q in quads(mask) {
             self.paths[q].push(Point { span: span as u32, then: RequestKind::End });
         }
+    }
+
+    /// Bytes that the run has collected so far.
+    pub(super) fn bytes(&self) -> u64 {
+        let staged: usize = self.staged.iter().map(|staged| size_of_val(&**staged)).sum();
+        let steps: usize = self.steps.iter().map(|steps| size_of_val(&**steps)).sum();
+        let paths: usize = self.paths.iter().map(|path| size_of_val(&**path)).sum();
+        (staged + steps + paths + size_of_val(&*self.staged_lines)) as u64
     }
 
     /// Execution goes on at `pc`.

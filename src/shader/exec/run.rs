@@ -6,7 +6,6 @@ use crate::shader::code::{self, Code};
 use crate::shader::program::{Body, NO_REG, Op};
 use crate::shader::resources::Resources;
 
-use super::MAX_ITERATIONS;
 use super::kernels::{self, Apply, File, apply, get, set, truth};
 use super::record::Scratch;
 
@@ -19,7 +18,12 @@ pub(super) enum Stop {
     Barrier,
     /// The loop of this number exceeded its bound.
     Loop(u32),
+    /// [`Machine::spent`] has reached [`PAUSE`]; the machine goes on from its program counter when run again.
+    Pause,
 }
+
+/// Steps in loops after which a run pauses, so that they are counted against the limit: some hundredths of a second.
+pub(super) const PAUSE: u64 = 1 << 20;
 
 /// The state of one batch apart from its registers and mask slots.
 pub(super) struct Machine<'a> {
@@ -32,11 +36,13 @@ pub(super) struct Machine<'a> {
     pub mask: Mask,
     /// Lanes that may leave side effects: neither helpers nor discarded.
     pub live: Mask,
+    /// Steps of the turns of loops, but for the first of each, since the last pause.
+    pub spent: u64,
 }
 
 impl<'a> Machine<'a> {
     pub fn new(body: &'a Body, resources: &'a Resources<'a>, shared: &'a Words, mask: Mask, live: Mask) -> Machine<'a> {
-        Machine { body, resources, shared, pc: 0, mask, live }
+        Machine { body, resources, shared, pc: 0, mask, live, spent: 0 }
     }
 }
 
@@ -208,10 +214,16 @@ pub(super) fn run<const RECORD: bool>(
                 if mask != 0 {
                     let counter = &mut masks[usize::from(r[1])];
                     *counter += 1;
-                    if *counter >= u64::from(MAX_ITERATIONS) {
+                    if *counter >= body.loop_turns {
                         return Stop::Loop(u32::from(r[1]) - body.first_counter as u32);
                     }
-                    go!(op.imm as usize);
+                    let first = op.imm as usize;
+                    m.spent += body.steps[pc + 1] - body.steps[first];
+                    if m.spent >= PAUSE {
+                        (m.pc, m.mask) = (first, mask);
+                        return Stop::Pause;
+                    }
+                    go!(first);
                 }
                 mask = masks[usize::from(r[0])];
                 if mask == 0 {

@@ -31,8 +31,8 @@ pub const TEXTURE_EDGE_MAX: u32 = 16_384;
 pub const TEXTURE_EDGE_3D_MAX: u32 = 2_048;
 /// Layers of a texture at most.
 pub const TEXTURE_LAYERS_MAX: u32 = 2_048;
-/// Bytes of all live buffers and textures together at most.
-pub const MEMORY_MAX: u64 = 4 << 30;
+/// Bytes of a buffer or texture at most: shaders and work count bytes inside of one in 32 bits.
+pub const OBJECT_MAX: u64 = 4 << 30;
 /// Colour targets of a pass at most.
 pub const COLOR_TARGETS_MAX: usize = 8;
 /// Bind groups of a pipeline at most.

@@ -21,16 +21,19 @@ pub struct View {
 }
 
 impl Checker<'_> {
-    fn claim(&mut self, bytes: u64) -> Outcome {
-        let total = self.memory.saturating_add(bytes);
-        ensure!(total <= MEMORY_MAX, "live resources would take {total} bytes, at most {MEMORY_MAX} are allowed");
+    fn claim(&mut self, what: &str, bytes: u64) -> Outcome {
+        ensure!(bytes <= OBJECT_MAX, "{what} of {bytes} bytes, it must be {OBJECT_MAX} at most");
+        let alive = self.memory;
+        let total = alive.saturating_add(bytes);
+        let refused = |error| format!("asks for {bytes} bytes for {what} where {alive} are alive: {error}");
+        self.trace.limits().memory_bytes.check(total).map_err(refused)?;
         self.memory = total;
         self.summary.peak_bytes = self.summary.peak_bytes.max(total);
         Ok(())
     }
 
     pub(super) fn create_buffer(&mut self, id: BufferId, size: u64) -> Outcome {
-        self.claim(size)?;
+        self.claim("a buffer", size)?;
         self.summary.buffer_bytes += size;
         Ok(self.buffers.create(id.0, size)?)
     }
@@ -68,7 +71,7 @@ impl Checker<'_> {
             ensure!(desc.dimension == TextureDimension::D2, "{name} has only 2D textures");
         }
         let bytes = desc.bytes().ok_or("the texture is larger than memory can be")?;
-        self.claim(bytes)?;
+        self.claim("a texture", bytes)?;
         self.summary.texture_bytes += bytes;
         Ok(self.textures.create(id.0, desc.clone())?)
     }

@@ -3,6 +3,7 @@
 mod coverage;
 mod cull;
 mod images;
+mod limits;
 mod ways;
 
 use std::sync::{Arc, Mutex};
@@ -10,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use super::*;
 use crate::gfx::format::Format;
 use crate::gfx::state::*;
-use crate::num::ShaderId;
+use crate::num::{Limits, ShaderId};
 use crate::render::surface::{Shape, TileSurface};
 use crate::shader::{Module, Source};
 use crate::trace::command::{RenderPipelineDesc, Stage};
@@ -40,6 +41,7 @@ struct Scene {
     reference: u32,
     /// Vertex ranges drawn one after the other.
     draws: Vec<std::ops::Range<u32>>,
+    limits: Limits,
 }
 
 struct Image {
@@ -48,6 +50,7 @@ struct Image {
     drawn: Drawn,
     draws: Vec<Arc<work::Draw>>,
     segments: Vec<Arc<Segment>>,
+    ledger: Ledger,
 }
 
 #[derive(Clone, Copy)]
@@ -124,6 +127,7 @@ impl Scene {
             viewport: None,
             reference: 0,
             draws: std::iter::once(0..n).collect(),
+            limits: Limits::default(),
         }
     }
 
@@ -180,6 +184,7 @@ impl Scene {
         let mut pass = RenderPass::begin(width, height, samples, vec![Some((color, self.format))], depth);
         let (mut drawn, mut draws, mut segments) = (Drawn::default(), Vec::new(), Vec::new());
         let boxes = Mutex::default();
+        let ledger = Ledger::new(&self.limits);
         for range in &self.draws {
             let call = DrawCall {
                 number: 0,
@@ -211,6 +216,7 @@ impl Scene {
                 record: how.record,
                 skips: how.skips,
                 boxes: Some(&boxes),
+                ledger: &ledger,
             };
             let one = pass.draw(&call, &mut |event| match event {
                 Event::Draw(draw) => draws.push(draw),
@@ -221,7 +227,7 @@ impl Scene {
         }
         let ended = pass.end();
         let color = ended.color.into_iter().next().flatten().unwrap();
-        Ok(Image { color, depth: ended.depth, drawn, draws, segments })
+        Ok(Image { color, depth: ended.depth, drawn, draws, segments, ledger })
     }
 }
 
