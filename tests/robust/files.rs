@@ -237,7 +237,7 @@ fn deep_and_endless_text_is_refused() {
     ];
     for text in texts {
         std::fs::write(&ron, &text).expect("written");
-        let output = inspect(&trace).run();
+        let output = inspect(&trace).cpu_seconds(10).run();
         refused(&output, &["trace.ron:1:"]);
         assert!(output.stderr.len() < 20_000, "a message of {} bytes", output.stderr.len());
     }
