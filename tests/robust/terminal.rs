@@ -14,6 +14,9 @@ const HOSTILE: &str = "\x1b]0;owned\x07\x1b[2J\u{9b}31m\u{202e}\u{2066}\u{200b}\
 /// How it begins where it is shown.
 const SHOWN: &str = "\\u{1b}]0;owned\\u{7}\\u{1b}[2J\\u{9b}31m\\u{202e}\\u{2066}\\u{200b}\\u{2028}\\u{7f}\\r\\u{8}";
 
+/// Makes another text of a trace's.
+type Change<'a> = Box<dyn Fn(&str) -> String + 'a>;
+
 /// A copy of a recorded trace with another text.
 fn changed(from: &str, change: impl Fn(&str) -> String) -> (TempDir, PathBuf) {
     let home = tempfile::tempdir().expect("a folder");
@@ -80,7 +83,7 @@ fn labels_are_shown() {
 fn messages_about_a_trace_are_shown() {
     let written = ron(HOSTILE);
     let shadow = "traces/shadow";
-    let refusals: [(&str, Box<dyn Fn(&str) -> String>); 4] = [
+    let refusals: [(&str, Change<'_>); 4] = [
         // In the text itself: names of commands, of fields, of files.
         ("Frob", Box::new(|text| text.replacen("CreateBuffer", &format!("Frob{HOSTILE}"), 1))),
         ("owned", Box::new(|text| text.replacen("files: {", &format!("files: {{ \"{written}\": (size: 1, hash: \"\"),"), 1))),
@@ -107,7 +110,7 @@ fn messages_about_a_trace_are_shown() {
     std::fs::write(trace.join("trace.ron"), text).expect("written");
     refused(&run(&["replay", &trace.to_string_lossy()]), &[&name]);
     // A foreign trace: names of actions and files.
-    let changes: [Box<dyn Fn(&str) -> String>; 3] = [
+    let changes: [Change<'_>; 3] = [
         Box::new(|text| text.replacen("CreateBuffer", &format!("Frob{HOSTILE}"), 1)),
         Box::new(|text| text.replacen("data1.bin", &format!("{written}.bin"), 1)),
         Box::new(|text| text.replacen("label: Some(\"", &format!("label: Some({HOSTILE}\""), 1)),
