@@ -312,7 +312,9 @@ impl Unit<Card> for Core {
         let mut did = Tick::Starved;
 
         // 0. What happened since the last tick.
-        self.issue.advance(&self.fixed, now);
+        if self.issue.advance(&self.fixed, now) != 0 {
+            wires.works();
+        }
 
         // 1. Warps that are done leave.
         if self.issue.finished != 0 {
@@ -328,7 +330,7 @@ impl Unit<Card> for Core {
         }
 
         // 3. Warps whose latency is over are ready; the core issues.
-        if self.issue.advance(&self.fixed, now + 1) {
+        if self.issue.advance(&self.fixed, now + 1) == now + 1 {
             did = Tick::Moved;
         }
 
