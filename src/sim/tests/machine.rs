@@ -71,7 +71,8 @@ fn a_machine_whose_units_wake_for_nothing_is_stopped_and_shows_its_queues() {
         // The last item leaves in cycle 10. Questions that may be asked: 4 for the channel, 8 for each unit.
         assert_eq!((stuck.since, stuck.cause), (10, Cause::Restless(521)));
         let text = stuck.to_string();
-        let head = "nothing has moved since cycle 10, and units woke in 521 cycles without moving anything; the machine is stuck\n";
+        let head =
+            "nothing has moved since cycle 10, and units woke in 521 cycles without moving anything; the machine is stuck\n";
         assert!(text.starts_with(head), "{text}");
         assert!(text.contains("unit restless[0]: busy, 0 inside"), "{text}");
     }
