@@ -38,7 +38,7 @@ use report::Readings;
 /// Why a run stopped before its end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MachineError {
-    /// Nothing moved any more.
+    /// Nothing can move any more.
     #[error(transparent)]
     Stuck(#[from] Stuck),
     /// The machine cannot do what the work asks, or the work is wrong.

@@ -106,6 +106,9 @@ crate::counters! {
     }
 }
 
+/// Most bytes of a request: the longest line of a second-level cache.
+const LONGEST: u32 = 256;
+
 /// A request in the window.
 #[derive(Clone, Copy, Debug, Default)]
 struct Queued {
@@ -194,9 +197,37 @@ impl DramConfig {
             (self.burst >= 1 && self.cl >= 1 && self.cwl >= 1, "burst, cl and cwl must be positive"),
             ((1..=64).contains(&self.window), "window must be 1 to 64"),
             (self.write_high >= 1 && self.write_high <= self.window, "write_high must be 1 to window"),
-            (self.t_refi == 0 || self.t_refi > 2 * self.t_rfc, "t_refi must be more than twice t_rfc"),
         ];
-        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err((*rule).to_owned()))
+        if let Some((_, rule)) = rules.iter().find(|(holds, _)| !holds) {
+            return Err((*rule).to_owned());
+        }
+        match self.between_refreshes() {
+            least if self.t_refi != 0 && u64::from(self.t_refi) <= least => Err(format!(
+                "t_refi is {}, and must be 0 or more than {least}, so that requests are served between refreshes of t_rfc = {}",
+                self.t_refi, self.t_rfc
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// With refreshes no farther apart than so many cycles, rows might be closed again and again before a request is served. A channel
+    /// that spends half of its time on refreshes, or more, is none either.
+    fn between_refreshes(&self) -> u64 {
+        let c = |cycles: u32| u64::from(cycles);
+        // 1. What was under way as the refresh came: data on the bus, rows that have to stay open.
+        let bursts = c(LONGEST.div_ceil(self.burst_bytes) + 1);
+        let data = c(self.cl.max(self.cwl)) + bursts * c(self.burst);
+        let open = c(self.t_ras).max(data + c(self.t_wr)).max(bursts * c(self.burst) + c(self.t_rtp));
+        // 2. The refresh, an activation and the access to its row, which waits for the bus as well.
+        let activation = (open + c(self.t_rp) + c(self.t_rfc)).max(c(self.t_faw.max(self.t_rrd)));
+        let access = (activation + c(self.t_rcd)).max(data + c(self.t_wtr.max(self.t_rtw)));
+        // 3. Refreshes begin where cycles of the card do; what has time within one such cycle is served in it.
+        let served = if c(self.clock / self.per_card_cycles) > access {
+            0
+        } else {
+            access + c(self.clock.div_ceil(self.per_card_cycles))
+        };
+        served.max(2 * c(self.t_rfc))
     }
 
     /// The first DRAM clock tick of a card cycle.

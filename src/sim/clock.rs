@@ -31,61 +31,79 @@ pub(super) fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycl
 
 /// A machine that has stopped moving before it was done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("nothing moved from cycle {since} to cycle {cycle}; the machine is stuck\n{contents}")]
+#[error("nothing has moved since cycle {since}, and {cause}; the machine is stuck\n{contents}")]
 pub struct Stuck {
     /// The last cycle in which a unit moved something.
     pub since: Cycle,
-    /// The cycle in which the watchdog gave up.
-    pub cycle: Cycle,
+    /// How it is known that nothing will move any more.
+    pub cause: Cause,
     /// What every unit waits for and what every queue holds, a line each.
     pub contents: String,
+}
+
+/// How it is known that a machine is stuck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Cause {
+    /// No unit waits for a known cycle, and nothing is on its way: the machine stays as it is for ever.
+    #[error("nothing is on its way to any unit")]
+    Dead,
+    /// Units wake again and again, and none moves.
+    #[error("units woke in {0} cycles without moving anything")]
+    Restless(u64),
 }
 
 /// Runs until `done`, which is asked before each cycle and must depend on moved items only. Returns with
 /// [`Wires::now`](super::Wires::now) at the number of cycles gone by.
 ///
+/// How long a machine may wait is not bounded: a unit that knows the cycle in which it can go on, however far, is not stuck. Both
+/// clocks keep what all units wait for, so a machine in which nothing is awaited any more is stopped at once. `patience` bounds
+/// something else: how often units may wake, one after another, without one that moves. Of sound units that is fewer times than
+/// there are questions to be asked ([`Wires::questions`](super::Wires)), which are added to `patience`; a unit that asks for ever is not sound.
+///
 /// # Errors
-/// [`Stuck`] if nothing moved for more than `patience` cycles, or if nothing can ever move.
+/// [`Stuck`] if nothing can ever move, or if units wake without moving more often than `patience` allows.
 pub fn run<K: Circuit>(
     machine: &mut K,
     context: &mut K::Context,
     clock: Clock,
-    patience: Cycle,
+    patience: u64,
     mut done: impl FnMut(&K, &K::Context) -> bool,
 ) -> Result<(), Stuck> {
-    // An earlier run may have ended long after the last move: patience counts from here.
-    let start = machine.wires().now();
+    let patience = patience.saturating_add(machine.wires().questions());
     let units = machine.wires().unit_labels().len();
     let mut order = Vec::new();
+    // The cycle from which somebody was to wake, and how many such cycles have gone by since one of them was of use.
+    let (mut awaited, mut fruitless) = (0, 0);
     while !done(machine, context) {
         machine.wires_mut().begin_cycle();
-        let next = match clock {
-            Clock::EveryCycle => {
-                machine.cycle::<true>(context);
-                machine.wires().now() + 1
-            }
-            Clock::SkipIdle => {
-                machine.cycle::<false>(context);
-                machine.wires().next_event()
-            }
+        match clock {
+            Clock::EveryCycle => machine.cycle::<true>(context),
+            Clock::SkipIdle => machine.cycle::<false>(context),
             Clock::Shuffled(seed) => {
                 shuffle(&mut order, units, seed, machine.wires().now());
                 machine.cycle_in(&order, context);
-                machine.wires().now() + 1
             }
-        };
-        let since = machine.wires().last_move().max(start);
-        if next == NEVER || next - since > patience {
-            let cycle = if next == NEVER { machine.wires().now() } else { since + patience };
-            return Err(stuck(machine, since, cycle));
         }
-        machine.wires_mut().advance(next);
+        let now = machine.wires().now();
+        let next = machine.wires().next_event();
+        if machine.wires().lives() {
+            fruitless = 0;
+        } else if next == NEVER {
+            return Err(stuck(machine, Cause::Dead));
+        } else if now >= awaited {
+            fruitless += 1;
+            if fruitless > patience {
+                return Err(stuck(machine, Cause::Restless(fruitless)));
+            }
+        }
+        awaited = next;
+        machine.wires_mut().advance(if clock == Clock::SkipIdle { next } else { now + 1 });
     }
     Ok(())
 }
 
 #[cold]
-fn stuck<K: Circuit>(machine: &K, since: Cycle, cycle: Cycle) -> Stuck {
+fn stuck<K: Circuit>(machine: &K, cause: Cause) -> Stuck {
     let wires = machine.wires();
     let (_, resident) = machine.tally();
     let mut contents = String::new();
@@ -96,5 +114,5 @@ fn stuck<K: Circuit>(machine: &K, since: Cycle, cycle: Cycle) -> Stuck {
     for line in wires.contents() {
         let _ = writeln!(contents, "channel {line}");
     }
-    Stuck { since, cycle, contents }
+    Stuck { since: wires.last_move(), cause, contents }
 }

@@ -26,6 +26,10 @@
 //! yes into a no), so the reason given last holds for the whole sleep and is accounted for in one step. A broken rule shows as a
 //! difference between the two clocks, which every machine's tests look for.
 //!
+//! A machine is stuck when no unit moves and none waits for a known cycle. How long it may wait for one is not bounded, so no
+//! configuration is slow enough to be taken for stuck. Against a unit that breaks the rules and wakes for ever, fruitless wake-ups
+//! are counted ([`run`]).
+//!
 //! What a unit waits for may be known several units away. A unit that knows tells it in every tick to a [`Gate`]; by rule 3 it holds
 //! until its next, and the accounts of others are read whenever it changes.
 //!
@@ -59,7 +63,7 @@ mod wiring;
 pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble};
-pub use clock::{Clock, Stuck, run};
+pub use clock::{Cause, Clock, Stuck, run};
 pub use gate::{Gate, GateCounts, STATES};
 pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};

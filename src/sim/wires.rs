@@ -63,6 +63,8 @@ pub struct Wires {
     pub(super) rest: Tick,
     /// The last cycle in which a unit moved something.
     pub(super) last_move: Cycle,
+    /// The last cycle in which a unit moved something, or found that it had worked while it slept.
+    pub(super) last_life: Cycle,
     pub(super) agenda: Agenda,
     pub(super) channels: Vec<Channel>,
     pub(super) slots: Vec<Slot>,
@@ -92,6 +94,12 @@ impl Wires {
     #[inline(always)]
     pub fn rest(&mut self, why: Tick) {
         self.rest = why;
+    }
+
+    /// The ticking unit has worked on what is inside it since its last tick, where no other unit sees it: it does not wake in vain.
+    #[inline(always)]
+    pub fn works(&mut self) {
+        self.last_life = self.now;
     }
 
     /// How a unit of one stage ends its tick where it stands before `why`, which it has just asked about: if it has moved before,
@@ -305,6 +313,7 @@ impl Wires {
         let now = self.now;
         let moved = tick == Tick::Moved;
         self.last_move = if moved { now } else { self.last_move };
+        self.last_life = if moved { now } else { self.last_life };
         // What it does from the next cycle on: if it moves without having said more, it ticks again.
         let then = if moved { self.rest } else { tick };
         let wake = if then == Tick::Moved { now + 1 } else { self.next.max(now + 1) };
@@ -330,6 +339,19 @@ impl Wires {
     #[inline(always)]
     pub(super) fn last_move(&self) -> Cycle {
         self.last_move
+    }
+
+    /// Whether a unit has moved or worked in this cycle.
+    #[inline(always)]
+    pub(super) fn lives(&self) -> bool {
+        self.last_life == self.now
+    }
+
+    /// How often units can wake one after another without moving, if all are sound. A unit that moves nothing changes nothing, so it
+    /// wakes at most once for each cycle that its state holds: of each channel when its head can be popped and when there is room
+    /// at its tail, of each unit the ends of what it has begun, and a wake time that is out of date.
+    pub(super) fn questions(&self) -> u64 {
+        4 * self.channels.len() as u64 + 8 * self.units.len() as u64
     }
 
     pub(super) fn unit_labels(&self) -> &[Label] {

@@ -76,6 +76,7 @@ impl Wiring {
             next: NEVER,
             rest: Tick::Moved,
             last_move: 0,
+            last_life: 0,
             agenda: Agenda::new(self.units.len()),
             channels: self.channels,
             slots: vec![Slot::default(); self.places as usize],

@@ -694,7 +694,7 @@ impl Command {
             return did.or(Tick::Working);
         }
         if self.tests > 0 {
-            // Each of them is progress: a draw may have more than the watchdog has patience.
+            // Each of them is progress: a draw may have more of them than units may wake in vain.
             self.tests -= 1;
             self.busy_until = wires.now() + Cycle::from(self.config.cull_cycles);
             return Tick::Moved;

@@ -56,19 +56,26 @@ pub fn everything(report: &MachineReport) -> String {
 
 /// A dispatch of so many workgroups of 64 invocations, which load, meet at a barrier, and store.
 pub fn dispatch(groups: u32) -> Vec<Event> {
+    dispatch_of(groups, 64, 512, true)
+}
+
+/// [`dispatch`] of workgroups of so many invocations and bytes of workgroup memory, which meet at a barrier or not.
+pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bool) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
-    let dispatch =
-        Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 64, shared_bytes: 512 };
+    let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes };
     let step = |instructions, then| Step { instructions, then };
-    let steps = vec![
+    let mut steps = vec![
         step([2, 4, 0, 1], RequestKind::Load),
         step([3, 1, 1, 1], RequestKind::Barrier),
         step([5, 1, 0, 0], RequestKind::Store),
         step([0, 1, 0, 0], RequestKind::Atomic),
         step([0, 0, 0, 1], RequestKind::End),
     ];
+    if !barrier {
+        steps.remove(1);
+    }
     let mut work = Groups { groups, costs: CostTable::from(vec![Cost::from(steps)]), ..Groups::default() };
-    for packet in 0..groups * 16 {
+    for packet in 0..groups * invocations.div_ceil(4) {
         work.packets.push(Packet { cost: 0, first_request: work.requests.len() as u32 });
         for place in 0..3 {
             work.requests.push(Request { first_line: work.lines.len() as u32, lines: 1, operations: 4 });

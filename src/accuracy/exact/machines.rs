@@ -169,6 +169,8 @@ fn account(setting: &Setting) -> Result<Vec<Row>> {
         sim::run(&mut machine, &mut (), Clock::SkipIdle, 100_000, |m, _| m.sink.log.len() as u64 == n)?;
         let cycles = machine.wires().now();
         if setting.faulty {
+            machine.source.n += 1;
+            machine.wires_mut().wake_all();
             sim::run(&mut machine, &mut (), Clock::EveryCycle, 100_000, |m, _| m.wires().now() > cycles)?;
         }
         machine.wires_mut().settle();

@@ -1,11 +1,10 @@
 //! Arithmetic of shaders: programs in WGSL, run, against `f64`.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result};
 
 use super::numbers::ulp;
+use super::programs;
 use crate::accuracy::{Random, Row, Section, Setting, Target};
-use crate::num::Words;
-use crate::shader::{BufferRange, Executor, Module, Options, Program, Resource, Resources, Source, Stage, compile};
 
 pub const ARITHMETIC: Target = Target {
     id: "arithmetic",
@@ -145,46 +144,6 @@ const OPERATIONS: &[Operation] = &[
 /// Operands of a piece of work: 64 a workgroup.
 const PIECE: u32 = 1 << 12;
 
-/// Compiles the program of an operation.
-fn program(expression: &str) -> Result<Program> {
-    let source = format!(
-        "@group(0) @binding(0) var<storage, read_write> result: array<f32>;
-         @group(0) @binding(1) var<storage, read> one: array<f32>;
-         @group(0) @binding(2) var<storage, read> two: array<f32>;
-         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {{
-             let i = id.x; let a = one[i]; let b = two[i];
-             result[i] = {expression};
-         }}"
-    );
-    let module = Module::new(expression, Source::Wgsl(&source)).map_err(|error| anyhow!("{expression}: {error}"))?;
-    compile(&module, Stage::Compute, None, &Options::default()).map_err(|error| anyhow!("{expression}: {error}"))
-}
-
-/// Runs a program on pairs of operands.
-fn run(program: &Program, pairs: &[[f32; 2]]) -> Result<Vec<f32>> {
-    let words = |k: usize| {
-        let words = Words::new(4 * pairs.len() as u64);
-        pairs.iter().enumerate().for_each(|(i, pair)| words.store(i, pair[k].to_bits()));
-        words
-    };
-    let buffers = [Words::new(4 * pairs.len() as u64), words(0), words(1)];
-    let bindings: Vec<Vec<Resource<'_>>> = program
-        .interface()
-        .bindings
-        .iter()
-        .map(|b| {
-            let words = &buffers[b.binding as usize];
-            vec![Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })]
-        })
-        .collect();
-    let resources = Resources { bindings: &bindings, immediates: &[] };
-    let uniforms = program.uniforms(&resources);
-    let mut executor = Executor::new();
-    let groups = pairs.len() as u32 / 64;
-    executor.bind(program, &resources, &uniforms).run_groups(0..groups.into(), [groups, 1, 1], None)?;
-    Ok((0..pairs.len()).map(|i| f32::from_bits(buffers[0].load(i))).collect())
-}
-
 /// The error of one result, in the unit of its bound; infinite where one is a number and the other is not.
 fn error(bound: Bound, operand: f32, got: f32, exact: f64) -> f64 {
     if got.is_nan() || exact.is_nan() {
@@ -202,16 +161,16 @@ fn error(bound: Bound, operand: f32, got: f32, exact: f64) -> f64 {
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for (number, operation) in OPERATIONS.iter().enumerate() {
-        let program = program(operation.expression)?;
+        let program = programs::program(&format!("bitcast<u32>({})", operation.expression))?;
         let of_operation = Setting { seed: setting.seed.wrapping_mul(64).wrapping_add(number as u64), ..*setting };
         let errors = of_operation.pieces(setting.pick(1, 256, 4_096), |_, random| {
             let pairs: Vec<[f32; 2]> = (0..PIECE).map(|_| (operation.operands)(random)).collect();
-            let spoiled = |[a, b]: &[f32; 2]| [f32::from_bits(a.to_bits() ^ u32::from(setting.faulty)), *b];
-            let got = run(&program, &pairs.iter().map(spoiled).collect::<Vec<_>>())?;
+            let spoiled = |[a, b]: &[f32; 2]| [a.to_bits() ^ u32::from(setting.faulty), b.to_bits(), 0];
+            let got = programs::run(&program, &pairs.iter().map(spoiled).collect::<Vec<_>>())?;
             let each = pairs
                 .iter()
                 .zip(got)
-                .map(|(&[a, b], got)| error(operation.bound, a, got, (operation.exact)(a.into(), b.into())));
+                .map(|(&[a, b], got)| error(operation.bound, a, f32::from_bits(got), (operation.exact)(a.into(), b.into())));
             // Wrong roundings are counted; of the others the worst counts.
             Ok(match operation.bound {
                 Bound::Rounded => each.sum::<f64>(),

@@ -1,11 +1,13 @@
 //! Section B: rasterisation and numbers.
 
 mod arithmetic;
+mod builtins;
 mod draw;
 mod extreme;
 mod numbers;
 mod oracle;
 mod overshade;
+mod programs;
 mod shared;
 
 use super::Target;
@@ -21,5 +23,6 @@ pub const TARGETS: &[Target] = &[
     numbers::INTERPOLATION,
     numbers::DEPTH,
     arithmetic::ARITHMETIC,
+    builtins::BUILTINS,
     overshade::QUAD_OVERSHADE,
 ];

@@ -44,8 +44,9 @@ crate::knobs! {
         pipelines: u32 ["pipelines", Allowed::Range(1, 64), "2 to 6 in mid-range cards since 2010; ATTILA 4"],
         /// Geometry units: clipping, culling and distribution.
         geometry_units: u32 ["units", Allowed::Range(1, 16), "one for each two pipelines"],
-        /// Cycles without any movement after which the run is stopped as stuck.
-        watchdog: u32 ["cycles", Allowed::Range(1000, 1000000000), "ten times the longest wait for memory"],
+        /// Cycles in which units wake and none moves, one after another, after which the run is stopped as stuck. Waiting for a known
+        /// cycle is not waking, however long it takes.
+        watchdog: u32 ["cycles", Allowed::Range(1000, 1000000000), "none is ever needed: a guard against units that ask for ever"],
     }
 }
 

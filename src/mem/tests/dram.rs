@@ -229,13 +229,65 @@ fn mixed_reads_and_writes_at_random_are_all_served_and_the_clocks_agree() {
 }
 
 #[test]
+fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
+    let mut state = 11u64;
+    let mut random = |bound: u32| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) % u64::from(bound)) as u32
+    };
+    for _ in 0..200 {
+        let mut time = || {
+            let size = 2 << random(9);
+            1 + random(size)
+        };
+        let mut c = DramConfig {
+            burst: time().min(64),
+            t_rcd: time(),
+            t_rp: time(),
+            cl: time(),
+            cwl: time(),
+            t_ras: time(),
+            t_rrd: time(),
+            t_faw: time(),
+            t_rtp: time(),
+            t_wr: time(),
+            t_wtr: time(),
+            t_rtw: time(),
+            t_rfc: time(),
+            t_refi: 0,
+            ..DDR4
+        };
+        (c.clock, c.per_card_cycles) = (1 + random(9), 1 + random(9));
+        (c.burst_bytes, c.row_bytes, c.banks) = (8 << random(6), 256 << random(5), 1 + random(4));
+        c.window = 1 + random(8);
+        c.write_high = 1 + random(c.window);
+        c.t_refi = (1..100_000).find(|&t_refi| DramConfig { t_refi, ..c }.check().is_ok()).expect("some interval");
+        let orders: Vec<Order> = (0..40)
+            .map(|_| {
+                let address = u64::from(random(20)) * 256;
+                if random(2) == 0 { Order::write(0, address, 256) } else { Order::read(0, address, 256) }
+            })
+            .collect();
+        let mut machine = rig(c, orders);
+        run(&mut machine, &mut (), Clock::SkipIdle, 100, |m, _| {
+            // Between two refreshes a request is served.
+            assert!(m.wires().now() < 1 << 24, "{c:?} serves nothing");
+            m.driver.answered.len() == m.driver.reads && m.driver.next == 40 && m.wires().resident() == 0
+        })
+        .unwrap();
+    }
+}
+
+#[test]
 fn wrong_values_are_refused() {
     assert!(DDR4.check().is_ok());
     for (config, rule) in [
         (DramConfig { banks: 65, ..DDR4 }, "banks"),
         (DramConfig { row_bytes: 1000, ..DDR4 }, "row_bytes"),
         (DramConfig { window: 0, ..DDR4 }, "window"),
-        (DramConfig { t_refi: 600, ..DDR4 }, "t_refi"),
+        (DramConfig { t_refi: 1120, ..DDR4 }, "t_refi is 1120, and must be 0 or more than 1120, so that"),
+        // One cycle for each row: it would be closed before it is read.
+        (DramConfig { t_refi: 1, t_rfc: 0, ..DDR4 }, "t_refi is 1, and must be 0 or more than 111, so that"),
     ] {
         assert!(config.check().unwrap_err().contains(rule));
     }

@@ -435,11 +435,11 @@ impl Issue {
         self.next(self.at)
     }
 
-    /// Does the cycles before `until`. Returns whether any warp issued in the last of them; in those before, no warp comes to the
-    /// end of its step.
+    /// Does the cycles before `until`. Returns the cycle after the last of them in which any warp issued, 0 if none did; in those
+    /// before the last, no warp comes to the end of its step.
     // Not inlined: the core calls it for the cycles gone by and for its own, and both have to fit the host's instruction cache.
     #[inline(never)]
-    pub(super) fn advance(&mut self, fixed: &Fixed, until: Cycle) -> bool {
+    pub(super) fn advance(&mut self, fixed: &Fixed, until: Cycle) -> Cycle {
         let mut issued = 0;
         while self.at < until {
             self.at = self.next(self.at).min(until);
@@ -449,7 +449,7 @@ impl Issue {
                 issued = if any { self.at } else { issued };
             }
         }
-        issued == until
+        issued
     }
 
     /// A cycle before which no warp comes to the end of its step, all up to now being done; [`NEVER`] if none is at work.

@@ -3,6 +3,7 @@
 mod issue;
 #[cfg(test)]
 mod plain;
+mod turns;
 
 use super::card::{Card, Fault};
 use super::token::WarpToken;
@@ -12,6 +13,7 @@ use crate::sim::{In, Out, Tick, Unit, Wires};
 use crate::unit::knob::Allowed;
 use crate::work::{Class, RequestKind};
 use issue::{Fixed, Issue, PLACES, bits};
+use turns::Turns;
 
 crate::choices! {
     /// Which of the ready warps issues.
@@ -38,12 +40,12 @@ crate::knobs! {
         vertex_issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini VERTEXSHADER FetchRate = 1"],
         /// Invocations of a warp.
         warp_width: u32 ["invocations", Allowed::PowerOfTwo(4, 64), "NVIDIA 32, AMD 64 or 32, Intel 8 to 32, ATTILA 64 (VectorLength 16 of stamps)"],
-        /// Warps that a core holds.
+        /// Warps that a core holds. A workgroup of more runs in turns.
         warps: u32 ["warps", Allowed::Range(1, 64), "NVIDIA 64 an SM until 2016, 48 or 32 since; AMD 40 a CU"],
-        /// 32-bit registers of a core, which bound the warps further.
+        /// 32-bit registers of a core, which bound the warps further. A workgroup that asks for more runs in turns.
         registers: u32 ["registers", Allowed::Range(256, 1048576), "65,536 an SM since 2012"],
         /// Bytes of workgroup memory of a core.
-        shared_bytes: u32 ["bytes", Allowed::Range(1024, 1048576), "48 to 100 KB an SM; WebGPU asks for 16 KB"],
+        shared_bytes: u32 ["bytes", Allowed::Range(16384, 1048576), "48 to 100 KB an SM; WebGPU asks for 16 KB"],
         /// Warp instructions issued a cycle.
         issue: u32 ["instructions/cycle", Allowed::Range(1, 8), "four schedulers an SM since 2012"],
         /// Single-precision invocations executed a cycle.
@@ -118,6 +120,8 @@ pub struct Core {
     born: u64,
     /// The workgroup whose warps are being taken in, how many are still to come, and workgroup memory that none of it holds.
     taking: Option<(u32, u32, u32)>,
+    /// The workgroup that runs in turns.
+    turns: Option<Box<Turns>>,
 }
 
 crate::counters! {
@@ -153,6 +157,7 @@ impl Core {
             shared: config.shared_bytes,
             born: 0,
             taking: None,
+            turns: None,
             config,
         }
     }
@@ -218,11 +223,6 @@ impl Core {
         }
     }
 
-    fn is_of_group(&self, place: u32, number: u32) -> bool {
-        let resident = &self.resident[place as usize];
-        resident.program == Program::Compute && resident.number == number
-    }
-
     /// Takes warps in from one input while there is room for them.
     #[inline(always)]
     fn take(&mut self, wires: &mut Wires, card: &mut Card, program: Program) -> Tick {
@@ -254,53 +254,48 @@ impl Core {
                 return did;
             }
             let warp = &card.warps[self.cluster][token.warp];
-            let registers = (warp.registers * self.config.warp_width).max(1);
+            let (number, siblings) = (warp.number, warp.siblings);
+            let registers = self.asked(warp.registers);
             let mut shared = 0;
-            if program == Program::Compute && self.taking.is_none() {
-                // A workgroup comes whole or not at all: its warps may wait for each other.
+            let in_turns = self.turns.as_ref().is_some_and(|turns| turns.coming > 0);
+            if program == Program::Compute && self.taking.is_none() && !in_turns {
+                // A workgroup comes whole, since its warps may wait for each other: the places and registers for all of them are
+                // there when the first is taken.
                 shared = warp.shared_bytes;
-                let over = [
-                    ("warps of a workgroup", warp.siblings, self.resident.len() as u32, "core.warps"),
-                    ("registers of a workgroup", registers * warp.siblings, self.config.registers, "core.registers"),
-                    ("workgroup memory", shared, self.config.shared_bytes, "core.shared_bytes"),
-                ];
-                if let Some(&(what, asked, has, key)) = over.iter().find(|(_, asked, has, _)| asked > has) {
+                let (asked, has) = (u64::from(shared), u64::from(self.config.shared_bytes));
+                if asked > has {
                     let dispatch = card.compute(warp.slot).dispatch.number;
-                    card.stop(Fault::Resources { dispatch, what, asked: asked.into(), has: has.into(), key });
+                    card.stop(Fault::Resources { dispatch, what: "workgroup memory", asked, has, key: "core.shared_bytes" });
                     return did.or(Tick::Blocked);
                 }
-                if free.count_ones() < warp.siblings || self.registers < registers * warp.siblings || self.shared < shared {
-                    return did;
-                }
-            }
-            if self.registers < registers {
-                if registers > self.config.registers {
-                    // A program that asks for more than the whole core has runs alone, as if it spilled without cost.
-                    if self.held != 0 {
+                let all = u64::from(registers) * u64::from(siblings);
+                if siblings as usize > self.resident.len() || all > u64::from(self.config.registers) {
+                    // Where the core has not so many, the group has it for itself.
+                    if self.held != 0 || self.turns.is_some() {
                         return did;
                     }
-                } else {
+                    self.shared -= shared;
+                    self.turns = Some(Box::new(Turns::new(number, siblings, shared)));
+                    shared = 0;
+                } else if self.turns.is_some()
+                    || free.count_ones() < siblings
+                    || u64::from(self.registers) < all
+                    || self.shared < shared
+                {
                     return did;
                 }
             }
-            let held = registers.min(self.registers);
-            let place = free.trailing_zeros();
-            self.registers -= held;
+            let Some(held) = self.place_for(registers) else { return did };
             self.shared -= shared;
-            if let (Program::Compute, Some((.., left))) = (program, self.taking) {
-                shared += left;
+            if let Some(turns) = self.turns.as_mut().filter(|_| program == Program::Compute) {
+                turns.coming -= 1;
+            } else if program == Program::Compute {
+                shared += self.taking.map_or(0, |(.., left)| left);
+                let left = self.taking.map_or(siblings, |(_, left, _)| left) - 1;
+                self.taking = (left > 0).then_some((number, left, 0));
             }
-            self.resident[place as usize] =
-                Resident { warp: token.warp, registers: held, shared, program, number: warp.number, siblings: warp.siblings };
-            if program == Program::Compute {
-                let left = self.taking.map_or(warp.siblings, |(_, left, _)| left) - 1;
-                self.taking = (left > 0).then_some((warp.number, left, 0));
-            }
-            self.held |= 1 << place;
-            self.fixed.take(place, self.born);
-            self.born += 1;
             wires.pop(input);
-            self.enter_step(card, place);
+            self.settle(card, Resident { warp: token.warp, registers: held, shared, program, number, siblings });
             did = Tick::Moved;
         }
     }
@@ -312,7 +307,9 @@ impl Unit<Card> for Core {
         let mut did = Tick::Starved;
 
         // 0. What happened since the last tick.
-        self.issue.advance(&self.fixed, now);
+        if self.issue.advance(&self.fixed, now) != 0 {
+            wires.works();
+        }
 
         // 1. Warps that are done leave.
         if self.issue.finished != 0 {
@@ -328,7 +325,7 @@ impl Unit<Card> for Core {
         }
 
         // 3. Warps whose latency is over are ready; the core issues.
-        if self.issue.advance(&self.fixed, now + 1) {
+        if self.issue.advance(&self.fixed, now + 1) == now + 1 {
             did = Tick::Moved;
         }
 
@@ -345,7 +342,9 @@ impl Unit<Card> for Core {
             self.issue.asking &= !(1 << place);
             did = Tick::Moved;
         }
-        if self.issue.barrier != 0 && self.release_barriers(card) {
+        if self.turns.is_some() {
+            did = did.or(self.turn(card));
+        } else if self.issue.barrier != 0 && self.release_barriers(card) {
             did = Tick::Moved;
         }
 
@@ -379,7 +378,7 @@ impl Unit<Card> for Core {
     }
 
     fn resident(&self) -> u64 {
-        u64::from(self.held.count_ones())
+        u64::from(self.held.count_ones()) + self.turns.as_ref().map_or(0, |turns| turns.away() as u64)
     }
 }
 
@@ -407,6 +406,9 @@ impl Core {
             self.registers += resident.registers;
             if resident.shared > 0 {
                 self.hand_on(resident);
+            }
+            if self.turns.is_some() && resident.program == Program::Compute {
+                self.end_turn(resident);
             }
             did = Tick::Moved;
         }

@@ -107,7 +107,7 @@ fn the_core_with_the_least_to_do_takes_a_workgroup_if_it_has_room() {
     assert_eq!(computed(2, &[10, 10], &[3], 64).0, [vec![2, 2, 4, 4], vec![3, 3]]);
     // Five: the fifth waits until a core has two warps fewer. The first two are seen done in 2 + 10 + 1.
     assert_eq!(computed(2, &[10, 10], &[5], 64).0, [vec![2, 2, 4, 4, 14, 14], vec![3, 3, 5, 5]]);
-    // One that a core cannot hold at once is given to a core that has nothing to do: it will be refused there by name.
+    // One that a core cannot hold at once is given to a core that has nothing to do, where it runs in turns.
     assert_eq!(computed(8, &[10], &[1], 32 * 6).0, [[2; 6]]);
 }
 

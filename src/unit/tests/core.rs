@@ -117,8 +117,8 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     let (groups, groups_done) = of(groups);
     let (fragments, fragments_shaded) = of(fragments);
     let core = One(Core::new(config.clone(), 0, ports));
-    // The real unit answers with the warp's place. Here warps come in the order of their numbers, and so have these for places.
-    let texture = One(Echo::new(TEXTURE, asked, answer));
+    let place = |token: WarpToken, card: &mut Card| WarpToken { warp: card.warps[0][token.warp].place };
+    let texture = One(Echo::answering(TEXTURE, place, asked, answer));
     (CoreCircuit::new(wiring, vertices, groups, fragments, core, texture, vertices_shaded, groups_done, fragments_shaded), card)
 }
 
@@ -268,34 +268,65 @@ fn vertices_come_before_workgroups_and_fragments() {
     assert_eq!((vertices[0].0, groups[0].0, fragments[0].0), (3 + 1, 5 + 1, 7 + 1));
 }
 
+/// When the warps of a workgroup leave a core that has a place for one.
+fn in_turns(steps: &[&[Step]]) -> Vec<Cycle> {
+    let group = |steps: &&[Step]| Work::of_group(steps, 1, 3, 0);
+    let work: Vec<Work> = steps.iter().map(group).collect();
+    let times = |config: &CoreConfig| run_all(config, &work)[1].iter().map(|&(at, _)| at).collect::<Vec<_>>();
+    let one = times(&CoreConfig { warps: 1, ..config() });
+    // With registers for one it is the same. One that asks for more than there is runs alone.
+    assert_eq!(times(&CoreConfig { registers: 512, ..config() }), one);
+    assert_eq!(times(&CoreConfig { registers: 500, ..config() }), one);
+    one
+}
+
 #[test]
-fn a_workgroup_that_does_not_fit_is_refused_by_name() {
-    let work = |registers, siblings, shared| {
-        vec![Work { registers, ..Work::of_group(&to_the_end([1, 0, 0, 0]), 1, siblings, shared) }; siblings as usize]
-    };
-    for (work, text) in [
-        (
-            work(16, 9, 0),
-            "dispatch 7: warps of a workgroup asks for 9, and a core of this machine has 8 (configuration key core.warps)",
-        ),
-        (
-            work(1024, 4, 0),
-            "dispatch 7: registers of a workgroup asks for 131072, and a core of this machine has 65536 (configuration key \
-             core.registers)",
-        ),
-        (
-            work(16, 2, 16_385),
+fn warps_of_a_workgroup_that_is_larger_than_the_core_run_in_turns() {
+    // Without a barrier they come one after another: taken in t, issued in t + 1, gone in t + 2, in which the next is taken.
+    let end = to_the_end([1, 0, 0, 0]);
+    assert_eq!(in_turns(&[&end, &end, &end]), [4, 6, 8]);
+    // At a barrier a warp makes place in the cycle of its last instruction. The third does in 4, and all may go on.
+    let barrier = step([1, 0, 0, 0], RequestKind::Barrier);
+    let once = [barrier, end[0]];
+    assert_eq!(in_turns(&[&once, &once, &once]), [7, 9, 11]);
+    let twice = [barrier, barrier, end[0]];
+    assert_eq!(in_turns(&[&twice, &twice, &twice]), [10, 12, 14]);
+    // One that ends does not hold the others up: it has left in 3, they meet in 5.
+    assert_eq!(in_turns(&[&end, &once, &once]), [4, 8, 10]);
+    // It may be the last of all, which finds the others at the barrier: it ends in 4, leaves in 5, and they go on in that cycle.
+    assert_eq!(in_turns(&[&once, &once, &end]), [6, 8, 10]);
+    // A request is answered to the place that the warp has then.
+    let asks = [barrier, step([1, 0, 0, 0], RequestKind::Load), end[0]];
+    let (first, each) = (5 + 1 + TEXTURE + 1 + 2, 1 + 1 + TEXTURE + 1 + 1);
+    assert_eq!(in_turns(&[&asks, &asks, &asks]), [first, first + each, first + 2 * each]);
+}
+
+#[test]
+fn a_workgroup_in_turns_has_the_core_for_itself() {
+    // Two places. The group of three comes when the two of one warp each have left, and the one behind it when it has.
+    let steps = [step([1, 0, 0, 0], RequestKind::Barrier), step([1, 0, 0, 0], RequestKind::End)];
+    let group = |number, siblings, shared| Work::of_group(&steps, number, siblings, shared);
+    let mut work = vec![group(1, 1, 8_000), group(2, 1, 8_000)];
+    work.extend(vec![group(3, 3, 16_000); 3]);
+    work.push(group(4, 1, 16_000));
+    let config = CoreConfig { warps: 2, ..config() };
+    let order: Vec<u32> = run_all(&config, &work)[1].iter().map(|&(_, number)| number).collect();
+    assert_eq!(order, [1, 2, 3, 3, 3, 4]);
+}
+
+#[test]
+fn a_workgroup_whose_memory_does_not_fit_is_refused_by_name() {
+    let work = vec![Work::of_group(&to_the_end([1, 0, 0, 0]), 1, 2, 16_385); 2];
+    for clock in [Clock::EveryCycle, Clock::SkipIdle] {
+        let (mut circuit, mut card) = circuit(&config(), &work);
+        // Nothing can move after it: the machine looks for the fault before it looks for what is stuck.
+        let ran = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
+        let fault = card.fault.unwrap_or_else(|| panic!("{clock:?}: {ran:?}"));
+        assert!(matches!(fault, Fault::Resources { dispatch: 7, .. }));
+        assert_eq!(
+            fault.to_string(),
             "dispatch 7: workgroup memory asks for 16385, and a core of this machine has 16384 (configuration key \
-             core.shared_bytes)",
-        ),
-    ] {
-        for clock in [Clock::EveryCycle, Clock::SkipIdle] {
-            let (mut circuit, mut card) = circuit(&config(), &work);
-            // Nothing can move after it: the machine looks for the fault before it looks for what is stuck.
-            let ran = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
-            let fault = card.fault.unwrap_or_else(|| panic!("{clock:?}: {ran:?}"));
-            assert!(matches!(fault, Fault::Resources { dispatch: 7, .. }));
-            assert_eq!(fault.to_string(), text);
-        }
+             core.shared_bytes)"
+        );
     }
 }
