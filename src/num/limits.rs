@@ -110,10 +110,30 @@ limits! {
     trace_bytes: "trace.bytes", 4 << 30, "bytes of the trace's files";
     /// Files of a trace, or entries of its archive. Recorded traces have up to 43.
     trace_files: "trace.files", 1 << 16, "files of the trace";
-    /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary.
-    shader_source: "shader.source", 16 << 20, "bytes of shader source";
-    /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other.
-    shader_nesting: "shader.nesting", 256, "levels of nesting in a shader";
+    /// Length of the source of one shader: WGSL or naga IR text, or a SPIR-V binary. Recorded shaders have up to 25 kB.
+    shader_source: "shader.source", 4 << 20, "bytes of shader source";
+    /// Depth of nesting in a shader: brackets, operators, `else if`, and declarations that need each other. Recorded shaders have up to
+    /// 31. naga's parser has a limit of its own beside, on brackets and blocks alone.
+    shader_nesting: "shader.nesting", 4096, "levels of nesting in a shader";
+    /// Declarations at the top of a shader: functions, variables, types, constants. Recorded shaders have up to 14.
+    shader_declarations: "shader.declarations", 1 << 14, "declarations in a shader";
+    /// Tokens of a shader's text, each constant counted with all that it stands for wherever it is used; where the shader is no text,
+    /// expressions, and parts of types. Recorded shaders have up to 792.
+    shader_constants: "shader.constants", 1 << 18, "tokens, parts or expressions of a shader with constants and types written out";
+    /// Steps of compiling one entry point: statements, expressions and instructions, calls inlined and loops unrolled. Recorded shaders
+    /// take up to 1,793.
+    shader_instructions: "shader.instructions", 1 << 22, "steps of compiling an entry point with all calls inlined";
+    /// Steps of compiling one entry point that may be spent on trying to unroll loops; after them loops stay loops, and nothing is refused.
+    /// Recorded shaders take up to 1,350.
+    shader_unrolling: "shader.unrolling", 1 << 20, "steps of unrolling loops";
+    /// Components of one value, and of all variables together that an invocation has at one time. Recorded shaders have up to 46.
+    shader_components: "shader.components", 1 << 16, "components of values or variables";
+    /// Registers of an invocation for arrays that are indexed at run time. Recorded shaders have up to 12.
+    shader_array_registers: "shader.array_registers", 1 << 14, "registers for arrays indexed at run time";
+    /// Invocations of a workgroup. WebGPU guarantees 256; recorded shaders have up to 256.
+    shader_invocations: "shader.invocations", 1 << 14, "invocations in a workgroup";
+    /// Workgroup memory of an entry point. WebGPU guarantees 16 KiB; recorded shaders have up to 512 bytes.
+    shader_workgroup: "shader.workgroup", 1 << 24, "bytes of workgroup memory";
     /// Commands that one rendering of a trace runs; those of bundles count each time, and so do the draws of indirect commands.
     work_commands: "work.commands", 10_000_000, "commands run";
     /// Vertices, or indices, times instances of all draws.

@@ -10,7 +10,7 @@ use super::lower::Lowered;
 use super::optimize::is_control;
 use super::program::{Body, NO_REG, Op, Program, Reg};
 
-/// Registers that a program may have at most.
+/// Registers that a program may have at most: operations number them with 16 bits.
 const MAX_REGISTERS: usize = 60_000;
 
 /// Where each value is.
@@ -165,6 +165,13 @@ fn allocate(
 /// Makes a program of what lowering left.
 pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
     let b = &l.builder;
+    let slots = usize::from(b.slots) + b.loops.len();
+    if slots > usize::from(u16::MAX) {
+        return Err(format!(
+            "control flow needs {slots} masks and counters, more than the {} that operations can number",
+            u16::MAX
+        ));
+    }
     let inputs: Vec<V> = l.inputs.iter().flatten().copied().collect();
     let outputs: Vec<V> = l.outputs.iter().flatten().copied().collect();
     let no_homes = || Homes {
@@ -190,7 +197,9 @@ pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
     }
     let registers = area + b.range_registers as usize;
     if registers > MAX_REGISTERS {
-        return Err(format!("the program needs {registers} registers, more than {MAX_REGISTERS}"));
+        return Err(format!(
+            "the program needs {registers} registers, more than the {MAX_REGISTERS} that operations can number"
+        ));
     }
     let mut body = emit(b, &b.insts, &homes);
     body.registers = registers;
@@ -204,7 +213,10 @@ pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
     let mut prologue = emit(b, &b.prologue, &prologue_homes);
     prologue.registers = prologue_constants.len() + kept;
     if prologue.registers > MAX_REGISTERS {
-        return Err(format!("the program needs {} uniform registers, more than {MAX_REGISTERS}", prologue.registers));
+        let needed = prologue.registers;
+        return Err(format!(
+            "the program needs {needed} uniform registers, more than the {MAX_REGISTERS} that operations can number"
+        ));
     }
     let bits = |list: &[V]| list.iter().filter_map(|&v| b.known(v)).collect::<Vec<u32>>();
     let mut interface = l.interface;

@@ -10,6 +10,7 @@ use super::lower;
 use super::module::{Module, ShaderError, chain};
 use super::optimize;
 use super::program::Program;
+use super::stack::with_room_for;
 
 /// What a program is compiled for, beside its source.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,6 +27,14 @@ pub struct Options<'a> {
 /// If there is no such entry point, a constant is missing or unknown, or the program needs something that is not supported:
 /// whatever is missing is reported here, with its name and place, and never when the program runs.
 pub fn compile(module: &Module, stage: Stage, entry: Option<&str>, options: &Options<'_>) -> Result<Program, ShaderError> {
+    let levels = module.limits.shader_nesting.get();
+    with_room_for(levels, || compile_here(module, stage, entry, options)).unwrap_or_else(|message| {
+        Err(ShaderError { module: module.name().to_owned(), entry: entry.map(str::to_owned), place: None, message })
+    })
+}
+
+/// As [`compile`], on the stack of this thread.
+fn compile_here(module: &Module, stage: Stage, entry: Option<&str>, options: &Options<'_>) -> Result<Program, ShaderError> {
     let fail = |entry: Option<&str>, message: String| ShaderError {
         module: module.name().to_owned(),
         entry: entry.map(str::to_owned),

@@ -90,6 +90,8 @@ pub(super) struct Builder {
     pub classes: u32,
     pub loops: Vec<Option<Place>>,
     pub slots: u16,
+    /// Steps taken so far, in instructions: what the budget of compiling counts.
+    pub steps: u64,
     constants: HashMap<u32, V>,
     shared: HashMap<Key, V>,
     shared_uniform: HashMap<Key, V>,
@@ -151,10 +153,12 @@ impl Builder {
     }
 
     pub fn push(&mut self, code: Code, dst: Vec<V>, src: Vec<V>, imm: u32) {
+        self.steps += 1;
         self.insts.push(Inst { code, dst, src, imm, slots: [0; 3] });
     }
 
     pub fn control(&mut self, code: Code, src: Vec<V>, imm: u32, slots: [u16; 3]) {
+        self.steps += 1;
         self.insts.push(Inst { code, dst: Vec::new(), src, imm, slots });
     }
 
@@ -190,6 +194,7 @@ impl Builder {
     /// An operation with several results, numbered in sequence from the returned one. `shareable`: equal operands give equal
     /// results, and it may run at any time (with uniform operands: in the prologue).
     pub fn ops(&mut self, code: Code, src: &[V], imm: u32, results: usize, shareable: bool) -> V {
+        self.steps += 1;
         let uniform = shareable && src.iter().all(|&s| s == NONE || self.is_uniform(s));
         let key = Key { code, src: src.to_vec(), imm };
         if shareable {

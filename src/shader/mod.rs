@@ -20,14 +20,19 @@ mod bounds;
 mod code;
 mod compile;
 mod exec;
+mod extent;
+mod graph;
 mod guard;
 mod interface;
 mod ir;
 mod lower;
 mod module;
+mod nesting;
 mod optimize;
 mod program;
 mod resources;
+mod stack;
+mod tokens;
 mod types;
 
 #[cfg(test)]

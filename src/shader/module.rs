@@ -4,8 +4,11 @@ use std::sync::Arc;
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
+use super::extent;
 use super::guard::guarded;
 use super::interface::Stage;
+use super::nesting;
+use super::stack::with_room_for;
 use crate::host::one_line;
 use crate::num::Limits;
 
@@ -62,10 +65,29 @@ fn place_text(place: &Option<Place>) -> String {
 pub struct Module {
     pub(super) name: Arc<str>,
     pub(super) source: Arc<str>,
-    pub(super) ir: Arc<naga::Module>,
+    pub(super) ir: Arc<Ir>,
     pub(super) info: Arc<ModuleInfo>,
     /// What compiling it may take.
     pub(super) limits: Limits,
+}
+
+/// naga's form of a module.
+#[derive(Debug)]
+pub(super) struct Ir(naga::Module);
+
+impl std::ops::Deref for Ir {
+    type Target = naga::Module;
+
+    fn deref(&self) -> &naga::Module {
+        &self.0
+    }
+}
+
+impl Drop for Ir {
+    fn drop(&mut self) {
+        // This may be any thread.
+        extent::take_apart(&mut self.0);
+    }
 }
 
 /// What of naga's optional capabilities this implementation runs.
@@ -101,10 +123,9 @@ pub(super) fn capabilities() -> Capabilities {
 
 /// The first function that a SPIR-V module calls and does not have, on which naga 30 panics. Nothing is said of what is no such
 /// module.
-fn undefined_function(bytes: &[u8]) -> Option<u32> {
+fn undefined_function(words: &[u32]) -> Option<u32> {
     const FUNCTION: u32 = 54;
     const FUNCTION_CALL: u32 = 57;
-    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect();
     let (mut defined, mut called) = (std::collections::BTreeSet::<u32>::new(), Vec::new());
     // Five words of header, then instructions: their length in words and their code, then their operands.
     let mut at = 5;
@@ -140,18 +161,29 @@ impl Module {
             Source::SpirV(bytes) => bytes.len(),
         };
         limits.shader_source.check(length as u64).map_err(|error| fail(error.to_string()))?;
-        guarded(|| Module::parse(name, source, limits)).unwrap_or_else(|message| Err(fail(message)))
+        let parse = || guarded(|| Module::parse(name, source, limits)).unwrap_or_else(|message| Err(fail(message)));
+        with_room_for(limits.shader_nesting.get(), parse).unwrap_or_else(|message| Err(fail(message)))
     }
 
     fn parse(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
         let (ir, text) = match source {
             Source::Wgsl(text) => {
+                let extent = nesting::check(text, limits).map_err(|(place, message)| fail(Some(place), message))?;
                 let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: capabilities() };
                 let ir = naga::front::wgsl::Frontend::new_with_options(options).parse(text).map_err(|e| {
                     let place = e.location(text).map(place_of);
+                    // The only error that names no place.
+                    if place.is_none() && e.emit_to_string("").contains("recursion limit") {
+                        let message = "brackets, templates and blocks inside each other go deeper than naga's parser can follow, which is \
+                                       200 levels and fixed; give parts of it names of their own";
+                        return fail(Some(extent.deepest), message.to_owned());
+                    }
                     let labels: Vec<&str> = e.labels().map(|l| l.1).filter(|l| !l.is_empty()).collect();
                     let mut message = e.message().to_owned();
+                    if message.starts_with("brace nesting limit") {
+                        message.push_str(": more than 127 blocks inside each other, which WGSL does not have; a part can be a function");
+                    }
                     if !labels.is_empty() {
                         message = format!("{message} ({})", labels.join("; "));
                     }
@@ -166,7 +198,10 @@ impl Module {
                     strict_capabilities: true,
                     block_ctx_dump_prefix: None,
                 };
-                if let Some(id) = undefined_function(bytes) {
+                let word = |word: &[u8]| u32::from_le_bytes([word[0], word[1], word[2], word[3]]);
+                let words: Vec<u32> = bytes.chunks_exact(4).map(word).collect();
+                extent::check_spirv(&words, limits).map_err(|message| fail(None, message))?;
+                if let Some(id) = undefined_function(&words) {
                     return Err(fail(None, format!("a call of %{id}, which is no function of the module")));
                 }
                 let ir = naga::front::spv::parse_u8_slice(bytes, &options).map_err(|e| fail(None, chain(&e)))?;
@@ -178,10 +213,11 @@ impl Module {
                 (ir, "")
             }
         };
+        extent::check_ir(&ir, limits).map_err(|message| fail(None, message))?;
         let info = Validator::new(ValidationFlags::all(), capabilities())
             .validate(&ir)
             .map_err(|e| fail(e.location(text).map(place_of), chain(e.as_inner())))?;
-        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(ir), info: Arc::new(info), limits: *limits })
+        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits })
     }
 
     /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.

@@ -14,6 +14,16 @@ struct Wanted {
 }
 
 impl Wanted {
+    /// The number of what a value lives in, among values, registers and ranges.
+    fn home(&self, defs: &[Def], v: V) -> usize {
+        match defs[v as usize] {
+            Def::Version(class) => self.values.len() + class as usize,
+            Def::Element(range, _) => self.values.len() + self.classes.len() + range as usize,
+            _ => v as usize,
+        }
+    }
+
+    /// Wants a value; whether nobody did before.
     fn mark(&mut self, defs: &[Def], v: V) -> bool {
         if v == NONE {
             return false;
@@ -71,19 +81,33 @@ pub(super) fn is_control(code: Code) -> bool {
     has_effect(code) && !matches!(code, Code::Store | Code::Atomic | Code::TextureStore | Code::TextureAtomic)
 }
 
+/// Rounds of dropping what nobody wants.
+const ROUNDS: usize = 100;
+
 pub(super) fn run(l: &mut Lowered) {
     let outputs: Vec<V> = l.outputs.iter().flatten().copied().collect();
     fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
-    loop {
+    // Each round can empty the branch around those that the one before has dropped. Branches inside more than so many others stay,
+    // empty: they cost nothing but their own operations.
+    for _ in 0..ROUNDS {
         drop_dead(l, &outputs);
         if !drop_empty_branches(&mut l.builder.insts) {
             break;
         }
     }
-    for (slot, values) in l.interface.inputs.iter_mut().zip(&l.inputs) {
-        let used = |v: &V| l.builder.insts.iter().any(|i| i.src.contains(v)) || outputs.contains(v);
-        slot.used = values.iter().any(used);
+    let mut used = vec![false; l.builder.defs.len()];
+    for &v in l.builder.insts.iter().flat_map(|i| &i.src).chain(&outputs).filter(|&&v| v != NONE) {
+        used[v as usize] = true;
     }
+    for (slot, values) in l.interface.inputs.iter_mut().zip(&l.inputs) {
+        slot.used = values.iter().any(|&v| used[v as usize]);
+    }
+}
+
+/// What an instruction writes: its results, and the range that it stores in.
+fn written(inst: &Inst) -> impl Iterator<Item = V> + '_ {
+    let stored = (inst.code == Code::StoreIndexed).then(|| inst.src[0]);
+    inst.dst.iter().copied().chain(stored).filter(|&v| v != NONE)
 }
 
 fn drop_dead(l: &mut Lowered, outputs: &[V]) {
@@ -93,23 +117,32 @@ fn drop_dead(l: &mut Lowered, outputs: &[V]) {
         classes: vec![false; b.classes as usize],
         ranges: vec![false; b.ranges.len()],
     };
-    for &v in outputs {
-        wanted.mark(&b.defs, v);
+    // What writes each home: instructions by the homes of their results.
+    let homes = b.defs.len() + wanted.classes.len() + wanted.ranges.len();
+    let mut first = vec![0u32; homes + 1];
+    for v in b.insts.iter().flat_map(written) {
+        first[wanted.home(&b.defs, v) + 1] += 1;
     }
-    loop {
-        let mut changed = false;
-        for inst in b.insts.iter().rev() {
-            let needed = has_effect(inst.code)
-                || inst.dst.iter().any(|&d| wanted.is(&b.defs, d))
-                || (inst.code == Code::StoreIndexed && wanted.is(&b.defs, inst.src[0]));
-            if needed {
-                for &s in &inst.src {
-                    changed |= wanted.mark(&b.defs, s);
-                }
-            }
+    for k in 0..homes {
+        first[k + 1] += first[k];
+    }
+    let mut next = first.clone();
+    let mut writers = vec![0u32; first[homes] as usize];
+    for (i, inst) in b.insts.iter().enumerate() {
+        for v in written(inst) {
+            let home = wanted.home(&b.defs, v);
+            writers[next[home] as usize] = i as u32;
+            next[home] += 1;
         }
-        if !changed {
-            break;
+    }
+    let mut open: Vec<V> = outputs.iter().copied().filter(|&v| wanted.mark(&b.defs, v)).collect();
+    for inst in b.insts.iter().filter(|inst| has_effect(inst.code)) {
+        open.extend(inst.src.iter().copied().filter(|&s| wanted.mark(&b.defs, s)));
+    }
+    while let Some(v) = open.pop() {
+        let home = wanted.home(&b.defs, v);
+        for &i in &writers[first[home] as usize..first[home + 1] as usize] {
+            open.extend(b.insts[i as usize].src.iter().copied().filter(|&s| wanted.mark(&b.defs, s)));
         }
     }
     for inst in b.prologue.iter().rev() {

@@ -35,6 +35,27 @@ pub(super) enum Shape<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Types<'a> {
     pub module: &'a naga::Module,
+    /// Components of each type of the module: what [`component_counts`] gives.
+    pub counts: &'a [u32],
+}
+
+/// Number of components of each type of a module; runtime arrays count none.
+pub(super) fn component_counts(module: &naga::Module) -> Vec<u32> {
+    let mut counts = Vec::with_capacity(module.types.len());
+    // Types come after those that they are made of.
+    for (_, ty) in module.types.iter() {
+        let types = Types { module, counts: &counts };
+        let count = match types.inner_shape(&ty.inner) {
+            Shape::Scalar(_) => 1,
+            Shape::Vector(n, _) => n,
+            Shape::Matrix(c, r, _) => c * r as u32,
+            Shape::Array(base, n, _) => counts[base.index()].saturating_mul(n.unwrap_or(0)),
+            Shape::Struct(members) => members.iter().fold(0, |sum, m| u32::saturating_add(sum, counts[m.ty.index()])),
+            Shape::Other => 0,
+        };
+        counts.push(count);
+    }
+    counts
 }
 
 /// Bytes from one column of a matrix to the next.
@@ -76,15 +97,10 @@ impl<'a> Types<'a> {
 
     /// Number of components; runtime arrays count none.
     pub fn components(&self, ty: Ty) -> u32 {
-        match self.shape(ty) {
-            Shape::Scalar(_) => 1,
-            Shape::Vector(n, _) => n,
-            Shape::Matrix(c, r, _) => c * r as u32,
-            Shape::Array(base, n, _) => self.components(Ty::Named(base)).saturating_mul(n.unwrap_or(0)),
-            Shape::Struct(members) => {
-                members.iter().fold(0, |sum, m| u32::saturating_add(sum, self.components(Ty::Named(m.ty))))
-            }
-            Shape::Other => 0,
+        match ty {
+            Ty::Scalar(_) => 1,
+            Ty::Vector(n, _) => n as u32,
+            Ty::Named(handle) => self.counts[handle.index()],
         }
     }
 

@@ -1,11 +1,14 @@
 //! Mutations of real shaders, configurations and traces, and random primitives: nothing makes the readers, the compiler, the
 //! rasteriser or a replay fall over. `fuzz/` does the same for as long as one likes.
 
+mod bombs;
 mod configs;
+mod deep_shaders;
 #[cfg(unix)]
 mod endless;
 #[cfg(unix)]
 mod files;
+mod generated;
 #[cfg(unix)]
 mod memory;
 #[cfg(unix)]

@@ -9,17 +9,13 @@ use crate::shader::code::Code;
 use crate::shader::ir::{Def, Range, V};
 use crate::shader::types::Ty;
 
-/// Instructions that a program may have.
-const MAX_INSTRUCTIONS: usize = 1 << 20;
-
-/// Calls may be nested this deep.
-const MAX_DEPTH: usize = 64;
-
 impl<'a> Lowerer<'a> {
     /// Room for a variable of `n` components with the given initial values.
     pub fn variable(&mut self, indexed: bool, initial: &[V]) -> Result<Var> {
+        self.spend(initial.len() / 8)?;
         if !indexed {
             let base = self.state.len();
+            self.within(self.origin.limits.shader_components, (base + initial.len()) as u64)?;
             self.state.extend_from_slice(initial);
             return Ok(Var::State { base });
         }
@@ -27,9 +23,7 @@ impl<'a> Lowerer<'a> {
         let length = initial.len() as u32;
         self.b.ranges.push(Range { start: self.range_top });
         self.range_top += length;
-        if self.range_top > 16_384 {
-            return self.refuse("arrays indexed at run time need more than 16384 registers");
-        }
+        self.within(self.origin.limits.shader_array_registers, u64::from(self.range_top))?;
         self.b.range_registers = self.b.range_registers.max(self.range_top);
         for (k, &v) in initial.iter().enumerate() {
             let d = self.b.define(Def::Element(id, k as u32));
@@ -46,15 +40,10 @@ impl<'a> Lowerer<'a> {
         info: &'a FunctionInfo,
         args: Vec<Val>,
     ) -> Result<Option<Val>> {
-        if self.frames.len() >= MAX_DEPTH {
-            return self.refuse(format!("calls are nested more than {MAX_DEPTH} deep"));
-        }
-        if self.b.insts.len() > MAX_INSTRUCTIONS {
-            return self.refuse(format!("with all calls inlined the program has more than {MAX_INSTRUCTIONS} instructions"));
-        }
+        self.spend(function.expressions.len() / 8)?;
         let outer_state = self.state.len();
         let (range_top, slot, depth, region) = (self.range_top, self.slot, self.depth, self.regions.len());
-        let early = returns_early(function);
+        let early = *self.early.entry(handle).or_insert_with(|| returns_early(function));
         let results = match (early, &function.result) {
             (false, _) => Results::Tail,
             (true, result) => {
@@ -96,8 +85,7 @@ impl<'a> Lowerer<'a> {
                 self.b.push(Code::Undef, vec![d], vec![], 0);
                 merge.push((i, class));
             }
-            self.slot += 1;
-            self.b.slots = self.b.slots.max(self.slot);
+            self.slots(1)?;
             self.b.control(Code::RegionBegin, vec![], 0, [slot, 0, 0]);
             let scope = self.b.scope();
             self.depth += 1;

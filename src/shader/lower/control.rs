@@ -6,7 +6,6 @@ use super::writes::{breaks_early, continues};
 use super::{Flow, Kept, Lowerer, Place, Region, RegionKind, Result, Stop, Val};
 use crate::shader::code::Code;
 use crate::shader::ir::{Def, NONE, V};
-use crate::shader::module::place_of;
 
 /// Branches of at most this many cheap instructions are computed by all lanes, without a mask.
 const FLAT: usize = 12;
@@ -16,11 +15,15 @@ const UNROLL_ITERATIONS: usize = 64;
 
 impl<'a> Lowerer<'a> {
     /// Mask slots for a construct.
-    fn slots(&mut self, n: u16) -> u16 {
+    pub fn slots(&mut self, n: u16) -> Result<u16> {
         let slot = self.slot;
-        self.slot += n;
+        let Some(next) = slot.checked_add(n) else {
+            return self
+                .refuse(format!("control flow needs more than {} masks, which operations number with 16 bits", u16::MAX));
+        };
+        self.slot = next;
         self.b.slots = self.b.slots.max(self.slot);
-        slot
+        Ok(slot)
     }
 
     pub fn lower_if(&mut self, condition: Handle<Expression>, accept: &'a Block, reject: &'a Block) -> Result<Flow> {
@@ -54,7 +57,8 @@ impl<'a> Lowerer<'a> {
         reject: impl FnOnce(&mut Self) -> Result<Flow>,
         has_reject: bool,
     ) -> Result<Flow> {
-        let slot = self.slots(2);
+        let slot = self.slots(2)?;
+        self.spend(self.state.len() / 8)?;
         let start = self.b.insts.len();
         let scope = self.b.scope();
         let before = self.state.clone();
@@ -117,6 +121,7 @@ impl<'a> Lowerer<'a> {
 
     /// Writes what a region merges into its registers, for the lanes of the mask.
     pub fn flush(&mut self, region: usize) {
+        self.b.steps += self.regions[region].merge.len() as u64 / 8;
         let dirty = self.dirty(region);
         self.write_merged(&dirty);
     }
@@ -188,11 +193,11 @@ impl<'a> Lowerer<'a> {
             self.b.push(Code::Copy, vec![d], vec![s], 0);
             merge.push((i, class));
         }
-        let number = self.b.loops.len() as u16;
-        let source = &*self.origin.source;
-        let place = (self.span.is_defined() && !source.is_empty()).then(|| place_of(self.span.location(source)));
-        self.b.loops.push(place);
-        let slot = self.slots(2);
+        let Ok(number) = u16::try_from(self.b.loops.len()) else {
+            return self.refuse(format!("more than {} loops, which operations number with 16 bits", u16::MAX));
+        };
+        self.b.loops.push(self.here());
+        let slot = self.slots(2)?;
         self.b.control(Code::LoopBegin, vec![], 0, [slot, number, 0]);
         let scope = self.b.scope();
         self.depth += 1;
@@ -274,7 +279,14 @@ impl<'a> Lowerer<'a> {
 
     /// Tries to run the loop at compile time. None: it cannot be, and nothing has happened.
     fn unroll(&mut self, body: &'a Block, continuing: &'a Block, break_if: Option<Handle<Expression>>) -> Result<Option<Flow>> {
+        if self.unroll_steps == 0 {
+            return Ok(None);
+        }
+        // What the copies below take counts too.
+        let begun = self.b.steps;
+        self.spend((self.state.len() + self.frame().exprs.len()) / 8)?;
         let mark = self.b.mark();
+        let level = self.level;
         let state = self.state.clone();
         let exprs = self.frame().exprs.clone();
         let (range_top, loops) = (self.range_top, self.b.loops.len());
@@ -293,10 +305,13 @@ impl<'a> Lowerer<'a> {
                     break;
                 }
             }
-            if self.b.insts.len() - start > self.unroll_budget {
+            // Loops inside have taken their steps out of the same budget, and are counted again: what is nested is tried again
+            // in each turn.
+            if self.b.insts.len() - start > self.unroll_budget || self.b.steps - begun > self.unroll_steps {
                 break;
             }
         }
+        self.unroll_steps = self.unroll_steps.saturating_sub(self.b.steps - begun);
         self.regions.truncate(region);
         match result {
             Ok(flow) => {
@@ -315,6 +330,7 @@ impl<'a> Lowerer<'a> {
                 self.range_top = range_top;
                 self.depth = depth;
                 self.slot = slot;
+                self.level = level;
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -350,7 +366,7 @@ impl<'a> Lowerer<'a> {
             SwitchValue::U32(u) => Some(u),
             SwitchValue::Default => None,
         };
-        let slot = self.slots(1);
+        let slot = self.slots(1)?;
         let region = self.regions.len();
         let mut merge = Vec::new();
         if early {

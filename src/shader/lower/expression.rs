@@ -43,12 +43,18 @@ impl<'a> Lowerer<'a> {
         if let Some(v) = self.global_exprs.get(&h) {
             return Ok(v.clone());
         }
+        let value = self.deeper(|s| s.global_value(h))?;
+        self.global_exprs.insert(h, value.clone());
+        Ok(value)
+    }
+
+    fn global_value(&mut self, h: Handle<Expression>) -> Result<Val> {
         let value = match self.module.global_expressions[h] {
             Expression::Literal(l) => Val::Data([self.literal(l)?].into()),
             Expression::Constant(c) => self.global(self.module.constants[c].init)?,
             Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty))?.into()),
-            Expression::Compose { ref components, .. } => {
-                let mut out = Vec::new();
+            Expression::Compose { ty, ref components } => {
+                let mut out = Vec::with_capacity(self.size(Ty::Named(ty))?);
                 for &c in components {
                     if let Val::Data(d) = self.global(c)? {
                         out.extend_from_slice(&d);
@@ -66,12 +72,24 @@ impl<'a> Lowerer<'a> {
             }
             ref other => return self.refuse(format!("a constant expression was not evaluated: {other:?}")),
         };
-        self.global_exprs.insert(h, value.clone());
+        self.moved(value)
+    }
+
+    /// Counts what it takes to move a value.
+    fn moved(&mut self, value: Val) -> Result<Val> {
+        if let Val::Data(d) = &value {
+            self.spend(d.len() / 8)?;
+        }
         Ok(value)
     }
 
     /// Computes an expression of the current function.
     pub fn compute(&mut self, h: Handle<Expression>) -> Result<Val> {
+        let value = self.deeper(|s| s.expression(h))?;
+        self.moved(value)
+    }
+
+    fn expression(&mut self, h: Handle<Expression>) -> Result<Val> {
         let function = self.frame().function;
         let span = function.expressions.get_span(h);
         if span.is_defined() {
@@ -85,8 +103,8 @@ impl<'a> Lowerer<'a> {
                 return self.refuse(format!("the pipeline constant `{name}` has no value"));
             }
             Expression::ZeroValue(ty) => Val::Data(self.zeros(Ty::Named(ty))?.into()),
-            Expression::Compose { ref components, .. } => {
-                let mut out = Vec::new();
+            Expression::Compose { ty, ref components } => {
+                let mut out = Vec::with_capacity(self.size(Ty::Named(ty))?);
                 for &c in components {
                     out.extend_from_slice(&self.data(c)?);
                 }
@@ -110,6 +128,9 @@ impl<'a> Lowerer<'a> {
                     Val::Opaque(g, Some(index))
                 }
                 Val::Data(d) => {
+                    if matches!(self.inner(base), TypeInner::Struct { .. }) {
+                        self.spend(index as usize / 8)?;
+                    }
                     let (first, n) = self.value_part(base, index)?;
                     Val::Data(d[first..first + n].into())
                 }

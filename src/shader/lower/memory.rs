@@ -106,6 +106,7 @@ impl<'a> Lowerer<'a> {
     }
 
     pub fn store(&mut self, place: &Place, value: &[V]) -> Result<()> {
+        self.spend(value.len() / 8)?;
         let space = match place.root {
             Root::Var(var) => {
                 self.store_variable(var, place, value);

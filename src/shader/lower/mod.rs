@@ -24,13 +24,12 @@ use naga::{Expression, Function, GlobalVariable, Handle, Span};
 
 use super::interface::Interface;
 use super::ir::{Builder, V};
-use super::module::{Module, ShaderError, place_of};
+use super::module::{self, Module, ShaderError};
 use super::types::{Ty, Types};
+use crate::num::Limit;
 pub(super) use place::{Place, Root};
 pub(super) use reflect::lower;
-
-/// Components that one value or variable may have.
-const MAX_COMPONENTS: u32 = 1 << 16;
+pub(super) use writes::each_statement;
 
 /// Why lowering stopped.
 pub(super) enum Stop {
@@ -157,9 +156,17 @@ pub(super) struct Lowerer<'a> {
     pub writes: HashMap<Handle<Function>, Rc<writes::Writes>>,
     pub indexed: writes::Indexed,
     pub span: Span,
+    /// First bytes of the lines of the source, if it is text.
+    pub lines: Vec<u32>,
     pub range_top: u32,
     /// Instructions that unrolling may still add.
     pub unroll_budget: usize,
+    /// Steps that unrolling may still take, attempts that failed included.
+    pub unroll_steps: u64,
+    /// Blocks and expressions that are being walked inside each other.
+    pub level: u64,
+    /// Whether each function returns early, as far as it was asked.
+    pub early: HashMap<Option<Handle<Function>>, bool>,
     pub flags: Flags,
     pub shared_bytes: u32,
     /// Bytes of the immediates' type.
@@ -195,9 +202,16 @@ impl<'a> Lowerer<'a> {
     }
 
     pub fn error(&self, message: String) -> ShaderError {
-        let source = &*self.origin.source;
-        let place = (self.span.is_defined() && !source.is_empty()).then(|| place_of(self.span.location(source)));
+        let place = self.here();
         ShaderError { module: self.origin.name.to_string(), entry: Some(self.entry.to_owned()), place, message }
+    }
+
+    /// The current place, if the module has places.
+    pub fn here(&self) -> Option<module::Place> {
+        let at = self.span.to_range().filter(|_| !self.lines.is_empty())?.start;
+        let line = self.lines.partition_point(|&begin| begin as usize <= at);
+        let begin = self.lines[line - 1] as usize;
+        Some(module::Place { line: line as u32, column: (at - begin) as u32 + 1 })
     }
 
     pub fn frame(&self) -> &Frame<'a> {
@@ -214,12 +228,32 @@ impl<'a> Lowerer<'a> {
         info[h].ty.inner_with(&self.module.types)
     }
 
+    /// Refuses the program if it asks for more than a limit allows.
+    pub fn within(&self, limit: Limit, asked: u64) -> Result<()> {
+        limit.check(asked).or_else(|error| self.refuse(error.to_string()))
+    }
+
+    /// Counts steps of compiling that leave no instruction. An instruction takes about as long as moving eight components.
+    pub fn spend(&mut self, steps: usize) -> Result<()> {
+        self.b.steps += steps as u64;
+        self.within(self.origin.limits.shader_instructions, self.b.steps)
+    }
+
+    /// Does work that may call itself for what is nested.
+    pub fn deeper<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
+        self.level += 1;
+        self.within(self.origin.limits.shader_nesting, self.level)?;
+        self.spend(1)?;
+        let result = work(self);
+        self.level -= 1;
+        result
+    }
+
     /// Number of components of a type that a value or variable has.
     pub fn size(&self, ty: Ty) -> Result<usize> {
-        match self.types.components(ty) {
-            n if n <= MAX_COMPONENTS => Ok(n as usize),
-            n => self.refuse(format!("a value of {n} components is too large (at most {MAX_COMPONENTS})")),
-        }
+        let n = self.types.components(ty);
+        self.within(self.origin.limits.shader_components, u64::from(n))?;
+        Ok(n as usize)
     }
 
     pub fn zeros(&mut self, ty: Ty) -> Result<Vec<V>> {

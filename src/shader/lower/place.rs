@@ -72,6 +72,8 @@ impl<'a> Lowerer<'a> {
             let element = self.b.constant(index);
             return Ok(Val::Place(Rc::new(Place { ty: Ty::Named(base), element: Some(element), ..place.clone() })));
         }
+        // The members of a structure before this one are counted through.
+        self.spend(if matches!(self.types.shape(place.ty), Shape::Struct(_)) { index as usize / 8 } else { 0 })?;
         let Some((ty, components, bytes)) = self.types.part(place.ty, index) else {
             return self.refuse(format!("index {index} is out of range"));
         };

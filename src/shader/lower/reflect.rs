@@ -12,13 +12,10 @@ use crate::shader::interface::{
 use crate::shader::ir::{Builder, Def, V};
 use crate::shader::module::{Module, ShaderError};
 use crate::shader::program::Space;
-use crate::shader::types::{Ty, Types};
+use crate::shader::types::{Ty, Types, component_counts};
 
 /// Instructions that unrolled loops of one entry point may add.
 const UNROLL_BUDGET: usize = 3000;
-
-/// Invocations that a workgroup may have: far more than any card's, few enough for their registers to fit in memory.
-const MAX_INVOCATIONS: u64 = 1 << 14;
 
 /// Lowers one entry point of a module without overrides. `keep` says which user-defined outputs are wanted.
 pub(in crate::shader) fn lower(
@@ -29,10 +26,11 @@ pub(in crate::shader) fn lower(
     keep: &dyn Fn(u32) -> bool,
 ) -> std::result::Result<Lowered, ShaderError> {
     let entry = &module.entry_points[index];
+    let counts = component_counts(module);
     let mut l = Lowerer {
         module,
         info,
-        types: Types { module },
+        types: Types { module, counts: &counts },
         origin,
         entry: &entry.name,
         b: Builder::default(),
@@ -48,8 +46,12 @@ pub(in crate::shader) fn lower(
         writes: Default::default(),
         indexed: writes::find_indexed(module, info, index),
         span: naga::Span::UNDEFINED,
+        lines: line_starts(&origin.source),
         range_top: 0,
         unroll_budget: UNROLL_BUDGET,
+        unroll_steps: origin.limits.shader_unrolling.get(),
+        level: 0,
+        early: Default::default(),
         flags: Flags::default(),
         shared_bytes: 0,
         immediate_size: 0,
@@ -58,6 +60,12 @@ pub(in crate::shader) fn lower(
         Stop::Error(e) => *e,
         Stop::Unroll => l.error("a loop was left half unrolled".to_owned()),
     })
+}
+
+/// First bytes of the lines of a text; none of an empty one.
+fn line_starts(text: &str) -> Vec<u32> {
+    let after = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n').map(|(at, _)| at as u32 + 1);
+    std::iter::once(0).filter(|_| !text.is_empty()).chain(after).collect()
 }
 
 impl<'a> Lowerer<'a> {
@@ -69,9 +77,10 @@ impl<'a> Lowerer<'a> {
             return self.refuse(format!("the {:?} stage is not supported", entry.stage));
         };
         let invocations = entry.workgroup_size.iter().fold(1u64, |n, &side| n.saturating_mul(u64::from(side)));
-        if stage == Stage::Compute && !(1..=MAX_INVOCATIONS).contains(&invocations) {
-            return self.refuse(format!("a workgroup of {invocations} invocations; 1 to {MAX_INVOCATIONS} are possible"));
+        if stage == Stage::Compute && invocations == 0 {
+            return self.refuse("a workgroup without invocations");
         }
+        self.within(self.origin.limits.shader_invocations, invocations)?;
         let bindings = self.reflect_bindings(index)?;
         self.written_bindings = vec![false; bindings.len()];
         let workgroup_bytes = self.global_variables(index)?;
@@ -143,6 +152,9 @@ impl<'a> Lowerer<'a> {
             };
             out.push((h, Binding { group: at.group, binding: at.binding, kind, count, written: false }));
         }
+        if out.len() > usize::from(u16::MAX) {
+            return self.refuse(format!("more than {} bindings, which operations number with 16 bits", u16::MAX));
+        }
         out.sort_by_key(|(_, b)| (b.group, b.binding));
         for (i, (h, _)) in out.iter().enumerate() {
             self.bindings.insert(*h, i as u16);
@@ -202,9 +214,7 @@ impl<'a> Lowerer<'a> {
                     let offset = self.shared_bytes;
                     let size = self.types.components(ty).saturating_mul(4);
                     self.shared_bytes = self.shared_bytes.saturating_add(size);
-                    if self.shared_bytes > 1 << 24 {
-                        return self.refuse("more than 16 MiB of workgroup memory");
-                    }
+                    self.within(self.origin.limits.shader_workgroup, u64::from(self.shared_bytes))?;
                     Val::Place(Rc::new(memory(Space::Shared, false, offset)))
                 }
                 AddressSpace::Immediate => {

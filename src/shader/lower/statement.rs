@@ -9,10 +9,15 @@ use crate::shader::program::{AtomicOp, Fold, SubgroupOp};
 
 impl<'a> Lowerer<'a> {
     pub fn block(&mut self, block: &'a Block) -> Result<Flow> {
+        self.deeper(|s| s.statements(block))
+    }
+
+    fn statements(&mut self, block: &'a Block) -> Result<Flow> {
         for (statement, span) in block.span_iter() {
             if span.is_defined() {
                 self.span = *span;
             }
+            self.spend(1)?;
             let flow = self.statement(statement)?;
             if flow != Flow::Next {
                 return Ok(flow);

@@ -108,7 +108,7 @@ impl<'a> Lowerer<'a> {
         let function: &'a Function = &self.module.functions[handle];
         let mut out = Writes::default();
         let mut roots = Vec::new();
-        self.pointers_written(function, &function.body, &mut |h| roots.push(h), &mut out.globals);
+        self.pointers_written(&function.body, &mut |h| roots.push(h), &mut out.globals);
         for h in roots {
             match function.expressions[root(function, h)] {
                 Expression::FunctionArgument(i) => {
@@ -125,22 +125,25 @@ impl<'a> Lowerer<'a> {
         out
     }
 
-    /// Calls `f` for each pointer expression of `function` that the block may write through; globals written by callees are
+    /// Calls `f` for each pointer expression of its function that the block may write through; globals written by callees are
     /// appended.
     fn pointers_written(
         &mut self,
-        function: &'a Function,
         block: &'a Block,
         f: &mut impl FnMut(Handle<Expression>),
         globals: &mut Vec<Handle<GlobalVariable>>,
     ) {
         let mut calls = Vec::new();
-        each_statement(block, &mut |s| match *s {
-            Statement::Store { pointer, .. } | Statement::Atomic { pointer, .. } => f(pointer),
-            Statement::Call { function: callee, ref arguments, .. } => calls.push((callee, arguments)),
-            _ => {}
+        let mut statements = 0;
+        each_statement(block, &mut |s| {
+            statements += 1;
+            match *s {
+                Statement::Store { pointer, .. } | Statement::Atomic { pointer, .. } => f(pointer),
+                Statement::Call { function: callee, ref arguments, .. } => calls.push((callee, arguments)),
+                _ => {}
+            }
         });
-        let _ = function;
+        self.b.steps += statements / 8;
         for (callee, arguments) in calls {
             let w = self.function_writes(callee);
             for &i in &w.args {
@@ -155,9 +158,10 @@ impl<'a> Lowerer<'a> {
         let function: &'a Function = self.frame().function;
         let (mut pointers, mut globals) = (Vec::new(), Vec::new());
         for block in blocks {
-            self.pointers_written(function, block, &mut |h| pointers.push(h), &mut globals);
+            self.pointers_written(block, &mut |h| pointers.push(h), &mut globals);
         }
-        let mut out = Vec::new();
+        // First and last component and one: a variable that is written often is listed once in the end.
+        let mut out: Vec<(usize, usize)> = Vec::new();
         let types = self.types;
         for h in pointers {
             let frame = self.frame();
@@ -180,7 +184,7 @@ impl<'a> Lowerer<'a> {
                         Val::Place(p) => {
                             if let Root::Var(Var::State { base }) = p.root {
                                 let n = reach(types, p);
-                                out.extend(base + n.0..base + n.0 + n.1);
+                                out.push((base + n.0, base + n.0 + n.1));
                             }
                             break (Var::Range { id: 0 }, p.ty);
                         }
@@ -208,18 +212,24 @@ impl<'a> Lowerer<'a> {
                 }
             }
             let first = base + offset as usize;
-            out.extend(first..first + types.components(ty) as usize);
+            out.push((first, first + types.components(ty) as usize));
         }
         for g in globals {
             if let Some(Val::Place(p)) = self.globals.get(&g)
                 && let Root::Var(Var::State { base }) = p.root
             {
-                out.extend(base..base + types.components(p.ty) as usize);
+                out.push((base, base + types.components(p.ty) as usize));
             }
         }
         out.sort_unstable();
-        out.dedup();
-        out
+        let mut all = Vec::new();
+        let mut end = 0;
+        for (first, last) in out {
+            all.extend(first.max(end)..last);
+            end = end.max(last);
+        }
+        self.b.steps += all.len() as u64 / 8;
+        all
     }
 }
 

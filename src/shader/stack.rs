@@ -1,0 +1,66 @@
+//! Threads whose stacks suit the nesting of shaders.
+//!
+//! The front ends, the validator and the lowering of this module call themselves for what is nested, and so does what frees a syntax tree.
+//! The stack of the caller's thread is not known, so the work is done on one that is: its size follows from the limit on nesting.
+
+use std::panic::resume_unwind;
+use std::thread::{Builder, scope};
+
+/// Bytes of stack that one level of nesting takes at most. Measured as the smallest stack on which a shader of a given depth compiles, for
+/// each kind of nesting that `tests/robust/deep_shaders.rs` makes: at most 5.1 KiB a level as the development profile compiles naga (a
+/// chain of `else if`), 2.4 KiB in a release. Twice that, and more, is left for other compilers.
+const LEVEL: u64 = 16 << 10;
+
+/// Bytes of stack beside: naga's parser goes 200 levels deep whatever the limit is, and takes at most 12 KiB for each.
+const BASE: u64 = 8 << 20;
+
+/// No more than this is asked for: the address space of a process is not much larger.
+const LARGEST: u64 = 1 << 46;
+
+/// Does work on a thread that has room for so many levels of nesting. The memory is taken from the system as it is used.
+///
+/// # Errors
+/// If the system has no such thread.
+pub(super) fn with_room_for<T: Send>(levels: u64, run: impl FnOnce() -> T + Send) -> Result<T, String> {
+    let bytes = levels.saturating_mul(LEVEL).saturating_add(BASE).min(LARGEST);
+    scope(|scope| {
+        let thread = Builder::new().name("shader".to_owned()).stack_size(bytes as usize);
+        let thread = thread.spawn_scoped(scope, run).map_err(|error| {
+            format!(
+                "the system gives no thread with a stack of {} MiB: {error}; a lower --limit shader.nesting=N (now {levels}) needs less",
+                bytes >> 20
+            )
+        })?;
+        // A panic goes on in the caller.
+        Ok(thread.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Goes down by so many frames of 8 KiB.
+    fn descend(levels: u64) -> u64 {
+        let frame = std::hint::black_box([levels; 1024]);
+        if levels == 0 { 0 } else { descend(levels - 1) + std::hint::black_box(frame)[3] / levels }
+    }
+
+    #[test]
+    fn the_stack_grows_with_the_levels() {
+        assert_eq!(with_room_for(10, || descend(100)), Ok(100));
+        assert_eq!(with_room_for(20_000, || descend(20_000)), Ok(20_000));
+    }
+
+    #[test]
+    fn no_thread_is_an_error() {
+        let error = with_room_for(u64::MAX, || 0).expect_err("no machine has such a stack");
+        assert!(error.contains("shader.nesting"), "{error}");
+    }
+
+    #[test]
+    fn a_panic_reaches_the_caller() {
+        let caught = std::panic::catch_unwind(|| with_room_for(1, || resume_unwind(Box::new("on purpose"))));
+        assert_eq!(caught.expect_err("a panic").downcast_ref(), Some(&"on purpose"));
+    }
+}
