@@ -9,16 +9,8 @@ use super::interface::Stage;
 use super::lower;
 use super::module::{Module, ShaderError, chain};
 use super::optimize;
+use super::options::Options;
 use super::program::Program;
-
-/// What a program is compiled for, beside its source.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Options<'a> {
-    /// Values of pipeline-overridable constants by name, or by number where they have one.
-    pub constants: &'a [(String, f64)],
-    /// Locations of user-defined outputs that anybody reads; none: all are kept. What only others need is not computed.
-    pub outputs: Option<&'a [u32]>,
-}
 
 /// Compiles an entry point. Without a name, the module's only one of the stage.
 ///
@@ -54,7 +46,7 @@ pub fn compile(module: &Module, stage: Stage, entry: Option<&str>, options: &Opt
         .position(|e| e.stage == stage.to_naga() && e.name == name)
         .ok_or_else(|| fail(Some(name), "the entry point was lost while constants were resolved".to_owned()))?;
     let keep = |location: u32| options.outputs.is_none_or(|kept| kept.contains(&location));
-    let mut lowered = lower::lower(module, &ir, &info, index, &keep)?;
+    let mut lowered = lower::lower(module, &ir, &info, index, &keep, options.optimisations)?;
     optimize::run(&mut lowered);
-    assemble(module.name(), lowered).map_err(|message| fail(Some(name), message))
+    assemble(module.name(), lowered, options.inject_fault).map_err(|message| fail(Some(name), message))
 }

@@ -73,10 +73,15 @@ pub(super) fn is_control(code: Code) -> bool {
 
 pub(super) fn run(l: &mut Lowered) {
     let outputs: Vec<V> = l.outputs.iter().flatten().copied().collect();
-    fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
+    let wanted = l.builder.optimisations;
+    if wanted.fuse {
+        fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
+    }
     loop {
-        drop_dead(l, &outputs);
-        if !drop_empty_branches(&mut l.builder.insts) {
+        if wanted.drop_dead {
+            drop_dead(l, &outputs);
+        }
+        if !wanted.drop_empty || !drop_empty_branches(&mut l.builder.insts) {
             break;
         }
     }
