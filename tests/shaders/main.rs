@@ -1,4 +1,7 @@
 //! Shader programs run by the engine and by an oracle: a plain interpreter of naga's IR that shares no code with the compiler.
 
+mod differential;
+mod generate;
 mod oracle;
 mod oracle_tests;
+mod suite;
