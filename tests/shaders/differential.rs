@@ -46,7 +46,8 @@ impl Setting {
         ];
         let n = others.len() as u64;
         let other = |k: u64, recorded| Setting { optimisations: others[(k % n) as usize], recorded, fault: None };
-        [Setting::USUAL, other(seed, true), other(seed / n + seed * 3 + 1, seed % 2 == 0)]
+        let third = (seed / n).wrapping_add(seed.wrapping_mul(3)).wrapping_add(1);
+        [Setting::USUAL, other(seed, true), other(third, seed.is_multiple_of(2))]
     }
 }
 

@@ -13,6 +13,7 @@ impl<'a> Random<'a> {
     }
 
     /// Choices that follow from bytes.
+    #[allow(dead_code, reason = "the fuzz target makes programs of bytes")]
     pub fn from_bytes(bytes: &'a [u8]) -> Random<'a> {
         Random { bytes, state: 0 }
     }
