@@ -32,7 +32,7 @@ impl ComputePipeline {
     /// # Errors
     /// If it does not compile; the message names the place.
     pub fn new(stage: &Stage, module: &Module, label: &str) -> Result<ComputePipeline, String> {
-        let options = shader::Options { constants: &stage.constants, outputs: None };
+        let options = shader::Options { constants: &stage.constants, outputs: None, ..Default::default() };
         let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
             .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
         Ok(ComputePipeline { label: label.to_owned(), program })

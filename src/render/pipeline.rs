@@ -120,7 +120,7 @@ impl RenderPipeline {
         label: &str,
     ) -> Result<Self, String> {
         let compile = |module: &Module, kind: shader::Stage, stage: &crate::trace::command::Stage, outputs: Option<&[u32]>| {
-            let options = shader::Options { constants: &stage.constants, outputs };
+            let options = shader::Options { constants: &stage.constants, outputs, ..Default::default() };
             shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())
         };
         // What nobody stores or reads is not computed: so the fragment stage comes first.

@@ -8,6 +8,7 @@ use super::code::Code;
 use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
 use super::lower::Lowered;
 use super::optimize::is_control;
+use super::options::Fault;
 use super::program::{Body, NO_REG, Op, Program, Reg};
 
 /// Registers that a program may have at most: operations number them with 16 bits.
@@ -66,18 +67,21 @@ fn allocate(
     uniform_temps: bool,
     first: usize,
     homes: &mut Homes,
+    fault: Option<Fault>,
 ) -> usize {
     const NEVER: Life = Life { start: usize::MAX, end: 0 };
     let mut values = vec![NEVER; b.defs.len()];
     let mut classes = vec![NEVER; b.classes as usize];
-    // Loops as half-step ranges.
+    // Loops as half-step ranges. A loop begins after the operation that opens it: what is written just before that operation is
+    // written before the loop, and lives to the loop's end if the body reads it.
+    let after = if fault == Some(Fault::LoopsBeginEarly) { 0 } else { 2 };
     let mut loops: Vec<(usize, usize)> = Vec::new();
     let mut open = Vec::new();
     for (i, inst) in insts.iter().enumerate() {
         match inst.code {
             Code::LoopBegin => {
                 open.push(loops.len());
-                loops.push((2 * i + 2, 0));
+                loops.push((2 * i + after, 0));
             }
             Code::LoopEnd | Code::LoopEndIf => {
                 if let Some(l) = open.pop() {
@@ -163,7 +167,7 @@ fn allocate(
 }
 
 /// Makes a program of what lowering left.
-pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
+pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result<Program, String> {
     let b = &l.builder;
     let slots = usize::from(b.slots) + b.loops.len();
     if slots > usize::from(u16::MAX) {
@@ -190,7 +194,7 @@ pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
     let mut read = vec![false; b.defs.len()];
     b.insts.iter().flat_map(|i| &i.src).chain(&outputs).filter(|&&v| v != NONE).for_each(|&v| read[v as usize] = true);
     let live_inputs: Vec<V> = inputs.iter().copied().filter(|&v| read[v as usize]).collect();
-    let used = allocate(b, &b.insts, &live_inputs, &outputs, false, first, &mut homes);
+    let used = allocate(b, &b.insts, &live_inputs, &outputs, false, first, &mut homes, fault);
     let area = first + used;
     for (home, range) in homes.ranges.iter_mut().zip(&b.ranges) {
         *home = area + range.start as usize;
@@ -209,7 +213,7 @@ pub(super) fn assemble(module: &str, l: Lowered) -> Result<Program, String> {
     for (r, &v) in prologue_constants.iter().enumerate() {
         prologue_homes.values[v as usize] = r.min(usize::from(NO_REG)) as Reg;
     }
-    let kept = allocate(b, &b.prologue, &[], &uniforms, true, prologue_constants.len(), &mut prologue_homes);
+    let kept = allocate(b, &b.prologue, &[], &uniforms, true, prologue_constants.len(), &mut prologue_homes, fault);
     let mut prologue = emit(b, &b.prologue, &prologue_homes);
     prologue.registers = prologue_constants.len() + kept;
     if prologue.registers > MAX_REGISTERS {

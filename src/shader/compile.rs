@@ -9,17 +9,9 @@ use super::interface::Stage;
 use super::lower;
 use super::module::{Module, ShaderError, chain};
 use super::optimize;
+use super::options::Options;
 use super::program::Program;
 use super::stack::with_room_for;
-
-/// What a program is compiled for, beside its source.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Options<'a> {
-    /// Values of pipeline-overridable constants by name, or by number where they have one.
-    pub constants: &'a [(String, f64)],
-    /// Locations of user-defined outputs that anybody reads; none: all are kept. What only others need is not computed.
-    pub outputs: Option<&'a [u32]>,
-}
 
 /// Compiles an entry point. Without a name, the module's only one of the stage.
 ///
@@ -63,9 +55,10 @@ fn compile_here(module: &Module, stage: Stage, entry: Option<&str>, options: &Op
         .position(|e| e.stage == stage.to_naga() && e.name == name)
         .ok_or_else(|| fail(Some(name), "the entry point was lost while constants were resolved".to_owned()))?;
     let keep = |location: u32| options.outputs.is_none_or(|kept| kept.contains(&location));
-    let mut lowered = lower::lower(module, &ir, &info, index, &keep)?;
+    let mut lowered = lower::lower(module, &ir, &info, index, &keep, options.optimisations)?;
     optimize::run(&mut lowered);
-    let mut program = assemble(module.name(), lowered).map_err(|message| fail(Some(name), message))?;
+    let assembled = assemble(module.name(), lowered, options.inject_fault);
+    let mut program = assembled.map_err(|message| fail(Some(name), message))?;
     program.body.loop_turns = module.limits.work_loop_turns.get();
     Ok(program)
 }

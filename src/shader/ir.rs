@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::code::Code;
 use super::module::Place;
+use super::options::Optimisations;
 use super::program::{MemoryOp, SubgroupOp, TextureOp};
 
 /// A value.
@@ -73,6 +74,7 @@ struct Key {
 /// The program being built.
 #[derive(Default)]
 pub(super) struct Builder {
+    pub optimisations: Optimisations,
     pub defs: Vec<Def>,
     pub insts: Vec<Inst>,
     pub prologue: Vec<Inst>,
@@ -110,6 +112,11 @@ pub(super) struct Mark {
 }
 
 impl Builder {
+    /// An empty program, to be built with these optimisations.
+    pub fn new(optimisations: Optimisations) -> Builder {
+        Builder { optimisations, ..Builder::default() }
+    }
+
     pub fn constant(&mut self, bits: u32) -> V {
         if let Some(&v) = self.constants.get(&bits) {
             return v;
@@ -136,7 +143,7 @@ impl Builder {
         }
     }
 
-    /// Whether all invocations of a draw have the same value.
+    /// Whether all invocations of a draw are known to have the same value.
     pub fn is_uniform(&self, v: V) -> bool {
         matches!(self.defs[v as usize], Def::Const(_) | Def::Uniform)
     }
@@ -169,7 +176,9 @@ impl Builder {
 
     /// An operation with one result and an immediate.
     pub fn op_imm(&mut self, code: Code, src: &[V], imm: u32) -> V {
-        if let Some(v) = self.simplify(code, src) {
+        if self.optimisations.fold
+            && let Some(v) = self.simplify(code, src)
+        {
             return v;
         }
         let v = self.ops(code, src, imm, 1, code.is_pure());
@@ -195,9 +204,9 @@ impl Builder {
     /// results, and it may run at any time (with uniform operands: in the prologue).
     pub fn ops(&mut self, code: Code, src: &[V], imm: u32, results: usize, shareable: bool) -> V {
         self.steps += 1;
-        let uniform = shareable && src.iter().all(|&s| s == NONE || self.is_uniform(s));
+        let uniform = shareable && self.optimisations.hoist && src.iter().all(|&s| s == NONE || self.is_uniform(s));
         let key = Key { code, src: src.to_vec(), imm };
-        if shareable {
+        if shareable && self.optimisations.share {
             let found = if uniform { self.shared_uniform.get(&key) } else { self.shared.get(&key) };
             if let Some(&v) = found {
                 return v;

@@ -12,8 +12,9 @@
 //! `input_mut`, `run`, `output`.
 //!
 //! Rules where WGSL leaves a choice: arithmetic as [`code`](self) says; out-of-bounds indices of sized arrays take the last
-//! element; reads outside a bound buffer give zero and writes are dropped; derivatives without a stated precision are fine
-//! ones; a discarded lane goes on as a helper; a subgroup is a batch of 64; workgroup memory starts as zeros.
+//! element; reads outside a bound buffer give zero and writes are dropped (offsets in runtime-sized arrays wrap in 32 bits);
+//! derivatives without a stated precision are fine ones; a discarded lane goes on as a helper; a subgroup is a batch of 64;
+//! workgroup memory starts as zeros.
 
 mod assemble;
 mod bounds;
@@ -29,6 +30,7 @@ mod lower;
 mod module;
 mod nesting;
 mod optimize;
+mod options;
 mod program;
 mod resources;
 mod stack;
@@ -39,10 +41,11 @@ mod types;
 mod tests;
 
 pub use bounds::{Encloser, Range};
-pub use compile::{Options, compile};
+pub use compile::compile;
 pub use exec::{Bound, Executor, Extra, InputRegister, Outcome, QuadCost, Recorder, ShaderFault, Uniforms, Why};
 pub use guard::is_guarded;
 pub use interface::*;
 pub use module::{Module, Place, ShaderError, Source};
+pub use options::{Fault, Optimisations, Options};
 pub use program::Program;
 pub use resources::{BufferRange, Resource, Resources, StorageImage};

@@ -86,12 +86,17 @@ const ROUNDS: usize = 100;
 
 pub(super) fn run(l: &mut Lowered) {
     let outputs: Vec<V> = l.outputs.iter().flatten().copied().collect();
-    fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
+    let wanted = l.builder.optimisations;
+    if wanted.fuse {
+        fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
+    }
     // Each round can empty the branch around those that the one before has dropped. Branches inside more than so many others stay,
     // empty: they cost nothing but their own operations.
     for _ in 0..ROUNDS {
-        drop_dead(l, &outputs);
-        if !drop_empty_branches(&mut l.builder.insts) {
+        if wanted.drop_dead {
+            drop_dead(l, &outputs);
+        }
+        if !wanted.drop_empty || !drop_empty_branches(&mut l.builder.insts) {
             break;
         }
     }

@@ -100,6 +100,9 @@ impl<'a> Lowerer<'a> {
 
     /// Drops the mask operations of an `if` whose branches are a few operations without effects: computing both is cheaper.
     fn flatten(&mut self, start: usize, middle: usize, has_reject: bool) {
+        if !self.b.optimisations.flatten {
+            return;
+        }
         let body = &self.b.insts[start + 1..];
         let cheap = body.len() <= FLAT + 2
             && body.iter().all(|i| matches!(i.code, Code::Else | Code::EndIf) || (i.code.is_pure() && i.code.weight().1 <= 9))
@@ -279,7 +282,7 @@ impl<'a> Lowerer<'a> {
 
     /// Tries to run the loop at compile time. None: it cannot be, and nothing has happened.
     fn unroll(&mut self, body: &'a Block, continuing: &'a Block, break_if: Option<Handle<Expression>>) -> Result<Option<Flow>> {
-        if self.unroll_steps == 0 {
+        if self.unroll_steps == 0 || !self.b.optimisations.unroll {
             return Ok(None);
         }
         // What the copies below take counts too.

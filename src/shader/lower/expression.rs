@@ -385,10 +385,10 @@ impl<'a> Lowerer<'a> {
         let fine = u32::from(ctrl != DerivativeControl::Coarse);
         let scalar = self.scalar_of(expr)?;
         let d = self.data(expr)?;
-        let zero = self.b.constant(0);
         let one = |s: &mut Self, v: V, kind: u32| {
+            // What all lanes share differs by nothing, but infinity minus infinity is no number here as in any other difference.
             if s.b.is_uniform(v) {
-                return zero;
+                return s.b.op(Code::FSub, &[v, v]);
             }
             let d = s.b.ops(Code::Derivative, &[v], kind, 1, false);
             s.rounded(d, scalar)

@@ -11,6 +11,7 @@ use crate::shader::interface::{
 };
 use crate::shader::ir::{Builder, Def, V};
 use crate::shader::module::{Module, ShaderError};
+use crate::shader::options::Optimisations;
 use crate::shader::program::Space;
 use crate::shader::types::{Ty, Types, component_counts};
 
@@ -24,6 +25,7 @@ pub(in crate::shader) fn lower(
     info: &naga::valid::ModuleInfo,
     index: usize,
     keep: &dyn Fn(u32) -> bool,
+    optimisations: Optimisations,
 ) -> std::result::Result<Lowered, ShaderError> {
     let entry = &module.entry_points[index];
     let counts = component_counts(module);
@@ -33,7 +35,7 @@ pub(in crate::shader) fn lower(
         types: Types { module, counts: &counts },
         origin,
         entry: &entry.name,
-        b: Builder::default(),
+        b: Builder::new(optimisations),
         state: Vec::new(),
         frames: Vec::new(),
         regions: Vec::new(),

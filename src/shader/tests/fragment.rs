@@ -173,7 +173,8 @@ fn outputs_that_nobody_reads_are_not_computed() {
         struct Out { @builtin(position) p: vec4f, @location(0) a: vec4f, @location(3) b: f32 }
         @vertex fn vs(@location(0) p: vec4f, @location(1) q: vec4f) -> Out { return Out(p, sin(q), cos(q.x)); }";
     let module = Module::new("test", Source::Wgsl(source)).expect("valid");
-    let kept = compile(&module, Stage::Vertex, None, &Options { constants: &[], outputs: Some(&[3]) }).expect("compiles");
+    let kept = compile(&module, Stage::Vertex, None, &Options { constants: &[], outputs: Some(&[3]), ..Options::default() })
+        .expect("compiles");
     assert_eq!(kept.interface().outputs.len(), 2);
     assert_eq!(kept.interface().output_location(3), Some(1));
     assert_eq!(kept.operations().0, 2, "a cosine and the end");

@@ -203,7 +203,7 @@ fn pipeline_constants_replace_overrides() {
         @compute @workgroup_size(size, 2) fn main(@builtin(local_invocation_index) i: u32) { result[i] = u32(twice) + size; }";
     let module = Module::new("test", Source::Wgsl(source)).expect("valid");
     let options =
-        |c: &[(String, f64)]| compile(&module, Stage::Compute, Some("main"), &Options { constants: c, outputs: None });
+        |c: &[(String, f64)]| compile(&module, Stage::Compute, Some("main"), &Options { constants: c, ..Options::default() });
     let p = options(&[("size".into(), 8.0), ("7".into(), 10.0)]).expect("compiles");
     assert_eq!(p.interface().workgroup_size, [8, 2, 1]);
     let out = Words::new(256);
