@@ -1,0 +1,1 @@
+//! Programs whose results were found by hand.
