@@ -18,7 +18,7 @@
 //!
 //! # Where WGSL leaves the choice
 //! * An index out of the bounds of a vector, a matrix or a sized array takes the last element; a negative one too.
-//! * An index out of a runtime-sized array: reads zero, writes nothing. Offsets are computed without overflow.
+//! * An index out of a runtime-sized array: reads zero, writes nothing. Its offset in bytes wraps in 32 bits.
 //! * Memory outside a bound buffer or texture reads as zero; writes there have no effect. An element out of the bounds of a
 //!   binding array is the last one.
 //! * Workgroup memory starts as zeros, as do variables without an initial value.
@@ -28,10 +28,25 @@
 //! * Arithmetic: each operation is rounded once, to nearest even, and keeps subnormal numbers. `f16` is computed in `f32` and
 //!   rounded. `dot` and products of matrices add from the first component on; `fma` rounds twice; `mix` is `x * (1 - t) + y * t`.
 //!   Transcendental functions are those of `fillrate::gfx::math`, whose accuracy has tests of its own.
+//!   `pow` with a constant whole exponent up to 64 is a product. The compiler may find more constants than stand in the program
+//!   (a variable that only ever held one): let the exponent be a literal, or come from memory.
 //! * A derivative without a stated precision is a fine one.
 //! * Which NaN an operation gives is not told: compare any two NaN as equal.
 
 #![allow(dead_code, reason = "each of the tests that include it uses a part")]
+
+mod bits;
+mod builtins;
+mod entry;
+mod expressions;
+mod geometry;
+mod groups;
+mod machine;
+mod memory;
+mod number;
+mod statements;
+mod textures;
+mod value;
 
 use std::collections::BTreeMap;
 
@@ -123,7 +138,7 @@ pub struct Batch {
     /// Invocations that only take part in derivatives.
     pub helpers: u64,
     /// By connection: for each component, the 32 bits of each invocation. A `bool` is 0 or 1, an `f16` the `f32` of its value. A
-    /// missing input is zero. An array (clip distances) has a component for each element.
+    /// missing input is zero, `subgroup_invocation_id` the number of the invocation. An array (clip distances) has a component for each element.
     pub inputs: BTreeMap<Io, Vec<[u32; LANES]>>,
 }
 
@@ -142,14 +157,14 @@ pub struct Outcome {
 /// # Errors
 /// See [`Fault`]; what the program wrote before stays in the bindings.
 pub fn run_compute(
-    _module: &naga::Module,
-    _info: &naga::valid::ModuleInfo,
-    _entry: &str,
-    _groups: [u32; 3],
-    _bindings: &mut Bindings,
-    _steps: u64,
+    module: &naga::Module,
+    info: &naga::valid::ModuleInfo,
+    entry: &str,
+    groups: [u32; 3],
+    bindings: &mut Bindings,
+    steps: u64,
 ) -> Result<(), Fault> {
-    Err(Fault::Unsupported("compute stages".into()))
+    entry::run_compute(module, info, entry, groups, bindings, steps)
 }
 
 /// Runs a batch of a vertex or fragment entry point.
@@ -157,13 +172,13 @@ pub fn run_compute(
 /// # Errors
 /// As [`run_compute`].
 pub fn run_batch(
-    _module: &naga::Module,
-    _info: &naga::valid::ModuleInfo,
-    _stage: naga::ShaderStage,
-    _entry: &str,
-    _batch: &Batch,
-    _bindings: &mut Bindings,
-    _steps: u64,
+    module: &naga::Module,
+    info: &naga::valid::ModuleInfo,
+    stage: naga::ShaderStage,
+    entry: &str,
+    batch: &Batch,
+    bindings: &mut Bindings,
+    steps: u64,
 ) -> Result<Outcome, Fault> {
-    Err(Fault::Unsupported("vertex and fragment stages".into()))
+    entry::run_batch(module, info, stage, entry, batch, bindings, steps)
 }
