@@ -1,4 +1,5 @@
 //! Shader programs run by the engine and by an oracle: a plain interpreter of naga's IR that shares no code with the compiler.
 
+mod loops;
 mod oracle;
 mod oracle_tests;

@@ -147,6 +147,10 @@ impl<'a> Lowerer<'a> {
                 (None, Some(r)) => Val::Data(self.zeros(Ty::Named(r.ty))?.into()),
                 (None, None) => Val::Data([].into()),
             };
+            // What a callee hands back may be nothing but the contents of a mutable register (`fn f(x: u32) -> u32 { return x; }`
+            // called with a loop's variable), which a `continue` after the call overwrites: the continuing block needs a copy of
+            // it, as it does of what an `Emit` computes.
+            self.keep(h, &value);
             self.frame_mut().exprs[h.index()] = Some(value);
         }
         Ok(Flow::Next)

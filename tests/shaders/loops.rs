@@ -1,0 +1,148 @@
+//! Loops in which variables die, left by `continue` on conditions of every kind: the engine against the oracle.
+//!
+//! These are few shapes in all their combinations, where generated programs are many shapes in some. A compiler that gives a
+//! register of a loop away too early, or writes it for the wrong invocations, fails here in dozens of programs.
+
+use fillrate::num::Words;
+use fillrate::shader::{BufferRange, Executor, Module, Options, Program, Resource, Resources, Source, Stage, compile};
+
+use crate::oracle::{Bindings, run_compute};
+use crate::oracle_tests::module;
+
+/// Words of an invocation in the buffer that the loop writes.
+const OWN: usize = 32;
+
+/// Conditions of `continue`: known to the compiler, from a register, an identity, memory that is read only, memory that is
+/// written, one that holds for some in some turns.
+const CONDITIONS: [&str; 7] =
+    ["true", "s % 2u == 0u", "id % 2u == 0u", "c[id % 4u] == 0u", "c[1] == 0u", "b[o + 1u] == 0u", "b[o + 7u + i] > i + id"];
+
+/// What a turn does before its `continue`.
+const WORKS: [&str; 7] = [
+    "s += i; b[o + 8u + i] = s;",
+    "b[o + 8u + i] += i;",
+    "let q = s * 3u + i; s = q; b[o + 8u + i] = q;",
+    "var d = i * 5u; if d > 7u { d -= c[0]; } s ^= d; b[o + 8u + i] = d;",
+    "a[i % 3u] += i + s; b[o + 8u + i] = a[(i + 1u) % 3u]; s = i;",
+    "let old = s; s = b[o + i] + i; v = vec2u(v.y, old); b[o + 8u + i] = v.x + v.y;",
+    "let q = same(s); s += i; b[o + 8u + i] = s; a[0] = q;",
+];
+
+/// What it does after it.
+const AFTER: [&str; 3] = ["b[o + 5u] = 1u;", "s += 100u; b[o + 5u] += s;", "if s > 9u { break; } s += b[o + 9u];"];
+
+/// What a continuing block does.
+const NEXT: [&str; 3] = ["", "b[o + 3u] = b[o + 6u];", "let k = i * 2u; s += k; b[o + 3u] += k;"];
+
+/// The loops. `W`, `C`, `A` and `N` are of the lists above.
+const FORMS: [&str; 9] = [
+    "for (var i = 1u; i < 7u; i++) { W if C { continue; } A }",
+    "var i = 1u; for (i = 1u; i < 7u; i++) { W if C { continue; } A }",
+    "var i = 0u; loop { i += 1u; if i > 6u { break; } W if C { continue; } A continuing { N } }",
+    "var i = 0u; loop { i += 1u; W if C { continue; } A continuing { N break if i >= 6u + c[2]; } }",
+    "var i = 0u; while i < 6u { i++; W if C { continue; } A }",
+    "for (var j = 0u; j < 3u; j++) { var i = j; loop { i += 1u; if i > 5u { break; } if C { continue; } W A continuing { N } } }",
+    "var i = 0u; loop { i += 1u; if i > 6u { break; } let t = same(s); s += i; W if C { continue; } A continuing { b[o + 4u] += t; N } }",
+    "var i = 0u; loop { i += 1u; if i > 6u { break; } let t = take(&s); W if C { continue; } A continuing { v.x += t; N } }",
+    "var i = 0u; loop { if i == 6u { break; } i += 1u; switch i % 3u { case 1u: { W if C { continue; } } default: { A } } N }",
+];
+
+/// What comes after the loop: nothing that the loop's variables outlive, or their last values.
+const LAST: [&str; 2] = ["", "b[o + 2u] = s + v.x + a[1];"];
+
+fn program(form: &str, condition: &str, work: &str, after: &str, next: &str, last: &str) -> String {
+    let turn = form.replace('W', work).replace('C', condition).replace('A', after).replace('N', next);
+    format!(
+        "@group(0) @binding(0) var<storage, read_write> b: array<u32>;
+         @group(0) @binding(1) var<storage, read> c: array<u32, 4>;
+         fn same(x: u32) -> u32 {{ return x; }}
+         fn take(p: ptr<function, u32>) -> u32 {{ let x = *p; *p = x * 2u + 1u; return x; }}
+         @compute @workgroup_size(8) fn main(@builtin(local_invocation_index) id: u32) {{
+             let o = id * {OWN}u; var s = 0u; var v = vec2u(0u); var a = array<u32, 3>();
+             {turn}
+             {last}
+         }}"
+    )
+}
+
+fn bytes(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|w| w.to_le_bytes()).collect()
+}
+
+/// What the engine leaves in the first buffer.
+fn engine(program: &Program, b: &[u32], c: &[u32]) -> Result<Vec<u8>, String> {
+    let words = [b, c].map(|data| {
+        let words = Words::new(4 * data.len() as u64);
+        words.write(0, &bytes(data));
+        words
+    });
+    let bindings: Vec<Vec<Resource<'_>>> = program
+        .interface()
+        .bindings
+        .iter()
+        .map(|at| {
+            let words = &words[at.binding as usize];
+            vec![Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })]
+        })
+        .collect();
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = program.uniforms(&resources);
+    let mut executor = Executor::new();
+    executor.bind(program, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).map_err(|e| e.to_string())?;
+    Ok(words[0].to_vec())
+}
+
+/// What the oracle leaves.
+fn oracle((module, info): &(naga::Module, naga::valid::ModuleInfo), b: &[u32], c: &[u32]) -> Result<Vec<u8>, String> {
+    let mut bindings = Bindings::default();
+    bindings.set_buffer(0, 0, bytes(b));
+    bindings.set_buffer(0, 1, bytes(c));
+    run_compute(module, info, "main", [1, 1, 1], &mut bindings, 1 << 20).map_err(|e| format!("{e:?}"))?;
+    Ok(bindings.buffer(0, 0).unwrap_or_default().to_vec())
+}
+
+/// Compares all loops of some forms on three contents of memory.
+fn all_of(forms: &[&str]) {
+    let memories: [(fn(usize) -> u32, [u32; 4]); 3] =
+        [(|_| 0, [0; 4]), (|i| (i as u32).wrapping_mul(0x9e37_79b9) >> 28, [1, 0, 0, 5]), (|i| (i % 3) as u32, [3, 1, 0, 0])];
+    let (mut tried, mut wrong) = (0, Vec::new());
+    for form in forms {
+        let nexts = if form.contains('N') { &NEXT[..] } else { &NEXT[..1] };
+        for (condition, work) in CONDITIONS.iter().flat_map(|c| WORKS.iter().map(move |w| (c, w))) {
+            for (after, next) in AFTER.iter().flat_map(|a| nexts.iter().map(move |n| (a, n))) {
+                for last in LAST {
+                    let source = program(form, condition, work, after, next, last);
+                    let compiled = Module::new("loops", Source::Wgsl(&source))
+                        .and_then(|module| compile(&module, Stage::Compute, None, &Options::default()))
+                        .unwrap_or_else(|error| panic!("{error}\n{source}"));
+                    let parsed = module(&source);
+                    for (fill, c) in &memories {
+                        tried += 1;
+                        let b: Vec<u32> = (0..8 * OWN).map(fill).collect();
+                        let (got, want) = (engine(&compiled, &b, c), oracle(&parsed, &b, c));
+                        assert!(want.is_ok(), "{want:?}\n{source}");
+                        if got != want {
+                            wrong.push(source.clone());
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {tried} runs of loops are wrong, the first:\n{}", wrong.len(), wrong[0]);
+}
+
+#[test]
+fn for_loops() {
+    all_of(&FORMS[..2]);
+}
+
+#[test]
+fn loops_with_continuing_blocks() {
+    all_of(&FORMS[2..4]);
+}
+
+#[test]
+fn while_loops_loops_in_loops_and_switches_in_loops() {
+    all_of(&FORMS[4..]);
+}
