@@ -118,8 +118,9 @@ pub(super) mod eval {
         let first = e.clamp(-126, 127);
         let second = (e - first).clamp(-126, 127);
         let third = e - first - second;
-        // Scaling up starts with the largest step, down too: only the last product can round.
-        x * part(first) * part(second) * part(third)
+        // The largest step comes last. Only that product can round: where a smaller one before it rounds, the number is so small
+        // that zero is left in the end. (The largest step first would make numbers subnormal, and the next one round again.)
+        x * part(third) * part(second) * part(first)
     }
 
     #[inline(always)]

@@ -12,8 +12,9 @@
 //! `input_mut`, `run`, `output`.
 //!
 //! Rules where WGSL leaves a choice: arithmetic as [`code`](self) says; out-of-bounds indices of sized arrays take the last
-//! element; reads outside a bound buffer give zero and writes are dropped; derivatives without a stated precision are fine
-//! ones; a discarded lane goes on as a helper; a subgroup is a batch of 64; workgroup memory starts as zeros.
+//! element; reads outside a bound buffer give zero and writes are dropped (offsets in runtime-sized arrays wrap in 32 bits);
+//! derivatives without a stated precision are fine ones; a discarded lane goes on as a helper; a subgroup is a batch of 64;
+//! workgroup memory starts as zeros.
 
 mod assemble;
 mod bounds;

@@ -130,6 +130,8 @@ pub(super) struct TextureOp {
     pub data: [Reg; 4],
     pub coordinate: [Reg; 3],
     pub layer: Reg,
+    /// Layers above the greatest `i32` are layers, not negative numbers.
+    pub unsigned_layer: bool,
     pub sample: Reg,
     /// Level, or bias.
     pub level: Reg,

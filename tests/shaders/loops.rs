@@ -3,11 +3,9 @@
 //! These are few shapes in all their combinations, where generated programs are many shapes in some. A compiler that gives a
 //! register of a loop away too early, or writes it for the wrong invocations, fails here in dozens of programs.
 
-use fillrate::num::Words;
-use fillrate::shader::{BufferRange, Executor, Module, Options, Program, Resource, Resources, Source, Stage, compile};
-
-use crate::oracle::{Bindings, run_compute};
-use crate::oracle_tests::module;
+use crate::corners::{Engine, oracle};
+use crate::oracle::Bindings;
+use crate::oracle_tests::{bytes, module};
 
 /// Words of an invocation in the buffer that the loop writes.
 const OWN: usize = 32;
@@ -65,42 +63,6 @@ fn program(form: &str, condition: &str, work: &str, after: &str, next: &str, las
     )
 }
 
-fn bytes(words: &[u32]) -> Vec<u8> {
-    words.iter().flat_map(|w| w.to_le_bytes()).collect()
-}
-
-/// What the engine leaves in the first buffer.
-fn engine(program: &Program, b: &[u32], c: &[u32]) -> Result<Vec<u8>, String> {
-    let words = [b, c].map(|data| {
-        let words = Words::new(4 * data.len() as u64);
-        words.write(0, &bytes(data));
-        words
-    });
-    let bindings: Vec<Vec<Resource<'_>>> = program
-        .interface()
-        .bindings
-        .iter()
-        .map(|at| {
-            let words = &words[at.binding as usize];
-            vec![Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 })]
-        })
-        .collect();
-    let resources = Resources { bindings: &bindings, immediates: &[] };
-    let uniforms = program.uniforms(&resources);
-    let mut executor = Executor::new();
-    executor.bind(program, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).map_err(|e| e.to_string())?;
-    Ok(words[0].to_vec())
-}
-
-/// What the oracle leaves.
-fn oracle((module, info): &(naga::Module, naga::valid::ModuleInfo), b: &[u32], c: &[u32]) -> Result<Vec<u8>, String> {
-    let mut bindings = Bindings::default();
-    bindings.set_buffer(0, 0, bytes(b));
-    bindings.set_buffer(0, 1, bytes(c));
-    run_compute(module, info, "main", [1, 1, 1], &mut bindings, 1 << 20).map_err(|e| format!("{e:?}"))?;
-    Ok(bindings.buffer(0, 0).unwrap_or_default().to_vec())
-}
-
 /// Compares all loops of some forms on three contents of memory.
 fn all_of(forms: &[&str]) {
     let memories: [(fn(usize) -> u32, [u32; 4]); 3] =
@@ -112,14 +74,13 @@ fn all_of(forms: &[&str]) {
             for (after, next) in AFTER.iter().flat_map(|a| nexts.iter().map(move |n| (a, n))) {
                 for last in LAST {
                     let source = program(form, condition, work, after, next, last);
-                    let compiled = Module::new("loops", Source::Wgsl(&source))
-                        .and_then(|module| compile(&module, Stage::Compute, None, &Options::default()))
-                        .unwrap_or_else(|error| panic!("{error}\n{source}"));
-                    let parsed = module(&source);
+                    let (engine, parsed) = (Engine::new(&source), module(&source));
                     for (fill, c) in &memories {
                         tried += 1;
-                        let b: Vec<u32> = (0..8 * OWN).map(fill).collect();
-                        let (got, want) = (engine(&compiled, &b, c), oracle(&parsed, &b, c));
+                        let mut bindings = Bindings::default();
+                        bindings.set_buffer(0, 0, bytes(&(0..8 * OWN).map(fill).collect::<Vec<u32>>()));
+                        bindings.set_buffer(0, 1, bytes(c));
+                        let (got, want) = (engine.run(&bindings), oracle(&parsed, bindings));
                         assert!(want.is_ok(), "{want:?}\n{source}");
                         if got != want {
                             wrong.push(source.clone());

@@ -1,5 +1,6 @@
 //! Shader programs run by the engine and by an oracle: a plain interpreter of naga's IR that shares no code with the compiler.
 
+mod corners;
 mod loops;
 mod oracle;
 mod oracle_tests;

@@ -20,7 +20,8 @@ pub fn module(source: &str) -> (naga::Module, ModuleInfo) {
     (module, info.unwrap_or_else(|e| panic!("{e:?}\n{source}")))
 }
 
-fn bytes(words: &[u32]) -> Vec<u8> {
+/// The bytes of little-endian words.
+pub fn bytes(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|w| w.to_le_bytes()).collect()
 }
 

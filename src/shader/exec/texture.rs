@@ -104,7 +104,9 @@ fn one<const RECORD: bool>(
             let layer = if op.layer == NO_REG {
                 None
             } else {
-                layer = get(file, op.layer);
+                let given = get(file, op.layer);
+                // The filters clamp signed numbers.
+                layer = if op.unsigned_layer { Lanes(given.0.map(|l| l.min(i32::MAX as u32))) } else { given };
                 Some(&layer)
             };
             let level = if op.level == NO_REG {

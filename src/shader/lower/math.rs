@@ -233,7 +233,7 @@ impl<'a> Lowerer<'a> {
             }
             M::Inverse => {
                 let (n, _) = self.matrix(arg)?;
-                self.inverse(&x, n)
+                self.inverse(&x, n, scalar)
             }
             M::QuantizeToF16 => self.map(&x, Code::Quantize),
             M::CountTrailingZeros => self.map(&x, Code::Ctz),
@@ -419,7 +419,7 @@ impl<'a> Lowerer<'a> {
     }
 
     /// Inverse: the adjugate over the determinant.
-    fn inverse(&mut self, m: &[V], n: usize) -> Val {
+    fn inverse(&mut self, m: &[V], n: usize, scalar: Scalar) -> Val {
         let det = self.determinant(m, n);
         let one = self.b.float(1.0);
         let scale = self.op(Code::FDiv, &[one, det]);
@@ -430,6 +430,7 @@ impl<'a> Lowerer<'a> {
                 let minor = minor(m, n, c, r);
                 let d = self.determinant(&minor, n - 1);
                 let v = self.op(Code::FMul, &[d, scale]);
+                let v = self.rounded(v, scalar);
                 out.push(if (r + c) % 2 == 0 { v } else { self.op(Code::FNeg, &[v]) });
             }
         }

@@ -167,7 +167,8 @@ impl<'a> Lowerer<'a> {
     ) -> Result<()> {
         use naga::SubgroupOperation as S;
         self.flags.subgroups = true;
-        let kind = self.types.scalar(self.inner(argument)).map_or(ScalarKind::Uint, |s| s.kind);
+        let scalar = self.scalar_of(argument)?;
+        let kind = scalar.kind;
         let by_kind = |float, signed, unsigned| match kind {
             ScalarKind::Float => float,
             ScalarKind::Sint => signed,
@@ -191,7 +192,12 @@ impl<'a> Lowerer<'a> {
             (Some(f), naga::CollectiveOperation::ExclusiveScan) => SubgroupOp::Exclusive(f),
         };
         let d = self.data(argument)?;
-        let out = d.iter().map(|&v| self.subgroup(op, v, NONE, 1)).collect();
+        // Sums and products of 16-bit numbers are computed in 32 bits and rounded at the end.
+        let one = |&v: &V| {
+            let result = self.subgroup(op, v, NONE, 1);
+            self.rounded(result, scalar)
+        };
+        let out = d.iter().map(one).collect();
         self.frame_mut().exprs[result.index()] = Some(Val::Data(out));
         Ok(())
     }

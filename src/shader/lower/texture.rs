@@ -91,6 +91,7 @@ const EMPTY: TextureOp = TextureOp {
     data: [NO_REG; 4],
     coordinate: [NO_REG; 3],
     layer: NO_REG,
+    unsigned_layer: false,
     sample: NO_REG,
     level: NO_REG,
     gradient_x: [NO_REG; 3],
@@ -184,6 +185,9 @@ impl<'a> Lowerer<'a> {
         src[at::SAMPLER_ELEMENT] = element.unwrap_or(NONE);
         self.place_components(&mut src, at::COORDINATE, coordinate)?;
         self.array_layer(&mut src, array_index)?;
+        if let Some(h) = array_index {
+            op.unsigned_layer = self.scalar_of(h)?.kind == ScalarKind::Uint;
+        }
         match level {
             SampleLevel::Auto | SampleLevel::Bias(_) if gather.is_none() => self.flags.derivatives = true,
             _ => {}
