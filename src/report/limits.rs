@@ -47,6 +47,8 @@ regular files.
   header says more than their bytes can become, or that become more than it says; a wrong checksum or hash.
 * Text (trace, naga IR, configuration) nested deeper than 128 levels.
 * More than 1,024 threads, by `--threads` or `RAYON_NUM_THREADS`.
+* Shaders with more than 200 levels of brackets, templates and blocks, or 127 blocks inside each other, which naga's parser and WGSL do not
+  have; with more than 60,000 registers, or 65,535 loops, masks or bindings, which operations cannot number.
 
 ## What is printed, and what is written
 

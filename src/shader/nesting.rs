@@ -349,3 +349,69 @@ impl<'t> Scan<'t> {
         self.scopes.len() > 1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extent(text: &str) -> Extent {
+        check(text, &Limits::default()).unwrap_or_else(|(place, message)| panic!("{place}: {message}"))
+    }
+
+    /// Nesting of a statement, without that of the function around it.
+    fn levels(statement: &str) -> u64 {
+        let of = |body: &str| extent(&format!("fn f() {{ {body} }}")).nesting;
+        of(statement) - of("")
+    }
+
+    #[test]
+    fn operators_and_brackets_add_up() {
+        assert_eq!(levels("!!!x;"), 3);
+        assert_eq!(levels("x + x + x;"), 2);
+        assert_eq!(levels("x; x + x; x;"), 1);
+        assert_eq!(levels("f(x + x, x, -x);"), 2);
+        assert_eq!(levels("(x) + (x + x) + x;"), 4);
+        assert_eq!(levels("x[x[x]].y;"), 5);
+        assert_eq!(levels("if x { y(); } else if x { z(); } else { }"), 4);
+        assert_eq!(levels("if x { } if x { } if x { { } }"), 2);
+        assert_eq!(levels("/* (((( */ x; // ((((\n"), 0);
+    }
+
+    #[test]
+    fn chains_of_declarations_add_up() {
+        let chain = "fn c() { } fn a() { b(); } fn b() { c(); c(); }";
+        // Braces, and brackets inside them; `c` has none inside.
+        assert_eq!(extent(chain).nesting, 2 + 2 + 1);
+        assert_eq!(extent("const a = 1; const b = a + 1; const c = -b;").nesting, 1 + 2 + 2);
+        // Members, parameters and variables are not what they are called like.
+        let names = "struct S { b: u32 } fn b(c: u32) -> u32 { return c; } fn c(s: S) { let a = s.b; } fn a() { }";
+        // An operator in an initial value in the braces of `c`, and the braces of `S`.
+        assert_eq!(extent(names).nesting, 3 + 1);
+    }
+
+    #[test]
+    fn names_hold_in_their_scopes() {
+        let size = |body: &str| extent(&format!("const big = array(1, 2, 3, 4, 5, 6, 7, 8);\nfn f() {{ {body} }}")).tokens;
+        let large = size("big;") - size("x;");
+        assert!(large >= 16, "{large}");
+        assert_eq!(size("let big = x; big;"), size("let gib = x; gib;"));
+        assert_eq!(size("{ let big = x; } big;") - size("{ let gib = x; } x;"), large);
+        assert_eq!(size("for (var big = x; x; x) { } big;") - size("for (var gib = x; x; x) { } x;"), large);
+        assert_eq!(size("for (var big = x; x; x) { big; }"), size("for (var gib = x; x; x) { gib; }"));
+        assert_eq!(size("let a = big; a; a;") - size("let a = x; a; a;"), large);
+        assert_eq!(size("const a = big; a; a;") - size("const a = x; a; a;"), 3 * large);
+    }
+
+    #[test]
+    fn a_refusal_has_the_place() {
+        let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
+        let (place, message) = check("fn f() {\n  ((x));\n  - - - x; }", &limits).expect_err("too deep");
+        assert_eq!((place, message.contains("shader.nesting")), (Place { line: 3, column: 7 }, true));
+        let (place, _) =
+            check("fn f() { }\nfn a() { b(); } fn b() { c(); } fn c() { d(); } fn d() { }", &limits).expect_err("too deep");
+        assert_eq!(place.line, 2);
+        let limits = Limits { shader_declarations: Limits::default().shader_declarations.with(2), ..Limits::default() };
+        assert_eq!(check("struct A { a: u32 }; alias B = A;;;", &limits).map(|e| e.declarations), Ok(2));
+        assert!(check("struct A { a: u32 }; alias B = A; fn f() { }", &limits).is_err());
+    }
+}

@@ -142,7 +142,7 @@ mod tests {
             Token::Operator(">"),
         ];
         assert_eq!(tokens, wanted);
-        assert_eq!(Tokens::new(text).map(|(at, _)| at).take(3).collect::<Vec<_>>(), [0, 17, 18]);
+        assert_eq!(Tokens::new(text).map(|(at, _)| at).take(3).collect::<Vec<_>>(), [0, 18, 19]);
         assert_eq!(Tokens::new("/* never closed ( ( (").count(), 0);
     }
 }
