@@ -81,7 +81,7 @@ fn limited(name: &str, output: &Output, limits: &[&str]) {
 #[test]
 fn a_hundred_thousand_levels_are_refused() {
     each(|(name, make)| {
-        let limits = ["shader.nesting", "shader.declarations", "shader.source"];
+        let limits = ["shader.nesting", "shader.declarations", "shader.constants", "shader.source"];
         let some = if DECLARED.contains(name) { &limits[..] } else { &limits[..1] };
         limited(name, &compile(&make(100_000), &[]), some);
     });
@@ -185,5 +185,5 @@ fn sum_on_demand(terms: usize) -> String {
 fn expressions_that_are_nested_in_nagas_form_only_are_refused() {
     let ron = sum_on_demand(30_000);
     let (_folder, run) = compiling(|card| card.create_shader_naga_ir("hostile", &ron));
-    refused(&run.run(), &["hostile"]);
+    refused(&run.run(), &["hostile", "levels of nesting", "--limit shader.nesting=N"]);
 }
