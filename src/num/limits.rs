@@ -134,24 +134,28 @@ limits! {
     shader_invocations: "shader.invocations", 1 << 14, "invocations in a workgroup";
     /// Workgroup memory of an entry point. WebGPU guarantees 16 KiB; recorded shaders have up to 512 bytes.
     shader_workgroup: "shader.workgroup", 1 << 24, "bytes of workgroup memory";
-    /// Commands that one rendering of a trace runs; those of bundles count each time, and so do the draws of indirect commands.
+    /// Commands that one rendering of a trace runs; those of bundles count each time, and so do the draws of indirect commands. Recorded
+    /// traces have up to 11 thousand.
     work_commands: "work.commands", 10_000_000, "commands run";
-    /// Vertices, or indices, times instances of all draws.
-    work_vertices: "work.vertices", 10_000_000_000, "vertices drawn";
-    /// Quads that triangles cover, plus one for every triangle in every screen tile of 64 x 64 pixels that it may touch.
-    work_quads: "work.quads", 10_000_000_000, "quads rasterised";
-    /// Workgroups of all dispatches.
-    work_workgroups: "work.workgroups", 1 << 30, "workgroups run";
-    /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64.
+    /// Vertices, or indices, times instances of all draws. Recorded traces have up to 24 million.
+    work_vertices: "work.vertices", 2_500_000_000, "vertices drawn";
+    /// Quads that triangles cover, plus one for every triangle in every screen tile of 64 x 64 pixels that it may touch. Recorded traces have
+    /// up to 47 million.
+    work_quads: "work.quads", 8_000_000_000, "quads rasterised";
+    /// Workgroups of all dispatches. Recorded traces have up to 320.
+    work_workgroups: "work.workgroups", 1 << 27, "workgroups run";
+    /// What shaders do. A step is one simple operation on up to 64 invocations at once; memory operations are 8, texture operations 64; a
+    /// triangle in a screen tile is 16, and four quads of it are 1. Recorded traces have up to 275 million.
     work_steps: "work.shader_steps", 30_000_000_000, "shader steps";
     /// Turns of one loop between its entry and its end: a program that needs more hangs a card.
     work_loop_turns: "work.loop_turns", 1 << 20, "turns of a loop";
-    /// Bytes that creations, copies, clears, loads of attachments and presents touch.
-    work_bytes: "work.bytes", 1 << 40, "bytes created, copied and cleared";
-    /// Bytes of shader source that are compiled: once for a module, and once for every pipeline stage made of it.
-    work_sources: "work.shader_source", 1 << 30, "bytes of shader source compiled";
+    /// Bytes that creations, copies, clears, loads of attachments and presents touch. Recorded traces have up to 1.9 GB.
+    work_bytes: "work.bytes", 1 << 38, "bytes created, copied and cleared";
+    /// Bytes of shader source that are compiled: once for a module, and once for every pipeline stage made of it. Recorded traces have up
+    /// to 18 kB.
+    work_sources: "work.shader_source", 1 << 28, "bytes of shader source compiled";
     /// Bytes of everything that a trace makes alive at one time. The default is half of the machine's memory, or of what its control group
-    /// may use, and 1 TiB at most.
+    /// may use, and 1 TiB at most. Recorded traces have up to 82 MB.
     memory_bytes: "memory.bytes", 1 << 40, "bytes of memory";
 }
 

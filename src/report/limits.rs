@@ -71,7 +71,7 @@ pub fn page() -> String {
 /// A number, and in binary units where it is a round one.
 fn default(value: u64) -> String {
     let units = [(1 << 30, "Gi"), (1 << 20, "Mi"), (1 << 10, "Ki")];
-    let round = units.iter().find(|&&(unit, _)| value >= unit && value.is_multiple_of(unit));
+    let round = units.iter().find(|&&(unit, _)| value >= unit && value.is_multiple_of(unit) && value / unit < 1 << 20);
     round.map_or_else(|| grouped(value), |&(unit, name)| format!("{} ({} {name})", grouped(value), grouped(value / unit)))
 }
 
