@@ -124,7 +124,7 @@ fn a_layer_beyond_the_greatest_signed_number_is_the_last_one() {
         base_layer: 0,
         layers: 3,
     };
-    let texels = bytes(&[1.0f32, 2.0, 3.0].map(f32::to_bits));
+    let texels = bytes(&[1.0f32, 2.0, 3.0, 0.0].map(f32::to_bits));
     let sampler = SamplerDesc {
         address: [AddressMode::ClampToEdge; 3],
         mag: FilterMode::Nearest,

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use fillrate::gfx::texture::{Sampler, View};
-use fillrate::num::{LANES, Lanes, Words};
+use fillrate::num::{LANES, Lanes, Limits, Words};
 use fillrate::shader::{
     BufferRange, BuiltIn, Connection, Encloser, Executor, Extra, Fault, Module, Optimisations, Options, Program as Compiled,
     Range, Recorder, Resources, Scalar, Source, Stage, StorageImage, compile,
@@ -112,7 +112,10 @@ pub fn check(program: &Program, settings: &[Setting]) -> Verdict {
 
 /// Runs the engine with each of the settings and compares with what the oracle left.
 pub fn check_against(program: &Program, expected: &Expected, settings: &[Setting]) -> Verdict {
-    let module = match Module::new("generated", Source::Wgsl(&program.source)) {
+    // No loop of a generated program turns more often: one that a fault makes endless is stopped soon.
+    let mut limits = Limits::default();
+    limits.set("work.loop_turns=10000").expect("a limit of this name");
+    let module = match Module::with_limits("generated", Source::Wgsl(&program.source), &limits) {
         Ok(module) => module,
         // The oracle runs it, so what the engine says no to is its own.
         Err(error) => return Verdict::Different { setting: None, what: error.to_string() },
@@ -209,7 +212,7 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
     let mut stores: Vec<((u32, u32), Vec<Store>)> = Vec::new();
     for binding in &interface.bindings {
         let key = (binding.group, binding.binding);
-        let bound = program.bindings.resources.get(&key).ok_or("something is not bound")?;
+        let bound = program.bindings.resources.get(&key).map_or(&[][..], Vec::as_slice);
         stores.push((key, bound.iter().map(Store::new).collect::<Result<_, _>>()?));
     }
     let bindings: Vec<Vec<fillrate::shader::Resource<'_>>> = interface
@@ -225,7 +228,10 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
     let uniforms = compiled.uniforms(&resources);
     let mut executor = Executor::new();
     let mut bound = executor.bind(&compiled, &resources, &uniforms);
-    let mut recorder = Recorder::with(Extra { paths: program.source.len() % 2 == 0, both_levels: true });
+    let mut recorder = match program.source.len() % 2 {
+        0 => Recorder::new(),
+        _ => Recorder::with(Extra { paths: true, both_levels: true }),
+    };
     if program.stage == naga::ShaderStage::Compute {
         let count = program.groups.iter().map(|&n| u64::from(n)).product();
         let mut packets = Vec::new();
@@ -262,7 +268,23 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
             enclose(&compiled, &resources, &uniforms, program, expected)?;
         }
     }
+    if setting.recorded {
+        check_costs(&mut recorder)?;
+    }
     compare_memory(&stores, &expected.bindings)
+}
+
+/// What was recorded is whole: every request has its lines, every quad its cost.
+fn check_costs(recorder: &mut Recorder) -> Result<(), String> {
+    let quads = recorder.quads;
+    let (costs, requests, lines) = recorder.take();
+    if let Some(quad) = quads.iter().find(|quad| usize::from(quad.cost) >= costs.costs.len()) {
+        return Err(format!("{quad:?} of {} costs", costs.costs.len()));
+    }
+    match requests.iter().find(|r| r.first_line as usize + usize::from(r.lines) > lines.len()) {
+        Some(request) => Err(format!("{request:?} of {} lines", lines.len())),
+        None => Ok(()),
+    }
 }
 
 fn is_nan(bits: u32) -> bool {
@@ -282,7 +304,7 @@ const NUMBERS: [(u32, u32); 2] = [(0, 4), (0, 9)];
 
 fn compare_memory(stores: &[((u32, u32), Vec<Store>)], expected: &Bindings) -> Result<(), String> {
     for (key, elements) in stores {
-        for (store, wanted) in elements.iter().zip(&expected.resources[key]) {
+        for (store, wanted) in elements.iter().zip(expected.resources.get(key).into_iter().flatten()) {
             let (words, bytes) = match (store, wanted) {
                 (Store::Buffer(words), Resource::Buffer(bytes)) => (words, bytes),
                 (Store::Texture(words, ..), Resource::Texture(texture)) => (words, &texture.bytes),

@@ -6,4 +6,5 @@ mod generate;
 mod loops;
 mod oracle;
 mod oracle_tests;
+mod refusals;
 mod suite;

@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use fillrate::shader::Fault;
+use fillrate::shader::{Fault, Module, Optimisations, Options, Source, compile};
 use rayon::prelude::*;
 
 use super::differential::{Setting, Verdict, check, check_against, expect, shrink};
@@ -61,6 +61,39 @@ fn generated_programs_do_what_the_oracle_does() {
         panic!("{} of {programs} programs are wrong; seed {seed} {setting:?}: {what}\n{}", wrong.len(), small.source);
     }
     assert!(refused * 1000 <= REFUSED * programs as usize, "{refused} of {programs} programs are refused");
+}
+
+#[test]
+fn every_optimisation_changes_some_programs() {
+    let switches: [(&str, fn(&mut Optimisations)); 8] = [
+        ("fold", |o| o.fold = false),
+        ("unroll", |o| o.unroll = false),
+        ("hoist", |o| o.hoist = false),
+        ("share", |o| o.share = false),
+        ("flatten", |o| o.flatten = false),
+        ("fuse", |o| o.fuse = false),
+        ("drop_dead", |o| o.drop_dead = false),
+        ("drop_empty", |o| o.drop_empty = false),
+    ];
+    let mut changed = [0; 8];
+    for seed in 0..120 {
+        let program = program(seed);
+        let Ok(module) = Module::new("generated", Source::Wgsl(&program.source)) else { continue };
+        let operations = |optimisations| {
+            let options = Options { constants: &program.constants, optimisations, ..Options::default() };
+            let (stage, name) = module.entry_points().next().expect("an entry point");
+            compile(&module, stage, Some(name), &options).expect("it compiles").operations()
+        };
+        let usual = operations(Optimisations::ALL);
+        for (changed, (_, switch)) in changed.iter_mut().zip(&switches) {
+            let mut optimisations = Optimisations::ALL;
+            switch(&mut optimisations);
+            *changed += u32::from(operations(optimisations) != usual);
+        }
+    }
+    for (changed, (name, _)) in changed.iter().zip(&switches) {
+        assert!(*changed >= 3, "leaving out `{name}` changed {changed} of 120 programs");
+    }
 }
 
 #[test]

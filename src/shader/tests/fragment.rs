@@ -57,6 +57,27 @@ fn derivatives_are_differences_in_the_quad() {
 }
 
 #[test]
+fn a_derivative_is_the_same_whether_its_operand_is_computed_once_or_by_every_lane() {
+    let source = "@group(0) @binding(0) var<uniform> u: vec2f;
+        @fragment fn fs(@location(0) p: vec2f) -> @location(0) vec4f { return vec4f(dpdx(u.x), dpdy(u.y), p); }";
+    let module = Module::new("test", Source::Wgsl(source)).expect("the program is valid");
+    let words = words_of(&[f32::INFINITY.to_bits(), 2.5f32.to_bits()]);
+    let bindings = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    for optimisations in [Optimisations::ALL, Optimisations::NONE] {
+        let options = Options { optimisations, ..Options::default() };
+        let p = compile(&module, Stage::Fragment, None, &options).expect("it compiles");
+        let uniforms = p.uniforms(&resources);
+        let mut executor = Executor::new();
+        let mut bound = executor.bind(&p, &resources, &uniforms);
+        fill(&mut bound);
+        bound.run(!0, 0).expect("it ends");
+        assert!(bound.output(0, 0).f32()[5].is_nan(), "infinity differs from itself by no number");
+        assert_eq!(bound.output(0, 1).f32()[5], 0.0);
+    }
+}
+
+#[test]
 fn discarded_lanes_have_no_effects_and_still_help() {
     let p = fragment(
         "@group(0) @binding(0) var<storage, read_write> hits: array<atomic<u32>, 2>;

@@ -59,12 +59,26 @@ impl Generator<'_, '_> {
             Ty::Vector(n, _) => Ty::Vector(*n, s),
             _ => Ty::Scalar(s),
         };
-        match (self.r.below(22), ty) {
-            (0..=6, _) => format!("{}({a})", self.r.one(&FLOAT_1)),
+        let pick = match ty {
+            // Vectors have functions of their own.
+            Ty::Vector(..) if self.r.percent(40) => 21,
+            Ty::Scalar(_) if self.r.percent(20) => 19,
+            _ => self.r.below(20),
+        };
+        match (pick, ty) {
+            (0..=4, _) => format!("{}({a})", self.r.one(&FLOAT_1)),
+            // A known exponent becomes products, whose bits are the general function's where all is exact.
+            (5, Ty::Scalar(Scalar::F32)) => {
+                let (n, c) = (self.live(&U32), self.condition(0));
+                let base = format!("exp2(f32({n} & 7u))");
+                let base = if self.r.percent(50) { base } else { format!("select({base}, -{base}, {c})") };
+                format!("pow({base}, {}f)", self.r.one(&["1.0", "2.0", "3.0", "5.0", "8.0", "128.0"]))
+            }
+            (5 | 6, _) => format!("{a} * {}({b})", self.r.one(&FLOAT_1)),
             (7, _) => format!("atan2({a}, {b})"),
             (8, _) => format!("max({a}, {b})"),
             (9, _) => format!("min({a}, {b})"),
-            // The exponent is nothing that the compiler knows: a known one becomes products, of other bits.
+            // The exponent is nothing that the compiler knows.
             (10, Ty::Vector(n, _)) => {
                 let e = if s == Scalar::F16 { "vec4<f16>(uni.f)" } else { "uni.f" };
                 format!("pow({a}, {e}.{})", &"xyzw"[..*n as usize])
@@ -79,33 +93,38 @@ impl Generator<'_, '_> {
             (16, _) => format!("ldexp({a}, {})", self.live(&same(Scalar::I32))),
             (17, _) => format!("modf({a}).{}", self.r.one(&["fract", "whole"])),
             (18, _) if s == Scalar::F32 => format!("frexp({a}).fract"),
-            (19, _) if s == Scalar::F32 => format!("quantizeToF16({a})"),
-            (19 | 20, Ty::Scalar(_)) => {
+            (18, _) => format!("saturate({a})"),
+            (_, Ty::Scalar(_)) => {
                 let n = 2 + self.r.below(3);
                 let v = Ty::Vector(n, s);
                 let (a, b) = (self.live(&v), self.some(&v, d));
-                match self.r.below(4) {
+                match self.r.below(6) {
                     0 => format!("dot({a}, {b})"),
-                    1 => format!("length({a})"),
-                    2 => format!("distance({a}, {b})"),
+                    // A component that is known to be one needs no product.
+                    1 => format!("dot(vec2<{0}>({1}, 1.0), vec2<{0}>({2}))", s.text(), self.live(ty), self.live(ty)),
+                    2 => format!("length({a})"),
+                    3 => format!("distance({a}, {b})"),
+                    4 => format!("length({})", self.live(ty)),
                     _ => format!("determinant({})", self.live(&Ty::Matrix(n, n, s))),
                 }
             }
-            (_, Ty::Vector(4, Scalar::F32)) if self.r.percent(50) => {
-                format!("{}({})", self.r.one(&["unpack4x8snorm", "unpack4x8unorm"]), self.live(&U32))
-            }
-            (_, Ty::Vector(2, Scalar::F32)) if self.r.percent(60) => {
-                let f = *self.r.one(&["unpack2x16snorm", "unpack2x16unorm", "unpack2x16float"]);
-                format!("{f}({})", self.live(&U32))
-            }
-            (_, Ty::Vector(3, _)) if self.r.percent(30) => format!("cross({a}, {b})"),
-            (_, Ty::Vector(..)) => match self.r.below(4) {
-                0 => format!("normalize({a})"),
-                1 => format!("reflect({a}, {b})"),
-                2 => format!("refract({a}, {b}, {})", self.live(&Ty::Scalar(s))),
-                _ => format!("faceForward({a}, {b}, {})", self.live(ty)),
+            (_, Ty::Vector(n, _)) => match self.r.below(9) {
+                0 | 1 => format!("normalize({a})"),
+                2 => format!("reflect({a}, {b})"),
+                3 => format!("refract({a}, {b}, {})", self.live(&Ty::Scalar(s))),
+                4 => format!("faceForward({a}, {b}, {})", self.live(ty)),
+                5..=7 if *n == 3 => format!("cross({a}, {b})"),
+                5..=7 if *n == 4 && s == Scalar::F32 => {
+                    format!("{}({})", self.r.one(&["unpack4x8snorm", "unpack4x8unorm"]), self.live(&U32))
+                }
+                5..=7 if *n == 2 && s == Scalar::F32 => {
+                    let f = *self.r.one(&["unpack2x16snorm", "unpack2x16unorm", "unpack2x16float"]);
+                    format!("{f}({})", self.live(&U32))
+                }
+                _ if s == Scalar::F32 => format!("quantizeToF16({a})"),
+                _ => format!("fract({a})"),
             },
-            _ => format!("{}({a})", self.r.one(&FLOAT_1)),
+            _ => a,
         }
     }
 

@@ -287,6 +287,10 @@ impl Generator<'_, '_> {
                 0 | 1 => return format!("({} && {})", self.condition(d), self.condition(d)),
                 2 => return format!("({} || {})", self.condition(d), self.condition(d)),
                 3 => return format!("(!{})", self.condition(d)),
+                6 if self.style.builtins > 10 => {
+                    let ty = *self.r.one(&[Scalar::U32, Scalar::I32, Scalar::F32]);
+                    return format!("bool({})", self.live_at(&Ty::Scalar(ty), d));
+                }
                 4 if self.style.builtins > 10 => {
                     let n = 2 + self.r.below(3);
                     let v = self.live_at(&Ty::Vector(n, Scalar::Bool), d);

@@ -12,6 +12,8 @@ pub struct Has {
     pub cells: bool,
     pub shared: bool,
     pub many: bool,
+    /// A binding array of structures with runtime-sized arrays.
+    pub many_long: bool,
     pub immediates: bool,
     pub table: bool,
     pub constants: bool,
@@ -33,7 +35,7 @@ impl Generator<'_, '_> {
                 5 | 6 => format!("uni.n[{}]", k % 4),
                 7 => format!("uni.a[{k} & 3].{}", &"xyzw"[k as usize % 4..][..1]),
                 8..=11 if self.has.out => format!("out[base + {k}u]"),
-                12 if self.has.many => format!("many[lane % 3u].v[{}]", k % 4),
+                12 if self.has.many => format!("many[{}].v[{}]", self.r.one(&["lane % 3u", "1", "uni.n.x"]), k % 4),
                 13 if self.has.immediates => format!("imm.{}", self.r.one(&["a", "v.x", "v.y", "w[1]", "w[lane & 3u]"])),
                 14 if self.has.table => format!("TABLE[(lane + {k}u) % {}u]", self.r.one(&[8, 9])),
                 15 if self.has.constants => "(lane + OVERRIDE)".into(),
@@ -60,7 +62,7 @@ impl Generator<'_, '_> {
         if self.has.shared && compute {
             places.extend(vec![place("shared_cells[li]", true); 2]);
         }
-        if places.is_empty() {
+        if places.is_empty() || self.r.percent(20) {
             return self.read_words();
         }
         let item = self.r.one(&places).clone();
@@ -101,6 +103,9 @@ impl Generator<'_, '_> {
         let e = self.live(&U32);
         match self.r.below(4) {
             0 if self.has.cells && self.has.out => self.line(format!("let {name} = arrayLength(&cells) + arrayLength(&out);")),
+            0 if self.has.many_long => {
+                self.line(format!("let {name} = arrayLength(&long[{e} & 3u].v) + long[{e} & 1u].v[{e} & 7u] + long[1].n;"));
+            }
             1 => self.line(format!("let {name} = arrayLength(&inp);")),
             2 if self.has.out => {
                 self.line(format!("out[({e} & 0xffffu) + 0x100000u] = {e};"));

@@ -12,6 +12,8 @@
 //! not at the end alone, so that a wrong value is seen where it arises, and the variable need not live on.
 
 mod builtins;
+mod control;
+mod declarations;
 mod expression;
 mod memory;
 mod random;
@@ -79,6 +81,8 @@ struct Style {
     half: bool,
     /// Little more than loops.
     tight: bool,
+    /// Everything, in long straight lines.
+    broad: bool,
     /// Share of indices that are computed and may be out of range.
     wild: u32,
     /// Share of numeric expressions that are built-in functions.
@@ -207,9 +211,17 @@ impl Style {
             }
         }
         let some = |r: &mut Random<'_>, share: u32, most: u32| if !plain && r.percent(share) { 1 + r.below(most) } else { 0 };
+        // And some use everything, in long straight lines.
+        let broad = !plain && r.percent(30);
+        if broad {
+            scalars = vec![Scalar::U32, Scalar::I32, Scalar::F32, Scalar::Bool];
+            if half {
+                scalars.push(Scalar::F16);
+            }
+        }
         let style = Style {
             variables: 1 + r.below(if tight { 3 } else { 6 }),
-            depth: r.below(if tight { 2 } else { 4 }),
+            depth: if broad { 2 } else { r.below(if tight { 2 } else { 4 }) },
             statements: if tight { 12 + r.below(20) } else { 10 + r.below(60) },
             composite: some(r, 60, 70),
             final_looks: *r.one(&[0, 0, 30, 100]),
@@ -222,15 +234,16 @@ impl Style {
             memory: some(r, 60, 40),
             atomics: some(r, 30, 20),
             barriers: stage == S::Compute && r.percent(30),
-            subgroups: !plain && r.percent(12),
+            subgroups: !plain && r.percent(if broad { 50 } else { 12 }),
             textures: some(r, 35, 40),
             derivatives: stage == S::Fragment && r.percent(40),
             discards: stage == S::Fragment && r.percent(40),
             returns: r.percent(40),
             tight,
+            broad,
             half,
             wild: *r.one(&[0, 20, 60]),
-            builtins: if plain { r.below(10) } else { r.below(60) },
+            builtins: if plain { r.below(10) } else { r.below(60) + if broad { 30 } else { 0 } },
             puts: r.below(40),
             scalars,
         };

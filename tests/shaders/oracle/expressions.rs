@@ -1,5 +1,7 @@
 //! Expressions.
 
+use std::rc::Rc;
+
 use naga::{BinaryOperator, Expression, Handle, RelationalFunction, ScalarKind, TypeInner};
 
 use super::Fault;
@@ -28,11 +30,15 @@ impl<'a> Invocation<'a> {
             | Expression::ZeroValue(_)
             | Expression::FunctionArgument(_)
             | Expression::GlobalVariable(_)
-            | Expression::LocalVariable(_) => self.compute(world, h),
+            | Expression::LocalVariable(_) => {}
             // First values of variables, and offsets of texture samples, are such expressions without an `Emit`.
-            _ if self.is_constant(h)? => self.compute(world, h),
-            ref other => Err(Fault::Unsupported(format!("{other:?} is used before it is computed"))),
+            _ if self.is_constant(h)? => {}
+            ref other => return Err(Fault::Unsupported(format!("{other:?} is used before it is computed"))),
         }
+        // None of these changes while the function runs.
+        let value = self.compute(world, h)?;
+        self.frame()?.expressions[h.index()] = Some(value.clone());
+        Ok(value)
     }
 
     /// Whether an expression stands in the program as a constant.
@@ -75,7 +81,7 @@ impl<'a> Invocation<'a> {
         match self.evaluate(world, base)? {
             Value::Pointer(pointer) => {
                 let pointee = Pointee::of(self.type_of(world, base)?)?;
-                Ok(Value::Pointer(Box::new(memory::part(world.module, &pointer, pointee, index, constant)?)))
+                Ok(Value::Pointer(Rc::new(memory::part(world.module, &pointer, pointee, index, constant)?)))
             }
             value => value.part(index),
         }
@@ -93,7 +99,7 @@ impl<'a> Invocation<'a> {
             Expression::GlobalVariable(g) => global(world.module, g)?,
             Expression::LocalVariable(l) => {
                 let root = Root::Local(self.frames.len() - 1, l.index());
-                Value::Pointer(Box::new(Pointer::Variable { root, path: Vec::new() }))
+                Value::Pointer(Rc::new(Pointer::Variable { root, path: Vec::new() }))
             }
             Expression::Compose { ty, ref components } => {
                 let parts = components.iter().map(|&c| self.evaluate(world, c)).collect::<Result<Vec<_>, _>>()?;
@@ -166,7 +172,7 @@ fn global(module: &naga::Module, g: Handle<naga::GlobalVariable>) -> Result<Valu
     };
     let variable_at = |root| Pointer::Variable { root, path: Vec::new() };
     let memory = |binding| Pointer::Memory { binding, element: 0, fixed: 0, chosen: 0 };
-    Ok(Value::Pointer(Box::new(match variable.space {
+    Ok(Value::Pointer(Rc::new(match variable.space {
         A::Handle => return Ok(Value::Resource(binding()?, 0)),
         A::Private => variable_at(Root::Private(g.index())),
         A::WorkGroup => variable_at(Root::Workgroup(g.index())),

@@ -59,6 +59,7 @@ pub fn run_all<'a>(world: &mut World<'a>, invocations: &mut [Invocation<'a>]) ->
         if invocations.iter().all(|i| matches!(i.state, State::Ended)) {
             return Ok(());
         }
+        end_dead_quads(world, invocations);
         let mut met = false;
         for subgroup in subgroups(invocations) {
             met |= meet(world, invocations, &subgroup)?;
@@ -66,6 +67,18 @@ pub fn run_all<'a>(world: &mut World<'a>, invocations: &mut [Invocation<'a>]) ->
         // Where nothing but barriers is left in any subgroup, the whole workgroup must have come to one.
         if !met {
             release(world, invocations)?;
+        }
+    }
+}
+
+/// Ends the invocations of quads of which the last has been discarded: nobody is left whom helpers could help.
+fn end_dead_quads(world: &World<'_>, invocations: &mut [Invocation<'_>]) {
+    if world.module.entry_points[world.entry].stage != naga::ShaderStage::Fragment {
+        return;
+    }
+    for quad in invocations.chunk_by_mut(|a, b| a.index / 4 == b.index / 4) {
+        if quad.iter().all(|i| !i.has_effects()) && quad.iter().any(|i| i.discarded) {
+            quad.iter_mut().for_each(|i| i.state = State::Ended);
         }
     }
 }

@@ -23,6 +23,7 @@
 //!   binding array is the last one.
 //! * Workgroup memory starts as zeros, as do variables without an initial value.
 //! * A discarded invocation goes on as a helper. A helper leaves nothing in memory; its atomics give zero.
+//!   Where all of a quad are discarded, all of it ends.
 //! * A subgroup is 64 invocations with neighbouring indices; in it, helpers take part. To shuffle from an invocation that does
 //!   not take part gives zero.
 //! * Arithmetic: each operation is rounded once, to nearest even, and keeps subnormal numbers. `f16` is computed in `f32` and
@@ -80,7 +81,7 @@ pub struct Texture {
     pub desc: ImageDesc,
     /// What is bound. A storage texture is one level.
     pub range: ViewRange,
-    /// Its texels, encoded and ordered as `fillrate::gfx::image` says.
+    /// Its texels, encoded and ordered as `fillrate::gfx::image` says (a level is padded to 16 bytes).
     pub bytes: Vec<u8>,
 }
 

@@ -1,5 +1,7 @@
 //! Statements: one step at a time, so that an invocation may stop anywhere and go on later.
 
+use std::rc::Rc;
+
 use naga::{Barrier, Block, Expression, Handle, Statement, SwitchValue};
 
 use super::Fault;
@@ -96,10 +98,10 @@ impl<'a> Invocation<'a> {
     }
 
     /// A pointer and the type of what it points to.
-    fn pointer(&mut self, world: &mut World<'a>, h: Handle<Expression>) -> Result<(Pointer, Pointee), Fault> {
+    fn pointer(&mut self, world: &mut World<'a>, h: Handle<Expression>) -> Result<(Rc<Pointer>, Pointee), Fault> {
         let pointee = Pointee::of(self.type_of(world, h)?)?;
         match self.evaluate(world, h)? {
-            Value::Pointer(pointer) => Ok((*pointer, pointee)),
+            Value::Pointer(pointer) => Ok((pointer, pointee)),
             _ => broken("a pointer was expected"),
         }
     }
@@ -184,7 +186,7 @@ impl<'a> Invocation<'a> {
             }
             Statement::WorkGroupUniformLoad { pointer, result } => {
                 let (pointer, pointee) = self.pointer(world, pointer)?;
-                self.wait(0, Request::UniformLoad(pointer, pointee), Some(result));
+                self.wait(0, Request::UniformLoad(Pointer::clone(&pointer), pointee), Some(result));
             }
             Statement::Call { function, ref arguments, result } => {
                 let arguments = arguments.iter().map(|&h| self.evaluate(world, h)).collect::<Result<Vec<_>, _>>()?;

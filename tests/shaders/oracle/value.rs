@@ -1,5 +1,7 @@
 //! Values: numbers with their types, and what is made of them.
 
+use std::rc::Rc;
+
 use naga::{Handle, Scalar, ScalarKind, Type, TypeInner};
 
 use super::Fault;
@@ -107,7 +109,7 @@ pub enum Value {
     Vector(Vector),
     /// Columns of a matrix, elements of an array, members of a structure.
     Parts(Vec<Value>),
-    Pointer(Box<Pointer>),
+    Pointer(Rc<Pointer>),
     /// A texture or sampler: group and binding, element of a binding array.
     Resource((u32, u32), u32),
 }
