@@ -77,6 +77,8 @@ fn allocate(
         match inst.code {
             Code::LoopBegin => {
                 open.push(loops.len());
+                // It begins after the operation itself: what the operation right before it defines, at the half-step between
+                // them, is the first value of a mutable register, and lives to the loop's end as what was defined before.
                 loops.push((2 * i + 2, 0));
             }
             Code::LoopEnd | Code::LoopEndIf => {
