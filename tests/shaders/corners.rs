@@ -87,6 +87,33 @@ fn buffer(words: &[u32]) -> Bindings {
 }
 
 #[test]
+fn variables_live_on_after_a_continue() {
+    let wrap = |body: &str| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> b: array<u32>;
+             fn same(x: u32) -> u32 {{ return x; }}
+             @compute @workgroup_size(1) fn main() {{ {body} }}"
+        )
+    };
+    let sums = wrap(
+        "var i = 1u; var s = 0u;
+         for (i = 1u; i < 7u; i++) { s += i; b[8u + i] = s; if b[1] == 0u { continue; } b[5] = 1u; }",
+    );
+    assert_eq!(both(&sums, buffer(&[0; 16]))[9..15], [1, 3, 6, 10, 15, 21]);
+    let turns = wrap(
+        "var m = 0u;
+         loop { m += 1u; if m > 6u { break; } b[8u + m] = m; if b[1] == 0u { continue; } continuing { b[3] = b[6]; } }",
+    );
+    assert_eq!(both(&turns, buffer(&[0; 16]))[9..15], [1, 2, 3, 4, 5, 6]);
+    let called = wrap(
+        "var m = 0u;
+         loop { m += 1u; if m > 6u { break; } let t = same(m); m += b[2]; if b[1] == 0u { continue; } b[5] = 1u;
+                continuing { b[8u + m] = t; } }",
+    );
+    assert_eq!(both(&called, buffer(&[0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]))[8..], [0, 0, 1, 0, 3, 0, 5, 0]);
+}
+
+#[test]
 fn a_power_of_two_is_multiplied_with_one_rounding() {
     // 2^-10 (1 + 2^-10 + 2^-15): with 9 bits of the fraction left, it is just above a tie. Rounded to 13 bits first, it is one.
     let x = 2f32.powi(-10) * (1.0 + 2f32.powi(-10) + 2f32.powi(-15));
