@@ -166,13 +166,20 @@ fn half_of_memory() -> u64 {
         let refresh = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
         let memory = |system: System| {
             let group = system.cgroup_limits().map_or(u64::MAX, |group| group.total_memory);
-            system.total_memory().min(group)
+            system.total_memory().min(group).min(address_space())
         };
         match System::new_with_specifics(refresh).map_or(0, memory) {
             0 => 4 << 30,
             bytes => bytes / 2,
         }
     })
+}
+
+/// Bytes of address space that the process may have (`ulimit -v`), where the system tells.
+fn address_space() -> u64 {
+    let limits = std::fs::read_to_string("/proc/self/limits").unwrap_or_default();
+    let bytes = limits.lines().find_map(|line| line.strip_prefix("Max address space")?.split_whitespace().next()?.parse().ok());
+    bytes.unwrap_or(u64::MAX)
 }
 
 impl Limits {

@@ -18,7 +18,7 @@ pub use lanes::{LANES, Lanes, Mask, QUADS};
 pub use limits::{Limit, LimitExceeded, LimitInfo, LimitOverrun, Limits};
 pub use meter::Meter;
 pub use prefetch::prefetch;
-pub use words::Words;
+pub use words::{NoMemory, Words};
 
 /// A point in simulated time: clock edges of the card since the start of the replay.
 pub type Cycle = u64;

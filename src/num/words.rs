@@ -5,6 +5,16 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+use bytemuck::allocation::try_zeroed_slice_box;
+
+/// The system refuses memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the system does not give {bytes} bytes of memory to this process; `ulimit -v` tells what it may have")]
+pub struct NoMemory {
+    /// What was asked for.
+    pub bytes: u64,
+}
+
 /// A block of zero-initialised memory of a stated number of bytes, addressed in bytes or little-endian 32-bit words.
 #[derive(Default)]
 pub struct Words {
@@ -14,9 +24,21 @@ pub struct Words {
 
 impl Words {
     /// `bytes` zero bytes.
+    ///
+    /// # Panics
+    /// If the system does not give them: [`Words::try_new`] is for amounts that a trace asks for.
     pub fn new(bytes: u64) -> Words {
-        let n = usize::try_from(bytes.div_ceil(4)).expect("a buffer fits the address space");
-        Words { words: (0..n).map(|_| AtomicU32::new(0)).collect(), bytes }
+        Words::try_new(bytes).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// `bytes` zero bytes. The system zeroes a page when it is first touched: what is never used takes neither memory nor time.
+    ///
+    /// # Errors
+    /// If the system does not give them.
+    pub fn try_new(bytes: u64) -> Result<Words, NoMemory> {
+        let n = usize::try_from(bytes.div_ceil(4)).map_err(|_| NoMemory { bytes })?;
+        let words = try_zeroed_slice_box(n).map_err(|()| NoMemory { bytes })?;
+        Ok(Words { words, bytes })
     }
 
     /// Length in bytes.

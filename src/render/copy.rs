@@ -128,7 +128,7 @@ impl Renderer<'_, '_> {
             }
             command => return Err(format!("{} is not possible outside a pass", command.name()).into()),
         }
-        Ok(self.emit(Event::Transfer(moved))?)
+        self.emit(Event::Transfer(moved))
     }
 
     fn copy_texture(&mut self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3], moved: &mut Transfer) -> Result<(), Fault> {

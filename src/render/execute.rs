@@ -133,6 +133,12 @@ impl From<LimitExceeded> for Fault {
     }
 }
 
+impl From<NoMemory> for Fault {
+    fn from(error: NoMemory) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
 impl From<LimitOverrun> for Fault {
     fn from(error: LimitOverrun) -> Fault {
         Fault::Reason(error.to_string())
@@ -405,7 +411,7 @@ impl<'t, 's> Renderer<'t, 's> {
             }
         }
         self.frames = Some(frames);
-        Ok(self.emit(Event::EndFrame(end))?)
+        self.emit(Event::EndFrame(end))
     }
 
     fn finish(&mut self) -> Result<(), Fault> {

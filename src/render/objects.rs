@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::gfx::image::ImageDesc;
 use crate::gfx::texture::Sampler;
 use crate::host::one_line;
-use crate::num::{ShaderId, TextureId, Words};
+use crate::num::{NoMemory, ShaderId, TextureId, Words};
 use crate::shader::{self, Module};
 use crate::trace::command::*;
 
@@ -33,7 +33,7 @@ impl Renderer<'_, '_> {
                 let claim = self.claim("a buffer", size)?;
                 self.ledger.bytes.charge(size)?;
                 let address = self.addresses.buffer(size)?;
-                self.res.buffers.add(id.0, Buffer::new(size, address), claim)?;
+                self.res.buffers.add(id.0, Buffer::new(Words::try_new(size)?, address), claim)?;
             }
             Command::CreateTexture { id, desc, .. } => self.create_texture(*id, desc)?,
             Command::CreateView { id, texture, desc } => {
@@ -100,6 +100,7 @@ impl Renderer<'_, '_> {
                 let values = u64::from(count) * set.stride() as u64;
                 let claim = self.claim("a query set", 8 * values)?;
                 self.ledger.bytes.charge(8 * values)?;
+                set.values.try_reserve_exact(values as usize).map_err(|_| NoMemory { bytes: 8 * values })?;
                 set.values.resize(values as usize, 0);
                 self.res.query_sets.add(id.0, set, claim)?;
             }
@@ -120,7 +121,7 @@ impl Renderer<'_, '_> {
         let claim = self.claim("a texture", image.bytes())?;
         self.ledger.bytes.charge(image.bytes())?;
         let address = self.addresses.texture(texture_bytes(&image))?;
-        let words = Arc::new(Words::new(image.bytes()));
+        let words = Arc::new(Words::try_new(image.bytes())?);
         let texture = Texture { image, words, address, version: 0, images: Default::default() };
         Ok(self.res.textures.add(id.0, texture, claim)?)
     }

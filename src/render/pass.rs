@@ -480,7 +480,7 @@ impl ActivePass {
         if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
             renderer.write_timestamp(set, index)?;
         }
-        Ok(renderer.emit(Event::EndPass)?)
+        renderer.emit(Event::EndPass)
     }
 }
 
@@ -589,7 +589,7 @@ fn announce(
         renderer.ledger.passing("the contents of an attachment", 2 * tiles.shape().bytes())?;
     }
     let bytes = tiles.map(TileSurface::to_bytes).unwrap_or_default();
-    Ok(renderer.emit(Event::Contents(Contents { surface: *surface, bytes: bytes.into() }))?)
+    renderer.emit(Event::Contents(Contents { surface: *surface, bytes: bytes.into() }))
 }
 
 /// A clear value as the bits that `texel::encode` takes.

@@ -85,9 +85,9 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// One of this many bytes, zero all of them.
-    pub fn new(bytes: u64, address: u64) -> Buffer {
-        Buffer { words: Arc::new(Words::new(bytes)), address, version: AtomicU64::new(0) }
+    /// A buffer of these words, at this address.
+    pub fn new(words: Words, address: u64) -> Buffer {
+        Buffer { words: Arc::new(words), address, version: AtomicU64::new(0) }
     }
 
     /// Counts changes of the contents.

@@ -190,6 +190,9 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery:
     Ok(Replay { frames, total: functional_tree(&total), machine_time: Duration::ZERO, clock_time: watch.clock() })
 }
 
+/// A frame that waits for its estimate: its profile, what it shows, its number, and what was counted of it.
+type Gathered = (FrameProfile, Option<(Surface, Vec<u8>)>, u32, Funnel);
+
 fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery: &mut Gallery<'_, '_>) -> Result<Replay> {
     let watch = Stopwatch::start();
     let mut bound = Bound::new(&options.config)?;
@@ -199,7 +202,7 @@ fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery: &mut
     let mut sum = FrameEstimate::default();
     let held = Held { pictures: gallery.keeps(), ..Held::default() };
     let render_options = render::Options { held, ..options.rendering() };
-    let mut estimate = |gathered: &mut Vec<(FrameProfile, Option<(Surface, Vec<u8>)>, u32, Funnel)>| {
+    let mut estimate = |gathered: &mut Vec<Gathered>| {
         let start = Instant::now();
         let estimates: Vec<FrameEstimate> = gathered.iter().map(|(profile, ..)| bound.frame(profile)).collect();
         machine_time += start.elapsed();

@@ -48,11 +48,13 @@ impl Engine {
                 oracle::Resource::Sampler(desc) => Held::Sampler(Sampler::new(desc)),
             });
         }
-        let resource = |held| match held {
-            &Held::Buffer(ref words) => Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 }),
-            Held::Texture(view) => Resource::Texture(view),
-            Held::Sampler(sampler) => Resource::Sampler(sampler),
-        };
+        fn resource(held: &Held) -> Resource<'_> {
+            match held {
+                Held::Buffer(words) => Resource::Buffer(BufferRange { words, offset: 0, size: words.len(), address: 0 }),
+                Held::Texture(view) => Resource::Texture(view),
+                Held::Sampler(sampler) => Resource::Sampler(sampler),
+            }
+        }
         let bound: Vec<Vec<Resource<'_>>> = held.iter().map(|h| vec![resource(h)]).collect();
         let resources = Resources { bindings: &bound, immediates: &[] };
         let uniforms = self.0.uniforms(&resources);

@@ -70,10 +70,13 @@ fn program(variables: &str, form: &str, condition: &str, work: &str, after: &str
     )
 }
 
+/// What memory holds at each word, and what the first four words hold instead.
+type Contents = (fn(usize) -> u32, [u32; 4]);
+
 /// Compares all loops of some forms on three contents of memory, the variables in each order in turn. Gives up after some wrong
 /// ones: loops that do not end take long.
 fn all_of(forms: &[&str]) {
-    let memories: [(fn(usize) -> u32, [u32; 4]); 3] =
+    let memories: [Contents; 3] =
         [(|_| 0, [0; 4]), (|i| (i as u32).wrapping_mul(0x9e37_79b9) >> 28, [1, 0, 0, 5]), (|i| (i % 3) as u32, [3, 1, 0, 0])];
     let mut programs = Vec::new();
     for form in forms {

@@ -1,11 +1,14 @@
 //! Programs that WGSL allows and that the engine must refuse with a reason, or stop: never run wrongly.
 
+use fillrate::num::Limits;
 use fillrate::shader::{Executor, Module, Options, Recorder, Resource, Resources, Source, Stage, compile};
 
 /// What the engine says of a compute stage.
 #[track_caller]
 fn refused(source: &str, reason: &str) {
-    let error = match Module::new("refused", Source::Wgsl(source)) {
+    let mut limits = Limits::default();
+    limits.set("shader.instructions=20000").expect("a limit of this name");
+    let error = match Module::with_limits("refused", Source::Wgsl(source), &limits) {
         Err(error) => error,
         Ok(module) => {
             match compile(&module, module.entry_points().next().expect("an entry point").0, None, &Options::default()) {
@@ -25,15 +28,16 @@ fn what_cannot_run_is_refused_with_a_reason() {
         |globals: &str, body: &str| format!("enable f16; {OUT} {globals} @compute @workgroup_size(1) fn main() {{ {body} }}");
     refused(&body("", "let x = bitcast<f16>(f16(out[1]));"), "16-bit floating-point");
     refused(&body("", "for (var i = 0; i < 3; i++) { let x = bitcast<f16>(f16(out[1])); }"), "16-bit floating-point");
-    refused(&body("var<private> a: array<u32, 70000>;", "a[out[0]] = 1u; out[1] = a[out[2]];"), "too large");
+    refused(&body("var<private> a: array<u32, 70000>;", "a[out[0]] = 1u; out[1] = a[out[2]];"), "components");
     let many = "var<private> a: array<u32, 9000>; var<private> b: array<u32, 9000>;";
-    refused(&body(many, "a[out[0]] = 1u; b[out[1]] = 2u; out[1] = a[out[2]] + b[out[3]];"), "more than 16384 registers");
-    refused(&body("var<workgroup> a: array<array<u32, 3000>, 3000>;", "a[0][0] = 1u; out[0] = a[1][1];"), "workgroup memory");
+    refused(&body(many, "a[out[0]] = 1u; b[out[1]] = 2u; out[1] = a[out[2]] + b[out[3]];"), "registers for arrays");
+    refused(&body("var<workgroup> a: array<array<u32, 3000>, 3000>;", "a[0][0] = 1u; out[0] = a[1][1];"), "workgroup");
     refused(&body("override n: u32;", "out[0] = n;"), "n");
     refused(&format!("{OUT} @compute @workgroup_size(1024, 1024) fn main() {{ out[0] = 1u; }}"), "invocations");
-    let chain: String = (1..80).map(|k| format!("fn f{k}(x: u32) -> u32 {{ return f{}(x) + 1u; }}", k - 1)).collect();
-    let chain = format!("fn f0(x: u32) -> u32 {{ return x; }} {chain}");
-    refused(&body(&chain, "out[0] = f79(out[1]);"), "nested");
+    let doubled: String =
+        (1..40).map(|k| format!("fn f{k}(x: u32) -> u32 {{ return f{0}(x) * f{0}(x + 1u); }}", k - 1)).collect();
+    let doubled = format!("fn f0(x: u32) -> u32 {{ return x; }} {doubled}");
+    refused(&body(&doubled, "out[0] = f39(out[1]);"), "shader.instructions");
     refused("@group(0) @binding(0) var t: texture_1d_array<f32>; @fragment fn main() {}", "");
 }
 

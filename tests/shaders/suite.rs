@@ -63,9 +63,12 @@ fn generated_programs_do_what_the_oracle_does() {
     assert!(refused * 1000 <= REFUSED * programs as usize, "{refused} of {programs} programs are refused");
 }
 
+/// An optimisation's name, and what switches it off.
+type Switch = (&'static str, fn(&mut Optimisations));
+
 #[test]
 fn every_optimisation_changes_some_programs() {
-    let switches: [(&str, fn(&mut Optimisations)); 8] = [
+    let switches: [Switch; 8] = [
         ("fold", |o| o.fold = false),
         ("unroll", |o| o.unroll = false),
         ("hoist", |o| o.hoist = false),

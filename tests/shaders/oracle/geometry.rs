@@ -99,7 +99,7 @@ fn inverse(m: &[Vec<f32>]) -> Vec<Vec<f32>> {
     let entry = |column: usize, row: usize| {
         // The cofactor of the transposed place.
         let cofactor = determinant(&without(m, row, column)) * scale;
-        if (row + column) % 2 == 0 { cofactor } else { -cofactor }
+        if (row + column).is_multiple_of(2) { cofactor } else { -cofactor }
     };
     (0..m.len()).map(|c| (0..m.len()).map(|r| entry(c, r)).collect()).collect()
 }

@@ -342,7 +342,7 @@ fn derivatives(axis: DerivativeAxis, control: DerivativeControl, values: &[&Valu
         |b: usize, a: usize| values[b].zip(values[a], &mut |b, a| super::number::binary(naga::BinaryOperator::Subtract, b, a));
     // Along x: within the pixel's row, or in the upper row; along y: within its column, or in the left one.
     let along_x = |pixel: usize| if coarse || pixel < 2 { minus(1, 0) } else { minus(3, 2) };
-    let along_y = |pixel: usize| if coarse || pixel % 2 == 0 { minus(2, 0) } else { minus(3, 1) };
+    let along_y = |pixel: usize| if coarse || pixel.is_multiple_of(2) { minus(2, 0) } else { minus(3, 1) };
     let one = |pixel: usize| match axis {
         DerivativeAxis::X => along_x(pixel),
         DerivativeAxis::Y => along_y(pixel),
