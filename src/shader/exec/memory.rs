@@ -175,11 +175,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
     } else {
         each(mask, |i| read_lane(&w, op, u64::from(at.0[i]) + u64::from(op.offset), size, i, &mut out));
     }
-    for c in 0..usize::from(op.count) {
-        if op.data[c] != NO_REG {
-            set(file, op.data[c], &out[c]);
-        }
-    }
+    // Before the results are written, which may have the element's register.
     if RECORD && op.space != Space::Shared {
         let offset = u64::from(op.offset);
         let address = |i: usize| {
@@ -187,6 +183,11 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
             Some(w.address + u64::from(at.0[i]) + offset)
         };
         recorder.request(RequestKind::Load, mask, op.count, address, size * u64::from(op.count));
+    }
+    for c in 0..usize::from(op.count) {
+        if op.data[c] != NO_REG {
+            set(file, op.data[c], &out[c]);
+        }
     }
 }
 
@@ -290,16 +291,17 @@ pub(super) fn atomic<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
             exchanged.0[i] = u32::from(result == comparand.0[i]);
         }
     });
+    // As in a load: before the results are written.
+    if RECORD && op.space != Space::Shared {
+        let offset = u64::from(op.offset);
+        let address = |i: usize| Some(window_of(i).address + u64::from(at.0[i]) + offset);
+        recorder.request(RequestKind::Atomic, mask, 1, address, 4);
+    }
     if op.data[0] != NO_REG {
         set(file, op.data[0], &old);
     }
     if op.data[3] != NO_REG {
         set(file, op.data[3], &exchanged);
-    }
-    if RECORD && op.space != Space::Shared {
-        let offset = u64::from(op.offset);
-        let address = |i: usize| Some(window_of(i).address + u64::from(at.0[i]) + offset);
-        recorder.request(RequestKind::Atomic, mask, 1, address, 4);
     }
 }
 

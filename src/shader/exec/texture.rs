@@ -40,12 +40,15 @@ pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
         let sampler = m.resources.get(op.sampler, 0);
         let mut out = [Lanes::ZERO; 4];
         one::<RECORD>(m, file, mask, op, texture, sampler, &mut out, recorder);
-        write(file, op, &out, !0);
+        write(file, op, &out);
         return;
     }
     // Both arrays may be indexed: a pair of elements is one number.
     let (t, s) = (operand(file, op.texture_element), operand(file, op.sampler_element));
     let pairs = Lanes(std::array::from_fn(|i| t.0[i].min(0xffff) << 16 | s.0[i].min(0xffff)));
+    // The results may have the registers of the coordinates, and a level follows from the coordinates of a whole quad: nothing is
+    // written before all elements have been read.
+    let mut all = [Lanes::ZERO; 4];
     let mut left = mask;
     while left != 0 {
         let (same, pair) = same_element(&pairs, left);
@@ -53,25 +56,22 @@ pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
         let sampler = m.resources.get(op.sampler, pair & 0xffff);
         let mut out = [Lanes::ZERO; 4];
         one::<RECORD>(m, file, same, op, texture, sampler, &mut out, recorder);
-        write(file, op, &out, same);
+        for (all, out) in all.iter_mut().zip(&out) {
+            each(same, |i| all.0[i] = out.0[i]);
+        }
         left &= !same;
     }
+    write(file, op, &all);
 }
 
-/// Writes results to the lanes of the mask.
-fn write(file: File<'_>, op: &TextureOp, out: &[Lanes; 4], mask: Mask) {
+/// Writes results.
+fn write(file: File<'_>, op: &TextureOp, out: &[Lanes; 4]) {
     if matches!(op.action, TextureAction::Store | TextureAction::Atomic(_)) {
         return;
     }
     for (&r, value) in op.data.iter().zip(out) {
-        if r == NO_REG {
-            continue;
-        }
-        if mask == !0 {
+        if r != NO_REG {
             set(file, r, value);
-        } else {
-            let old = get(file, r);
-            set(file, r, &Lanes(std::array::from_fn(|i| if mask >> i & 1 != 0 { value.0[i] } else { old.0[i] })));
         }
     }
 }

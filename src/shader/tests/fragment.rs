@@ -162,6 +162,44 @@ fn textures_are_sampled_loaded_and_asked() {
 }
 
 #[test]
+fn an_element_of_a_binding_array_sees_the_coordinates_of_all_lanes() {
+    let p = fragment(
+        "enable wgpu_binding_array;
+         @group(0) @binding(0) var t: binding_array<texture_2d<f32>, 2>;
+         @group(0) @binding(1) var s: sampler;
+         @fragment fn fs(@location(0) p: vec2f) -> @location(0) vec4f {
+             return textureSample(t[u32(p.x) & 1u], s, (p + 0.5) / 64.0);
+         }",
+    );
+    // A texel a pixel: all lanes read the first level, which is zero; the second is one.
+    let image =
+        ImageDesc { dimension: TextureDimension::D2, size: [64, 64, 1], levels: 2, samples: 1, format: Format::Rgba8Unorm };
+    let words = Words::new(image.bytes());
+    (64 * 64..words.words().len()).for_each(|k| words.store(k, u32::MAX));
+    let range = ViewRange {
+        dimension: ViewDimension::D2,
+        format: Format::Rgba8Unorm,
+        aspect: Aspect::All,
+        base_level: 0,
+        levels: 2,
+        base_layer: 0,
+        layers: 1,
+    };
+    let view = View::new(&words, &image, &range, 0).expect("a view");
+    let sampler = Sampler::new(&SamplerDesc::default());
+    let bindings = vec![vec![Resource::Texture(&view); 2], vec![Resource::Sampler(&sampler)]];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut bound = executor.bind(&p, &resources, &uniforms);
+    fill(&mut bound);
+    bound.run(!0, 0).expect("it ends");
+    for c in 0..4 {
+        assert_eq!(bound.output(0, c).f32(), &[0.0; 64], "component {c}");
+    }
+}
+
+#[test]
 fn costs_follow_each_quads_own_path() {
     let p = fragment(
         "@fragment fn fs(@location(0) p: vec2f) -> @location(0) vec4f {

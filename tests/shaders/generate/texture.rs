@@ -104,7 +104,7 @@ impl Generator<'_, '_> {
                 Kind::Depth => format!("texture_depth_{many}{shape}"),
                 Kind::Storage(format, access) => format!("texture_storage_{shape}<{format}, {access}>"),
             };
-            let elements = if !matches!(kind, Kind::Depth) && self.r.percent(15) { 2 } else { 1 };
+            let elements = if !matches!(kind, Kind::Depth) && self.r.percent(30) { 2 } else { 1 };
             let ty = if elements > 1 { format!("binding_array<{ty}, 2>") } else { ty };
             let _ = writeln!(self.globals, "@group(1) @binding({k}) var {name}: {ty};");
             let (dimension, size) = size_of(view);
