@@ -51,7 +51,7 @@ impl Unit<()> for Stage {
     }
 }
 
-fillrate::circuit! {
+fillrate::sim::circuit! {
     /// One ring of stages.
     struct Grid for () {
         a: Vec<Stage>,
@@ -164,7 +164,7 @@ impl Unit<()> for Reader {
     }
 }
 
-fillrate::circuit! {
+fillrate::sim::circuit! {
     struct Rig for () {
         reader: One<Reader>,
         dram: One<Dram>,
@@ -215,7 +215,7 @@ fn dram(c: &mut Criterion) {
     group.finish();
 }
 
-fillrate::circuit! {
+fillrate::sim::circuit! {
     struct Two for () {
         stage: Vec<Stage>,
     }

@@ -2,13 +2,13 @@
 
 #![no_main]
 
-#[path = "../../tests/shaders/differential.rs"]
+#[path = "../../crates/shader/tests/shaders/differential.rs"]
 #[allow(dead_code, reason = "the suite shrinks programs, the fuzzer shrinks bytes")]
 mod differential;
-#[path = "../../tests/shaders/generate/mod.rs"]
+#[path = "../../crates/shader/tests/shaders/generate/mod.rs"]
 #[allow(dead_code, reason = "the suite makes programs of numbers, the fuzzer of bytes")]
 mod generate;
-#[path = "../../tests/shaders/oracle/mod.rs"]
+#[path = "../../crates/shader/tests/shaders/oracle/mod.rs"]
 mod oracle;
 
 use differential::{Setting, Verdict, check};

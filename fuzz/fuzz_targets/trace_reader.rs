@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../../tests/trace/oracle.rs"]
+#[path = "../../crates/trace/tests/trace/oracle.rs"]
 mod oracle;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
-#[path = "../../tests/import/oracle.rs"]
+#[path = "../../crates/import/tests/import/oracle.rs"]
 mod oracle;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    oracle::import_everything(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/import/all"), data);
+    oracle::import_everything(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/import/tests/import/all"), data);
 });

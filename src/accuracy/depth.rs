@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 
 use super::machine::{config, figure, replay, sum, wrong_pixels};
 use super::synthetic::Scene;
-use super::{Random, Row, Section, Setting, Target};
+use super::{Row, Section, Setting, Target};
 use crate::gfx::codec;
 use crate::gfx::format::Format;
 use crate::gfx::reference;
@@ -12,6 +12,7 @@ use crate::gfx::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, Trian
 use crate::gfx::state::{Compare, CullMode, FrontFace};
 use crate::gfx::texel::depth_code;
 use crate::machine::Config;
+use crate::num::Random;
 use crate::stats::Tree;
 
 /// Targets of the section, in order.

@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 
-use super::{Random, Row, Section, Setting, Target};
+use super::{Row, Section, Setting, Target};
 use crate::mem::{Dram, DramAnswer, DramConfig, DramCounts, DramRequest};
-use crate::num::Cycle;
+use crate::num::{Cycle, Random};
 use crate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 /// Targets of the section, in order.
@@ -73,7 +73,7 @@ impl Unit<()> for Reader {
     }
 }
 
-crate::circuit! {
+sim::circuit! {
     struct Channel for () {
         reader: One<Reader>,
         dram: One<Dram>,

@@ -14,7 +14,6 @@ mod machine;
 mod memory;
 mod page;
 pub mod pareto;
-mod random;
 mod raster;
 mod rates;
 pub mod shortcuts;
@@ -23,13 +22,13 @@ mod sorting;
 pub mod synthetic;
 mod texture;
 
+use std::sync::Mutex;
+
+use crate::num::{Random, edits};
 use anyhow::Result;
 use rayon::prelude::*;
 
-use crate::num::edits;
-
 pub use page::{header, json, lines, markdown, size_name};
-pub use random::Random;
 
 /// What a target is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -96,7 +95,12 @@ impl Setting {
 
     /// Runs so many independent pieces of work on all threads, each with random numbers of its own; what they give, in order.
     pub fn pieces<T: Send>(&self, n: u64, run: impl Fn(u64, &mut Random) -> T + Sync) -> Vec<T> {
-        (0..n).into_par_iter().map(|piece| run(piece, &mut Random::nth(self.seed, piece))).collect()
+        let done: Vec<Mutex<Option<T>>> = (0..n).map(|_| Mutex::new(None)).collect();
+        in_parallel(n, &|piece| {
+            let result = run(piece, &mut Random::nth(self.seed, piece));
+            *done[piece as usize].lock().expect("no piece panicked") = Some(result);
+        });
+        done.into_iter().map(|result| result.into_inner().expect("no piece panicked").expect("every piece ran")).collect()
     }
 }
 
@@ -210,4 +214,9 @@ pub fn find(id: &str) -> Result<&'static Target> {
         let nearest = targets().map(|target| target.id).min_by_key(|known| edits(known, id)).unwrap_or_default();
         anyhow::anyhow!("there is no target {id}; {nearest} is the nearest, and --list names all")
     })
+}
+
+/// Runs all pieces on all threads. No type parameter: what joins threads is compiled once, not for each target.
+fn in_parallel(pieces: u64, work: &(dyn Fn(u64) + Sync)) {
+    (0..pieces).into_par_iter().for_each(work);
 }

@@ -6,7 +6,7 @@ use crate::num::Limits;
 const BEFORE: &str = "\
 # Limits
 
-Generated from the declarations in the code; `cargo test --test pages` checks it, and `FILLRATE_BLESS=1 cargo test --test pages` writes it
+Generated from the declarations in the code; `cargo test --test program pages` checks it, and `FILLRATE_BLESS=1 cargo test --test program pages` writes it
 anew.
 
 A trace is a program: its commands and shaders can ask for work without an end and for memory without a bound, and its files can be

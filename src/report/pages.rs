@@ -1,5 +1,5 @@
 //! Pages of documentation that are generated from declarations. A test compares them with the files in `docs/` and fails when one
-//! is stale; `FILLRATE_BLESS=1 cargo test --test pages` writes them anew.
+//! is stale; `FILLRATE_BLESS=1 cargo test --test program pages` writes them anew.
 
 use crate::machine::config::documentation;
 use crate::machine::{Config, ConfigError, LossCounts};
@@ -179,7 +179,7 @@ pub fn explains(path: &str) -> bool {
 /// `docs/statistics.md`
 pub fn statistics() -> String {
     let mut text = String::from(
-        "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test pages` checks it.\n\n\
+        "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
          `stats.json` holds `total` and, for each frame, an entry of `frames` with these names (and `frame`, its number). `stats.csv` \
          has a row a frame and a column a path, such as `units.setup[2].busy`. Functional runs have the funnel only.\n\n",
     );
@@ -198,7 +198,7 @@ pub fn statistics() -> String {
 /// If the built-in baseline is wrong.
 pub fn configuration() -> Result<String, ConfigError> {
     let mut text = String::from(
-        "# Configuration\n\nGenerated from the declarations in the code; `cargo test --test pages` checks it.\n\n\
+        "# Configuration\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
          A configuration is RON with comments. `extends: \"baseline\"` takes every knob that is not named from there; an unknown key or \
          a value outside its range is an error. `--set fetch.cache_lines=512` sets one knob from the command line, \
          `fillrate configs NAME` prints a configuration with every knob.\n\n",

@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use crate::common::{Figures, accounts_add_up, config, everything};
-use fillrate::accuracy::Random;
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::machine::{Config, Machine, MachineReport};
+use fillrate::num::Random;
 use fillrate::render;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;

@@ -215,7 +215,7 @@ fn moving(comes: Comes) -> Trace {
         let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
         pass.set_pipeline(pipeline);
         pass.set_vertex_buffer(0, vertices);
-        pass.set_index_buffer(indices, fillrate::gfx::state::IndexFormat::Uint16);
+        pass.set_index_buffer(indices, gfx::state::IndexFormat::Uint16);
         pass.draw_indexed(3, 1);
         drop(pass);
         card.present(target);

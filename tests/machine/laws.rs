@@ -6,10 +6,10 @@ use crate::common::{
 };
 use std::sync::Arc;
 
-use fillrate::accuracy::Random;
 use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine, MachineError};
+use fillrate::num::Random;
 use fillrate::sim::Clock;
 use fillrate::unit::Fault;
 use fillrate::unit::knob::{Allowed, Knob};

@@ -1,12 +1,15 @@
-//! The whole machine: its laws, its images on every sort class, what each skip may and may not change, and real cards.
+//! The whole machine: its laws, its images on every sort class, what each skip may and may not change, real cards, estimates of
+//! cycles, and what the model's own shortcuts cost.
 
 mod common;
 mod culls;
 mod draw_culls;
+mod estimates;
 mod history;
 mod image;
 mod laws;
 mod same_tiles;
+mod shortcuts;
 mod skips;
 mod sort_classes;
 mod sort_image;

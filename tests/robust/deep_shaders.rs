@@ -8,7 +8,7 @@ use super::generated::{DEEP, Kind};
 use super::process::{Output, Run, done, fillrate, refused};
 
 /// A replay of a trace that compiles a compute shader which `create` adds, and runs nothing.
-pub fn compiling(create: impl FnOnce(&mut Recorder) -> fillrate::num::ShaderId) -> (TempDir, Run) {
+pub fn compiling(create: impl FnOnce(&mut Recorder) -> num::ShaderId) -> (TempDir, Run) {
     let mut card = Recorder::new("hostile");
     let shader = create(&mut card);
     card.create_compute_pipeline("hostile", None, record::stage_entry(shader, "main"));

@@ -116,7 +116,7 @@ fn what_buffers_say_at_run_time_is_looked_at() {
             let indices = card.create_buffer_init("indices", &garbage(&[0, 1, 2]));
             let mut pass = card.begin_render_pass([record::clear(view, [0.0; 4])], None);
             pass.set_pipeline(pipeline);
-            pass.set_index_buffer(indices, fillrate::gfx::state::IndexFormat::Uint32);
+            pass.set_index_buffer(indices, gfx::state::IndexFormat::Uint32);
             pass.push(Command::DrawIndirect { buffer: arguments, offset: 0, indexed, count: 8, count_buffer: None });
         });
         at_limit(&hostile.replay(&[]), "DrawIndirect", "work.vertices");

@@ -34,7 +34,7 @@ fn native() -> (TempDir, PathBuf, PathBuf) {
 
 /// A foreign trace, and one of its files.
 fn foreign() -> (TempDir, PathBuf, PathBuf) {
-    let (home, trace) = copied("tests/import/window/trace");
+    let (home, trace) = copied("crates/import/tests/import/window/trace");
     let blob = file_of(&trace, "bin");
     (home, trace, blob)
 }

@@ -48,9 +48,12 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
 /// Recorded shaders, each after the byte that says what it is.
 static SHADERS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let tagged = |tag: u8, files: Vec<Vec<u8>>| files.into_iter().map(move |bytes| [vec![tag], bytes].concat());
-    let naga = files("tests/import/culling", "ron").into_iter().filter(|text| text.starts_with(b"(")).collect();
-    let wgsl = files("tests/import", "wgsl").into_iter().chain(files("examples", "wgsl")).collect();
-    let spirv = files("tests/programs", "spv").into_iter().chain(files("tests/import/culling", "spv")).collect();
+    let naga = files("crates/import/tests/import/culling", "ron").into_iter().filter(|text| text.starts_with(b"(")).collect();
+    let wgsl = files("crates/import/tests/import", "wgsl").into_iter().chain(files("examples", "wgsl")).collect();
+    let spirv = files("crates/render/tests/programs", "spv")
+        .into_iter()
+        .chain(files("crates/import/tests/import/culling", "spv"))
+        .collect();
     tagged(b'W', wgsl).chain(tagged(b'S', spirv)).chain(tagged(b'N', naga)).collect()
 });
 

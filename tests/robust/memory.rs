@@ -53,7 +53,7 @@ fn small_images_with_large_tiles_are_counted_as_tiles() {
         let texture = card.create_texture("thin", size.clone());
         for layer in 0..2048 {
             let one = ViewDesc { base_layer: layer, layers: Some(1), ..ViewDesc::default() };
-            let one = ViewDesc { dimension: Some(fillrate::gfx::state::ViewDimension::D2), ..one };
+            let one = ViewDesc { dimension: Some(gfx::state::ViewDimension::D2), ..one };
             let view = card.create_view_of(texture, one);
             drop(card.begin_render_pass([record::clear(view, [1.0; 4])], None));
         }
@@ -108,7 +108,7 @@ fn what_is_created_and_destroyed_again_is_work() {
         let texture = card.create_texture("short", record::texture_2d(1024, 1024, Format::Rgba8Unorm));
         card.push(Command::ClearTexture {
             texture,
-            aspect: fillrate::gfx::state::Aspect::All,
+            aspect: gfx::state::Aspect::All,
             base_level: 0,
             levels: None,
             base_layer: 0,

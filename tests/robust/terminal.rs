@@ -105,7 +105,7 @@ fn messages_about_a_trace_are_shown() {
     let name = shader.file_name().expect("a name").to_string_lossy().into_owned();
     let at = text.find(&format!("\"{name}\": (")).expect("listed");
     let end = at + text[at..].find('\n').expect("a line");
-    let hash = fillrate::trace::hash_of(bad.as_bytes());
+    let hash = trace::hash_of(bad.as_bytes());
     let text = format!("{}\"{name}\": (size: {}, hash: \"{hash}\"),{}", &text[..at], bad.len(), &text[end..]);
     std::fs::write(trace.join("trace.ron"), text).expect("written");
     refused(&run(&["replay", &trace.to_string_lossy()]), &[&name]);
@@ -116,7 +116,7 @@ fn messages_about_a_trace_are_shown() {
         Box::new(|text| text.replacen("label: Some(\"", &format!("label: Some({HOSTILE}\""), 1)),
     ];
     for change in changes {
-        let (_home, trace) = changed("tests/import/all", change);
+        let (_home, trace) = changed("crates/import/tests/import/all", change);
         refused(&run(&["inspect", &trace.to_string_lossy()]), &["trace.ron"]);
     }
 }

@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 
-use super::units::{Item, Sink, Source, Worker};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
-use crate::num::Cycle;
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::{Cycle, Random};
+use crate::sim::kit::{Item, Sink, Source, Worker};
 use crate::sim::{Circuit, Clock, Link, One, Wiring, run};
 
 pub(super) const LITTLE: Target = Target {
@@ -38,7 +38,7 @@ pub(super) const CREDIT: Target = Target {
     check: credit,
 };
 
-crate::circuit! {
+sim::circuit! {
     /// Servers one after the other.
     pub(super) struct Tandem for () {
         source: One<Source>,

@@ -3,11 +3,11 @@
 use anyhow::{Context, Result, bail};
 
 use super::circuits::{at_random, tandem};
-use super::units::{Item, Sink, Source};
 use crate::accuracy::machine::{config, figure, sum};
 use crate::accuracy::synthetic::{Scene, events};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::machine::{Config, Machine, MachineReport};
+use crate::sim::kit::{Item, Sink, Source};
 use crate::sim::{self, Circuit, Clock, Link, One, Tick, Unit, Wires, Wiring};
 use crate::stats::{Node, Tree};
 use crate::work::{Event, Shade};
@@ -227,7 +227,7 @@ impl Unit<u64> for Looking {
     }
 }
 
-crate::circuit! {
+sim::circuit! {
     struct Watched for u64 {
         source: One<Telling>,
         sink: One<Looking>,

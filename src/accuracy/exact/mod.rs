@@ -4,7 +4,6 @@ mod circuits;
 mod image;
 mod machines;
 mod statistics;
-pub(crate) mod units;
 
 use super::Target;
 

@@ -4,7 +4,8 @@ use anyhow::{Context, Result};
 
 use super::numbers::ulp;
 use super::programs;
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::Random;
 
 pub const ARITHMETIC: Target = Target {
     id: "arithmetic",

@@ -3,11 +3,11 @@
 use anyhow::{Result, ensure};
 
 use super::draw::{Image, state, viewport};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::clip::{ClipVolume, Clipped, NOT_FINITE, Polygon};
 use crate::gfx::setup::{self, Screen, ScreenVertex};
 use crate::gfx::state::Viewport;
-use crate::num::snap;
+use crate::num::{Random, snap};
 
 pub const SNAP: Target = Target {
     id: "snap",

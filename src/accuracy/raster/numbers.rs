@@ -3,13 +3,13 @@
 use anyhow::{Result, ensure};
 
 use super::draw::{Image, state, viewport, walk};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::format::Format;
 use crate::gfx::interpolate::{self, Place, Site, Weights};
 use crate::gfx::reference::{self, Position};
 use crate::gfx::setup::{self, Screen, ScreenVertex, Triangle};
 use crate::gfx::texel::depth_code;
-use crate::num::{Lanes, QUADS};
+use crate::num::{Lanes, QUADS, Random};
 
 pub const INTERPOLATION: Target = Target {
     id: "interpolation",

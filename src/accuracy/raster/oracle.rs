@@ -3,10 +3,11 @@
 use anyhow::{Result, ensure};
 
 use super::draw::{Image, flip_rule, state, vertex};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::reference::{self, Position};
 use crate::gfx::setup::{self, Bounds, ScreenVertex, Triangle};
 use crate::gfx::traverse::Blocks;
+use crate::num::Random;
 
 pub const ORACLE: Target = Target {
     id: "oracle",

@@ -3,8 +3,9 @@
 use anyhow::{Result, ensure};
 
 use super::draw::{state, vertex, walk};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::setup;
+use crate::num::Random;
 
 pub const QUAD_OVERSHADE: Target = Target {
     id: "quad-overshade",

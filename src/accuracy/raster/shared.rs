@@ -3,12 +3,12 @@
 use anyhow::{Result, ensure};
 
 use super::draw::{Image, position, state, vertex, viewport};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::clip::ClipVolume;
 use crate::gfx::interpolate::{self, Place, Site, Weights};
 use crate::gfx::reference::{self, Position};
 use crate::gfx::setup::{self, Screen, ScreenVertex};
-use crate::num::{Lanes, QUADS, snap};
+use crate::num::{Lanes, QUADS, Random, snap};
 
 pub const FILL_RULES: Target = Target {
     id: "fill-rules",

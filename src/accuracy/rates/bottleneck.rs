@@ -4,7 +4,8 @@ use anyhow::{Result, ensure};
 
 use super::{Run, layers, machine, triangles};
 use crate::accuracy::synthetic::Scene;
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::Random;
 
 pub(super) const BOTTLENECK: Target = Target {
     id: "bottleneck",

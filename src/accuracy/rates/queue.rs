@@ -2,9 +2,9 @@
 
 use anyhow::{Result, ensure};
 
-use crate::accuracy::exact::units::{Item, Sink, Worker};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
-use crate::num::Cycle;
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::{Cycle, Random};
+use crate::sim::kit::{Item, Sink, Worker};
 use crate::sim::{Circuit, Clock, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 pub(super) const QUEUE: Target = Target {
@@ -63,7 +63,7 @@ impl Unit<()> for Arrivals {
     }
 }
 
-crate::circuit! {
+sim::circuit! {
     struct Server for () {
         arrivals: One<Arrivals>,
         worker: One<Worker>,

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use anyhow::{Result, ensure};
 
 use super::reuse::shaded;
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::Random;
 
 pub(super) const FORSYTH: Target = Target {
     id: "forsyth",

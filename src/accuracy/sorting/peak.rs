@@ -4,7 +4,8 @@ use anyhow::{Context, Result};
 
 use super::{right_triangle, scene_of};
 use crate::accuracy::machine::{config, figure, replay};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
+use crate::num::Random;
 
 pub(super) const CHEN_PEAK: Target = Target {
     id: "chen-peak",

@@ -5,7 +5,6 @@ mod segment;
 
 use std::sync::Arc;
 
-use super::Random;
 use crate::gfx::format::Format;
 use crate::gfx::rop::{self, ColorState, DepthStencilState};
 use crate::gfx::setup::{DepthBias, SetupState};
@@ -14,6 +13,7 @@ use crate::gfx::state::{
     StencilOp, StepMode, Viewport,
 };
 use crate::gfx::texel;
+use crate::num::Random;
 use crate::work::*;
 use segment::Painter;
 

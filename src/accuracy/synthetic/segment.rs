@@ -1,12 +1,12 @@
 //! A segment of a scene: its triangles set up, traversed, tested and shaded in API order.
 
 use super::{Reference, Scene, cost};
-use crate::accuracy::Random;
 use crate::gfx::format::Format;
 use crate::gfx::rop::{ColorState, DepthStencilState};
 use crate::gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex, SetupState};
 use crate::gfx::texel::encode_code;
 use crate::gfx::traverse;
+use crate::num::Random;
 use crate::num::snap;
 use crate::work::*;
 

@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn boxes_of_a_picture_are_apart() {
-        for sort in crate::machine::config::SortClass::NAMES {
+        for sort in machine::config::SortClass::NAMES {
             for topology in ["point-to-point", "bus", "ring", "butterfly"] {
                 let sort = format!("sort={sort}");
                 let diagram = diagram(&[&sort, &format!("network.topology={topology}")]);

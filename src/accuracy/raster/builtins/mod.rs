@@ -14,8 +14,9 @@ mod words;
 use anyhow::{Context, Result, ensure};
 
 use super::programs::{GROUP, program, run};
-use crate::accuracy::{Random, Row, Section, Setting, Target};
+use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::vertex::half_to_f32;
+use crate::num::Random;
 use interval::Interval;
 
 pub const BUILTINS: Target = Target {

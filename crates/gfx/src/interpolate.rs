@@ -1,0 +1,380 @@
+//! Interpolation: depth, position and attributes for batches of up to 16 quads, each of its own primitive.
+//!
+//! The weights of a primitive's vertices come from its integer edge functions, evaluated exactly in f64 (|E| < 2^49), and are
+//! rounded to f32 once: with `k_i = E_i / w_i`, the weight of vertex i is `k_i / (k_0 + k_1 + k_2)`. An attribute is
+//! `a0 + (g1 d1 + g2 d2)`, `d_i = a_i - a0`, plus the same combination of what the differences lost to rounding. So a constant
+//! stays exactly itself, and where a weight is 1 the attribute is exactly that vertex's.
+//!
+//! Pixels of a quad that the primitive does not cover are extrapolated, for derivatives. There 1/w is kept from falling below
+//! a sixteenth of the least of the vertices', because behind the eye it has a pole.
+
+use num::{LANES, Lanes, QUADS, SUBPIXEL};
+
+use super::setup::{Edge, SAMPLES_4, Triangle};
+
+/// Where a quad of a batch lies, and of which primitive it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Site {
+    /// Index of the primitive in the slice that goes with the batch.
+    pub triangle: u32,
+    /// Left column; even.
+    pub x: u16,
+    /// Upper row; even.
+    pub y: u16,
+}
+
+/// Where in each pixel to evaluate.
+#[derive(Clone, Copy, Debug)]
+pub enum Place<'a> {
+    /// The centre.
+    Center,
+    /// One of four samples.
+    Sample(usize),
+    /// For each lane 0 for the centre or `s + 1` for sample s of four, as [`centroids`] makes them.
+    PerLane(&'a [u8; LANES]),
+}
+
+/// Weights of vertices 1 and 2 of each lane's primitive; vertex 0 has the rest to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Weights {
+    /// Weight of vertex 1 (of the end, in a line).
+    pub one: Lanes,
+    /// Weight of vertex 2.
+    pub two: Lanes,
+}
+
+/// Offsets from the pixel's centre in 1/256 pixel, by a lane's code in [`Place::PerLane`]; unknown codes mean the centre.
+const OFFSETS: [[i32; 2]; 8] = [[0, 0], SAMPLES_4[0], SAMPLES_4[1], SAMPLES_4[2], SAMPLES_4[3], [0, 0], [0, 0], [0, 0]];
+
+/// Compiles a function of the batch for AVX2 as well, and picks the one that the host can run. Both give the same bits: no
+/// operation is fused or reordered.
+macro_rules! widest {
+    ($(#[$doc:meta])* pub fn $name:ident($($arg:ident: $type:ty),* $(,)?) $body:block) => {
+        $(#[$doc])*
+        #[inline]
+        pub fn $name($($arg: $type),*) {
+            #[inline(always)]
+            fn body($($arg: $type),*) $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn wide($($arg: $type),*) {
+                    body($($arg),*)
+                }
+                if crate::simd::host_has!("avx2") {
+                    // SAFETY: the host has AVX2, which is all that the callee asks for.
+                    return unsafe { wide($($arg),*) };
+                }
+            }
+            body($($arg),*)
+        }
+    };
+}
+
+/// Four lanes of a quad in double precision.
+type Quad = [f64; 4];
+
+#[inline(always)]
+fn each(f: impl Fn(usize) -> f64) -> Quad {
+    [f(0), f(1), f(2), f(3)]
+}
+
+/// An edge function in `f64`, in which all of it is exact: every term and sum is a whole number below 2^53.
+#[derive(Clone, Copy)]
+struct ExactEdge {
+    /// Change for each 1/256 pixel to the right and down.
+    slope: [f64; 2],
+    /// Values in the pixels of the quad at the base.
+    quad: Quad,
+}
+
+impl ExactEdge {
+    #[inline(always)]
+    fn new(edge: &Edge) -> ExactEdge {
+        let slope = [f64::from(edge.a), f64::from(edge.b)];
+        let (right, down) = (slope[0] * f64::from(SUBPIXEL), slope[1] * f64::from(SUBPIXEL));
+        let c = edge.c as f64;
+        ExactEdge { slope, quad: [c, c + right, c + down, c + (right + down)] }
+    }
+}
+
+/// Where one edge function is evaluated in the pixels of a quad, in 1/256 pixel from the centres.
+trait Offsets: Copy {
+    /// The values of an edge function in the quad that lies `at` (in 1/256 pixel) from the base.
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad;
+
+    /// The offset of pixel p in pixels.
+    fn pixels(self, p: usize) -> [f32; 2];
+}
+
+/// The same offset in all pixels.
+#[derive(Clone, Copy)]
+struct Same([i32; 2]);
+
+/// An offset for each pixel, by code.
+#[derive(Clone, Copy)]
+struct Own([u8; 4]);
+
+#[inline(always)]
+fn to_pixels(offset: [i32; 2]) -> [f32; 2] {
+    [offset[0] as f32 * (1.0 / SUBPIXEL as f32), offset[1] as f32 * (1.0 / SUBPIXEL as f32)]
+}
+
+impl Offsets for Same {
+    #[inline(always)]
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad {
+        let (x, y) = (at[0] + f64::from(self.0[0]), at[1] + f64::from(self.0[1]));
+        let moved = edge.slope[0] * x + edge.slope[1] * y;
+        each(|p| edge.quad[p] + moved)
+    }
+
+    #[inline(always)]
+    fn pixels(self, _: usize) -> [f32; 2] {
+        to_pixels(self.0)
+    }
+}
+
+impl Offsets for Own {
+    #[inline(always)]
+    fn values(self, edge: &ExactEdge, at: [f64; 2]) -> Quad {
+        each(|p| {
+            let [dx, dy] = OFFSETS[usize::from(self.0[p]) & 7];
+            edge.quad[p] + (edge.slope[0] * (at[0] + f64::from(dx)) + edge.slope[1] * (at[1] + f64::from(dy)))
+        })
+    }
+
+    #[inline(always)]
+    fn pixels(self, p: usize) -> [f32; 2] {
+        to_pixels(OFFSETS[usize::from(self.0[p]) & 7])
+    }
+}
+
+/// Chooses by place outside the loop over quads, and runs `$one` for each quad with its offsets.
+macro_rules! for_each_quad {
+    ($sites:ident, $place:ident, |$q:ident, $site:ident, $offsets:ident| $one:block) => {
+        match $place {
+            Place::Center | Place::Sample(_) => {
+                let $offsets = Same(match $place {
+                    Place::Sample(s) => OFFSETS[(s + 1) & 7],
+                    _ => [0, 0],
+                });
+                for ($q, $site) in $sites.iter().take(QUADS).enumerate() $one
+            }
+            Place::PerLane(codes) => {
+                for ($q, $site) in $sites.iter().take(QUADS).enumerate() {
+                    let $offsets = Own([codes[4 * $q], codes[4 * $q + 1], codes[4 * $q + 2], codes[4 * $q + 3]]);
+                    $one
+                }
+            }
+        }
+    };
+}
+
+/// What the weights of a primitive are computed from.
+#[derive(Clone, Copy)]
+struct Basis {
+    /// The edge functions opposite to vertices 1 and 2.
+    edges: [ExactEdge; 2],
+    /// The sum of all three.
+    area: f64,
+    inv_area: f64,
+    /// 1/w of the vertices.
+    inv_w: [f64; 3],
+    /// The least that the sum of weights times 1/w may be.
+    least: f64,
+    base: [i32; 2],
+}
+
+impl Basis {
+    #[inline(always)]
+    fn new(t: &Triangle) -> Basis {
+        let area = t.area() as f64;
+        let [k0, k1, k2] = [f64::from(t.inv_w[0]), f64::from(t.inv_w[1]), f64::from(t.inv_w[2])];
+        let k01 = if k0 < k1 { k0 } else { k1 };
+        Basis {
+            edges: [ExactEdge::new(&t.edges[1]), ExactEdge::new(&t.edges[2])],
+            area,
+            inv_area: t.inv_area,
+            inv_w: [k0, k1, k2],
+            least: (if k01 < k2 { k01 } else { k2 }) * area * (1.0 / 16.0),
+            base: t.base(),
+        }
+    }
+
+    /// E_1 and E_2 at the four pixels of a quad.
+    #[inline(always)]
+    fn values(&self, site: &Site, offsets: impl Offsets) -> [Quad; 2] {
+        let at = [(i32::from(site.x) - self.base[0]) * SUBPIXEL, (i32::from(site.y) - self.base[1]) * SUBPIXEL];
+        let at = [f64::from(at[0]), f64::from(at[1])];
+        [offsets.values(&self.edges[0], at), offsets.values(&self.edges[1], at)]
+    }
+}
+
+/// Writes a quad's lanes.
+#[inline(always)]
+fn put(out: &mut Lanes, q: usize, v: Quad) {
+    let out = &mut out.f32_mut()[4 * q..4 * q + 4];
+    for p in 0..4 {
+        out[p] = v[p] as f32;
+    }
+}
+
+widest! {
+    /// Perspective-correct weights of each lane, and 1/w there (`position.w` of a fragment).
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn perspective(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights, inv_w: &mut Lanes) {
+        let Some(first) = sites.first() else { return };
+        let (mut current, mut basis) = (first.triangle, Basis::new(&triangles[first.triangle as usize]));
+        for_each_quad!(sites, place, |q, site, offsets| {
+            // The quads of a primitive follow each other.
+            if site.triangle != current {
+                (current, basis) = (site.triangle, Basis::new(&triangles[site.triangle as usize]));
+            }
+            let [e1, e2] = basis.values(site, offsets);
+            let (area, [k0, k1, k2]) = (basis.area, basis.inv_w);
+            let p1 = each(|p| e1[p] * k1);
+            let p2 = each(|p| e2[p] * k2);
+            let sum = each(|p| {
+                let sum = ((area - e1[p]) - e2[p]) * k0 + p1[p] + p2[p];
+                if sum > basis.least { sum } else { basis.least }
+            });
+            let inv = each(|p| 1.0 / sum[p]);
+            put(&mut weights.one, q, each(|p| p1[p] * inv[p]));
+            put(&mut weights.two, q, each(|p| p2[p] * inv[p]));
+            put(inv_w, q, each(|p| sum[p] * basis.inv_area));
+        });
+    }
+}
+
+widest! {
+    /// Weights linear in the window (WGSL's `linear` interpolation).
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn linear(triangles: &[Triangle], sites: &[Site], place: Place<'_>, weights: &mut Weights) {
+        for_each_quad!(sites, place, |q, site, offsets| {
+            let basis = Basis::new(&triangles[site.triangle as usize]);
+            let [e1, e2] = basis.values(site, offsets);
+            put(&mut weights.one, q, each(|p| e1[p] * basis.inv_area));
+            put(&mut weights.two, q, each(|p| e2[p] * basis.inv_area));
+        });
+    }
+}
+
+widest! {
+    /// Depth of each lane, by [`super::setup::DepthPlane::at`].
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    ///
+    /// # Panics
+    /// If a site names a primitive that is not there.
+    pub fn depth(triangles: &[Triangle], sites: &[Site], place: Place<'_>, out: &mut Lanes) {
+        for_each_quad!(sites, place, |q, site, offsets| {
+            let plane = triangles[site.triangle as usize].depth;
+            let out = &mut out.f32_mut()[4 * q..4 * q + 4];
+            let (x, y) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
+            for p in 0..4 {
+                let [dx, dy] = offsets.pixels(p);
+                out[p] = plane.at(x + ((p & 1) as f32 + dx), y + ((p >> 1) as f32 + dy));
+            }
+        });
+    }
+}
+
+widest! {
+    /// Window x and y of each lane in pixels.
+    ///
+    /// At most [`QUADS`] sites count; lanes beyond them are left as they are.
+    pub fn window(sites: &[Site], place: Place<'_>, x: &mut Lanes, y: &mut Lanes) {
+        for_each_quad!(sites, place, |q, site, offsets| {
+            let (left, top) = (f32::from(site.x) + 0.5, f32::from(site.y) + 0.5);
+            let (x, y) = (&mut x.f32_mut()[4 * q..4 * q + 4], &mut y.f32_mut()[4 * q..4 * q + 4]);
+            for p in 0..4 {
+                let [dx, dy] = offsets.pixels(p);
+                x[p] = left + ((p & 1) as f32 + dx);
+                y[p] = top + ((p >> 1) as f32 + dy);
+            }
+        });
+    }
+}
+
+/// Where each lane evaluates attributes of centroid sampling, for quads of the given coverage (bit `4 sample + p`, four
+/// samples): the centre where all samples or none are covered, else the first sample that is.
+pub fn centroids(coverage: &[u16], out: &mut [u8; LANES]) {
+    for (q, &mask) in coverage.iter().take(QUADS).enumerate() {
+        for p in 0..4 {
+            let samples = mask >> p & 0x1111;
+            out[4 * q + p] = match samples {
+                0 | 0x1111 => 0,
+                some => (some.trailing_zeros() / 4 + 1) as u8,
+            };
+        }
+    }
+}
+
+/// What an attribute of one triangle becomes before it is spread over lanes: its value at vertex 0, the differences to it, and
+/// what rounding took from the differences.
+#[inline(always)]
+fn coefficients([a, b, c]: [f32; 3]) -> [f32; 5] {
+    let (d1, d2) = (b - a, c - a);
+    [a, d1, d2, b - (a + d1), c - (a + d2)]
+}
+
+#[inline(always)]
+fn combine([a, d1, d2, r1, r2]: [f32; 5], g1: f32, g2: f32) -> f32 {
+    (a + (g1 * d1 + g2 * d2)) + (g1 * r1 + g2 * r2)
+}
+
+widest! {
+    /// One attribute component; `values[i][q]` is its value at vertex i of quad q's primitive.
+    pub fn attribute(weights: &Weights, values: &[[f32; QUADS]; 3], out: &mut Lanes) {
+        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
+        let mut k = [[0.0; QUADS]; 5];
+        for q in 0..QUADS {
+            let c = coefficients([values[0][q], values[1][q], values[2][q]]);
+            for i in 0..5 {
+                k[i][q] = c[i];
+            }
+        }
+        for q in 0..QUADS {
+            for p in 0..4 {
+                let lane = 4 * q + p;
+                out[lane] = combine([k[0][q], k[1][q], k[2][q], k[3][q], k[4][q]], one[lane], two[lane]);
+            }
+        }
+    }
+}
+
+/// One attribute component of the quads of one primitive, which has these values at its vertices; same bits as [`attribute`].
+#[inline(always)]
+pub fn attribute_run(weights: &Weights, quads: std::ops::Range<usize>, values: [f32; 3], out: &mut Lanes) {
+    let k = coefficients(values);
+    let lanes = 4 * quads.start.min(QUADS)..4 * quads.end.min(QUADS);
+    let quads = |lanes: &[f32]| lanes.as_chunks::<4>().0.len();
+    let (one, two) = (&weights.one.f32()[lanes.clone()], &weights.two.f32()[lanes.clone()]);
+    let out = &mut out.f32_mut()[lanes];
+    debug_assert_eq!(quads(one), quads(out));
+    let quads = out.as_chunks_mut::<4>().0.iter_mut().zip(one.as_chunks::<4>().0).zip(two.as_chunks::<4>().0);
+    for ((out, one), two) in quads {
+        for p in 0..4 {
+            out[p] = combine(k, one[p], two[p]);
+        }
+    }
+}
+
+widest! {
+    /// One attribute component of a batch whose quads are all of one primitive; same bits as [`attribute`].
+    pub fn attribute_uniform(weights: &Weights, values: [f32; 3], out: &mut Lanes) {
+        let (one, two, out) = (weights.one.f32(), weights.two.f32(), out.f32_mut());
+        let k = coefficients(values);
+        for lane in 0..LANES {
+            out[lane] = combine(k, one[lane], two[lane]);
+        }
+    }
+}

@@ -1,0 +1,504 @@
+//! Colour: blending, write masks, conversion to the target's format.
+
+use super::channels::{
+    blends_codes, distinct_run, floats, join, lanes, limit, names_second, pack, quantize, range, split, unpack, write_bits,
+};
+use super::number::Number;
+use super::{ColorRefs, Colors, code_words, four, select_mask};
+use crate::format::{Format, TexelKind};
+use crate::simd::wide;
+use crate::state::{BlendComponent, BlendFactor, BlendOp, ColorTarget};
+use crate::texel::{Rgba8, decode_code, encode_code, unorm};
+use num::{LANES, Lanes, QUADS};
+
+/// What to do with a source colour; chosen once a draw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Path {
+    /// No channel is written.
+    Nothing,
+    /// Four 8-bit channels, the source replaces what is stored.
+    Replace8(Rgba8),
+    /// Four 8-bit channels, blended: in codes, or in linear light with sRGB.
+    Blend8(Rgba8),
+    /// Any format, the source replaces what is stored.
+    Replace,
+    /// One or two 8-bit channels, blended in codes.
+    BlendCodes,
+    /// Any format, blended.
+    Blend,
+}
+
+/// State of one colour target made ready.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorState {
+    format: Format,
+    path: Path,
+    color: BlendComponent,
+    alpha: BlendComponent,
+    /// Bits of a code that are written.
+    bits: [u32; 4],
+    whole: bool,
+    /// Whether a factor names the second source.
+    dual: bool,
+    words: usize,
+    constant: [f32; 4],
+    /// The constant in 8-bit codes.
+    constant_codes: [u16; 4],
+    /// Range that source colours and constants are clamped to before blending (fixed-point formats).
+    clamp: [f32; 2],
+}
+
+impl ColorState {
+    /// Prepares the state of a target with the blend constant. Integer targets ignore blending.
+    ///
+    /// # Panics
+    /// If the format is compressed or has depth or stencil: no pipeline check lets such a target through.
+    pub fn new(target: &ColorTarget, constant: [f32; 4]) -> ColorState {
+        let format = target.format;
+        assert!(!format.is_compressed() && !format.is_depth_stencil(), "{} as a colour target", format.name());
+        let bits = write_bits(format, target.write_mask);
+        let replaces = |c: BlendComponent| c.op == BlendOp::Add && c.src == BlendFactor::One && c.dst == BlendFactor::Zero;
+        let blend = target.blend.filter(|b| format.kind() == TexelKind::Float && !(replaces(b.color) && replaces(b.alpha)));
+        let path = match (blend, Rgba8::of(format)) {
+            _ if bits == [0; 4] => Path::Nothing,
+            (None, Some(layout)) => Path::Replace8(layout),
+            (Some(_), Some(layout)) => Path::Blend8(layout),
+            (None, None) => Path::Replace,
+            (Some(_), None) if blends_codes(format) => Path::BlendCodes,
+            (Some(_), None) => Path::Blend,
+        };
+        let blend = blend.unwrap_or_default();
+        let clamp = range(format);
+        ColorState {
+            format,
+            path,
+            color: blend.color,
+            alpha: blend.alpha,
+            bits,
+            whole: bits == write_bits(format, 15),
+            dual: [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second),
+            words: code_words(format),
+            constant: constant.map(|c| limit(c, clamp)),
+            constant_codes: constant.map(|c| unorm(c, 255.0) as u16),
+            clamp,
+        }
+    }
+
+    /// The target's format.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Whether nothing is ever written.
+    pub fn is_idle(&self) -> bool {
+        self.path == Path::Nothing
+    }
+
+    /// Whether the source is combined with the stored colour by an equation; if not, it is converted and replaces it.
+    pub fn blends(&self) -> bool {
+        matches!(self.path, Path::Blend | Path::BlendCodes | Path::Blend8(_))
+    }
+
+    /// Whether the stored colour is needed: blending, or a write mask that keeps some channels.
+    pub fn reads(&self) -> bool {
+        !self.is_idle() && (!self.whole || self.blends())
+    }
+
+    /// Blends a quad into its stored codes (one run, see [`super`]).
+    ///
+    /// `src` and `src1` are the outputs of the fragment shader, channel by channel (bits of `f32`, or integers for integer
+    /// formats); all covered samples of a pixel receive the same colour.
+    ///
+    /// # Panics
+    /// If `run` is shorter than `samples` ask.
+    pub fn blend_quad(&self, samples: usize, coverage: u16, src: &[[u32; 4]; 4], src1: &[[u32; 4]; 4], run: &mut [u32]) {
+        let size = 4 * self.words;
+        for s in 0..samples {
+            let mask = (coverage >> (4 * s)) as u8 & 15;
+            if mask == 0 {
+                continue;
+            }
+            let stored = &mut run[s * size..(s + 1) * size];
+            match self.path {
+                Path::Nothing => {}
+                Path::Replace8(_) | Path::Blend8(_) => {
+                    let new = self.codes8::<4>(floats(src).each_ref(), floats(src1).each_ref(), &four(stored, 0));
+                    self.put(mask, &new, stored);
+                }
+                Path::Replace | Path::BlendCodes | Path::Blend => {
+                    for p in (0..4).filter(|p| mask >> p & 1 != 0) {
+                        self.pixel(p, src.map(|c| c[p]), src1.map(|c| c[p]), stored);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The codes that a colour has in the target's format, word by word: for targets that do not blend, what remains to be
+    /// stored with [`ColorState::put_quad`]. Words beyond [`code_words`] are zero.
+    pub fn pack_batch(&self, src: [&Lanes; 4], out: &mut [Lanes; 4]) {
+        pack_batch(self, src, out);
+    }
+
+    #[inline(always)]
+    fn pack_batch_body(&self, src: [&Lanes; 4], out: &mut [Lanes; 4]) {
+        *out = [Lanes::ZERO; 4];
+        if let Some(layout) = Rgba8::of(self.format) {
+            pack(layout, lanes(src), &mut out[0].0);
+        } else {
+            for i in 0..LANES {
+                let code = encode_code(self.format, std::array::from_fn(|c| src[c].0[i]));
+                for w in 0..4 {
+                    out[w].0[i] = code[w];
+                }
+            }
+        }
+    }
+
+    /// Stores codes made by [`ColorState::pack_batch`] (words of four pixels, word after word) in a quad's covered samples, as
+    /// far as the write mask lets.
+    ///
+    /// # Panics
+    /// If `run` or `packed` is too short.
+    #[inline(always)]
+    pub fn put_quad(&self, samples: usize, coverage: u16, packed: &[u32], run: &mut [u32]) {
+        let size = 4 * self.words;
+        for s in 0..samples {
+            let mask = (coverage >> (4 * s)) as u8 & 15;
+            if mask != 0 {
+                self.put(mask, packed, &mut run[s * size..(s + 1) * size]);
+            }
+        }
+    }
+
+    /// Blends the quads of a batch in order into a tile, the codes of many quads one run after the other.
+    ///
+    /// `quads` of the 16 are present; quad `q` is the `at[q]`-th of the tile. `src1` is the second source of dual-source blending
+    /// (any colours where the state does not use one). A quad that occurs twice in the batch is blended twice, in order.
+    ///
+    /// # Panics
+    /// If a quad with coverage lies outside the tile.
+    pub fn blend_batch(
+        &self,
+        samples: usize,
+        quads: usize,
+        at: &[u32; QUADS],
+        coverage: &[u16; QUADS],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
+        tile: &mut [u32],
+    ) {
+        blend_batch(self, samples, quads, at, coverage, src, src1, tile);
+    }
+
+    #[inline(always)]
+    fn blend_batch_body(
+        &self,
+        samples: usize,
+        quads: usize,
+        at: &[u32; QUADS],
+        coverage: &[u16; QUADS],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
+        tile: &mut [u32],
+    ) {
+        let quads = quads.min(QUADS);
+        let size = 4 * self.words;
+        match self.path {
+            Path::Nothing => {}
+            Path::Replace8(_) => {
+                let new = self.codes8::<LANES>(lanes(src), lanes(src1), &[0; LANES]);
+                for q in 0..quads {
+                    let run = &mut tile[at[q] as usize * samples * 4..][..samples * 4];
+                    for s in 0..samples {
+                        let mask = (coverage[q] >> (4 * s)) as u8;
+                        self.put_word(mask, &four(&new, 4 * q), &mut run[4 * s..4 * s + 4]);
+                    }
+                }
+            }
+            Path::Blend8(_) => {
+                let mut first = 0;
+                while first < quads {
+                    let end = distinct_run(at, first, quads);
+                    for s in 0..samples {
+                        self.blend_run(s, samples, first..end, at, coverage, src, src1, tile);
+                    }
+                    first = end;
+                }
+            }
+            Path::Replace | Path::BlendCodes | Path::Blend => {
+                for q in (0..quads).filter(|q| coverage[*q] != 0) {
+                    let run = &mut tile[at[q] as usize * samples * size..][..samples * size];
+                    for s in 0..samples {
+                        let mask = coverage[q] >> (4 * s) & 15;
+                        for p in (0..4).filter(|p| mask >> p & 1 != 0) {
+                            let lane = 4 * q + p;
+                            let color = |src: [&Lanes; 4]| std::array::from_fn(|c| src[c].0[lane]);
+                            self.pixel(p, color(src), color(src1), &mut run[s * size..(s + 1) * size]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Blends a run of quads at distinct places, four 8-bit channels: all are read before any is written.
+    #[inline(always)]
+    fn blend_run(
+        &self,
+        sample: usize,
+        samples: usize,
+        run: std::ops::Range<usize>,
+        at: &[u32; QUADS],
+        coverage: &[u16; QUADS],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
+        tile: &mut [u32],
+    ) {
+        let mask = |q: usize| (coverage[q] >> (4 * sample)) as u8 & 15;
+        let place = |q: usize| (at[q] as usize * samples + sample) * 4;
+        let mut old = [0_u32; LANES];
+        for q in run.clone() {
+            if mask(q) != 0 {
+                old[4 * q..4 * q + 4].copy_from_slice(&four(tile, place(q)));
+            }
+        }
+        let new = self.codes8::<LANES>(lanes(src), lanes(src1), &old);
+        for q in run {
+            if mask(q) != 0 {
+                self.put_word(mask(q), &four(&new, 4 * q), &mut tile[place(q)..place(q) + 4]);
+            }
+        }
+    }
+
+    /// Stores the masked pixels and bits of one sample of a quad.
+    #[inline(always)]
+    fn put(&self, mask: u8, new: &[u32], stored: &mut [u32]) {
+        let selected = select_mask(mask);
+        for w in 0..self.words {
+            for p in 0..4 {
+                let write = selected[p] & self.bits[w];
+                let word = &mut stored[4 * w + p];
+                *word = *word & !write | new[4 * w + p] & write;
+            }
+        }
+    }
+
+    /// [`ColorState::put`] for codes of one word, without a branch: masks of triangles' edges are not predictable.
+    #[inline(always)]
+    fn put_word(&self, mask: u8, new: &[u32; 4], stored: &mut [u32]) {
+        let selected = select_mask(mask);
+        let old = four(stored, 0);
+        for p in 0..4 {
+            let write = selected[p] & self.bits[0];
+            stored[p] = old[p] & !write | new[p] & write;
+        }
+    }
+
+    /// The codes of `N` pixels of a format with four 8-bit channels; `old` matters to blending only.
+    #[inline(always)]
+    fn codes8<const N: usize>(&self, src: ColorRefs<'_, N>, src1: ColorRefs<'_, N>, old: &[u32; N]) -> [u32; N] {
+        let mut out = [0_u32; N];
+        match self.path {
+            Path::Replace8(layout) => pack(layout, src, &mut out),
+            Path::Blend8(layout) if !layout.srgb => {
+                let (mut first, mut second) = ([[0; N]; 4], [[0; N]; 4]);
+                quantize(src, &mut first);
+                if self.dual {
+                    quantize(src1, &mut second);
+                }
+                let result = self.blend_colors(&self.constant_codes, &first, &second, &split(layout.bgra, old));
+                join(layout.bgra, &result, &mut out);
+            }
+            Path::Blend8(layout) => {
+                let dst = unpack(layout, old);
+                let (mut clamped, mut second) = ([[0.0; N]; 4], [[0.0; N]; 4]);
+                for c in 0..4 {
+                    for i in 0..N {
+                        clamped[c][i] = limit(src[c][i], [0.0, 1.0]);
+                    }
+                }
+                if self.dual {
+                    for c in 0..4 {
+                        for i in 0..N {
+                            second[c][i] = limit(src1[c][i], [0.0, 1.0]);
+                        }
+                    }
+                }
+                let result = self.blend_colors(&self.constant, &clamped, &second, &dst);
+                pack(layout, result.each_ref(), &mut out);
+            }
+            _ => {}
+        }
+        out
+    }
+
+    /// The blend equation for `N` pixels.
+    #[inline(always)]
+    fn blend_colors<T: Number, const N: usize>(
+        &self,
+        constant: &[T; 4],
+        src: &Colors<N, T>,
+        src1: &Colors<N, T>,
+        dst: &Colors<N, T>,
+    ) -> Colors<N, T> {
+        let mut out = [[T::ZERO; N]; 4];
+        for c in 0..4 {
+            let blend = if c == 3 { self.alpha } else { self.color };
+            blend_channel(c, blend, constant, src, src1, dst, &mut out[c]);
+        }
+        out
+    }
+
+    /// Pixel `p` of one sample of a quad, of any format.
+    fn pixel(&self, p: usize, src: [u32; 4], src1: [u32; 4], stored: &mut [u32]) {
+        let new = if self.path == Path::BlendCodes {
+            let one = |t: [u32; 4]| t.map(|b| [unorm(f32::from_bits(b), 255.0) as u16]);
+            // Channels that the format has not: blue is 0 and alpha 1, so that factors of the target's alpha are right.
+            let dst = split(false, &[stored[p] & 0xffff | 0xff00_0000]);
+            let result = self.blend_colors(&self.constant_codes, &one(src), &one(src1), &dst);
+            let mut word = [0];
+            join(false, &result, &mut word);
+            [word[0], 0, 0, 0]
+        } else if self.path == Path::Blend {
+            let one = |t: [u32; 4]| t.map(|b| [limit(f32::from_bits(b), self.clamp)]);
+            let mut code = [0; 4];
+            for w in 0..self.words {
+                code[w] = stored[4 * w + p];
+            }
+            let dst = decode_code(self.format, &code).map(|b| [f32::from_bits(b)]);
+            let result = self.blend_colors(&self.constant, &one(src), &one(src1), &dst);
+            encode_code(self.format, result.map(|c| c[0].to_bits()))
+        } else {
+            encode_code(self.format, src)
+        };
+        for w in 0..self.words {
+            let word = &mut stored[4 * w + p];
+            *word = *word & !self.bits[w] | new[w] & self.bits[w];
+        }
+    }
+}
+
+/// One channel of the blend equation for `N` pixels.
+#[inline(always)]
+fn blend_channel<T: Number, const N: usize>(
+    c: usize,
+    blend: BlendComponent,
+    constant: &[T; 4],
+    src: &Colors<N, T>,
+    src1: &Colors<N, T>,
+    dst: &Colors<N, T>,
+    out: &mut [T; N],
+) {
+    // Plain loops rather than array adaptors: they take on the instruction set of the function they are inlined into.
+    let (s, d) = (&src[c], &dst[c]);
+    match blend.op {
+        BlendOp::Min => {
+            for i in 0..N {
+                out[i] = if s[i] < d[i] { s[i] } else { d[i] };
+            }
+        }
+        BlendOp::Max => {
+            for i in 0..N {
+                out[i] = if s[i] > d[i] { s[i] } else { d[i] };
+            }
+        }
+        _ => {
+            let mut other = [T::ZERO; N];
+            weigh(blend.src, s, c, constant, src, src1, dst, out);
+            weigh(blend.dst, d, c, constant, src, src1, dst, &mut other);
+            match blend.op {
+                BlendOp::Subtract => {
+                    for i in 0..N {
+                        out[i] = out[i].minus(other[i]);
+                    }
+                }
+                BlendOp::ReverseSubtract => {
+                    for i in 0..N {
+                        out[i] = other[i].minus(out[i]);
+                    }
+                }
+                _ => {
+                    for i in 0..N {
+                        out[i] = out[i].plus(other[i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A channel times its factor. Factors 0 and 1 are exact even for infinities and NaN, as if the term were absent or bare.
+#[inline(always)]
+fn weigh<T: Number, const N: usize>(
+    factor: BlendFactor,
+    x: &[T; N],
+    c: usize,
+    constant: &[T; 4],
+    src: &Colors<N, T>,
+    src1: &Colors<N, T>,
+    dst: &Colors<N, T>,
+    out: &mut [T; N],
+) {
+    let constant = [constant[c]; N];
+    let mut saturated = [T::ZERO; N];
+    // Which numbers, and whether what they lack to 1.
+    let (numbers, rest) = match factor {
+        BlendFactor::Zero => {
+            *out = [T::ZERO; N];
+            return;
+        }
+        BlendFactor::One => {
+            *out = *x;
+            return;
+        }
+        BlendFactor::SrcAlphaSaturated => {
+            if c == 3 {
+                *out = *x;
+                return;
+            }
+            for i in 0..N {
+                let (a, rest) = (src[3][i], dst[3][i].complement());
+                saturated[i] = if a < rest { a } else { rest };
+            }
+            (&saturated, false)
+        }
+        BlendFactor::Src => (&src[c], false),
+        BlendFactor::OneMinusSrc => (&src[c], true),
+        BlendFactor::SrcAlpha => (&src[3], false),
+        BlendFactor::OneMinusSrcAlpha => (&src[3], true),
+        BlendFactor::Dst => (&dst[c], false),
+        BlendFactor::OneMinusDst => (&dst[c], true),
+        BlendFactor::DstAlpha => (&dst[3], false),
+        BlendFactor::OneMinusDstAlpha => (&dst[3], true),
+        BlendFactor::Constant => (&constant, false),
+        BlendFactor::OneMinusConstant => (&constant, true),
+        BlendFactor::Src1 => (&src1[c], false),
+        BlendFactor::OneMinusSrc1 => (&src1[c], true),
+        BlendFactor::Src1Alpha => (&src1[3], false),
+        BlendFactor::OneMinusSrc1Alpha => (&src1[3], true),
+    };
+    if rest {
+        for i in 0..N {
+            out[i] = x[i].times(numbers[i].complement());
+        }
+    } else {
+        for i in 0..N {
+            out[i] = x[i].times(numbers[i]);
+        }
+    }
+}
+
+wide! {
+    fn blend_batch(
+        state: &ColorState,
+        samples: usize,
+        quads: usize,
+        at: &[u32; QUADS],
+        coverage: &[u16; QUADS],
+        src: [&Lanes; 4],
+        src1: [&Lanes; 4],
+        tile: &mut [u32],
+    ) = ColorState::blend_batch_body;
+    fn pack_batch(state: &ColorState, src: [&Lanes; 4], out: &mut [Lanes; 4]) = ColorState::pack_batch_body;
+}

@@ -1,0 +1,295 @@
+//! Eight lanes at a time, in AVX2 registers: the operations of [`super`] in the same order.
+
+use std::arch::x86_64::*;
+
+use super::{FIXED_ONE, Geometry, Places, Plan, needs_rho, plan};
+use crate::state::AddressMode;
+use crate::texture::view::{Level, Texels};
+use crate::texture::{Sample, Sampler, View};
+use num::{LANES, Lanes, QUADS};
+
+/// A texel a lane: red and blue, green and alpha, 16 bits each.
+#[derive(Clone, Copy)]
+struct Values {
+    rb: __m256i,
+    ga: __m256i,
+}
+
+/// The geometry of each lane's level.
+#[derive(Clone, Copy)]
+struct Flat {
+    width: __m256,
+    height: __m256,
+    stride: __m256i,
+    base: __m256i,
+}
+
+/// [`super::sample`].
+#[target_feature(enable = "avx2")]
+pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+    let mut rho = [0.0; QUADS];
+    if needs_rho(view, args) {
+        quad_rho(view, args, &mut rho);
+    }
+    let plan = plan(view, sampler, args, &rho);
+    let address = [sampler.address[0], sampler.address[1]];
+    let coords = [args.coords[0].f32(), args.coords[1].f32()];
+    match (&view.texels, &plan.places) {
+        (Texels::Unorm8(columns), places) => {
+            let words = columns.as_flattened();
+            match places {
+                Places::Same(_) => filter::<false, true>(view, words, address, coords, &plan, out),
+                Places::Each(_) => filter::<false, false>(view, words, address, coords, &plan, out),
+            }
+        }
+        (Texels::Srgb8 { linear, .. }, places) => {
+            let words = bytemuck::cast_slice(linear);
+            match places {
+                Places::Same(_) => filter::<true, true>(view, words, address, coords, &plan, out),
+                Places::Each(_) => filter::<true, false>(view, words, address, coords, &plan, out),
+            }
+        }
+        _ => {}
+    }
+}
+
+/// [`crate::texture::lod::quad_rho`].
+#[target_feature(enable = "avx2")]
+#[inline]
+fn quad_rho(view: &View, args: &Sample<'_>, out: &mut [f32; QUADS]) {
+    let size = view.levels[0].size;
+    for half in 0..2 {
+        // Differences to the right and down, a lane a quad.
+        let differences = |c: usize| {
+            let lanes = args.coords[c].f32();
+            let chunk = |i: usize| floats(lanes, 4 * half + i);
+            let (a, b, c2, d) = (chunk(0), chunk(1), chunk(2), chunk(3));
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c2, d));
+            let (ab_high, cd_high) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c2, d));
+            let first = _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd);
+            let right = _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd);
+            let down = _mm256_shuffle_ps::<0b01_00_01_00>(ab_high, cd_high);
+            let size = _mm256_set1_ps(size[c] as f32);
+            let scaled = |v: __m256| _mm256_mul_ps(_mm256_sub_ps(v, first), size);
+            (scaled(right), scaled(down))
+        };
+        let ((ux, uy), (vx, vy)) = (differences(0), differences(1));
+        let squared = |a: __m256, b: __m256| _mm256_add_ps(_mm256_mul_ps(a, a), _mm256_mul_ps(b, b));
+        // The maximum gives its second operand for NaN, as the scalar selection does.
+        let rho = _mm256_max_ps(squared(ux, vx), squared(uy, vy));
+        // Quads 0, 2, 4, 6 are in the lower half, 1, 3, 5, 7 in the upper.
+        let order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+        out.as_chunks_mut::<8>().0[half] = bytemuck::cast(_mm256_permutevar8x32_ps(rho, order));
+    }
+}
+
+#[target_feature(enable = "avx2")]
+fn filter<const SRGB: bool, const SAME: bool>(
+    view: &View,
+    words: &[u32],
+    address: [AddressMode; 2],
+    coords: [&[f32; LANES]; 2],
+    plan: &Plan<'_>,
+    out: &mut [Lanes; 4],
+) {
+    let scale = _mm256_set1_ps(1.0 / FIXED_ONE);
+    let low = _mm256_set1_epi32(0xffff);
+    let same = match &plan.places {
+        Places::Same([first, second]) => [splat(&view.texels, first), splat(&view.texels, second)],
+        Places::Each(levels) => [load(&levels[0], 0), load(&levels[1], 0)],
+    };
+    let flat = |level: usize, chunk: usize| match &plan.places {
+        Places::Each(levels) if !SAME => load(&levels[level], chunk),
+        _ => same[level],
+    };
+    for chunk in 0..LANES / 8 {
+        let at = [fold(address[0], floats(coords[0], chunk)), fold(address[1], floats(coords[1], chunk))];
+        let mut value = bilinear::<SRGB>(words, address, at, &flat(0, chunk));
+        if plan.blend {
+            let second = bilinear::<SRGB>(words, address, at, &flat(1, chunk));
+            let weight = if plan.by_quad {
+                let of_quad = |q: usize| _mm_set1_ps(plan.weight[q]);
+                _mm256_set_m128(of_quad(2 * chunk + 1), of_quad(2 * chunk))
+            } else {
+                floats(&plan.weight, chunk)
+            };
+            value = mix(value, second, fixed(weight));
+        }
+        let halves = [
+            _mm256_and_si256(value.rb, low),
+            _mm256_and_si256(value.ga, low),
+            _mm256_srli_epi32::<16>(value.rb),
+            _mm256_srli_epi32::<16>(value.ga),
+        ];
+        for (channel, half) in out.iter_mut().zip(halves) {
+            let number: [u32; 8] = bytemuck::cast(_mm256_mul_ps(_mm256_cvtepi32_ps(half), scale));
+            channel.0.as_chunks_mut::<8>().0[chunk] = number;
+        }
+    }
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn splat(texels: &Texels, level: &Level) -> Flat {
+    Flat {
+        width: _mm256_set1_ps(level.size[0] as f32),
+        height: _mm256_set1_ps(level.size[1] as f32),
+        stride: _mm256_set1_epi32(level.stride as i32),
+        base: _mm256_set1_epi32(texels.geometry(level)[0] as i32),
+    }
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn load(level: &Geometry, chunk: usize) -> Flat {
+    Flat {
+        width: floats(&level.width, chunk),
+        height: floats(&level.height, chunk),
+        stride: integers(&level.stride, chunk),
+        base: integers(&level.base, chunk),
+    }
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn floats(lanes: &[f32; LANES], chunk: usize) -> __m256 {
+    bytemuck::cast(lanes.as_chunks::<8>().0[chunk])
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn integers(lanes: &[u32; LANES], chunk: usize) -> __m256i {
+    bytemuck::cast(lanes.as_chunks::<8>().0[chunk])
+}
+
+/// [`super::fold`].
+#[target_feature(enable = "avx2")]
+#[inline]
+fn fold(mode: AddressMode, u: __m256) -> __m256 {
+    let zero = _mm256_setzero_ps();
+    match mode {
+        // The maximum gives its second operand for NaN, as the scalar selections do.
+        AddressMode::Repeat => _mm256_max_ps(_mm256_sub_ps(u, _mm256_floor_ps(u)), zero),
+        AddressMode::MirrorRepeat => {
+            let two = _mm256_set1_ps(2.0);
+            let period = _mm256_floor_ps(_mm256_mul_ps(u, _mm256_set1_ps(0.5)));
+            let f = _mm256_max_ps(_mm256_sub_ps(u, _mm256_mul_ps(two, period)), zero);
+            _mm256_min_ps(f, _mm256_sub_ps(two, f))
+        }
+        AddressMode::ClampToEdge | AddressMode::ClampToBorder => u,
+    }
+}
+
+/// [`super::place`], with the weight in fixed point.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn place(mode: AddressMode, folded: __m256, size: __m256) -> (__m256i, __m256i) {
+    let last = _mm256_sub_ps(size, _mm256_set1_ps(1.0));
+    let place = _mm256_sub_ps(_mm256_mul_ps(folded, size), _mm256_set1_ps(0.5));
+    let place =
+        if mode == AddressMode::Repeat { place } else { _mm256_min_ps(_mm256_max_ps(place, _mm256_setzero_ps()), last) };
+    let whole = _mm256_floor_ps(place);
+    let weight = fixed(_mm256_sub_ps(place, whole));
+    // The sign of the whole part chooses: only a repeating place can be left of the first texel.
+    let texel = _mm256_blendv_ps(whole, last, whole);
+    (_mm256_cvttps_epi32(texel), weight)
+}
+
+/// [`super::fixed`], in both halves of a word.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn fixed(weight: __m256) -> __m256i {
+    let bits = _mm256_add_ps(_mm256_mul_ps(weight, _mm256_set1_ps(32767.0)), _mm256_set1_ps(8_388_608.0));
+    let twice = _mm256_setr_epi8(
+        0, 1, 0, 1, 4, 5, 4, 5, 8, 9, 8, 9, 12, 13, 12, 13, 0, 1, 0, 1, 4, 5, 4, 5, 8, 9, 8, 9, 12, 13, 12, 13,
+    );
+    _mm256_shuffle_epi8(_mm256_castps_si256(bits), twice)
+}
+
+/// [`super::bilinear`].
+#[target_feature(enable = "avx2")]
+#[inline]
+fn bilinear<const SRGB: bool>(words: &[u32], address: [AddressMode; 2], at: [__m256; 2], level: &Flat) -> Values {
+    let (x, x_weight) = place(address[0], at[0], level.width);
+    let (y, y_weight) = place(address[1], at[1], level.height);
+    let left = _mm256_add_epi32(level.base, x);
+    let (upper, lower) = if SRGB {
+        let next = _mm256_add_epi32(y, _mm256_set1_epi32(1));
+        let inside = _mm256_cmpgt_epi32(_mm256_cvttps_epi32(level.height), next);
+        let beyond = if address[1] == AddressMode::Repeat { _mm256_setzero_si256() } else { y };
+        let below = _mm256_blendv_epi8(beyond, next, inside);
+        // Texels of two words.
+        let word = |row: __m256i| _mm256_slli_epi32::<1>(_mm256_add_epi32(left, _mm256_mullo_epi32(row, level.stride)));
+        let (c, d) = (gather::<2>(words, word(y)), gather::<2>(words, word(below)));
+        (
+            mix(Values { rb: c[0], ga: c[1] }, Values { rb: c[2], ga: c[3] }, x_weight),
+            mix(Values { rb: d[0], ga: d[1] }, Values { rb: d[2], ga: d[3] }, x_weight),
+        )
+    } else {
+        // y / 3: the product of a number of 16 bits with 43691, shifted by 17, is exact. Columns of four words.
+        let group = _mm256_srli_epi32::<1>(_mm256_mulhi_epu16(y, _mm256_set1_epi32(43_691)));
+        let row = _mm256_sub_epi32(y, _mm256_add_epi32(group, _mm256_add_epi32(group, group)));
+        let column = _mm256_add_epi32(left, _mm256_mullo_epi32(group, level.stride));
+        let c = gather::<4>(words, _mm256_add_epi32(_mm256_slli_epi32::<2>(column), row));
+        (mix(spread(c[0]), spread(c[2]), x_weight), mix(spread(c[1]), spread(c[3]), x_weight))
+    };
+    mix(upper, lower, y_weight)
+}
+
+/// Four 8-bit channels as 16-bit values.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn spread(codes: __m256i) -> Values {
+    let mask = _mm256_set1_epi32(0x7f80_7f80);
+    Values {
+        rb: _mm256_and_si256(_mm256_slli_epi32::<7>(codes), mask),
+        ga: _mm256_and_si256(_mm256_srli_epi32::<1>(codes), mask),
+    }
+}
+
+/// [`super::mix`].
+#[target_feature(enable = "avx2")]
+#[inline]
+fn mix(a: Values, b: Values, weight: __m256i) -> Values {
+    Values { rb: mix_half(a.rb, b.rb, weight), ga: mix_half(a.ga, b.ga, weight) }
+}
+
+#[target_feature(enable = "avx2")]
+#[inline]
+fn mix_half(a: __m256i, b: __m256i, weight: __m256i) -> __m256i {
+    _mm256_add_epi16(a, _mm256_mulhrs_epi16(_mm256_sub_epi16(b, a), weight))
+}
+
+/// Two words at each lane's place and two `STEP` words further on, transposed: the first word of all lanes, the second, and so
+/// on. Zeros where a place is outside, as none of a level is.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn gather<const STEP: usize>(words: &[u32], places: __m256i) -> [__m256i; 4] {
+    // One comparison for all lanes: a check of each took a third of the filter's instructions. Places are compared as signed
+    // numbers, so that one beyond 2^31 is outside as well.
+    let end = i32::try_from(words.len()).unwrap_or(i32::MAX).saturating_sub(STEP as i32 + 1);
+    let inside =
+        _mm256_and_si256(_mm256_cmpgt_epi32(_mm256_set1_epi32(end), places), _mm256_cmpgt_epi32(places, _mm256_set1_epi32(-1)));
+    if _mm256_movemask_epi8(inside) != -1 {
+        return [_mm256_setzero_si256(); 4];
+    }
+    let places: [u32; 8] = bytemuck::cast(places);
+    let lane = |lane: usize| {
+        // SAFETY: every place is at least 0 and less than `words.len() - (STEP + 1)`: so the comparison above says. Two words
+        // there, and two from `STEP` words further on, lie in the slice. The loads need no alignment.
+        unsafe {
+            let at = words.as_ptr().add(places[lane] as usize);
+            if STEP == 2 {
+                _mm_loadu_si128(at.cast())
+            } else {
+                let low = _mm_castsi128_pd(_mm_loadl_epi64(at.cast()));
+                _mm_castpd_si128(_mm_loadh_pd(low, at.add(STEP).cast()))
+            }
+        }
+    };
+    let row = |i: usize| _mm256_set_m128i(lane(i + 4), lane(i));
+    let (r0, r1, r2, r3) = (row(0), row(1), row(2), row(3));
+    let (a, b) = (_mm256_unpacklo_epi32(r0, r1), _mm256_unpackhi_epi32(r0, r1));
+    let (c, d) = (_mm256_unpacklo_epi32(r2, r3), _mm256_unpackhi_epi32(r2, r3));
+    [_mm256_unpacklo_epi64(a, c), _mm256_unpackhi_epi64(a, c), _mm256_unpacklo_epi64(b, d), _mm256_unpackhi_epi64(b, d)]
+}

@@ -1,0 +1,276 @@
+//! Sampling of any format, dimension and mode, a lane at a time.
+
+use super::lod::{Levels, Selection};
+use super::sampler::BORDER;
+use super::taps::{Place, Taps, gather_taps, taps};
+use super::view::{Level, ROWS, Texels};
+use super::{Sample, Sampler, View, ellipse};
+use crate::texel::srgb_table;
+use num::{Lanes, Mask};
+
+/// Texels that filter as four numbers.
+pub(super) trait Source: Copy {
+    /// The place in the store of a texel of a level: column, row, and slice or layer.
+    #[inline(always)]
+    fn place(level: &Level, texel: [i32; 3]) -> usize {
+        linear_place(level, texel)
+    }
+
+    /// The texel at a place of the store.
+    fn texel(self, place: usize) -> [f32; 4];
+}
+
+/// Four 8-bit channels, in columns.
+#[derive(Clone, Copy)]
+struct Unorm<'a>(&'a [[u32; 4]]);
+
+/// Four 8-bit channels, three of them sRGB.
+#[derive(Clone, Copy)]
+struct Srgb<'a>(&'a [u32], &'a [f32; 256]);
+
+/// One number.
+#[derive(Clone, Copy)]
+struct Single<'a>(&'a [f32]);
+
+/// Four numbers.
+#[derive(Clone, Copy)]
+struct Float<'a>(&'a [[f32; 4]]);
+
+impl Source for Unorm<'_> {
+    #[inline(always)]
+    fn place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
+        let [first, per_slice] = level.columns.map(|v| v as usize);
+        let (group, row) = (y as usize / ROWS as usize, y as usize % ROWS as usize);
+        4 * (first + slice as usize * per_slice + group * level.stride as usize + x as usize) + row
+    }
+
+    #[inline(always)]
+    fn texel(self, place: usize) -> [f32; 4] {
+        self.0[place / 4][place % 4].to_le_bytes().map(|c| f32::from(c) / 255.0)
+    }
+}
+
+impl Source for Srgb<'_> {
+    #[inline(always)]
+    fn texel(self, place: usize) -> [f32; 4] {
+        let [r, g, b, a] = self.0[place].to_le_bytes();
+        [self.1[usize::from(r)], self.1[usize::from(g)], self.1[usize::from(b)], f32::from(a) / 255.0]
+    }
+}
+
+impl Source for Single<'_> {
+    #[inline(always)]
+    fn texel(self, place: usize) -> [f32; 4] {
+        [self.0[place], 0.0, 0.0, 1.0]
+    }
+}
+
+impl Source for Float<'_> {
+    #[inline(always)]
+    fn texel(self, place: usize) -> [f32; 4] {
+        self.0[place]
+    }
+}
+
+/// Lanes of a mask.
+#[inline(always)]
+pub(super) fn lanes_of(mut mask: Mask) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        (mask != 0).then(|| {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            lane
+        })
+    })
+}
+
+/// The place of a texel where they lie row by row.
+#[inline(always)]
+fn linear_place(level: &Level, [x, y, slice]: [i32; 3]) -> usize {
+    level.offset as usize + slice as usize * level.slice as usize + y as usize * level.stride as usize + x as usize
+}
+
+/// Samples the lanes of a mask; integer texels, which do not filter, give zeros.
+pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    match &view.texels {
+        Texels::Unorm8(columns) => sample_from(view, Unorm(columns), sampler, args, mask, out),
+        Texels::Srgb8 { codes, .. } => sample_from(view, Srgb(codes, srgb_table()), sampler, args, mask, out),
+        Texels::F32(texels) => sample_from(view, Single(texels), sampler, args, mask, out),
+        Texels::F32x4(texels) => sample_from(view, Float(texels), sampler, args, mask, out),
+        Texels::U32x4(_) => *out = [Lanes::ZERO; 4],
+    }
+}
+
+fn sample_from<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    if ellipse::applies(view, sampler, args) {
+        return average(view, source, sampler, args, mask, out);
+    }
+    let selection = Selection::new(view, sampler, args);
+    for lane in lanes_of(mask) {
+        let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
+        let place = Place::new(view, args, lane);
+        let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
+        let one = |level: usize, place: Place| {
+            let taps = taps(view, sampler, level, levels.linear, place, args.offset);
+            filter(view, source, sampler, level, &taps, reference)
+        };
+        let probe = |place: Place| {
+            let a = one(levels.first, place);
+            if levels.weight > 0.0 { mix(a, one(levels.second, place), levels.weight) } else { a }
+        };
+        let count = selection.probes[lane];
+        let value = if count == 1 {
+            probe(place)
+        } else {
+            let mut sum = [0.0_f32; 4];
+            for step in 1..=count {
+                let t = f32::from(step) / f32::from(count + 1) - 0.5;
+                let mut at = place;
+                at.coords[0] += selection.major[0][lane] * t;
+                at.coords[1] += selection.major[1][lane] * t;
+                let value = probe(at);
+                for c in 0..4 {
+                    sum[c] += value[c];
+                }
+            }
+            sum.map(|s| s / f32::from(count))
+        };
+        for c in 0..4 {
+            out[c].f32_mut()[lane] = value[c];
+        }
+    }
+}
+
+/// Samples by elliptical weighted averages.
+fn average<S: Source>(view: &View, source: S, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
+    ellipse::each(view, sampler, args, mask, |lane, footprint, place| {
+        let reference = args.compare.map(|r| reference(view, r.f32()[lane]));
+        let (mut sum, mut total) = ([0.0_f32; 4], 0.0);
+        footprint.texels(view, sampler, place, args.offset, |texel, weight| {
+            let value = if texel.contains(&BORDER) {
+                sampler.border
+            } else {
+                source.texel(S::place(&view.levels[footprint.level], texel))
+            };
+            total += weight;
+            match reference {
+                None => {
+                    for c in 0..4 {
+                        sum[c] += value[c] * weight;
+                    }
+                }
+                Some(r) => sum[0] += if sampler.compare.test(r, value[0]) { weight } else { 0.0 },
+            }
+        });
+        let value = sum.map(|s| s / total);
+        let value = if reference.is_some() { [value[0], 0.0, 0.0, 1.0] } else { value };
+        for c in 0..4 {
+            out[c].f32_mut()[lane] = value[c];
+        }
+    });
+}
+
+/// A comparison's reference value, clamped where the stored depths are fixed-point.
+#[inline(always)]
+pub(super) fn reference(view: &View, reference: f32) -> f32 {
+    if view.fixed_depth { reference.clamp(0.0, 1.0) } else { reference }
+}
+
+#[inline(always)]
+fn mix(a: [f32; 4], b: [f32; 4], weight: f32) -> [f32; 4] {
+    std::array::from_fn(|c| a[c] + (b[c] - a[c]) * weight)
+}
+
+/// The weighted mean of texels, or of the results of comparing them.
+#[inline(always)]
+fn filter<S: Source>(view: &View, source: S, sampler: &Sampler, level: usize, taps: &Taps, reference: Option<f32>) -> [f32; 4] {
+    let mut sum = [0.0_f32; 4];
+    for i in 0..taps.count {
+        let texel = taps.texel[i];
+        let value = if texel[0] == BORDER { sampler.border } else { source.texel(S::place(&view.levels[level], texel)) };
+        match reference {
+            None => {
+                for c in 0..4 {
+                    sum[c] += value[c] * taps.weight[i];
+                }
+            }
+            Some(r) => sum[0] += if sampler.compare.test(r, value[0]) { taps.weight[i] } else { 0.0 },
+        }
+    }
+    if reference.is_some() { [sum[0], 0.0, 0.0, 1.0] } else { sum }
+}
+
+/// The bits of a texel of a level as a shader sees it.
+#[inline(always)]
+pub(super) fn bits(view: &View, level: usize, texel: [i32; 3]) -> [u32; 4] {
+    fn of<S: Source>(source: S, level: &Level, texel: [i32; 3]) -> [u32; 4] {
+        source.texel(S::place(level, texel)).map(f32::to_bits)
+    }
+    let level = &view.levels[level];
+    match &view.texels {
+        Texels::Unorm8(columns) => of(Unorm(columns), level, texel),
+        Texels::Srgb8 { codes, .. } => of(Srgb(codes, srgb_table()), level, texel),
+        Texels::F32(texels) => of(Single(texels), level, texel),
+        Texels::F32x4(texels) => texels[linear_place(level, texel)].map(f32::to_bits),
+        Texels::U32x4(texels) => texels[linear_place(level, texel)],
+    }
+}
+
+/// Gathers one component of the four texels that a bilinear filter would read at the first level.
+pub(super) fn gather(view: &View, sampler: &Sampler, args: &Sample<'_>, component: u32, mask: Mask, out: &mut [Lanes; 4]) {
+    for lane in lanes_of(mask) {
+        let place = Place::new(view, args, lane);
+        let texels = gather_taps(view, sampler, place, args.offset);
+        for (i, texel) in texels.into_iter().enumerate() {
+            let value = if texel[0] == BORDER { sampler.border.map(f32::to_bits) } else { bits(view, 0, texel) };
+            out[i].0[lane] = match args.compare {
+                None => value[component as usize & 3],
+                Some(r) => {
+                    let pass = sampler.compare.test(reference(view, r.f32()[lane]), f32::from_bits(value[0]));
+                    f32::from(u8::from(pass)).to_bits()
+                }
+            };
+        }
+    }
+}
+
+/// Loads texels by integer coordinates; zeros where there is none.
+pub(super) fn load(view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, level: &Lanes, mask: Mask, out: &mut [Lanes; 4]) {
+    for lane in lanes_of(mask) {
+        let value = match locate(view, coords, layer, level, lane) {
+            Some((level, texel, sample)) => {
+                let [x, y, slice] = texel;
+                bits(view, level, [x * view.samples as i32 + sample, y, slice])
+            }
+            None => [0; 4],
+        };
+        for c in 0..4 {
+            out[c].0[lane] = value[c];
+        }
+    }
+}
+
+/// The level, texel and sample that a load names, if they exist.
+#[inline(always)]
+pub(super) fn locate(
+    view: &View,
+    coords: [&Lanes; 3],
+    layer: Option<&Lanes>,
+    level: &Lanes,
+    lane: usize,
+) -> Option<(usize, [i32; 3], i32)> {
+    use crate::state::ViewDimension::{D1, D3};
+    let (l, sample) = if view.samples == 1 { (level.0[lane] as usize, 0) } else { (0, level.0[lane]) };
+    if sample >= view.samples {
+        return None;
+    }
+    let [w, h, d] = view.levels.get(l)?.size;
+    let x = coords[0].0[lane];
+    let y = if view.dimension == D1 { 0 } else { coords[1].0[lane] };
+    let z = match (view.dimension, layer) {
+        (D3, _) => coords[2].0[lane],
+        (_, Some(layer)) => layer.0[lane],
+        (_, None) => 0,
+    };
+    (x < w && y < h && z < d).then_some((l, [x as i32, y as i32, z as i32], sample as i32))
+}

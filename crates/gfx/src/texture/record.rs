@@ -1,0 +1,158 @@
+//! What a sample costs the card: the memory lines it reads and the filter operations it takes, quad by quad.
+
+use super::general::{lanes_of, locate};
+use super::lod::{Levels, Selection};
+use super::sampler::BORDER;
+use super::taps::{Place, gather_taps, taps};
+use super::{Sample, Sampler, View, ellipse};
+use num::{Lanes, Mask, QUADS};
+
+/// Lines and operations of one texture instruction of a batch.
+#[derive(Clone, Debug, Default)]
+pub struct Footprint {
+    lines: Vec<u32>,
+    /// Where each quad's lines end.
+    ends: [u32; QUADS],
+    operations: [u16; QUADS],
+    /// Samples between two levels ask for the second even where it has no weight.
+    pub both_levels: bool,
+}
+
+impl Footprint {
+    /// An empty record; kept and reused by its owner, because it grows to what is needed once.
+    pub fn new() -> Footprint {
+        Footprint::default()
+    }
+
+    /// The distinct lines (address / 64) that a quad reads, in order of first use, and its bilinear filter operations: one a
+    /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices; with anisotropy one for
+    /// four texels of the footprint, or on cubes times the probes.
+    pub fn quad(&self, quad: usize) -> (&[u32], u16) {
+        let first = if quad == 0 { 0 } else { self.ends[quad - 1] };
+        (&self.lines[first as usize..self.ends[quad] as usize], self.operations[quad])
+    }
+
+    /// Records quads in order: `one` is called with each live lane, and adds its lines and operations.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, mask: Mask, mut one: impl FnMut(usize, &mut Quad<'_>)) {
+        self.lines.clear();
+        for q in 0..QUADS {
+            let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
+            for p in lanes_of(mask >> (4 * q) & 15) {
+                one(4 * q + p, &mut quad);
+            }
+            self.operations[q] = quad.operations;
+            self.ends[q] = self.lines.len() as u32;
+        }
+    }
+
+    /// Whether a sample asks for two levels, whatever their weights.
+    pub(super) fn takes_both(&self, view: &View, sampler: &Sampler) -> bool {
+        self.both_levels && sampler.mip_linear && view.levels.len() > 1
+    }
+
+    pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        if super::fast::record(view, sampler, args, mask, self) {
+            return;
+        }
+        if ellipse::applies(view, sampler, args) {
+            return self.average(view, sampler, args, mask);
+        }
+        let selection = Selection::new(view, sampler, args);
+        let both = self.takes_both(view, sampler);
+        self.fill(mask, |lane, quad| {
+            let levels = Levels::new(selection.lambda[lane], view.levels.len(), sampler);
+            let place = Place::new(view, args, lane);
+            let count = selection.probes[lane];
+            for step in 1..=count {
+                let t = f32::from(step) / f32::from(count + 1) - 0.5;
+                let mut at = place;
+                at.coords[0] += selection.major[0][lane] * t;
+                at.coords[1] += selection.major[1][lane] * t;
+                quad.level(view, sampler, args, levels.first, levels.linear, at);
+                if levels.weight > 0.0 || both {
+                    quad.level(view, sampler, args, levels.second, levels.linear, at);
+                }
+            }
+        });
+    }
+
+    fn average(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        self.fill(mask, |lane, quad| {
+            ellipse::each(view, sampler, args, 1 << lane, |_, footprint, place| {
+                let mut count = 0_u16;
+                footprint.texels(view, sampler, place, args.offset, |texel, _| {
+                    count += 1;
+                    let texel = if texel.contains(&BORDER) { [BORDER; 3] } else { texel };
+                    quad.texel(view, footprint.level, texel);
+                });
+                quad.operations += count.div_ceil(4);
+            });
+        });
+    }
+
+    pub(super) fn gather(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
+        self.fill(mask, |lane, quad| {
+            quad.operations += 1;
+            for texel in gather_taps(view, sampler, Place::new(view, args, lane), args.offset) {
+                quad.texel(view, 0, texel);
+            }
+        });
+    }
+
+    pub(super) fn load(&mut self, view: &View, coords: [&Lanes; 3], layer: Option<&Lanes>, level: &Lanes, mask: Mask) {
+        self.fill(mask, |lane, quad| {
+            quad.operations += 1;
+            if let Some((level, texel, _)) = locate(view, coords, layer, level, lane) {
+                quad.texel(view, level, texel);
+            }
+        });
+    }
+}
+
+/// The quad being recorded.
+pub(super) struct Quad<'a> {
+    first: usize,
+    lines: &'a mut Vec<u32>,
+    operations: u16,
+}
+
+impl Quad<'_> {
+    fn level(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, level: usize, linear: bool, place: Place) {
+        let taps = taps(view, sampler, level, linear, place, args.offset);
+        self.operations += if taps.count > 4 { 2 } else { 1 };
+        for i in 0..taps.count {
+            self.texel(view, level, taps.texel[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn texel(&mut self, view: &View, level: usize, [x, y, slice]: [i32; 3]) {
+        if x == BORDER {
+            return;
+        }
+        self.line(view.line(level, x as u32, y as u32, slice as u32));
+    }
+
+    /// Adds the lines of the four texels in two columns and two rows: one filter operation.
+    #[inline(always)]
+    pub(super) fn square(&mut self, view: &View, level: usize, x: [u32; 2], y: [u32; 2], slice: u32) {
+        self.operations += 1;
+        let corner = |x: u32, y: u32| view.line(level, x, y, slice);
+        let (first, last) = (corner(x[0], y[0]), corner(x[1], y[1]));
+        self.line(first);
+        // Equal lines at opposite corners are the common case: all four texels are there.
+        if last != first {
+            self.line(corner(x[1], y[0]));
+            self.line(corner(x[0], y[1]));
+            self.line(last);
+        }
+    }
+
+    #[inline(always)]
+    fn line(&mut self, line: u32) {
+        if !self.lines[self.first..].contains(&line) {
+            self.lines.push(line);
+        }
+    }
+}

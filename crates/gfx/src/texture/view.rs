@@ -1,0 +1,464 @@
+//! Texture views made ready for sampling: a copy of the texels in a form that filters read directly.
+
+use crate::format::{Format, TexelKind};
+use crate::image::ImageDesc;
+use crate::state::{Aspect, ViewDimension};
+use crate::texel::{Rgba8, decode, decode_block, decode_block_rgba8, decode_srgb8, depth_value, stencil_value};
+use crate::tiling::{LINE, Tiled};
+use num::Words;
+
+/// Which part of a texture a view shows, and as what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ViewRange {
+    /// Dimension of the view.
+    pub dimension: ViewDimension,
+    /// Format of the view: the texture's, or its twin with or without sRGB.
+    pub format: Format,
+    /// Aspect; all of a depth-stencil texture reads as depth.
+    pub aspect: Aspect,
+    /// First level.
+    pub base_level: u32,
+    /// Levels.
+    pub levels: u32,
+    /// First layer (0 for 3D).
+    pub base_layer: u32,
+    /// Layers (1 for 3D).
+    pub layers: u32,
+}
+
+/// Why a view cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ViewError {
+    /// Levels or layers that the texture does not have.
+    #[error("a view of levels {levels:?} and layers {layers:?} of a texture with {has_levels} levels and {has_layers} layers")]
+    Range {
+        /// First level and number of levels.
+        levels: (u32, u32),
+        /// First layer and number of layers.
+        layers: (u32, u32),
+        /// Levels of the texture.
+        has_levels: u32,
+        /// Layers of the texture.
+        has_layers: u32,
+    },
+    /// The format's texels have another size than the texture's.
+    #[error("a view of format {view} of a texture of format {texture}")]
+    Format {
+        /// Format of the view.
+        view: &'static str,
+        /// Format of the texture.
+        texture: &'static str,
+    },
+    /// A cube needs square levels and a multiple of six layers.
+    #[error("a cube view of {layers} layers of {width} x {height} texels")]
+    Cube {
+        /// Layers of the view.
+        layers: u32,
+        /// Width of its first level.
+        width: u32,
+        /// Height of its first level.
+        height: u32,
+    },
+    /// More texels than places can name.
+    #[error("a view of {texels} texels, at most {MOST_TEXELS} are possible")]
+    Size {
+        /// Texels of the view, with those that its rows repeat.
+        texels: u64,
+    },
+    /// The texture's bytes are fewer than its description asks.
+    #[error("a texture of {needed} bytes with {present} present")]
+    Bytes {
+        /// Bytes that the description asks.
+        needed: u64,
+        /// Bytes there are.
+        present: u64,
+    },
+}
+
+/// One level of a view. Places are in texels of the view's store.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Level {
+    /// Width, height, and slices (3D) or layers.
+    pub size: [u32; 3],
+    /// Place of the first texel.
+    pub offset: u32,
+    /// From a row to the next: with one sample, the width and one texel more, which repeats the row's first.
+    pub stride: u32,
+    /// From a slice or layer to the next.
+    pub slice: u32,
+    /// In columns of [`Texels::Unorm8`]: the first of the level, and from a slice or layer to the next.
+    pub columns: [u32; 2],
+}
+
+/// The texels of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Texels {
+    /// Four 8-bit channels, red in the low byte, in columns of four rows of which the last is the next column's first
+    /// (row `3 g + r` is word r of group g; below the last row is the first): so the four texels of a bilinear filter are two
+    /// pairs of words, 16 bytes apart. Of a small triangle's texels a cache line of such columns holds nearly twice as many as
+    /// one of rows, or of rows in pairs, and a texture is smaller than in pairs; where texels come from the second-level cache or
+    /// beyond, that is what counts.
+    Unorm8(Vec<[u32; 4]>),
+    /// Four 8-bit channels, three of them sRGB; and the same texels in linear light, 16 bits a channel, 32640 is 1; red, blue,
+    /// green, alpha from the low end.
+    Srgb8 { codes: Vec<u32>, linear: Vec<u64> },
+    /// One number: depth, or a red channel of 32 bits.
+    F32(Vec<f32>),
+    /// Four numbers.
+    F32x4(Vec<[f32; 4]>),
+    /// Four integers of 32 bits.
+    U32x4(Vec<[u32; 4]>),
+}
+
+impl Texels {
+    /// Where a level begins, and from a slice or layer of it to the next: in texels, or in columns.
+    #[inline(always)]
+    pub(super) fn geometry(&self, level: &Level) -> [u32; 2] {
+        if let Texels::Unorm8(_) = self { level.columns } else { [level.offset, level.slice] }
+    }
+}
+
+/// Rows of a group of columns, the one that it shares with the next not counted.
+pub(super) const ROWS: u32 = 3;
+
+/// Texels of a view at most, so that words of their store are numbered in 31 bits.
+const MOST_TEXELS: u64 = (1 << 30) - 1;
+
+/// 1 as a 16-bit filter value: 255 * 128, so that an 8-bit code is a shift away and differences fit 16 bits.
+pub(super) const FIXED_ONE: f32 = 32640.0;
+
+/// A texture view ready for sampling. It is a copy: make a new one when the texture changes.
+#[derive(Clone, Debug)]
+pub struct View {
+    pub(super) dimension: ViewDimension,
+    pub(super) kind: TexelKind,
+    pub(super) levels: Vec<Level>,
+    pub(super) texels: Texels,
+    pub(super) samples: u32,
+    /// Comparison references are clamped to [0, 1]: the depth is fixed-point.
+    pub(super) fixed_depth: bool,
+    /// The card's layout, for recorded lines.
+    pub(super) tiled: Tiled,
+    pub(super) base_level: u32,
+    pub(super) base_layer: u32,
+    pub(super) base_line: u32,
+}
+
+impl View {
+    /// Copies the texels of a view out of a texture's bytes. `address` is where the texture lies in the card's memory; only
+    /// recorded lines depend on it.
+    ///
+    /// # Errors
+    /// If the range does not lie in the texture, or does not fit its dimension and format.
+    pub fn new(words: &Words, image: &ImageDesc, range: &ViewRange, address: u64) -> Result<View, ViewError> {
+        check(words, image, range)?;
+        let volume = range.dimension == ViewDimension::D3;
+        let mut levels = Vec::with_capacity(range.levels as usize);
+        let (mut places, mut columns) = (0_u64, 0);
+        for level in range.base_level..range.base_level + range.levels {
+            let [w, h, d] = image.level_size(level);
+            let slices = if volume { d } else { range.layers };
+            let stride = if image.samples == 1 { w + 1 } else { w * image.samples };
+            let (offset, first_column) = (places as u32, columns);
+            places = places.saturating_add((u64::from(stride) * u64::from(h)).saturating_mul(u64::from(slices)));
+            if places > MOST_TEXELS {
+                return Err(ViewError::Size { texels: places });
+            }
+            let slice_columns = stride * h.div_ceil(ROWS);
+            columns += slice_columns * slices;
+            let columns = [first_column, slice_columns];
+            levels.push(Level { size: [w, h, slices], offset, stride, slice: stride * h, columns });
+        }
+        let places = places as usize;
+        let stencil = range.aspect == Aspect::StencilOnly || range.format == Format::Stencil8;
+        let texels = Reader { words, image, range, levels: &levels, places, stencil }.read();
+        let kind = if stencil { TexelKind::Uint } else { range.format.kind() };
+        Ok(View {
+            dimension: range.dimension,
+            kind,
+            levels,
+            texels,
+            samples: image.samples,
+            fixed_depth: matches!(range.format, Format::Depth16Unorm | Format::Depth24Plus | Format::Depth24PlusStencil8),
+            tiled: Tiled::new(image),
+            base_level: range.base_level,
+            base_layer: if volume { 0 } else { range.base_layer },
+            base_line: (address / LINE) as u32,
+        })
+    }
+
+    /// Bytes that the texels of a view take when they are ready for sampling, about: nothing is checked.
+    pub fn bytes(image: &ImageDesc, range: &ViewRange) -> u64 {
+        let texels = |level: u32| {
+            let [w, h, d] = image.level_size(level);
+            let slices = if range.dimension == ViewDimension::D3 { d } else { range.layers };
+            (u64::from(w) + 1) * u64::from(h) * u64::from(slices) * u64::from(image.samples)
+        };
+        let stored = image.format;
+        // Four channels of 8 bits; with a second store in linear light; one number; four numbers.
+        let bytes = match stored.block_bytes() {
+            _ if stored.is_depth_stencil() || stored == Format::R32Float => 4,
+            _ if range.format.is_srgb() => 12,
+            _ if stored.is_compressed() => 16,
+            1 | 2 | 4 => 10,
+            _ => 16,
+        };
+        let levels = range.base_level..range.base_level.saturating_add(range.levels).min(image.levels);
+        levels.map(texels).fold(0, u64::saturating_add).saturating_mul(bytes)
+    }
+
+    /// Dimension of the view.
+    pub fn dimension(&self) -> ViewDimension {
+        self.dimension
+    }
+
+    /// How a shader sees the texels.
+    pub fn kind(&self) -> TexelKind {
+        self.kind
+    }
+
+    /// Number of levels.
+    pub fn levels(&self) -> u32 {
+        self.levels.len() as u32
+    }
+
+    /// Number of layers of an array; of a cube array, of cubes.
+    pub fn layers(&self) -> u32 {
+        match self.dimension {
+            ViewDimension::D3 => 1,
+            ViewDimension::Cube | ViewDimension::CubeArray => self.levels[0].size[2] / 6,
+            _ => self.levels[0].size[2],
+        }
+    }
+
+    /// Samples a texel.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Width, height and depth of a level in texels (depth 1 but for 3D); zeros where the view has no such level.
+    pub fn size(&self, level: u32) -> [u32; 3] {
+        match self.levels.get(level as usize) {
+            Some(l) => [l.size[0], l.size[1], if self.dimension == ViewDimension::D3 { l.size[2] } else { 1 }],
+            None => [0; 3],
+        }
+    }
+
+    /// Whether coordinates are directions.
+    pub(super) fn is_cube(&self) -> bool {
+        matches!(self.dimension, ViewDimension::Cube | ViewDimension::CubeArray)
+    }
+
+    /// The memory line of a texel of a slice or layer of the view.
+    #[inline(always)]
+    pub(super) fn line(&self, level: usize, x: u32, y: u32, slice: u32) -> u32 {
+        let tiled = &self.tiled.levels()[self.base_level as usize + level];
+        self.base_line.wrapping_add(tiled.line(x, y, self.base_layer + slice))
+    }
+}
+
+fn check(words: &Words, image: &ImageDesc, range: &ViewRange) -> Result<(), ViewError> {
+    let layers = if range.dimension == ViewDimension::D3 { 1 } else { image.size[2] };
+    let inside = |first: u32, count: u32, has: u32| count > 0 && first.checked_add(count).is_some_and(|end| end <= has);
+    if !inside(range.base_level, range.levels, image.levels) || !inside(range.base_layer, range.layers, layers) {
+        return Err(ViewError::Range {
+            levels: (range.base_level, range.levels),
+            layers: (range.base_layer, range.layers),
+            has_levels: image.levels,
+            has_layers: layers,
+        });
+    }
+    let aspect_of = image.format.is_depth_stencil() && range.format.is_depth_stencil();
+    let same = range.format.block_bytes() == image.format.block_bytes()
+        && range.format.block_dim() == image.format.block_dim()
+        && range.format.is_depth_stencil() == image.format.is_depth_stencil();
+    if !same && !aspect_of {
+        return Err(ViewError::Format { view: range.format.name(), texture: image.format.name() });
+    }
+    let [width, height, _] = image.level_size(range.base_level);
+    let cube = matches!(range.dimension, ViewDimension::Cube | ViewDimension::CubeArray);
+    if cube && (width != height || !range.layers.is_multiple_of(6)) {
+        return Err(ViewError::Cube { layers: range.layers, width, height });
+    }
+    if words.len() < image.bytes() {
+        return Err(ViewError::Bytes { needed: image.bytes(), present: words.len() });
+    }
+    Ok(())
+}
+
+/// What is needed to copy the texels of a view.
+struct Reader<'a> {
+    words: &'a Words,
+    image: &'a ImageDesc,
+    range: &'a ViewRange,
+    levels: &'a [Level],
+    places: usize,
+    stencil: bool,
+}
+
+impl Reader<'_> {
+    fn read(&self) -> Texels {
+        // The texture's own format says what the bytes are; the view's format says whether colours are sRGB, or picks an aspect.
+        let stored = self.image.format;
+        let view = if stored.is_depth_stencil() { stored } else { self.range.format };
+        if self.stencil {
+            return Texels::U32x4(self.texels([0; 4], |bytes| [u32::from(stencil_value(stored, bytes)), 0, 0, 1]));
+        }
+        if let Some(layout) = Rgba8::of(view) {
+            let codes = self.codes(layout.bgra);
+            return self.four_channels(codes, layout.srgb);
+        }
+        match view {
+            Format::Bc1RgbaUnorm
+            | Format::Bc1RgbaUnormSrgb
+            | Format::Bc2RgbaUnorm
+            | Format::Bc2RgbaUnormSrgb
+            | Format::Bc3RgbaUnorm
+            | Format::Bc3RgbaUnormSrgb
+            | Format::Bc7RgbaUnorm
+            | Format::Bc7RgbaUnormSrgb => {
+                self.four_channels(self.blocks(0, |block| decode_block_rgba8(view, block)), view.is_srgb())
+            }
+            _ if view.is_compressed() => {
+                let block = |block: &[u8]| decode_block(view, block).map(|t| t.map(f32::from_bits));
+                Texels::F32x4(self.blocks([0.0; 4], block))
+            }
+            Format::R8Unorm => self.four_channels(self.texels(0, |b| u32::from(b[0]) | 0xff00_0000), false),
+            Format::Rg8Unorm => {
+                self.four_channels(self.texels(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8 | 0xff00_0000), false)
+            }
+            Format::R32Float | Format::Depth32Float => Texels::F32(self.words_as(f32::from_bits)),
+            Format::Depth24Plus | Format::Depth24PlusStencil8 => Texels::F32(self.words_as(|code| depth_value(view, code))),
+            _ if view.has_depth() => Texels::F32(self.texels(0.0, |bytes| f32::from_bits(decode(view, bytes)[0]))),
+            _ => match view.kind() {
+                TexelKind::Float => Texels::F32x4(self.texels([0.0; 4], |bytes| decode(view, bytes).map(f32::from_bits))),
+                _ => Texels::U32x4(self.texels([0; 4], |bytes| decode(view, bytes))),
+            },
+        }
+    }
+
+    /// Calls `row(level, place of the row, first byte of the row)` for every row of texels (of blocks) of the view.
+    fn rows(&self, mut row: impl FnMut(&Level, usize, u64)) {
+        let dim = self.image.format.block_dim();
+        for (index, level) in self.levels.iter().enumerate() {
+            let in_image = self.range.base_level + index as u32;
+            for slice in 0..level.size[2] {
+                let layer = if self.range.dimension == ViewDimension::D3 { slice } else { self.range.base_layer + slice };
+                let first = self.image.offset(in_image, layer);
+                for y in (0..level.size[1]).step_by(dim as usize) {
+                    let place = level.offset as usize + (slice * level.slice + y * level.stride) as usize;
+                    row(level, place, first + u64::from(y / dim) * self.image.row_bytes(in_image));
+                }
+            }
+        }
+    }
+
+    /// Repeats the first texel of a row behind its last, where there is room for it.
+    fn close_row<T: Copy>(&self, row: &mut [T]) {
+        if self.image.samples == 1
+            && let [first, .., last] = row
+        {
+            *last = *first;
+        }
+    }
+
+    /// Texels of four bytes.
+    fn words_as<T: Copy + Default>(&self, f: impl Fn(u32) -> T) -> Vec<T> {
+        use std::sync::atomic::Ordering::Relaxed;
+        let mut out = vec![T::default(); self.places];
+        self.rows(|level, place, byte| {
+            let row = &mut out[place..place + level.stride as usize];
+            let count = (level.size[0] * self.image.samples) as usize;
+            let words = &self.words.words()[byte as usize / 4..byte as usize / 4 + count];
+            for (texel, word) in row.iter_mut().zip(words) {
+                *texel = f(word.load(Relaxed));
+            }
+            self.close_row(row);
+        });
+        out
+    }
+
+    /// Texels of four 8-bit channels, red first.
+    fn codes(&self, bgra: bool) -> Vec<u32> {
+        if bgra { self.words_as(|c| c & 0xff00_ff00 | c >> 16 & 0xff | (c & 0xff) << 16) } else { self.words_as(|c| c) }
+    }
+
+    /// Texels of any size.
+    fn texels<T: Copy>(&self, zero: T, f: impl Fn(&[u8]) -> T) -> Vec<T> {
+        let mut out = vec![zero; self.places];
+        let size = self.image.format.block_bytes() as usize;
+        let mut bytes = Vec::new();
+        self.rows(|level, place, byte| {
+            let row = &mut out[place..place + level.stride as usize];
+            bytes.resize((level.size[0] * self.image.samples) as usize * size, 0);
+            self.words.read(byte, &mut bytes);
+            for (texel, bytes) in row.iter_mut().zip(bytes.chunks_exact(size)) {
+                *texel = f(bytes);
+            }
+            self.close_row(row);
+        });
+        out
+    }
+
+    /// Texels of blocks of 4x4.
+    fn blocks<T: Copy>(&self, zero: T, f: impl Fn(&[u8]) -> [T; 16]) -> Vec<T> {
+        let mut out = vec![zero; self.places];
+        let size = self.image.format.block_bytes() as usize;
+        let mut bytes = Vec::new();
+        self.rows(|level, place, byte| {
+            let (width, stride) = (level.size[0] as usize, level.stride as usize);
+            let in_slice = (place - level.offset as usize) % level.slice as usize;
+            let rows = (level.size[1] as usize - in_slice / stride).min(4);
+            bytes.resize(width.div_ceil(4) * size, 0);
+            self.words.read(byte, &mut bytes);
+            for (column, block) in bytes.chunks_exact(size).enumerate() {
+                let texels = f(block);
+                let columns = (width - 4 * column).min(4);
+                for y in 0..rows {
+                    let at = place + y * stride + 4 * column;
+                    out[at..at + columns].copy_from_slice(&texels[4 * y..4 * y + columns]);
+                }
+            }
+            for y in 0..rows {
+                self.close_row(&mut out[place + y * stride..place + (y + 1) * stride]);
+            }
+        });
+        out
+    }
+
+    /// The store of texels of four 8-bit channels.
+    fn four_channels(&self, codes: Vec<u32>, srgb: bool) -> Texels {
+        if srgb {
+            return Texels::Srgb8 { linear: linear_light(&codes), codes };
+        }
+        let count = self.levels.last().map_or(0, |l| l.columns[0] + l.columns[1] * l.size[2]);
+        let mut columns = vec![[0_u32; 4]; count as usize];
+        for level in self.levels {
+            let (height, stride) = (level.size[1] as usize, level.stride as usize);
+            for slice in 0..level.size[2] as usize {
+                let codes = &codes[level.offset as usize + slice * level.slice as usize..][..level.slice as usize];
+                let first = level.columns[0] as usize + slice * level.columns[1] as usize;
+                let groups = columns[first..first + level.columns[1] as usize].chunks_exact_mut(stride);
+                for (g, group) in groups.enumerate() {
+                    for r in 0..4 {
+                        let row = (ROWS as usize * g + r) % height;
+                        for (column, code) in group.iter_mut().zip(&codes[row * stride..(row + 1) * stride]) {
+                            column[r] = *code;
+                        }
+                    }
+                }
+            }
+        }
+        Texels::Unorm8(columns)
+    }
+}
+
+/// sRGB texels in linear light.
+fn linear_light(codes: &[u32]) -> Vec<u64> {
+    let table: [u64; 256] = std::array::from_fn(|code| (decode_srgb8(code as u8) * FIXED_ONE + 0.5) as u64);
+    let one = |code: &u32| {
+        let [r, g, b, a] = code.to_le_bytes();
+        table[usize::from(r)] | table[usize::from(b)] << 16 | table[usize::from(g)] << 32 | u64::from(a) << (48 + 7)
+    };
+    codes.iter().map(one).collect()
+}

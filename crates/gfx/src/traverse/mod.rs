@@ -1,0 +1,358 @@
+//! Tiled traversal: which samples of which pixels a primitive covers.
+//!
+//! A primitive is walked inside one screen area (a tile of at most 64x64 pixels) in aligned 8x8 blocks, row by row. A block
+//! holds 16 quads and its coverage is 64 bits a sample, in lane order: a block's mask is a lane mask. Blocks without coverage
+//! are not visited. Edge functions are exact ([`super::setup`], `kernel`), ties go by the top-left rule.
+//!
+//! Lines of width 1 follow the diamond-exit rule (`line`) with one sample a pixel. With four samples a line is a rectangle of
+//! width 1 about its segment. A point is a square of side 1 about its position, which, as two triangles would, holds its upper and
+//! left borders: a point on the border of two pixels belongs to the left or upper one.
+
+mod kernel;
+mod line;
+
+use std::ops::Deref;
+
+use num::{Fx8, SUBPIXEL};
+
+use super::setup::{Bounds, Edge, SAMPLES_1, SAMPLES_4, Shape, Triangle};
+use super::simd::has_avx2;
+use kernel::{BLOCK_SHIFT, COLUMNS_BELOW, Kernel, PIXEL_SHIFT, Portable, ROWS_BELOW, reduce};
+
+/// Edge length of the largest area that one call walks, in pixels.
+pub const TILE: u16 = 64;
+
+/// Blocks of such an area.
+const TILE_BLOCKS: usize = 64;
+
+/// Coverage of an aligned block of 8x8 pixels with `S` samples each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block<const S: usize> {
+    /// Left column; a multiple of 8.
+    pub x: u16,
+    /// Upper row; a multiple of 8.
+    pub y: u16,
+    /// Whether every sample of every pixel is covered.
+    pub full: bool,
+    /// For each sample the pixels in which it is covered: bit `4 q + p`, quad q = column + 4 row of quads, p its pixel.
+    pub samples: [u64; S],
+}
+
+/// Coverage of one quad.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuadCoverage {
+    /// Left column; even.
+    pub x: u16,
+    /// Upper row; even.
+    pub y: u16,
+    /// Covered samples: bit `4 sample + p`. Not 0.
+    pub mask: u16,
+}
+
+impl<const S: usize> Block<S> {
+    /// Pixels with at least one covered sample.
+    #[inline(always)]
+    pub fn pixels(&self) -> u64 {
+        self.samples.iter().fold(0, |all, &s| all | s)
+    }
+
+    /// The coverage of quad `q` of the block: bit `4 sample + p`.
+    #[inline(always)]
+    pub fn quad_mask(&self, q: usize) -> u16 {
+        let mut mask = 0;
+        for s in 0..S {
+            mask |= (self.samples[s] >> (4 * q) & 15) << (4 * s);
+        }
+        mask as u16
+    }
+
+    /// The covered quads, row by row.
+    #[inline(always)]
+    pub fn quads(&self) -> impl Iterator<Item = QuadCoverage> + use<S> {
+        let block = *self;
+        let mut left = block.pixels();
+        std::iter::from_fn(move || {
+            if left == 0 {
+                return None;
+            }
+            let q = left.trailing_zeros() as usize / 4;
+            left &= !(15 << (4 * q));
+            let (x, y) = (block.x + 2 * (q as u16 % 4), block.y + 2 * (q as u16 / 4));
+            Some(QuadCoverage { x, y, mask: block.quad_mask(q) })
+        })
+    }
+}
+
+/// The sample positions of `S` samples, in 1/256 pixel from the pixel's centre.
+#[inline(always)]
+const fn positions<const S: usize>() -> [[Fx8; 2]; S] {
+    let mut out = [[0; 2]; S];
+    let mut s = 0;
+    while s < S {
+        out[s] = if S == 1 { SAMPLES_1[s] } else { SAMPLES_4[s] };
+        s += 1;
+    }
+    out
+}
+
+/// The blocks of an area that a primitive covers, in row-major order.
+///
+/// A list and no visitor, so that the code that finds them exists once for all that is done with them.
+pub struct Blocks<const S: usize> {
+    all: [Block<S>; TILE_BLOCKS],
+    n: usize,
+    /// Whether a block that lies inside of all edges is taken whole, without a test of its samples.
+    pub takes_whole: bool,
+}
+
+impl<const S: usize> Blocks<S> {
+    /// Room for a tile's; none yet.
+    pub fn new() -> Blocks<S> {
+        Blocks { all: [Block { x: 0, y: 0, full: false, samples: [0; S] }; TILE_BLOCKS], n: 0, takes_whole: true }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, block: Block<S>) {
+        // An area has no more: the mask only tells the compiler so.
+        self.all[self.n & (TILE_BLOCKS - 1)] = block;
+        self.n += 1;
+    }
+
+    /// Finds the blocks of `area` in which the primitive covers a sample, in place of those from before.
+    ///
+    /// `S` is 1 or 4, the sample count that the primitive was set up with. `area` is at most [`TILE`] pixels wide and high and its
+    /// upper left corner a multiple of 8.
+    pub fn find(&mut self, primitive: &Triangle, area: Bounds) {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the host has these instructions.
+            return unsafe { self.find_avx2(primitive, area) };
+        }
+        self.find_portable(primitive, area);
+    }
+
+    /// As [`Self::find`] for a caller that is itself compiled for these instructions.
+    ///
+    /// # Safety
+    /// The host has these instructions. A caller compiled for them says so by being one; any other has to know.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    pub fn find_avx2(&mut self, primitive: &Triangle, area: Bounds) {
+        self.n = 0;
+        walk::<kernel::Avx2, S>(primitive, area, self);
+    }
+
+    /// As [`Self::find`] without looking at the host.
+    pub fn find_portable(&mut self, primitive: &Triangle, area: Bounds) {
+        self.n = 0;
+        walk::<Portable, S>(primitive, area, self);
+    }
+}
+
+impl<const S: usize> Default for Blocks<S> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const S: usize> Deref for Blocks<S> {
+    type Target = [Block<S>];
+
+    #[inline(always)]
+    fn deref(&self) -> &[Block<S>] {
+        &self.all[..self.n.min(TILE_BLOCKS)]
+    }
+}
+
+/// Visits the blocks of `area` in which the primitive covers a sample: [`Blocks::find`] where time does not matter.
+pub fn blocks<const S: usize>(primitive: &Triangle, area: Bounds, visit: impl FnMut(Block<S>)) {
+    let mut found = Blocks::new();
+    found.find(primitive, area);
+    found.iter().copied().for_each(visit);
+}
+
+#[inline(always)]
+fn walk<K: Kernel, const S: usize>(primitive: &Triangle, area: Bounds, found: &mut Blocks<S>) {
+    const { assert!(S == 1 || S == 4, "samples a pixel") };
+    let bounds = primitive.bounds.intersect(&area);
+    if bounds.is_empty() {
+        return;
+    }
+    match primitive.shape {
+        Shape::Triangle => {
+            // A sample on an edge that is neither top nor left is outside: E > 0, that is E - 1 >= 0.
+            let [e0, e1, e2] = &primitive.edges;
+            let tie = |e: &Edge| i64::from(!e.is_top_left());
+            let ties = [tie(e0), tie(e1), tie(e2)];
+            convex::<K, _, _>(&primitive.edges, &ties, primitive.base(), bounds, found);
+        }
+        Shape::Line if S == 1 => line::diamond_exit(primitive, bounds, found),
+        Shape::Line => convex::<K, _, _>(&line::rectangle(primitive), &[0; 4], primitive.base(), bounds, found),
+        Shape::Point if S == 1 => {
+            // The bounds are the pixel.
+            let (x, y) = (bounds.x0 & !7, bounds.y0 & !7);
+            found.push(Block { x, y, full: false, samples: [rectangle_mask(bounds, x, y); S] });
+        }
+        Shape::Point => convex::<K, _, _>(&line::square(primitive), &[0; 4], primitive.base(), bounds, found),
+    }
+}
+
+/// The pixels of the block at (x, y) that lie in `bounds`.
+#[inline(always)]
+fn rectangle_mask(bounds: Bounds, x: u16, y: u16) -> u64 {
+    let within = |v: u16, start: u16| (i32::from(v) - i32::from(start)).clamp(0, 8) as usize;
+    let columns = COLUMNS_BELOW[within(bounds.x1, x)] & !COLUMNS_BELOW[within(bounds.x0, x)];
+    let rows = ROWS_BELOW[within(bounds.y1, y)] & !ROWS_BELOW[within(bounds.y0, y)];
+    columns & rows
+}
+
+/// Walks the intersection of half planes `E - tie >= 0`, whose constants hold at the centre of pixel `base`.
+#[inline(always)]
+fn convex<K: Kernel, const N: usize, const S: usize>(
+    edges: &[Edge; N],
+    ties: &[i64; N],
+    base: [i32; 2],
+    bounds: Bounds,
+    found: &mut Blocks<S>,
+) {
+    let (bx, by) = (bounds.x0 & !7, bounds.y0 & !7);
+    let columns = (bounds.x1 - bx).div_ceil(8);
+    let rows = (bounds.y1 - by).div_ceil(8);
+    let (wx, wy) = (bounds.x0 & !1, bounds.y0 & !1);
+    if bounds.x1 - wx <= 8 && bounds.y1 - wy <= 8 {
+        return small::<K, _, _>(edges, ties, base, [wx, wy], bounds, found);
+    }
+    // The constants at the first block of this area.
+    let (dx, dy) = ((i32::from(bx) - base[0]) * SUBPIXEL, (i32::from(by) - base[1]) * SUBPIXEL);
+    let mut first = [0; N];
+    for n in 0..N {
+        first[n] = edges[n].at(dx, dy) - ties[n];
+    }
+    if columns * rows <= 4 {
+        for row in 0..rows {
+            for column in 0..columns {
+                block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
+            }
+        }
+        return;
+    }
+    // Classify up to 8x8 blocks at once by the samples of each that are furthest in and furthest out.
+    let spread = if S == 1 { 0 } else { 96 };
+    let (mut touched, mut inside) = ([0; N], [0; N]);
+    for n in 0..N {
+        let Edge { a, b, .. } = edges[n];
+        let (wa, wb) = (i64::from(a), i64::from(b));
+        let reach = i64::from(7 * SUBPIXEL);
+        let samples = spread * (wa.abs() + wb.abs());
+        let most = reach * (wa.max(0) + wb.max(0)) + samples;
+        let least = reach * (wa.min(0) + wb.min(0)) - samples;
+        touched[n] = reduce(first[n] + most, BLOCK_SHIFT);
+        inside[n] = reduce(first[n] + least, BLOCK_SHIFT);
+    }
+    // Blocks that exist: `columns` in each of `rows` rows, both at most 8.
+    let row_bits = (1u64 << columns) - 1;
+    let exist = (row_bits * 0x0101_0101_0101_0101) & (!0 >> (64 - 8 * rows));
+    let mut left = K::rows(edges, &touched) & exist;
+    let inside = if found.takes_whole { K::rows(edges, &inside) } else { 0 };
+    while left != 0 {
+        let bit = left.trailing_zeros() as u16;
+        left &= left - 1;
+        let (column, row) = (bit & 7, bit >> 3);
+        if inside >> bit & 1 == 1 {
+            let (x, y) = (bx + 8 * column, by + 8 * row);
+            let whole = x >= bounds.x0 && y >= bounds.y0 && x + 8 <= bounds.x1 && y + 8 <= bounds.y1;
+            let mask = if whole { !0 } else { rectangle_mask(bounds, x, y) };
+            found.push(Block { x, y, full: whole, samples: [mask; S] });
+        } else {
+            block::<K, _, _>(edges, &first, [bx, by], [column, row], bounds, found);
+        }
+    }
+}
+
+/// The masks of all samples on the 8x8 pixels whose first pixel has the constants `c`.
+#[inline(always)]
+fn masks<K: Kernel, const N: usize, const S: usize>(edges: &[Edge; N], c: &[i64; N]) -> [u64; S] {
+    let mut out = [0; S];
+    for (s, &[x, y]) in positions::<S>().iter().enumerate() {
+        let mut reduced = [0; N];
+        for n in 0..N {
+            let Edge { a, b, .. } = edges[n];
+            let offset = i64::from(a) * i64::from(x) + i64::from(b) * i64::from(y);
+            reduced[n] = reduce(c[n] + offset, PIXEL_SHIFT);
+        }
+        out[s] = K::quads(edges, &reduced);
+    }
+    out
+}
+
+/// Tests the pixels of one block and visits it if any sample is covered.
+#[inline(always)]
+fn block<K: Kernel, const N: usize, const S: usize>(
+    edges: &[Edge; N],
+    first: &[i64; N],
+    [bx, by]: [u16; 2],
+    [column, row]: [u16; 2],
+    bounds: Bounds,
+    found: &mut Blocks<S>,
+) {
+    let (dx, dy) = (i32::from(column) * 8 * SUBPIXEL, i32::from(row) * 8 * SUBPIXEL);
+    let mut c = [0; N];
+    for n in 0..N {
+        c[n] = Edge { c: first[n], ..edges[n] }.at(dx, dy);
+    }
+    let (x, y) = (bx + 8 * column, by + 8 * row);
+    let allowed = rectangle_mask(bounds, x, y);
+    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
+    emit(Block { x, y, full: false, samples }, found);
+}
+
+#[inline(always)]
+fn emit<const S: usize>(mut block: Block<S>, found: &mut Blocks<S>) {
+    if block.pixels() != 0 {
+        block.full = block.samples.iter().all(|&m| m == !0);
+        found.push(block);
+    }
+}
+
+/// A primitive inside an 8x8 window with even corner: one evaluation, whatever blocks the window straddles.
+#[inline(always)]
+fn small<K: Kernel, const N: usize, const S: usize>(
+    edges: &[Edge; N],
+    ties: &[i64; N],
+    base: [i32; 2],
+    [wx, wy]: [u16; 2],
+    bounds: Bounds,
+    found: &mut Blocks<S>,
+) {
+    let (bx, by) = (wx & !7, wy & !7);
+    let (dx, dy) = ((i32::from(wx) - base[0]) * SUBPIXEL, (i32::from(wy) - base[1]) * SUBPIXEL);
+    let mut c = [0; N];
+    for n in 0..N {
+        c[n] = edges[n].at(dx, dy) - ties[n];
+    }
+    // The bounds lie in the window and begin in its first quad.
+    let (x1, y1) = (usize::from(bounds.x1 - wx) & 15, usize::from(bounds.y1 - wy) & 15);
+    let columns = COLUMNS_BELOW[x1] & !COLUMNS_BELOW[usize::from(bounds.x0 & 1)];
+    let allowed = columns & ROWS_BELOW[y1] & !ROWS_BELOW[usize::from(bounds.y0 & 1)];
+    let samples = masks::<K, N, S>(edges, &c).map(|m| m & allowed);
+    // Quad columns and rows of the window that lie in the first block.
+    let (qx, qy) = (u32::from(8 - (wx - bx)) / 2, u32::from(8 - (wy - by)) / 2);
+    if bounds.x1 <= bx + 8 && bounds.y1 <= by + 8 {
+        // A quad to the right is 4 bits up, a quad down 16.
+        let up = 4 * (4 - qx) + 16 * (4 - qy);
+        return emit(Block { x: bx, y: by, full: false, samples: samples.map(|m| m << up) }, found);
+    }
+    let upper = ROWS_BELOW[2 * qy as usize];
+    let left = COLUMNS_BELOW[2 * qx as usize];
+    for (j, y) in [(0, by), (1, by + 8)] {
+        for (i, x) in [(0, bx), (1, bx + 8)] {
+            let keep = (if j == 0 { upper } else { !upper }) & (if i == 0 { left } else { !left });
+            let place = |m: u64| {
+                let m = m & keep;
+                let m = if i == 0 { m << (4 * (4 - qx)) } else { m.checked_shr(4 * qx).unwrap_or(0) };
+                if j == 0 { m << (16 * (4 - qy)) } else { m.checked_shr(16 * qy).unwrap_or(0) }
+            };
+            emit(Block { x, y, full: false, samples: samples.map(place) }, found);
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Which kind of trace a path holds, from the first bytes of its files.
+
+use host::Links;
+use std::fmt;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use trace::{COMMANDS_FILE, TraceError};
+
+/// A kind of trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Our own.
+    Native,
+    /// An API trace of wgpu 30.
+    Wgpu,
+    /// An OpenGL trace by apitrace.
+    Apitrace,
+    /// An OpenGL trace by GLInterceptor.
+    GlInterceptor,
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Kind::Native => "native",
+            Kind::Wgpu => "wgpu",
+            Kind::Apitrace => "apitrace",
+            Kind::GlInterceptor => "GLInterceptor",
+        })
+    }
+}
+
+/// A trace that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Its kind.
+    pub kind: Kind,
+    /// The file or folder to open it by.
+    pub path: PathBuf,
+}
+
+/// Bytes that are read of a file to know its kind: enough to pass over a comment at its top.
+const PEEK: u64 = 64 << 10;
+
+/// Finds the trace that a path means: a trace's file, its folder, or the folder above it. None if there is none, or if nothing
+/// there can be read.
+pub fn detect(path: &Path) -> Option<Found> {
+    detect_with(path, Links::Follow).ok().flatten()
+}
+
+/// As [`detect`], with a rule for symbolic links in the folder. What has the name of a trace and cannot be read is an error.
+pub(super) fn detect_with(path: &Path, links: Links) -> Result<Option<Found>, TraceError> {
+    if !path.is_dir() {
+        // The user's own path.
+        return found(path, Links::Follow);
+    }
+    // A wgpu recorder writes into a folder that its program chose; here it is kept as `trace` below the trace's own folder.
+    let below = path.join("trace");
+    for folder in [path, &below] {
+        let file = folder.join(COMMANDS_FILE);
+        // Whatever else bears the name is refused by name.
+        if std::fs::symlink_metadata(&file).is_ok() {
+            if folder == below {
+                host::check_folder(folder, links).map_err(|error| TraceError::new(folder, error))?;
+            }
+            return found(&file, links);
+        }
+    }
+    // The other kinds are single files, of any name: take the first by name that is one.
+    let Ok(entries) = std::fs::read_dir(path) else { return Ok(None) };
+    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    files.sort();
+    let gl = |file: &PathBuf| {
+        let name = file.file_name()?.to_str()?;
+        let likely = name.ends_with(".trace") || name.ends_with(".txt") || name.ends_with(".txt.gz");
+        let kind = likely.then(|| found(file, links).ok().flatten()).flatten()?.kind;
+        matches!(kind, Kind::Apitrace | Kind::GlInterceptor).then(|| Found { kind, path: file.clone() })
+    };
+    Ok(files.iter().find_map(gl))
+}
+
+/// The trace in a file.
+fn found(file: &Path, links: Links) -> Result<Option<Found>, TraceError> {
+    let kind = kind_of_file(file, links).map_err(|error| TraceError::new(file, error))?;
+    Ok(kind.map(|kind| Found { kind, path: file.to_path_buf() }))
+}
+
+fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
+    let mut start = Vec::new();
+    host::open(file, links)?.take(PEEK).read_to_end(&mut start)?;
+    let name = file.file_name().and_then(|name| name.to_str()).unwrap_or("");
+    Ok(if start.starts_with(b"PK") {
+        Some(Kind::Native)
+    } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
+        Some(Kind::GlInterceptor)
+    } else if start.starts_with(b"at") && name.ends_with(".trace") {
+        Some(Kind::Apitrace)
+    } else if name.ends_with(".ron") {
+        // A wgpu trace is a list of actions, a native one a single struct. What is neither gets the native reader's message.
+        let text = String::from_utf8_lossy(&start);
+        let first = text[super::wgpu::trivia(&text)..].chars().next();
+        Some(if first == Some('[') { Kind::Wgpu } else { Kind::Native })
+    } else {
+        None
+    })
+}

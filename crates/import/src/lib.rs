@@ -1,0 +1,47 @@
+//! Floor 2: foreign traces → trace.
+//!
+//! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
+//! translated in memory and its blobs where they are.
+
+pub mod wgpu;
+
+mod detect;
+
+use std::path::Path;
+
+use host::Links;
+use trace::{Reading, Trace, TraceError};
+
+pub use detect::{Found, Kind, detect};
+
+/// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
+pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
+    open_with(path, &Reading::default())
+}
+
+/// As [`open`], with limits and rules for its files other than the default ones.
+pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, TraceError> {
+    open_path(path.as_ref(), reading)
+}
+
+fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
+    // The path is the user's own; files that are found in a folder are the trace's.
+    let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
+    match detect::detect_with(path, reading.links())? {
+        Some(Found { kind: Kind::Native, path: file }) => match file.parent() {
+            Some(folder) if in_folder => Trace::open_with(folder, reading),
+            _ => Trace::open_with(file, reading),
+        },
+        Some(Found { kind: Kind::Wgpu, path: file }) => {
+            wgpu::open_linked(&file, if in_folder { reading.links() } else { Links::Follow }, reading)
+        }
+        Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
+            Err(TraceError::new(path, format_args!("{kind} traces are not supported yet")))
+        }
+        None => Err(TraceError::new(
+            path,
+            "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \
+             trace.ron), nor an apitrace or GLInterceptor file",
+        )),
+    }
+}

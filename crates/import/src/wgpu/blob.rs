@@ -1,0 +1,75 @@
+//! Payload: files beside the trace, used where they are, and bytes inside its text.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use trace::command::Data;
+use trace::{Builder, Reading, check_name};
+
+use super::objects::Reason;
+use super::schema;
+
+/// Gives the payload of actions to a trace.
+pub struct Blobs {
+    folder: PathBuf,
+    reading: Reading,
+    /// Bytes of the trace so far, its text among them.
+    bytes: u64,
+    /// Sizes of the files that are blobs already.
+    sizes: HashMap<String, u64>,
+    /// Number of blobs made from bytes inside the text.
+    inline: u32,
+}
+
+impl Blobs {
+    /// Blobs of a trace in this folder, whose text has so many bytes.
+    pub fn new(folder: &Path, reading: &Reading, text: u64) -> Blobs {
+        Blobs { folder: folder.to_path_buf(), reading: *reading, bytes: text, sizes: HashMap::new(), inline: 0 }
+    }
+
+    /// Makes a blob of some payload and answers its name and size.
+    pub fn add(&mut self, builder: &mut Builder, data: schema::Data) -> Result<(String, u64), Reason> {
+        match data {
+            schema::Data::File(name) => {
+                if let Some(&size) = self.sizes.get(&name) {
+                    return Ok((name, size));
+                }
+                // The name must not lead out of the folder.
+                check_name(&name)?;
+                let path = self.folder.join(&name);
+                let fail = |reason| format!("data file {}: {reason}", host::path_line(&path));
+                let size = builder.add_linked_file(&name, &path, self.reading.links()).map_err(|error| fail(error.reason))?;
+                self.bytes = self.bytes.saturating_add(size);
+                let limits = self.reading.limits;
+                limits.trace_bytes.check(self.bytes).map_err(|error| fail(error.to_string()))?;
+                self.sizes.insert(name.clone(), size);
+                limits.trace_files.check(self.sizes.len() as u64).map_err(|error| fail(error.to_string()))?;
+                Ok((name, size))
+            }
+            schema::Data::String(kind, text) => self.add_inline(builder, kind, text.into_bytes()),
+            schema::Data::Binary(kind, bytes) => self.add_inline(builder, kind, bytes),
+        }
+    }
+
+    fn add_inline(&mut self, builder: &mut Builder, kind: schema::DataKind, bytes: Vec<u8>) -> Result<(String, u64), Reason> {
+        let extension = match kind {
+            schema::DataKind::Wgsl => "wgsl",
+            schema::DataKind::Ron => "ron",
+            schema::DataKind::Spv => "spv",
+            _ => "bin",
+        };
+        let name = format!("inline{}.{extension}", self.inline);
+        self.inline += 1;
+        let size = bytes.len() as u64;
+        builder.add_blob(&name, bytes).map_err(|error| error.reason)?;
+        Ok((name, size))
+    }
+
+    /// Makes a blob of some payload and answers its first `size` bytes: a recorder may leave more than it wrote.
+    pub fn add_prefix(&mut self, builder: &mut Builder, data: schema::Data, size: u64) -> Result<Data, Reason> {
+        let (blob, length) = self.add(builder, data)?;
+        if length < size {
+            return Err(format!("data {blob:?} has {length} bytes, {size} are needed"));
+        }
+        Ok(Data { blob, offset: 0, size })
+    }
+}

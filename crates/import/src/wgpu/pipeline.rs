@@ -1,0 +1,246 @@
+//! Shader modules, layouts and pipelines.
+
+use gfx::state::*;
+use num::PipelineLayoutId;
+use trace::command::*;
+
+use super::objects::*;
+use super::resource::check_samples;
+use super::schema::{self, DataKind, Id};
+use super::translate::Translator;
+
+impl Translator {
+    pub(super) fn create_shader(&mut self, id: Id, label: Option<String>, data: schema::Data) -> Result<(), Reason> {
+        let Some(kind) = data.kind() else {
+            return Err("the shader's language cannot be told from its data's name".into());
+        };
+        let as_source = match kind {
+            DataKind::Wgsl => ShaderSource::Wgsl,
+            DataKind::Spv => ShaderSource::SpirV,
+            DataKind::Ron => ShaderSource::NagaIr,
+            other => return Err(format!("shaders in {} are not supported", other.name())),
+        };
+        let (blob, size) = self.blobs.add(&mut self.builder, data)?;
+        if kind == DataKind::Spv && !size.is_multiple_of(4) {
+            return Err(format!("the SPIR-V in {blob:?} has {size} bytes, which are no whole words"));
+        }
+        let shader = self.objects.new_shader();
+        let old = self.objects.shaders.set(id, shader);
+        self.gone(old.map(Object::Shader));
+        self.emit(Command::CreateShader { id: shader, source: as_source(blob), label });
+        Ok(())
+    }
+
+    /// A shader that wgpu gave to its driver as it is, in one language or several. WGSL and SPIR-V mean the same to us.
+    pub(super) fn create_passthrough(&mut self, id: Id, label: Option<String>, data: Vec<schema::Data>) -> Result<(), Reason> {
+        let names: Vec<_> = data.iter().map(|data| data.kind().map_or("unknown", DataKind::name)).collect();
+        let usable = |wanted| data.iter().position(|data| data.kind() == Some(wanted));
+        match usable(DataKind::Wgsl).or_else(|| usable(DataKind::Spv)) {
+            Some(index) => self.create_shader(id, label, data[index].clone()),
+            None => Err(format!("passthrough shaders in {} are not supported", names.join(", "))),
+        }
+    }
+
+    pub(super) fn create_group_layout(&mut self, id: Id, desc: schema::BindGroupLayoutDescriptor) -> Result<(), Reason> {
+        let mut entries = Vec::with_capacity(desc.entries.len());
+        for entry in desc.entries {
+            let binding = entry.binding;
+            let kind = binding_kind(entry.ty).map_err(|reason| format!("binding {binding}: {reason}"))?;
+            entries.push(LayoutEntry { binding, kind, count: entry.count });
+        }
+        // Dynamic offsets are given in this order.
+        entries.sort_by_key(|entry| entry.binding);
+        self.set_group_layout(id, LayoutOrigin::Explicit(entries));
+        Ok(())
+    }
+
+    /// Gives an id a layout. wgpu shares equal layouts, so one is often created again under the id that it has.
+    fn set_group_layout(&mut self, id: Id, origin: LayoutOrigin) {
+        if self.objects.group_layouts.find(id).is_some_and(|known| known.origin == origin) {
+            return;
+        }
+        let native = self.objects.new_group_layout();
+        self.emit(match &origin {
+            LayoutOrigin::Explicit(entries) => Command::CreateBindGroupLayout { id: native, entries: entries.clone() },
+            &LayoutOrigin::Derived(pipeline, group) => Command::GetBindGroupLayout { id: native, pipeline, group },
+        });
+        let old = self.objects.group_layouts.set(id, GroupLayout { id: native, origin });
+        self.gone(old.map(|old| Object::BindGroupLayout(old.id)));
+    }
+
+    /// The layout of one of a pipeline's groups: of a derived layout a new name, of an explicit one the layout given.
+    pub(super) fn get_group_layout(&mut self, id: Id, pipeline: AnyPipeline, groups: Groups, index: u32) -> Result<(), Reason> {
+        let Some(groups) = groups else {
+            self.set_group_layout(id, LayoutOrigin::Derived(pipeline, index));
+            return Ok(());
+        };
+        let old = match groups.into_iter().nth(index as usize).flatten() {
+            Some(layout) if self.objects.group_layouts.find(id).is_some_and(|known| known.id == layout.id) => None,
+            Some(layout) => self.objects.group_layouts.set(id, layout),
+            // The call failed when it was recorded, and gave out a layout that cannot be used.
+            None => self.objects.group_layouts.set_invalid(id),
+        };
+        self.gone(old.map(|old| Object::BindGroupLayout(old.id)));
+        Ok(())
+    }
+
+    pub(super) fn create_pipeline_layout(&mut self, id: Id, desc: schema::PipelineLayoutDescriptor) -> Result<(), Reason> {
+        let layouts = &self.objects.group_layouts;
+        let groups = desc.bind_group_layouts.into_iter();
+        let groups: Vec<Option<GroupLayout>> =
+            groups.map(|group| group.map(|id| layouts.get(id).cloned()).transpose()).collect::<Result<_, _>>()?;
+        let native = self.objects.new_pipeline_layout();
+        let ids = groups.iter().map(|group| group.as_ref().map(|group| group.id)).collect();
+        let old = self.objects.pipeline_layouts.set(id, PipelineLayout { id: native, groups });
+        self.gone(old.map(|old| Object::PipelineLayout(old.id)));
+        self.emit(Command::CreatePipelineLayout { id: native, groups: ids, immediate_size: desc.immediate_size });
+        Ok(())
+    }
+
+    fn pipeline_layout(&self, id: Option<Id>) -> Result<(Option<PipelineLayoutId>, Groups), Reason> {
+        let Some(id) = id else { return Ok((None, None)) };
+        let layout = self.objects.pipeline_layouts.get(id)?;
+        Ok((Some(layout.id), Some(layout.groups.clone())))
+    }
+
+    fn stage(&self, stage: schema::ProgrammableStage) -> Result<Stage, Reason> {
+        Ok(Stage {
+            shader: *self.objects.shaders.get(stage.module)?,
+            entry: stage.entry_point,
+            constants: stage.constants.into_iter().collect(),
+            zero_workgroup_memory: stage.zero_initialize_workgroup_memory,
+        })
+    }
+
+    pub(super) fn create_compute_pipeline(&mut self, id: Id, desc: schema::ComputePipelineDescriptor) -> Result<(), Reason> {
+        let (layout, groups) = self.pipeline_layout(desc.layout)?;
+        let stage = self.stage(desc.stage)?;
+        let native = self.objects.new_compute_pipeline();
+        let old = self.objects.compute_pipelines.set(id, ComputePipeline { id: native, groups });
+        self.gone(old.map(|old| Object::ComputePipeline(old.id)));
+        self.emit(Command::CreateComputePipeline { id: native, layout, stage, label: desc.label });
+        Ok(())
+    }
+
+    pub(super) fn create_render_pipeline(&mut self, id: Id, desc: schema::RenderPipelineDescriptor) -> Result<(), Reason> {
+        let schema::VertexProcessor::Vertex(vertex) = desc.vertex else {
+            return Err("mesh pipelines are not supported".into());
+        };
+        if desc.primitive.conservative {
+            return Err("conservative rasterisation is not supported".into());
+        }
+        check_multiview(desc.multiview_mask)?;
+        check_samples(desc.multisample.count)?;
+        let (layout, groups) = self.pipeline_layout(desc.layout)?;
+        let (fragment, targets) = match desc.fragment {
+            Some(fragment) => (Some(self.stage(fragment.stage)?), fragment.targets),
+            None => (None, Vec::new()),
+        };
+        let native = RenderPipelineDesc {
+            layout,
+            vertex: self.stage(vertex.stage)?,
+            buffers: vertex.buffers.into_iter().map(|slot| slot.map(vertex_buffer)).collect(),
+            primitive: primitive(desc.primitive),
+            depth_stencil: desc.depth_stencil.map(depth_stencil),
+            multisample: Multisample {
+                count: desc.multisample.count,
+                // wgpu has room for 64 samples; the lowest bits are those of the samples that there are.
+                mask: desc.multisample.mask as u32,
+                alpha_to_coverage: desc.multisample.alpha_to_coverage_enabled,
+            },
+            fragment,
+            targets: targets.into_iter().map(|slot| slot.map(color_target)).collect(),
+        };
+        let pipeline = self.objects.new_render_pipeline();
+        let old = self.objects.render_pipelines.set(id, RenderPipeline { id: pipeline, groups });
+        self.gone(old.map(|old| Object::RenderPipeline(old.id)));
+        self.emit(Command::CreateRenderPipeline { id: pipeline, desc: Box::new(native), label: desc.label });
+        Ok(())
+    }
+}
+
+/// Refuses rendering to several layers at once.
+pub(super) fn check_multiview(mask: Option<u32>) -> Result<(), Reason> {
+    mask.map_or(Ok(()), |_| Err("multiview is not supported".into()))
+}
+
+fn binding_kind(ty: schema::BindingType) -> Result<BindingKind, Reason> {
+    use schema::{BindingType as Wire, BufferBindingType};
+    Ok(match ty {
+        Wire::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset, .. } => {
+            BindingKind::Uniform { dynamic_offset: has_dynamic_offset }
+        }
+        Wire::Buffer { ty: BufferBindingType::Storage { read_only }, has_dynamic_offset, .. } => {
+            BindingKind::Storage { read_only, dynamic_offset: has_dynamic_offset }
+        }
+        Wire::Sampler(_) => BindingKind::Sampler,
+        Wire::Texture { .. } => BindingKind::Texture,
+        Wire::StorageTexture { .. } => BindingKind::StorageTexture,
+        Wire::AccelerationStructure { .. } => {
+            return Err("ray tracing (acceleration structures) is not supported".into());
+        }
+        Wire::ExternalTexture => return Err("external textures are not supported".into()),
+    })
+}
+
+fn vertex_buffer(layout: schema::VertexBufferLayout) -> VertexBufferLayout {
+    let attribute =
+        |a: schema::VertexAttribute| VertexAttribute { format: a.format.0, offset: a.offset, location: a.shader_location };
+    VertexBufferLayout {
+        stride: layout.array_stride,
+        step: layout.step_mode.into(),
+        attributes: layout.attributes.into_iter().map(attribute).collect(),
+    }
+}
+
+fn primitive(state: schema::PrimitiveState) -> Primitive {
+    Primitive {
+        topology: state.topology.into(),
+        strip_index_format: state.strip_index_format.map(Into::into),
+        front_face: state.front_face.into(),
+        cull_mode: state.cull_mode.map_or(CullMode::None, Into::into),
+        polygon_mode: state.polygon_mode.into(),
+        unclipped_depth: state.unclipped_depth,
+        provoking_last: false,
+    }
+}
+
+fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
+    let face = |face: schema::StencilFaceState| StencilFace {
+        compare: face.compare.into(),
+        fail_op: face.fail_op.into(),
+        depth_fail_op: face.depth_fail_op.into(),
+        pass_op: face.pass_op.into(),
+    };
+    // As wgpu has it: with both masks 0, or without a stencil aspect, there is no stencil test, whatever the faces say.
+    let mut stencil = state.stencil;
+    if (stencil.read_mask | stencil.write_mask) == 0 || !state.format.0.has_stencil() {
+        stencil.front = schema::StencilFaceState::default();
+        stencil.back = schema::StencilFaceState::default();
+    }
+    DepthStencil {
+        format: state.format.0,
+        depth_write: state.depth_write_enabled.unwrap_or(false),
+        depth_compare: state.depth_compare.map_or(Compare::Always, Into::into),
+        stencil_front: face(stencil.front),
+        stencil_back: face(stencil.back),
+        stencil_read_mask: stencil.read_mask,
+        stencil_write_mask: stencil.write_mask,
+        bias: state.bias.constant,
+        bias_slope: state.bias.slope_scale,
+        bias_clamp: state.bias.clamp,
+    }
+}
+
+fn color_target(state: schema::ColorTargetState) -> ColorTarget {
+    let component = |c: schema::BlendComponent| BlendComponent {
+        src: c.src_factor.into(),
+        dst: c.dst_factor.into(),
+        op: c.operation.into(),
+    };
+    ColorTarget {
+        format: state.format.0,
+        blend: state.blend.map(|blend| Blend { color: component(blend.color), alpha: component(blend.alpha) }),
+        write_mask: (state.write_mask & 15) as u8,
+    }
+}

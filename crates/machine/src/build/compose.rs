@@ -1,0 +1,19 @@
+//! From the pipelines' frame buffers to one.
+
+use super::Builder;
+use unit::compose::{Compose, ComposePorts};
+
+impl Builder<'_> {
+    /// Composition in each pipeline, over the network that sorts.
+    pub fn compose(&mut self) {
+        let compose = self.id.compose.clone();
+        let nodes = compose.len();
+        let (senders, receivers) = self.sort_network(&compose, &compose);
+        let ends = std::mem::take(&mut self.made.compose_commands).into_iter().zip(senders).zip(receivers);
+        for (node, (((start, done), sender), receiver)) in ends.enumerate() {
+            let memory = self.port("compose", node, compose[node]);
+            let ports = ComposePorts { start, done, sender, receiver, memory };
+            self.made.compose.push(Compose::new(self.config.compose.clone(), node, nodes, ports));
+        }
+    }
+}

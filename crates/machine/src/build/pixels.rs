@@ -1,0 +1,202 @@
+//! From triangles that are set up to pixels in memory.
+
+use super::{Builder, CONTROL, Ends, Shaded, quads};
+use sim::{Gate, In, Link, Out};
+use unit::block_cache::BlockCache;
+use unit::color::ColorPorts;
+use unit::compression::Compression;
+use unit::depth::{Depth, DepthConfig, DepthPorts, QuestionPorts, TestPorts};
+use unit::dispatch::{Dispatch, DispatchPorts, Outlet};
+use unit::early::{Early, EarlyRate, Known};
+use unit::hide::Hide;
+use unit::interpolate::Interpolate;
+use unit::order::Order;
+use unit::sorting::EarlyTest;
+use unit::token::{Ack, GroupToken, TriangleToken, WarpToken};
+use unit::traverse::{Territory, Traverse, TraverseConfig};
+use work::BLOCK;
+
+impl Builder<'_> {
+    /// Pipelines that own what they draw, from traversal to the colour buffer: early and late tests share a depth unit.
+    pub fn pipelines_with_early_tests(&mut self, inputs: Vec<In<TriangleToken>>, territory: Territory) {
+        let config = self.config;
+        // A tile's buffer on the chip has a place for each of its blocks, wherever it lies.
+        let on_chip = matches!(territory, Territory::Bins(_));
+        let depth_ways = if on_chip { config.depth.cache_blocks } else { config.depth.cache_ways };
+        self.made.color_ways = if on_chip { config.color.cache_blocks } else { config.color.cache_ways };
+        let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
+        let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
+        let (color, dispatch) = (self.id.color.clone(), self.id.dispatch.clone());
+        let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
+        let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
+        let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &depth);
+        let (to_traverse, bounds) = self.chain("depth_bounds", updates, &depth, &traverse);
+        let hide = self.id.hide.clone();
+        let (to_interpolate, interpolated) = if hide.is_empty() {
+            self.chain("tested_early", tested, &depth, &interpolate)
+        } else {
+            let (to_hide, held) = self.chain("tested_early", tested, &depth, &hide);
+            let (outputs, seen) = self.chain("seen", tested, &hide, &interpolate);
+            let side = config.bin.tile / BLOCK;
+            let units = held.into_iter().zip(outputs).enumerate();
+            self.made.hide =
+                units.map(|(n, (input, output))| Hide::new(n as u8, side, d.quads_per_cycle, input, output)).collect();
+            (to_hide, seen)
+        };
+        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &dispatch, &depth);
+        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &dispatch, &color);
+        let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
+        let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
+
+        let traverses = inputs.into_iter().zip(bounds).zip(to_depth).enumerate();
+        self.made.traverse = traverses
+            .map(|(n, ((input, bounds), output))| Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output))
+            .collect();
+        let acks = std::mem::take(&mut self.made.depth_acks);
+        let ends = early.into_iter().zip(to_interpolate).zip(late).zip(tested_late).zip(to_traverse).zip(ended).zip(acks);
+        for (n, ((((((early, interpolate), late), color), bounds), end), ack)) in ends.enumerate() {
+            let ports = DepthPorts {
+                early: Some(TestPorts { input: early, output: interpolate }),
+                late: Some(TestPorts { input: late, output: color }),
+                questions: None,
+                updates: Some((bounds, t.hierarchical_update)),
+                end,
+                ack,
+            };
+            let memory = self.port("depth", n, depth[n]);
+            self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
+        }
+        let outlets = to_late.into_iter().zip(to_color).map(|(late, color)| Outlet::Own { late, color });
+        self.shade(interpolated, outlets.collect());
+        let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
+        self.colors(inputs, end);
+    }
+
+    /// Pipelines that draw anywhere and send what they have shaded to the ROPs that own the pixels, where it is tested and blended
+    /// in order.
+    pub fn pipelines_sorting_fragments(&mut self, inputs: Vec<In<TriangleToken>>) {
+        let config = self.config;
+        let (t, d) = (&config.traverse, &config.depth);
+        let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
+        let (color, dispatch, order) = (self.id.color.clone(), self.id.dispatch.clone(), self.id.order.clone());
+        let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
+        let link = quads(t.queue, t.quads_per_cycle, t.latency);
+        let early = self.id.early.clone();
+        let (from_traverse, rasterized, questions) = if early.is_empty() {
+            let (outputs, rasterized) = self.chain("rasterized", link, &traverse, &interpolate);
+            (outputs, rasterized, Vec::new())
+        } else {
+            let (outputs, inputs) = self.chain("rasterized", link, &traverse, &early);
+            let (tested, rasterized) = self.chain("tested_early", tested, &early, &interpolate);
+            (outputs, rasterized, self.early_tests(inputs, tested))
+        };
+        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &order, &depth);
+        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &order, &color);
+        let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
+        let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
+        let (senders, receivers) = self.sort_network(&dispatch, &order);
+        self.made.color_ways = config.color.cache_ways;
+
+        // Hierarchical Z would have to know what other pipelines have drawn.
+        let blind = TraverseConfig { hierarchical_z: false, ..t.clone() };
+        let traverses = inputs.into_iter().zip(from_traverse).enumerate();
+        self.made.traverse = traverses
+            .map(|(n, (input, output))| Traverse::new(blind.clone(), n as u8, Territory::Screen, input, None, output))
+            .collect();
+        self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
+        let rate = config.dispatch.output_quads;
+        for (n, ((input, late), color)) in receivers.into_iter().zip(to_late).zip(to_color).enumerate() {
+            let gate = self.gate(n, false, true);
+            self.made.order.push(Order::new(n as u8, rate, config.order.keep, gate, input, late, color));
+        }
+        let acks = std::mem::take(&mut self.made.depth_acks);
+        let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
+        let mut questions = questions.into_iter();
+        for (n, (((input, output), end), ack)) in ends {
+            let late = Some(TestPorts { input, output });
+            let ports = DepthPorts { early: None, late, questions: questions.next(), updates: None, end, ack };
+            let memory = self.port("depth", n, depth[n]);
+            self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
+        }
+        let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
+        self.colors(inputs, end);
+    }
+
+    /// Early tests of quads whose pixels have other owners; gives for each of these the ways of questions, if they are asked.
+    fn early_tests(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Out<GroupToken>>) -> Vec<QuestionPorts> {
+        let (o, d) = (&self.config.order, &self.config.depth);
+        let (early, depth) = (self.id.early.clone(), self.id.depth.clone());
+        let rate = EarlyRate { quads_per_cycle: d.quads_per_cycle, queue: o.early_queue, latency: d.latency };
+        let (known, ports) = if o.early == EarlyTest::Remote {
+            // A way holds what is on it, and a little that waits at its end.
+            let link = Link::bytes(o.early_queue.min(o.early_latency + 8), o.early_bytes, o.early_latency);
+            let pairs: Vec<_> = early.iter().flat_map(|&early| depth.iter().map(move |&depth| (early, depth))).collect();
+            let back: Vec<_> = depth.iter().flat_map(|&depth| early.iter().map(move |&early| (depth, early))).collect();
+            let (ask, questions) = self.join("depth_questions", link, pairs);
+            let (answer, answers) = self.join("depth_answers", link, back);
+            let known = by_first(ask, early.len()).zip(by_second(answers, early.len()));
+            let known: Vec<_> = known.map(|(questions, answers)| Known::Owners { questions, answers }).collect();
+            let ports = by_second(questions, depth.len()).zip(by_first(answer, depth.len()));
+            (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
+        } else {
+            let copy = |n: usize| {
+                let compression = Compression { enabled: d.compression };
+                let memory = self.port("early", n, early[n]);
+                Known::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
+            };
+            ((0..early.len()).map(copy).collect(), Vec::new())
+        };
+        let units = known.into_iter().zip(inputs).zip(outputs).enumerate();
+        self.made.early = units.map(|(n, ((known, input), output))| Early::new(n as u8, rate, input, output, known)).collect();
+        ports
+    }
+
+    /// Interpolation and dispatch to the cores.
+    fn shade(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Outlet>) {
+        let config = self.config;
+        let (i, p) = (&config.interpolate, &config.dispatch);
+        let per_pipeline = config.core.per_pipeline as usize;
+        let (interpolate, dispatch, core) = (self.id.interpolate.clone(), self.id.dispatch.clone(), self.id.core.clone());
+        let (to_dispatch, interpolated) =
+            self.chain("interpolated", quads(i.queue, i.quads_per_cycle, i.latency), &interpolate, &dispatch);
+        let units = inputs.into_iter().zip(to_dispatch);
+        self.made.interpolate = units.map(|(input, output)| Interpolate::new(i.clone(), input, output)).collect();
+
+        let warps = Link::items(p.queue, 1, p.latency);
+        let done = Link::items(config.core.output_queue, 1, 1);
+        let of_core: Vec<_> = core.iter().enumerate().map(|(n, &core)| (dispatch[n / per_pipeline], core)).collect();
+        let back: Vec<_> = of_core.iter().map(|&(dispatch, core)| (core, dispatch)).collect();
+        let (to_cores, fragment_input): Ends<WarpToken> = self.join("fragment_warps", warps, of_core);
+        let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
+        self.made.fragment_ends = fragment_input.into_iter().zip(fragment_output).collect();
+        let (mut to_cores, mut from_cores) = (to_cores.into_iter(), from_cores.into_iter());
+        for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
+            let cores = to_cores.by_ref().take(per_pipeline).collect();
+            let shaded = from_cores.by_ref().take(per_pipeline).collect();
+            let gate = if matches!(output, Outlet::Owners(_)) { self.gate(n, true, false) } else { Gate::default() };
+            let ports = DispatchPorts { input, cores, shaded, output, gate };
+            self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
+        }
+    }
+
+    /// What comes to the colour units, and the end of passes that they report.
+    fn colors(&mut self, inputs: Vec<Shaded>, ends: Vec<Out<Ack>>) {
+        let acks = std::mem::take(&mut self.made.color_acks);
+        let ends = inputs.into_iter().zip(ends).zip(acks);
+        let ports = ends.map(|((shaded, end), ack)| ColorPorts { shaded: shaded.color, tested: shaded.late, end, ack });
+        self.made.color_ends = ports.collect();
+    }
+}
+
+/// Of the ends of a square of ways, row after row, each row.
+fn by_first<T>(ends: Vec<T>, count: usize) -> impl Iterator<Item = Vec<T>> {
+    let mut ends = ends.into_iter();
+    (0..count).map(move |_| ends.by_ref().take(count).collect())
+}
+
+/// Of the ends of a square of ways, row after row, each column.
+fn by_second<T>(ends: Vec<T>, count: usize) -> impl Iterator<Item = Vec<T>> {
+    let mut columns: Vec<Vec<T>> = (0..count).map(|_| Vec::with_capacity(count)).collect();
+    ends.into_iter().enumerate().for_each(|(n, end)| columns[n % count].push(end));
+    columns.into_iter()
+}

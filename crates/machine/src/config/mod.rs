@@ -1,0 +1,276 @@
+//! A machine's configuration: as written, as checked, as text.
+//!
+//! Every knob is declared once, in the unit that it configures ([`knobs!`](crate::knobs)). A configuration is RON: nested sections
+//! of `key: value`, with `extends: "NAME"` for the configuration that it changes. The baseline is complete and extends nothing.
+
+mod knobs;
+mod places;
+mod read;
+mod text;
+
+pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs, SortClass};
+pub use text::documentation;
+
+use unit::knob::Section;
+use unit::{
+    assembly::AssemblyConfig,
+    bin::BinConfig,
+    clip::ClipConfig,
+    color::ColorConfig,
+    command::{CommandConfig, CullChoice},
+    compose::ComposeConfig,
+    compute::ComputeConfig,
+    core::CoreConfig,
+    depth::DepthConfig,
+    dispatch::DispatchConfig,
+    distribute::DistributeConfig,
+    fetch::FetchConfig,
+    interpolate::InterpolateConfig,
+    network::NetworkConfig,
+    resolve::ResolveConfig,
+    route::RouteConfig,
+    scanout::ScanoutConfig,
+    setup::SetupConfig,
+    sorting::{Keep, OrderConfig},
+    texture::TextureConfig,
+    traverse::TraverseConfig,
+    warp::Execution,
+};
+use work::{Cull, Needless, RenderKey, Shade};
+
+/// The configurations that are built in: name and text.
+pub const BUILT_IN: &[(&str, &str)] = &[
+    ("baseline", include_str!("../../../../configs/baseline.ron")),
+    ("tiny", include_str!("../../../../configs/tiny.ron")),
+    ("attila", include_str!("../../../../configs/attila.ron")),
+    ("wide", include_str!("../../../../configs/wide.ron")),
+    ("sort-first", include_str!("../../../../configs/sort-first.ron")),
+    ("sort-middle", include_str!("../../../../configs/sort-middle.ron")),
+    ("sort-middle-binned", include_str!("../../../../configs/sort-middle-binned.ron")),
+    ("sort-last-fragment", include_str!("../../../../configs/sort-last-fragment.ron")),
+    ("sort-last-image", include_str!("../../../../configs/sort-last-image.ron")),
+    ("geforce2-ultra", include_str!("../../../../configs/geforce2-ultra.ron")),
+    ("gtx-titan", include_str!("../../../../configs/gtx-titan.ron")),
+];
+
+/// Their names, as messages list them.
+fn built_in_names() -> String {
+    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+    names.split_last().map_or(String::new(), |(last, rest)| format!("{} and {last}", rest.join(", ")))
+}
+
+/// What is wrong with a configuration.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ConfigError {
+    /// It is not RON, or not sections of keys and values.
+    #[error("{file}: {message}")]
+    Syntax {
+        /// The file or name.
+        file: String,
+        /// What the reader found, with its place.
+        message: String,
+    },
+    /// There is no such knob.
+    #[error("{file}: there is no key {key}{hint}")]
+    UnknownKey {
+        /// The file or name, or `--set`.
+        file: String,
+        /// The key.
+        key: String,
+        /// The nearest that there is.
+        hint: String,
+    },
+    /// A knob does not take this value.
+    #[error("{file}: {key} is {value}, and must be {allowed}")]
+    Value {
+        /// The file or name, or `--set`.
+        file: String,
+        /// The key.
+        key: String,
+        /// What was written.
+        value: String,
+        /// What may be.
+        allowed: String,
+    },
+    /// A configuration that extends nothing leaves knobs out.
+    #[error("{file}: {key} is missing; a configuration that extends nothing must be complete (extends: \"baseline\" helps)")]
+    Missing {
+        /// The file or name.
+        file: String,
+        /// The first key that is missing.
+        key: String,
+    },
+    /// The configuration that is extended is not there.
+    #[error("{file}: there is no configuration {name}; built in are {}", built_in_names())]
+    Unknown {
+        /// The file or name that names it.
+        file: String,
+        /// What it names.
+        name: String,
+    },
+    /// Knobs do not fit each other.
+    #[error("{file}: {message}")]
+    Rule {
+        /// The file or name.
+        file: String,
+        /// The rule, with keys and values.
+        message: String,
+    },
+}
+
+macro_rules! config {
+    ($($(#[$doc:meta])* $field:ident: $type:ty = $path:literal),* $(,)?) => {
+        /// A complete configuration. Its values are allowed each by itself; [`Config::check`] looks at them together.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Config {
+            /// Its name: that of the built-in one, or the file's.
+            pub name: String,
+            $($(#[$doc])* pub $field: $type,)*
+        }
+
+        impl Config {
+            /// The sections, by path.
+            pub fn sections(&self) -> Vec<(&'static str, &dyn Section)> {
+                vec![$(($path, &self.$field as &dyn Section)),*]
+            }
+
+            fn sections_mut(&mut self) -> Vec<(&'static str, &mut dyn Section)> {
+                vec![$(($path, &mut self.$field as &mut dyn Section)),*]
+            }
+        }
+    };
+}
+
+config! {
+    /// The card as a whole.
+    card: CardConfig = "",
+    /// The command processor.
+    command: CommandConfig = "command",
+    /// Index and attribute fetch.
+    fetch: FetchConfig = "fetch",
+    /// Primitive assembly.
+    assembly: AssemblyConfig = "assembly",
+    /// Clipping and culling.
+    clip: ClipConfig = "clip",
+    /// Distribution.
+    distribute: DistributeConfig = "distribute",
+    /// Pre-transformation and routing.
+    route: RouteConfig = "route",
+    /// Binning.
+    bin: BinConfig = "bin",
+    /// The sort network.
+    network: NetworkConfig = "network",
+    /// API order.
+    order: OrderConfig = "order",
+    /// Triangle setup.
+    setup: SetupConfig = "setup",
+    /// Traversal.
+    traverse: TraverseConfig = "traverse",
+    /// Depth and stencil.
+    depth: DepthConfig = "depth",
+    /// Interpolation.
+    interpolate: InterpolateConfig = "interpolate",
+    /// Fragment dispatch.
+    dispatch: DispatchConfig = "dispatch",
+    /// Shader cores.
+    core: CoreConfig = "core",
+    /// Texture units.
+    texture: TextureConfig = "texture",
+    /// Colour ROPs.
+    color: ColorConfig = "color",
+    /// Composition.
+    compose: ComposeConfig = "compose",
+    /// Compute dispatch.
+    compute: ComputeConfig = "compute",
+    /// Resolve.
+    resolve: ResolveConfig = "resolve",
+    /// Scan-out.
+    scanout: ScanoutConfig = "scanout",
+    /// Memory.
+    memory: MemoryKnobs = "memory",
+    /// The second-level cache.
+    l2: L2Knobs = "memory.l2",
+    /// DRAM.
+    dram: DramKnobs = "memory.dram",
+}
+
+impl Config {
+    /// A built-in configuration.
+    ///
+    /// # Errors
+    /// If there is none of that name.
+    pub fn built_in(name: &str) -> Result<Config, ConfigError> {
+        match BUILT_IN.iter().find(|(known, _)| *known == name) {
+            Some((_, text)) => Config::parse(name, text),
+            None => Err(ConfigError::Unknown { file: "--config".to_owned(), name: name.to_owned() }),
+        }
+    }
+
+    /// Reads a configuration from its text; `name` is what messages and reports call it. The base that it extends is a built-in
+    /// one.
+    ///
+    /// # Errors
+    /// What is wrong, with key, value and what is allowed.
+    pub fn parse(name: &str, text: &str) -> Result<Config, ConfigError> {
+        let config = read::parse(name, text, 0)?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Changes one knob, as `--set path.to.key=value` does. Call [`Config::check`] after the last.
+    ///
+    /// # Errors
+    /// If there is no such knob or it does not take the value.
+    pub fn set(&mut self, assignment: &str) -> Result<(), ConfigError> {
+        read::assign(self, assignment)
+    }
+
+    /// Whether the knobs fit each other.
+    ///
+    /// # Errors
+    /// The rule that they break.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        knobs::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+    }
+
+    /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
+    /// that they would have thrown away.
+    pub fn render_key(&self) -> RenderKey {
+        let shade = match self.card.sort {
+            _ if self.order.keep == Keep::Never => Shade::Covered,
+            SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
+            SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
+        };
+        let signatures = self.card.sort == SortClass::MiddleBinned && self.bin.skip_same_tiles;
+        let paths = self.core.execution != Execution::Longest;
+        let needless = Needless {
+            facing: !self.clip.cull_facing,
+            frustum: !self.clip.cull_frustum,
+            scissor: !self.clip.cull_scissor,
+            no_sample: !self.clip.cull_no_sample,
+            attributes: !self.fetch.skip_attributes,
+            varyings: !self.interpolate.skip_varyings,
+            levels: !self.texture.skip_levels,
+        };
+        let cull = match self.command.cull {
+            CullChoice::None => Cull::None,
+            CullChoice::Draws => Cull::Draws,
+            CullChoice::Instances => Cull::Instances,
+        };
+        RenderKey { shade, early_z: self.depth.early, signatures, paths, needless, cull }
+    }
+
+    /// What is allowed but hardly meant: channels too short to carry their full width.
+    pub fn warnings(&self) -> Vec<String> {
+        knobs::warnings(self)
+    }
+
+    /// The whole configuration as RON, every knob with its meaning, unit, allowed values and source. Reading it gives this
+    /// configuration again.
+    pub fn resolved(&self) -> String {
+        text::resolved(self)
+    }
+}
+
+#[cfg(test)]
+mod tests;

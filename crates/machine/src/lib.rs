@@ -1,0 +1,258 @@
+//! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
+
+mod build;
+pub mod config;
+mod loss;
+pub mod parts;
+mod report;
+mod sort_first;
+mod sort_last_fragment;
+mod sort_last_image;
+mod sort_middle;
+mod sort_middle_binned;
+
+#[cfg(test)]
+mod tests;
+
+pub use config::{Config, ConfigError};
+pub use loss::LossCounts;
+pub use report::{FrameReport, MachineReport, Picture};
+
+use self::build::Built;
+use self::config::SortClass;
+use mem::{Crossbar, requests};
+use parts::Parts;
+use report::Readings;
+use sim::{self, Circuit, Clock, Stuck, Wire};
+use unit::Fault;
+use unit::apply::{Keepers, Touch, Touching, apply};
+use unit::assembly::Deal;
+use unit::card::{Card, Pool};
+use unit::frame::Frame;
+use unit::interleave::Interleave;
+use unit::network::NetworkMap;
+use unit::sorting::{EarlyTest, Keep};
+use unit::warp::Warps;
+use work::Event;
+
+/// Why a run stopped before its end.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MachineError {
+    /// Nothing can move any more.
+    #[error(transparent)]
+    Stuck(#[from] Stuck),
+    /// The machine cannot do what the work asks, or the work is wrong.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// Something was left inside at the end.
+    #[error("at the end of the run something was left in the machine: {0}")]
+    Left(String),
+}
+
+/// Events that are read ahead of the command processor.
+const AHEAD: usize = 2;
+
+/// A machine, from cycle 0 on.
+pub struct Machine {
+    config: Config,
+    circuit: Parts,
+    card: Card,
+    clients: Vec<(&'static str, usize)>,
+    network: Option<NetworkMap>,
+}
+
+impl Machine {
+    /// The machine of a configuration.
+    ///
+    /// # Errors
+    /// If knobs do not fit each other.
+    pub fn new(config: &Config) -> Result<Machine, ConfigError> {
+        config.check()?;
+        let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
+        let build = match config.card.sort {
+            SortClass::First => sort_first::build,
+            SortClass::Middle => sort_middle::build,
+            SortClass::MiddleBinned => sort_middle_binned::build,
+            SortClass::LastFragment => sort_last_fragment::build,
+            SortClass::LastImage => sort_last_image::build,
+        };
+        let Built { parts: circuit, clients, network } = build(config).map_err(rule)?;
+        let pipelines = config.card.pipelines as usize;
+        let mut card = Card::new(
+            pipelines,
+            config.command.segments as usize,
+            config.command.workgroup_runs as usize,
+            Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
+            config.core.execution,
+        );
+        if config.card.sort == SortClass::LastImage {
+            card.copies = vec![Frame::default(); pipelines];
+            card.unnumbered = config.order.keep == Keep::Never;
+            card.chunks = pipelines > 1 && config.assembly.deal == Deal::Contiguous;
+        }
+        card.same_tiles = config.render_key().signatures;
+        if config.order.early == EarlyTest::Local {
+            card.seen = vec![Frame::default(); pipelines];
+        }
+        Ok(Machine { config: config.clone(), circuit, card, clients, network })
+    }
+
+    /// Images that a machine has of each attachment of a pass: its frame buffer, and pipelines' copies, each with as many bytes of numbers.
+    pub fn images(config: &Config) -> u64 {
+        let pipelines = u64::from(config.card.pipelines);
+        let copies = if config.card.sort == SortClass::LastImage { 2 * pipelines } else { 0 };
+        let seen = if config.order.early == EarlyTest::Local { pipelines } else { 0 };
+        1 + copies + seen
+    }
+
+    /// Pieces of work that a machine has at one time, those that it reads ahead among them.
+    pub fn pieces(config: &Config) -> u64 {
+        u64::from(config.command.segments) + u64::from(config.command.workgroup_runs) + AHEAD as u64
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The name of each unit and its number among those of that name, in data-flow order.
+    pub fn units(&self) -> impl Iterator<Item = (&'static str, usize)> {
+        self.circuit.wires().units()
+    }
+
+    /// Each channel, with the units at its ends by their place in [`Machine::units`].
+    pub fn wires(&self) -> impl Iterator<Item = Wire> {
+        self.circuit.wires().wires()
+    }
+
+    /// Runs a stream of events to its end and keeps every frame's report.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run(&mut self, events: impl Iterator<Item = Event>, clock: Clock) -> Result<MachineReport, MachineError> {
+        let mut frames = Vec::new();
+        let total = self.run_each(events, clock, |frame| frames.push(frame))?;
+        Ok(MachineReport { frames, total: total.total, cycles: total.cycles })
+    }
+
+    /// Runs a stream of events to its end and hands out each frame's report as it ends. The report that is returned has no
+    /// frames.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run_each(
+        &mut self,
+        mut events: impl Iterator<Item = Event>,
+        clock: Clock,
+        mut each: impl FnMut(FrameReport),
+    ) -> Result<MachineReport, MachineError> {
+        let mut readings = Readings::new(self);
+        self.card.closed = false;
+        let class = self.config.card.sort;
+        loop {
+            // 1. There is always an event for the command processor to read, until the last.
+            while !self.card.closed && self.reads_ahead() {
+                match events.next() {
+                    Some(Event::Applied(_)) if matches!(class, SortClass::MiddleBinned | SortClass::LastImage) => {
+                        return Err(Fault::AtOnce { class: class.name() }.into());
+                    }
+                    Some(event) => self.card.events.push_back(event),
+                    None => self.card.closed = true,
+                }
+            }
+
+            // 2. Run until events are short, a frame is over, or all is done.
+            self.circuit.wires_mut().wake_all();
+            let patience = u64::from(self.config.card.watchdog);
+            let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
+                // Whether a pass has draws the command processor sees at the event behind its begin.
+                let short = match card.events.front() {
+                    None => true,
+                    Some(Event::BeginPass(_)) => !card.closed && card.events.len() == 1,
+                    Some(_) => false,
+                };
+                let applies = matches!(card.events.front(), Some(Event::Applied(_)));
+                let done = short && (!card.closed || circuit.command.idle());
+                // What is still on its way to memory belongs to the frame.
+                let quiet = || quiet(circuit);
+                let stops = card.fault.is_some() || applies && circuit.command.idle();
+                stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
+            });
+            // A machine with a fault may well be stuck; the fault is why.
+            if let Some(fault) = self.card.fault.take() {
+                return Err(fault.into());
+            }
+            ran?;
+            if self.apply() {
+                continue;
+            }
+
+            // 3. A frame is over: read everything.
+            if self.circuit.command.frame_over() {
+                let end = self.circuit.command.take_frame();
+                let frame = readings.frame(self, end);
+                each(frame);
+            } else if self.card.closed && self.card.events.is_empty() && self.circuit.command.idle() {
+                break;
+            }
+        }
+        self.empty()?;
+        Ok(readings.total(self))
+    }
+
+    /// Draws the segments at the head of the events that are to be drawn at once; whether there was one.
+    fn apply(&mut self) -> bool {
+        let Machine { circuit, card, .. } = self;
+        let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
+        let (mut any, mut touched) = (false, Touching::new());
+        while let Some(slot) = circuit.command.apply(card) {
+            let Parts { traverse, depth, color, texture, l2, .. } = circuit;
+            apply(card, slot, &mut Keepers { traverse, depth, color, texture }, &mut touched);
+            card.work[usize::from(slot)] = None;
+            any = true;
+            let Some(interleave) = interleave else {
+                // Memory without a second level keeps nothing.
+                touched.clear();
+                continue;
+            };
+            for Touch { address, bytes, write } in touched.drain(..) {
+                for (address, bytes) in requests(address, bytes) {
+                    let (slice, address) = interleave.split(address);
+                    l2[slice as usize].visit(address, bytes, write);
+                }
+            }
+        }
+        any
+    }
+
+    /// Whether another event is to be read: until there are some, and where pipelines have runs of a pass until all of it is there,
+    /// whose primitives are counted before the first is dealt.
+    fn reads_ahead(&self) -> bool {
+        let events = &self.card.events;
+        let open = || {
+            let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass));
+            matches!(edge, Some(Event::BeginPass(_)))
+        };
+        events.len() < AHEAD || self.card.chunks && open()
+    }
+
+    /// Nothing may be left inside.
+    fn empty(&self) -> Result<(), MachineError> {
+        let pools = self.card.groups.iter().map(Pool::len).sum::<usize>();
+        let warps = self.card.warps.iter().map(Warps::len).sum::<usize>();
+        let (_, resident) = self.circuit.tally();
+        let units = resident.iter().sum::<u64>();
+        let channels = self.circuit.wires().resident();
+        if pools == 0 && warps == 0 && units == 0 && channels == 0 {
+            return Ok(());
+        }
+        let text =
+            format!("{pools} groups of quads, {warps} warps, {units} items in units {resident:?}, {channels} in channels");
+        Err(MachineError::Left(text))
+    }
+}
+
+/// Whether nothing is in any channel or in the memory's units.
+fn quiet(circuit: &Parts) -> bool {
+    circuit.wires().resident() == 0 && circuit.tally().1.iter().all(|&resident| resident == 0)
+}

@@ -1,0 +1,265 @@
+//! Where the cycles of the pipelines go: what they work, and what sorting and the rest of the machine make them lose.
+//!
+//! All is measured at one stage, the one whose busiest unit worked most: nothing else could have made the machine faster. In each
+//! pipeline the busiest unit of that stage stands for the pipeline. Of N pipelines and T cycles, N x T cycles are to be accounted for.
+//! What each has worked is known, and so is by how much it has worked less than the busiest. In the cycles in which even that one did
+//! not work nobody need have, so that each of them counts N times; the busiest one's account and what was counted at the ends of the
+//! network say why. Each of its cycles goes to one cause, and no cause gets more than was counted for it: the parts are whole numbers
+//! that add up to N x T.
+
+use super::config::SortClass;
+use sim::{GateCounts, STATES};
+use stats::Cycles;
+use unit::network::SenderCounts;
+use unit::sorting::{SortCounts, Waits as For};
+
+stats::counters! {
+    /// What became of the cycles of the pipelines.
+    pub struct LossCounts {
+        /// Cycles of the frame, once for each pipeline. All that follow add up to this.
+        pipeline_cycles: "cycles",
+        /// The stage's work, without that on copies.
+        useful: "cycles",
+        /// Its work on copies after the first, in proportion to copies; of cores, of their vertices. Stages that work by quads meet none.
+        overlap: "cycles",
+        /// What pipelines worked less than the busiest, and what the busiest waited for others: at the ends of passes, and behind work for a pipeline that had no room.
+        imbalance: "cycles",
+        /// The network did not take what was to be sent, or frame buffers were composed.
+        network: "cycles",
+        /// What had come was not next in order.
+        order: "cycles",
+        /// Data from memory had not come, to the stage or to the units that fetch for it.
+        memory: "cycles",
+        /// Earlier units of the same pipeline had not done their part yet.
+        earlier: "cycles",
+        /// Later units of the same pipeline had no room.
+        later: "cycles",
+        /// Nothing had come to the pipeline: geometry in front of the network was behind, or a pass began or ended.
+        supply: "cycles",
+        /// There was no pass: copies, resolves, scan-out.
+        outside: "cycles",
+    }
+}
+
+/// Readings of all that pipelines wait for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Waits {
+    /// By sender of the network that sorts.
+    pub senders: Vec<SenderCounts>,
+    /// By unit that restores the order there, where senders wait for it.
+    pub order: Vec<u64>,
+    /// By pipeline: for the others, at the ends of passes.
+    pub passes: Vec<u64>,
+    /// By pipeline: for the composition of frame buffers.
+    pub composing: Vec<u64>,
+    /// By core: instructions in all, and those of vertices.
+    pub instructions: Vec<(u64, u64)>,
+    /// What units did beside others: those of all pipelines beside passes, then those of each beside its end of the network.
+    pub gates: Vec<GateCounts>,
+}
+
+impl Waits {
+    /// Between an earlier reading and this.
+    pub fn since(&self, earlier: &Waits) -> Waits {
+        let counts = |now: &[u64], then: &[u64]| now.iter().zip(then).map(|(now, then)| now - then).collect();
+        let senders = self.senders.iter().zip(&earlier.senders).map(|(now, then)| now.since(then));
+        let instructions =
+            self.instructions.iter().zip(&earlier.instructions).map(|(now, then)| (now.0 - then.0, now.1 - then.1));
+        Waits {
+            senders: senders.collect(),
+            order: counts(&self.order, &earlier.order),
+            passes: counts(&self.passes, &earlier.passes),
+            composing: counts(&self.composing, &earlier.composing),
+            instructions: instructions.collect(),
+            gates: self.gates.iter().zip(&earlier.gates).map(|(now, then)| now.since(then)).collect(),
+        }
+    }
+}
+
+/// A frame's accounts, and what its loss is found by.
+pub(super) struct Frame<'a> {
+    pub class: SortClass,
+    pub pipelines: usize,
+    pub cycles: u64,
+    /// Names of the units, and their accounts.
+    pub units: &'a [(&'static str, Cycles)],
+    pub sort: SortCounts,
+    pub waits: &'a Waits,
+}
+
+/// Stages of a pipeline before the network, where fragments are sorted; in other classes behind it.
+const GEOMETRY: &[&str] = &["gather", "fetch", "assembly", "clip", "distribute"];
+const PIXELS: &[&str] = &["setup", "traverse", "early", "hide", "interpolate", "dispatch", "core", "texture"];
+const ROPS: &[&str] = &["order", "depth", "color"];
+
+/// The stages of a class's pipelines.
+fn stages(class: SortClass) -> impl Iterator<Item = &'static str> {
+    let front: &[&str] = match class {
+        SortClass::First | SortClass::LastFragment | SortClass::LastImage => GEOMETRY,
+        SortClass::MiddleBinned => &["tile_fetch"],
+        SortClass::Middle => &[],
+    };
+    front.iter().chain(PIXELS).chain(ROPS).copied()
+}
+
+/// A part of a number.
+fn part(of: u64, numerator: u64, denominator: u64) -> u64 {
+    if denominator == 0 { 0 } else { (u128::from(of) * u128::from(numerator) / u128::from(denominator)) as u64 }
+}
+
+/// A unit that stands for its pipeline.
+#[derive(Clone, Copy)]
+struct Busiest {
+    /// Its place among all units, and its number in its bank.
+    place: usize,
+    number: usize,
+    account: Cycles,
+}
+
+/// The cycles in which the busiest unit of all had no input, or no work for another reason, by what its gate told meanwhile. Causes
+/// take from them.
+struct Rest {
+    /// What is left, by the gate's state.
+    left: [u64; STATES],
+    pipelines: u64,
+}
+
+impl Rest {
+    /// At most so many of the cycles in these states, times the pipelines.
+    fn take(&mut self, states: &[For], mut counted: u64) -> u64 {
+        let mut sum = 0;
+        for &state in states {
+            let left = &mut self.left[state as usize];
+            let taken = counted.min(*left);
+            *left -= taken;
+            counted -= taken;
+            sum += taken;
+        }
+        self.pipelines * sum
+    }
+}
+
+fn mean(values: impl Iterator<Item = u64>) -> u64 {
+    let (count, sum) = values.fold((0, 0), |(count, sum), value| (count + 1, sum + value));
+    if count == 0 { 0 } else { sum / count }
+}
+
+impl Frame<'_> {
+    /// The units of a bank.
+    fn bank(&self, name: &str) -> impl Iterator<Item = Busiest> {
+        let named = self.units.iter().enumerate().filter(move |(_, (unit, _))| *unit == name);
+        named.enumerate().map(|(number, (place, &(_, account)))| Busiest { place, number, account })
+    }
+
+    /// The busiest unit of a stage in each pipeline; none if the machine has no such stage.
+    fn stage(&self, name: &str) -> Vec<Busiest> {
+        let bank: Vec<Busiest> = self.bank(name).collect();
+        let each = (bank.len() / self.pipelines).max(1);
+        let busier = |most: Busiest, unit: &Busiest| if unit.account.busy > most.account.busy { *unit } else { most };
+        bank.chunks_exact(each).map(|units| units.iter().fold(units[0], busier)).collect()
+    }
+
+    /// Of a unit's work that on copies after the first.
+    fn overlap(&self, stage: &str, unit: &Busiest) -> u64 {
+        let busy = unit.account.busy;
+        let copied = match self.class {
+            SortClass::First if stage == "core" => {
+                let (all, vertices) = self.waits.instructions[unit.number];
+                part(busy, vertices, all)
+            }
+            SortClass::First if GEOMETRY.contains(&stage) || stage == "setup" => busy,
+            SortClass::Middle | SortClass::MiddleBinned if matches!(stage, "tile_fetch" | "setup") => busy,
+            _ => 0,
+        };
+        let copies = self.sort.redistributed_items;
+        part(copied, copies.saturating_sub(self.sort.sent), copies)
+    }
+
+    /// What became of the cycles, and the stage that this is about; none where no pipeline has worked.
+    pub fn split(&self) -> (Option<&'static str>, LossCounts) {
+        let n = self.pipelines as u64;
+        let mut loss = LossCounts { pipeline_cycles: n * self.cycles, ..LossCounts::default() };
+        // The first of the stages, and of the pipelines, that worked most.
+        let mut chosen: Option<(&'static str, Vec<Busiest>, usize, u64)> = None;
+        for name in stages(self.class) {
+            let units = self.stage(name);
+            for (pipeline, unit) in units.iter().enumerate() {
+                if unit.account.busy > chosen.as_ref().map_or(0, |&(.., most)| most) {
+                    chosen = Some((name, units.clone(), pipeline, unit.account.busy));
+                }
+            }
+        }
+        let Some((stage, units, busiest, worked)) = chosen else {
+            loss.outside = loss.pipeline_cycles;
+            return (None, loss);
+        };
+        // 1. Work, and work that others had more of.
+        for unit in &units {
+            let copied = self.overlap(stage, unit);
+            loss.overlap += copied;
+            loss.useful += unit.account.busy - copied;
+            loss.imbalance += worked - unit.account.busy;
+        }
+        // 2. The busiest one's other cycles.
+        self.attribute(&mut loss, stage, busiest, &units[busiest]);
+        (Some(stage), loss)
+    }
+
+    /// Attributes the cycles in which the busiest unit of all did not work.
+    fn attribute(&self, loss: &mut LossCounts, stage: &str, pipeline: usize, unit: &Busiest) {
+        let (n, waits, account) = (self.pipelines as u64, self.waits, unit.account);
+        let (card, gates) = waits.gates.split_first().expect("a card has a gate");
+        let of_pipeline = |list: &[u64]| list.get(pipeline).copied().unwrap_or(0);
+        let all = [For::Nothing, For::Open, For::Memory];
+        // 1. By what the gate told meanwhile. What comes after a unit may have no room because the network has none.
+        let rested = gates.iter().find_map(|gate| gate.rested(unit.place));
+        let [mut left, mut blocked] = rested.expect("the units of pipelines hang on gates");
+        for state in [For::Network, For::Place] {
+            left[state as usize] += std::mem::take(&mut blocked[state as usize]);
+        }
+        let mut rest = Rest { left, pipelines: n };
+        // 2. The unit held something.
+        loss.memory += n * account.memory;
+        loss.later += n * blocked.iter().sum::<u64>();
+        // 3. There was no pass; pipelines waited for each other to end it; it was composed.
+        let [outside, ..] = card.rested(unit.place).expect("the units of pipelines hang on the card's gate")[0];
+        loss.outside += rest.take(&all, outside);
+        loss.imbalance += rest.take(&all, of_pipeline(&waits.passes));
+        loss.network += rest.take(&all, of_pipeline(&waits.composing));
+        // 4. Before a network that sorts fragments, its own sender told. Receivers have no place left as they keep order, or others
+        //    send more.
+        let behind = self.class != SortClass::LastFragment || ROPS.contains(&stage);
+        loss.network += rest.take(&[For::Network], u64::MAX);
+        loss.order += rest.take(&[For::Place], mean(waits.order.iter().copied()));
+        loss.imbalance += rest.take(&[For::Place], u64::MAX);
+        // 5. Behind a network, its own receiver told what had come, and the senders why no more had: the network on average over them,
+        //    and receivers without a place as long as all of them met one.
+        if behind {
+            let full = waits.senders.iter().map(|sender| sender.receiver).min();
+            // The one place that bins is behind no other pipeline.
+            let full = full.filter(|_| self.class != SortClass::MiddleBinned).unwrap_or(0);
+            loss.network += rest.take(&[For::Nothing, For::Order], mean(waits.senders.iter().map(|sender| sender.network)));
+            loss.imbalance += rest.take(&[For::Nothing], full);
+        }
+        loss.order += rest.take(&[For::Order], u64::MAX);
+        // 6. Batches are dealt in turn: one that found no room kept others from pipelines that had.
+        if let Some(deal) = self.bank("deal").next() {
+            let mut fronts = gates.iter().filter_map(|gate| gate.rested(deal.place));
+            let kept = fronts.nth(pipeline).map_or(0, |[_, blocked]| blocked[For::Nothing as usize]);
+            loss.imbalance += rest.take(&all, kept);
+        }
+        // 7. Memory kept the front waiting: the pipeline's own, or that of all.
+        loss.memory += rest.take(&[For::Memory], u64::MAX);
+        let fronts: Vec<Cycles> = self.bank("fetch").map(|unit| unit.account).collect();
+        let front = fronts.get(pipeline).or(fronts.last()).copied().unwrap_or_default();
+        if stage != "fetch" && self.class != SortClass::LastImage {
+            loss.memory += rest.take(if fronts.len() == 1 { &[For::Nothing] } else { &[For::Open] }, front.memory);
+        }
+        // 8. Nothing had come to the pipeline, or it had not come as far as this unit.
+        loss.supply += rest.take(&[For::Nothing], u64::MAX);
+        if !behind {
+            loss.supply += rest.take(&[For::Open], front.starved);
+        }
+        loss.earlier += rest.take(&[For::Open], u64::MAX);
+    }
+}

@@ -1,0 +1,105 @@
+//! The units that a machine of any sort class can have.
+
+use mem::{Crossbar, Dram, Ideal, L2Slice, ReturnPath};
+use sim::One;
+use unit::assembly::Assembly;
+use unit::bin::Bin;
+use unit::card::Card;
+use unit::clip::Clip;
+use unit::color::Color;
+use unit::command::Command;
+use unit::compose::Compose;
+use unit::compute::Compute;
+use unit::core::Core;
+use unit::deal::Deal;
+use unit::depth::Depth;
+use unit::dispatch::Dispatch;
+use unit::distribute::Distribute;
+use unit::early::Early;
+use unit::fetch::Fetch;
+use unit::gather::Gather;
+use unit::hide::Hide;
+use unit::interpolate::Interpolate;
+use unit::network::{CreditReturn, Router};
+use unit::order::Order;
+use unit::resolve::Resolve;
+use unit::route::Route;
+use unit::scanout::Scanout;
+use unit::setup::Setup;
+use unit::texture::Texture;
+use unit::tile_fetch::TileFetch;
+use unit::traverse::Traverse;
+
+sim::circuit! {
+    /// A machine: the units of all sort classes in data-flow order. A class has of each as many as its file says, and joins them.
+    pub struct Parts for Card {
+        /// Reads events, hands out draws, keeps passes apart.
+        command: One<Command>,
+        /// Deals batches of primitives to pipelines whose geometry is their own.
+        deal: Vec<Deal>,
+        /// Finds the bounds of primitives and sends them to the pipelines that own what they touch, where primitives are sorted.
+        route: Vec<Route>,
+        /// Restores their order there.
+        gather: Vec<Gather>,
+        /// Reads indices, finds vertices to be shaded, fetches attributes.
+        fetch: Vec<Fetch>,
+        /// Vertex cores, where shading is not unified.
+        vertex_core: Vec<Core>,
+        /// Their texture units.
+        vertex_texture: Vec<Texture>,
+        /// Makes primitives of shaded vertices, hands them to geometry units.
+        assembly: Vec<Assembly>,
+        /// Clips and culls.
+        clip: Vec<Clip>,
+        /// Sends each triangle to the rasterisers that own what it touches.
+        distribute: Vec<Distribute>,
+        /// Sorts triangles into the lists of tiles,
+        bin: Vec<Bin>,
+        /// which are read again, tile by tile.
+        tile_fetch: Vec<TileFetch>,
+        /// Routers of the network that sorts,
+        router: Vec<Router>,
+        /// and the way back of its credits.
+        credit_return: Option<CreditReturn>,
+        /// Restores API order, sets triangles up.
+        setup: Vec<Setup>,
+        /// Finds blocks and quads, culls by hierarchical Z.
+        traverse: Vec<Traverse>,
+        /// Early depth tests in pipelines that do not own the pixels they draw.
+        early: Vec<Early>,
+        /// Early and late depth and stencil tests.
+        depth: Vec<Depth>,
+        /// Holds opaque quads of a tile back until it is known which are seen.
+        hide: Vec<Hide>,
+        /// Interpolates attributes.
+        interpolate: Vec<Interpolate>,
+        /// Packs quads into warps, restores their order after shading.
+        dispatch: Vec<Dispatch>,
+        /// Restores API order at the ROPs, where quads are sorted.
+        order: Vec<Order>,
+        /// Makes warps of workgroups.
+        compute: One<Compute>,
+        /// Shader cores of all pipelines.
+        core: Vec<Core>,
+        /// A texture unit for each core.
+        texture: Vec<Texture>,
+        /// Blends into colour buffers.
+        color: Vec<Color>,
+        /// Composes the frame buffers of pipelines that draw apart from each other.
+        compose: Vec<Compose>,
+        /// Turns samples into pixels.
+        resolve: One<Resolve>,
+        /// Shows frames.
+        scanout: One<Scanout>,
+        /// Memory: from the units to the slices of the second-level cache,
+        crossbar: Option<Crossbar>,
+        /// the slices,
+        l2: Vec<L2Slice>,
+        /// the DRAM channels behind them,
+        dram: Vec<Dram>,
+        /// and the way back to the units;
+        return_path: Option<ReturnPath>,
+        /// or an ideal memory instead of all these.
+        ideal: Option<Ideal>,
+    }
+}

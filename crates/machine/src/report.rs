@@ -1,0 +1,365 @@
+//! What a run leaves behind: statistics by frame, and pictures.
+
+use super::Machine;
+use super::config::SortClass;
+use super::loss::{Frame, LossCounts, Waits};
+use mem::ClientCounts;
+use num::Cycle;
+use sim::Circuit;
+use stats::{Cycles, Group, Node, Tree};
+use unit::card::Card;
+use unit::dispatch::Dispatch;
+use unit::distribute::Distribute;
+use unit::early::Early;
+use unit::network::SenderCounts;
+use unit::phase::Phase;
+use unit::route::Route;
+use unit::sorting::{OrderCounts, SortCounts};
+use unit::tags::CacheCounts;
+use work::{EndFrame, Funnel, Surface};
+
+/// The picture of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Its format and size.
+    pub surface: Surface,
+    /// Its bytes, laid out as in [`Contents`](work::Contents): the machine's own, unless the last writer was no draw.
+    pub bytes: Vec<u8>,
+    /// Pixels in which the machine's bytes differ from those of API order.
+    pub wrong_pixels: u64,
+}
+
+/// A frame.
+#[derive(Clone, Debug)]
+pub struct FrameReport {
+    /// The trace's own number.
+    pub number: u32,
+    /// Cycles that it took.
+    pub cycles: Cycle,
+    /// Its statistics, by the names of the design.
+    pub tree: Tree,
+    /// What the command processor did one after another, and for how long: the cycles add up to the frame's.
+    pub phases: Vec<(Phase, Cycle)>,
+    /// What was shown.
+    pub picture: Option<Picture>,
+}
+
+/// A run.
+#[derive(Clone, Debug)]
+pub struct MachineReport {
+    /// Its frames.
+    pub frames: Vec<FrameReport>,
+    /// Its statistics.
+    pub total: Tree,
+    /// Cycles in all.
+    pub cycles: Cycle,
+}
+
+/// A reading of all counters.
+#[derive(Clone, Debug)]
+struct Reading {
+    tree: Tree,
+    cycles: Cycle,
+    /// Quads by pipeline, of which the imbalance is computed.
+    quads: Vec<u64>,
+    sort: SortCounts,
+    order: OrderCounts,
+    /// Of each unit its name and its account.
+    units: Vec<(&'static str, Cycles)>,
+    waits: Waits,
+    /// Passes that need an order which the machine does not keep.
+    disordered: usize,
+}
+
+/// Readings so far.
+pub(super) struct Readings {
+    start: Reading,
+    last: Reading,
+    sums: Sums,
+}
+
+/// What frames are summed up of that is no difference of counters.
+#[derive(Clone, Debug, Default)]
+struct Sums {
+    wrong_pixels: u64,
+    loss: LossCounts,
+    /// By stage, the work of frames whose loss is measured there.
+    stages: Vec<(&'static str, u64)>,
+}
+
+impl Sums {
+    fn stage(&mut self, (stage, loss): (Option<&'static str>, LossCounts)) {
+        self.loss += loss;
+        let Some(stage) = stage else { return };
+        let work = loss.useful + loss.overlap;
+        match self.stages.iter_mut().find(|(known, _)| *known == stage) {
+            Some((_, sum)) => *sum += work,
+            None => self.stages.push((stage, work)),
+        }
+    }
+}
+
+/// What caches and memory have counted up to now.
+fn traffic(machine: &Machine) -> Tree {
+    let circuit = &machine.circuit;
+    let mut tree = Tree::new();
+    let caches = tree.child("caches");
+    let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
+    for (index, unit) in circuit.fetch.iter().enumerate() {
+        cache("vertex", index, unit.cache());
+    }
+    for (index, unit) in circuit.route.iter().enumerate() {
+        cache("position", index, unit.cache());
+    }
+    for (index, unit) in circuit.texture.iter().chain(&circuit.vertex_texture).enumerate() {
+        cache("texture", index, unit.cache());
+    }
+    for (index, unit) in circuit.depth.iter().enumerate() {
+        cache("depth", index, unit.cache());
+    }
+    for (index, (tags, _)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
+        cache("early", index, tags);
+    }
+    for (index, unit) in circuit.color.iter().enumerate() {
+        cache("color", index, unit.cache());
+    }
+    for (index, unit) in circuit.l2.iter().enumerate() {
+        caches.element("l2", index).extend(unit.cache_counts().tree());
+    }
+
+    let none: &[ClientCounts] = &[];
+    let clients = match (&circuit.crossbar, &circuit.ideal) {
+        (Some(crossbar), _) => crossbar.counts(),
+        (None, Some(ideal)) => ideal.counts(),
+        (None, None) => none,
+    };
+    let memory = mem::memory_tree(&machine.clients, clients, &circuit.dram, circuit.ideal.as_ref());
+    tree.child("memory").extend(memory);
+    let l2 = tree.child("memory");
+    for (index, unit) in circuit.l2.iter().enumerate() {
+        l2.element("l2", index).extend(unit.counts().tree());
+    }
+    tree
+}
+
+/// What a machine has counted up to now.
+fn read(machine: &mut Machine) -> Reading {
+    machine.circuit.wires_mut().settle();
+    let circuit = &machine.circuit;
+    let cycles = circuit.wires().now();
+    let mut tree = Tree::new();
+    tree.count("cycles", cycles);
+    let funnel = tree.child("funnel");
+    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.values()) {
+        funnel.count(name, value);
+    }
+    tree.extend(circuit.tree());
+    tree.extend(traffic(machine));
+
+    let rop = tree.child("rop");
+    for (index, unit) in circuit.depth.iter().enumerate() {
+        rop.element("depth", index).extend(unit.counts().tree());
+        rop.element("depth", index).extend(unit.told().tree());
+    }
+    for (index, (_, moved)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
+        rop.element("early", index).extend(moved.tree());
+    }
+    for (index, unit) in circuit.color.iter().enumerate() {
+        rop.element("color", index).extend(unit.counts().tree());
+    }
+    let hierarchical = tree.child("hierarchical");
+    for (index, unit) in circuit.traverse.iter().enumerate() {
+        hierarchical.element("traverse", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.setup.iter().enumerate() {
+        tree.child("setup").element("setup", index).extend(unit.found().tree());
+    }
+    let shading = tree.child("shading");
+    for (index, unit) in circuit.core.iter().enumerate() {
+        shading.element("core", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.texture.iter().enumerate() {
+        shading.element("texture", index).extend(unit.counts().tree());
+    }
+
+    let mut sort = SortCounts::default();
+    match machine.config.card.sort {
+        SortClass::First => circuit.route.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::MiddleBinned => circuit.bin.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::Middle => circuit.distribute.iter().for_each(|unit| sort += unit.counts()),
+        SortClass::LastFragment => circuit.dispatch.iter().for_each(|unit| sort += unit.sorting()),
+        SortClass::LastImage => circuit.compose.iter().for_each(|unit| sort += unit.sorting()),
+    }
+    let mut order = OrderCounts::default();
+    circuit.gather.iter().for_each(|unit| order += unit.counts());
+    circuit.order.iter().for_each(|unit| order += unit.counts());
+    circuit.setup.iter().for_each(|unit| order += unit.counts());
+    circuit.bin.iter().for_each(|unit| order += unit.order());
+    let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
+    let waits = waits(machine);
+    tree.child("command").extend(circuit.command.counts().tree());
+    for unit in &circuit.bin {
+        tree.child("binning").extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.early.iter().enumerate() {
+        tree.child("early").element("early", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.hide.iter().enumerate() {
+        tree.child("hiding").element("hide", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.route.iter().enumerate() {
+        tree.child("routing").element("route", index).extend(unit.counts().tree());
+    }
+    for (index, unit) in circuit.compose.iter().enumerate() {
+        tree.child("composition").element("compose", index).extend(unit.counts().tree());
+    }
+    let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
+    let disordered = machine.card.disordered.len();
+    Reading { tree, cycles, quads, sort, order, units, waits, disordered }
+}
+
+/// What the pipelines have waited for up to now.
+fn waits(machine: &Machine) -> Waits {
+    let circuit = &machine.circuit;
+    let order = |counts: OrderCounts| counts.order_waiting_cycles;
+    let (senders, order) = match machine.config.card.sort {
+        SortClass::First => {
+            (circuit.route.iter().map(Route::waits).collect(), circuit.gather.iter().map(|unit| order(unit.counts())).collect())
+        }
+        SortClass::Middle => (
+            circuit.distribute.iter().map(Distribute::waits).collect(),
+            circuit.setup.iter().map(|unit| order(unit.counts())).collect(),
+        ),
+        SortClass::MiddleBinned => (
+            circuit.distribute.iter().map(Distribute::waits).collect(),
+            circuit.bin.iter().map(|unit| order(unit.order())).collect(),
+        ),
+        SortClass::LastFragment => (
+            circuit.dispatch.iter().map(Dispatch::waits).collect(),
+            circuit.order.iter().map(|unit| order(unit.counts())).collect(),
+        ),
+        // Composition is accounted for as a whole.
+        SortClass::LastImage => (vec![SenderCounts::default()], Vec::new()),
+    };
+    let instructions = circuit.core.iter().map(|core| {
+        let counts = core.counts();
+        (counts.float + counts.integer + counts.special + counts.control, counts.vertex)
+    });
+    Waits {
+        senders,
+        order,
+        passes: circuit.command.waits().waited().to_vec(),
+        composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
+        instructions: instructions.collect(),
+        gates: circuit.wires().gates().collect(),
+    }
+}
+
+/// What became of the pipelines' cycles between two readings.
+fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static str>, LossCounts) {
+    let accounts = now.units.iter().zip(&earlier.units);
+    let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
+    let frame = Frame {
+        class: machine.config.card.sort,
+        pipelines: machine.config.card.pipelines as usize,
+        cycles: now.cycles - earlier.cycles,
+        units: &units,
+        sort: now.sort.since(&earlier.sort),
+        waits: &now.waits.since(&earlier.waits),
+    };
+    frame.split()
+}
+
+/// The statistics between two readings.
+fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> Tree {
+    let difference = now.tree.since(&earlier.tree);
+    let mut tree = Tree::new();
+    let cycles = now.cycles - earlier.cycles;
+    tree.count("cycles", cycles);
+    tree.real("seconds", cycles as f64 / (f64::from(machine.config.card.clock_mhz) * 1e6));
+    tree.extend(difference);
+
+    let sort = now.sort.since(&earlier.sort);
+    let quads: Vec<u64> = now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect();
+    let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
+    let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
+    let leaves = tree.child("sort");
+    leaves.text("class", machine.config.card.sort.name());
+    leaves.extend(sort.tree());
+    leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
+    leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
+    leaves.extend(now.order.since(&earlier.order).tree());
+    leaves.count("wrong_pixels", sums.wrong_pixels);
+    let split = leaves.child("loss");
+    let stage = sums.stages.iter().rev().max_by_key(|(_, work)| *work);
+    split.text("stage", stage.map_or("", |(stage, _)| stage));
+    split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
+    split.extend(sums.loss.tree());
+    if machine.config.card.sort == SortClass::LastImage {
+        let passes = &machine.card.disordered[earlier.disordered..now.disordered];
+        leaves.count("passes_needing_order", passes.len() as u64);
+        leaves.text("passes_out_of_order", &names(passes));
+    }
+    if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
+        let traffic = network.traffic(channels, cycles).tree();
+        tree.child("sort").child("network").extend(traffic);
+    }
+    tree
+}
+
+/// The numbers and labels of some passes, as far as a line goes.
+fn names(passes: &[(u32, String)]) -> String {
+    const MOST: usize = 16;
+    let name =
+        |(number, label): &(u32, String)| if label.is_empty() { number.to_string() } else { format!("{number} {label}") };
+    let mut text = passes.iter().take(MOST).map(name).collect::<Vec<_>>().join(", ");
+    if passes.len() > MOST {
+        text.push_str(&format!(" and {} more", passes.len() - MOST));
+    }
+    text
+}
+
+impl Readings {
+    /// The first reading.
+    pub fn new(machine: &mut Machine) -> Readings {
+        let start = read(machine);
+        Readings { last: start.clone(), start, sums: Sums::default() }
+    }
+
+    /// A frame has ended.
+    pub fn frame(&mut self, machine: &mut Machine, end: Option<EndFrame>) -> FrameReport {
+        let now = read(machine);
+        let number = end.as_ref().map_or(0, |end| end.number);
+        let picture = end.and_then(|end| {
+            let shown = end.shown?;
+            let own = machine.card.frame.find(shown.key).filter(|_| end.drawn);
+            Some(match own.map(|index| &machine.card.frame.stores[index]) {
+                Some(store) => {
+                    let bytes = store.to_bytes();
+                    let wrong_pixels = store.differing(&bytes, &end.reference);
+                    Picture { surface: shown, bytes, wrong_pixels }
+                }
+                None => Picture { surface: shown, bytes: end.reference.to_vec(), wrong_pixels: 0 },
+            })
+        });
+        let wrong_pixels = picture.as_ref().map_or(0, |picture| picture.wrong_pixels);
+        let loss = loss(machine, &self.last, &now);
+        self.sums.wrong_pixels += wrong_pixels;
+        self.sums.stage(loss);
+        let mut sums = Sums { wrong_pixels, ..Sums::default() };
+        sums.stage(loss);
+        let tree = between(machine, &self.last, &now, &sums);
+        let cycles = now.cycles - self.last.cycles;
+        let phases = machine.card.phases.take(self.last.cycles, now.cycles);
+        self.last = now;
+        FrameReport { number, cycles, tree, phases, picture }
+    }
+
+    /// The run has ended.
+    pub fn total(mut self, machine: &mut Machine) -> MachineReport {
+        let now = read(machine);
+        self.sums.stage(loss(machine, &self.last, &now));
+        let total = between(machine, &self.start, &now, &self.sums);
+        MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles }
+    }
+}

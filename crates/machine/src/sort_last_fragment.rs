@@ -1,0 +1,36 @@
+//! The sort-last machine that sorts fragments: primitives are dealt to pipelines, each of which transforms, rasterises and shades its
+//! own, wherever on the screen they lie; shaded quads go through a network to the ROPs that own the pixels. What is certainly hidden there
+//! can be thrown away before it is shaded, if a knob says so.
+
+use super::build::{Builder, Built, Shape};
+use super::config::Config;
+use unit::assembly::Mode;
+use unit::fetch::FetchInput;
+use unit::sorting::EarlyTest;
+
+/// The machine of a configuration.
+///
+/// # Errors
+/// If the memory's values do not make one.
+pub(super) fn build(config: &Config) -> Result<Built, String> {
+    let pipelines = config.card.pipelines as usize;
+    let shape = Shape {
+        dealers: 1,
+        fronts: pipelines,
+        clippers: pipelines,
+        distributors: pipelines,
+        network: Some((pipelines, pipelines)),
+        orders: pipelines,
+        earlies: if config.order.early == EarlyTest::None { 0 } else { pipelines },
+        ..Shape::default()
+    };
+    let mut machine = Builder::new(config, shape)?;
+    let segments = machine.command();
+    let batches = machine.deal(segments);
+    let runs = batches.into_iter().map(FetchInput::Runs).collect();
+    let primitives = machine.vertices(runs, Mode::Runs { marks: true, counts: true });
+    let triangles = machine.clip_in_place(primitives);
+    let set_up = machine.setup(triangles, true);
+    machine.pipelines_sorting_fragments(set_up);
+    Ok(machine.finish())
+}

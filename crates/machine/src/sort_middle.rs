@@ -1,0 +1,31 @@
+//! The sort-middle machine: primitives are transformed and clipped by any geometry unit, then sorted, as screen-space triangles, to
+//! the pipelines that own the pixels.
+
+use super::build::{Builder, Built, Shape};
+use super::config::Config;
+use unit::assembly::Mode;
+use unit::fetch::FetchInput;
+use unit::traverse::Territory;
+
+/// The machine of a configuration.
+///
+/// # Errors
+/// If the memory's values do not make one.
+pub(super) fn build(config: &Config) -> Result<Built, String> {
+    let geometry = config.card.geometry_units as usize;
+    let pipelines = config.card.pipelines as usize;
+    let shape = Shape {
+        fronts: 1,
+        clippers: geometry,
+        distributors: geometry,
+        network: Some((geometry, pipelines)),
+        ..Shape::default()
+    };
+    let mut machine = Builder::new(config, shape)?;
+    let segments = machine.command();
+    let primitives = machine.vertices(vec![FetchInput::Segments(segments)], Mode::Segments);
+    let triangles = machine.clip_and_distribute(primitives);
+    let set_up = machine.setup(triangles, false);
+    machine.pipelines_with_early_tests(set_up, Territory::Tiles);
+    Ok(machine.finish())
+}

@@ -1,0 +1,118 @@
+//! Segments that are drawn at once among others that are simulated.
+
+use std::sync::Arc;
+
+use super::little::{config, rendered};
+use crate::config::Config;
+use crate::{FrameReport, Machine, MachineError};
+use sim::Clock;
+use stats::Tree;
+use unit::Fault;
+use unit::frame::{BlockState, Store};
+use work::{Event, SurfaceKey};
+
+/// Has segments drawn at once that `chosen` says, by their number.
+fn applied(events: &[Event], mut chosen: impl FnMut(u32) -> bool) -> Vec<Event> {
+    let mut number = 0;
+    let replace = |event: &Event| match event {
+        Event::Segment(segment) => {
+            number += 1;
+            if chosen(number - 1) { Event::Applied(segment.clone()) } else { event.clone() }
+        }
+        event => event.clone(),
+    };
+    events.iter().map(replace).collect()
+}
+
+/// What is left of a run.
+struct Left {
+    frames: Vec<FrameReport>,
+    total: Tree,
+    blocks: Vec<(SurfaceKey, Vec<u32>, Vec<BlockState>)>,
+}
+
+fn run(config: &Config, events: Vec<Event>) -> Left {
+    let mut machine = Machine::new(config).unwrap();
+    let mut frames = Vec::new();
+    let total = machine.run_each(events.into_iter(), Clock::SkipIdle, |frame| frames.push(frame)).unwrap().total;
+    let blocks = |store: &Store| (store.surface.key, store.codes.clone(), store.blocks.clone());
+    Left { frames, total, blocks: machine.card.frame.stores.iter().map(blocks).collect() }
+}
+
+/// All that can be seen of surfaces is what it is where all is simulated: texels, and what they take in memory.
+fn the_same(config: &Config, scene: &str, events: &[Event]) {
+    let whole = run(config, events.to_vec());
+    // Every other one; two of three in runs; all.
+    let patterns: [fn(u32) -> bool; 3] = [|n| n % 2 == 1, |n| n % 12 < 8, |_| true];
+    for (pattern, chosen) in patterns.into_iter().enumerate() {
+        let found = run(config, applied(events, chosen));
+        let at = format!("{scene} on {}, pattern {pattern}", config.name);
+        assert_eq!(found.frames.len(), whole.frames.len(), "{at}");
+        for (found, whole) in found.frames.iter().zip(&whole.frames) {
+            assert_eq!(found.picture, whole.picture, "{at}");
+        }
+        assert_eq!(found.blocks.len(), whole.blocks.len(), "{at}");
+        for ((key, codes, blocks), (_, codes_whole, blocks_whole)) in found.blocks.iter().zip(&whole.blocks) {
+            assert!(codes == codes_whole, "{at}: texels of {key:?}");
+            let other = blocks.iter().zip(blocks_whole).filter(|(a, b)| a != b).count();
+            assert_eq!(other, 0, "{at}: blocks of {key:?} in memory");
+        }
+        let sum = |path: &str| (0..).map_while(|i| found.total.number(&format!("rop.depth[{i}].{path}"))).sum::<f64>();
+        assert_eq!(sum("accepted_failed"), 0.0, "{at}");
+    }
+}
+
+#[test]
+fn what_is_drawn_at_once_leaves_what_a_simulation_leaves() {
+    let told = ["traverse.hierarchical_accept=true", "traverse.hierarchical_update=write", "color.skip_reads=true"];
+    let owners = ["sort=sort-last-fragment", "order.early=remote"];
+    let machines = [
+        config("baseline", &[]),
+        config("baseline", &told),
+        config("baseline", &["color.cache_blocks=4", "depth.cache_blocks=4", "color.cache_ways=2", "depth.cache_ways=2"]),
+        config("baseline", &["sort=sort-first", "distribute.pattern=balanced"]),
+        config("baseline", &owners),
+        config("baseline", &["depth.early=false", "memory.kind=ideal"]),
+    ];
+    for machine in &machines {
+        the_same(machine, "cube", &rendered("cube", machine.render_key()));
+    }
+    // Samples that are resolved, and particles that a dispatch moves, over several frames.
+    for scene in ["spokes-msaa", "particles"] {
+        the_same(&machines[1], scene, &rendered(scene, machines[1].render_key()));
+    }
+}
+
+#[test]
+fn depths_that_are_forgotten_are_seen() {
+    // What is drawn at once leaves no depths: quads behind it pass that are not shaded in API order.
+    let events = rendered("cube", config("baseline", &[]).render_key());
+    let mut forgetful = Vec::new();
+    for event in applied(&events, |number| number % 2 == 0) {
+        match event {
+            Event::Draw(draw) => {
+                let mut draw = (*draw).clone();
+                if let Some(state) = &mut draw.depth_stencil {
+                    state.depth_write = false;
+                }
+                forgetful.push(Event::Draw(Arc::new(draw)));
+            }
+            event => forgetful.push(event),
+        }
+    }
+    let machine = || Machine::new(&config("baseline", &[])).unwrap();
+    machine().run(applied(&events, |number| number % 2 == 0).into_iter(), Clock::SkipIdle).unwrap();
+    let error = machine().run(forgetful.into_iter(), Clock::SkipIdle).unwrap_err();
+    assert!(matches!(error, MachineError::Fault(Fault::Visibility { .. })), "{error}");
+}
+
+#[test]
+fn machines_that_keep_pixels_elsewhere_refuse() {
+    for changes in [["sort=sort-middle-binned"], ["sort=sort-last-image"]] {
+        let machine = config("baseline", &changes);
+        let events = applied(&rendered("triangle", machine.render_key()), |_| true);
+        let error = Machine::new(&machine).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap_err();
+        assert!(matches!(error, MachineError::Fault(_)), "{error}");
+        assert!(error.to_string().contains("at once"), "{error}");
+    }
+}

@@ -1,0 +1,163 @@
+//! The ways between clients and slices.
+
+use super::port::{Answer, HEADER, Kind, Request, SliceAnswer, SliceRequest};
+use super::system::Interleave;
+use sim::{In, Out, Tick, Unit, Wires};
+
+stats::counters! {
+    /// What a client asked of memory.
+    pub struct ClientCounts {
+        /// Bytes read.
+        read_bytes: "bytes",
+        /// Bytes written.
+        write_bytes: "bytes",
+        /// Requests, of either kind.
+        requests: "requests",
+    }
+}
+
+impl ClientCounts {
+    /// Counts a request.
+    #[inline(always)]
+    pub fn count(&mut self, request: &Request) {
+        let bytes = u64::from(request.bytes);
+        self.requests += 1;
+        match request.kind() {
+            Kind::Read => self.read_bytes += bytes,
+            Kind::Write => self.write_bytes += bytes,
+            Kind::Atomic => {
+                self.read_bytes += bytes;
+                self.write_bytes += bytes;
+            }
+        }
+    }
+}
+
+/// From clients to slices: each client sends and each slice's link takes what its width allows; clients take turns. Its items are
+/// requests.
+#[derive(Debug)]
+pub struct Crossbar {
+    interleave: Interleave,
+    /// The client that is asked first.
+    turn: usize,
+    items: u64,
+    counts: Vec<ClientCounts>,
+    inputs: Vec<In<Request>>,
+    outputs: Vec<Out<SliceRequest>>,
+}
+
+impl Crossbar {
+    /// A crossbar with nothing in it.
+    pub fn new(interleave: Interleave, inputs: Vec<In<Request>>, outputs: Vec<Out<SliceRequest>>) -> Crossbar {
+        assert_eq!(interleave.slices() as usize, outputs.len(), "one output a slice");
+        Crossbar { interleave, turn: 0, items: 0, counts: vec![ClientCounts::default(); inputs.len()], inputs, outputs }
+    }
+
+    /// How addresses are dealt to slices.
+    pub fn interleave(&self) -> Interleave {
+        self.interleave
+    }
+
+    /// What each port asked for.
+    pub fn counts(&self) -> &[ClientCounts] {
+        &self.counts
+    }
+}
+
+impl<C> Unit<C> for Crossbar {
+    #[inline]
+    fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
+        let mut why = Tick::Starved;
+        let mut first = None;
+        let mut more = false;
+        // 1. Every client in turn sends one request, if the link to its slice takes it.
+        for step in 0..self.inputs.len() {
+            let client =
+                if self.turn + step < self.inputs.len() { self.turn + step } else { self.turn + step - self.inputs.len() };
+            let Some(request) = wires.front(&self.inputs[client]) else { continue };
+            let (slice, address) = self.interleave.split(request.address);
+            let output = &self.outputs[slice as usize];
+            if !wires.can_push(output) {
+                why = Tick::Blocked;
+                continue;
+            }
+            wires.take(&self.inputs[client]);
+            let bytes = if request.kind() == Kind::Read { HEADER } else { HEADER + u32::from(request.bytes) };
+            wires.push_sized(output, SliceRequest::new(request, client as u16, address), bytes);
+            self.counts[client].count(&request);
+            self.items += 1;
+            first = first.or(Some(client));
+            more |= wires.can_pop(&self.inputs[client]);
+        }
+        // 2. Who was served first is asked last in the next cycle.
+        let Some(client) = first else { return why };
+        self.turn = if client + 1 < self.inputs.len() { client + 1 } else { 0 };
+        // 3. With nothing more at hand, the next cycle would find only what blocks now.
+        if !more {
+            wires.rest(why);
+        }
+        Tick::Moved
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        0
+    }
+}
+
+/// From slices back to clients: slices take turns. Its items are answers.
+#[derive(Debug)]
+pub struct ReturnPath {
+    turn: usize,
+    items: u64,
+    inputs: Vec<In<SliceAnswer>>,
+    outputs: Vec<Out<Answer>>,
+}
+
+impl ReturnPath {
+    /// A return path with nothing on it.
+    pub fn new(inputs: Vec<In<SliceAnswer>>, outputs: Vec<Out<Answer>>) -> ReturnPath {
+        ReturnPath { turn: 0, items: 0, inputs, outputs }
+    }
+}
+
+impl<C> Unit<C> for ReturnPath {
+    #[inline]
+    fn tick(&mut self, wires: &mut Wires, _: &mut C) -> Tick {
+        let mut why = Tick::Starved;
+        let mut first = None;
+        let mut more = false;
+        for step in 0..self.inputs.len() {
+            let slice =
+                if self.turn + step < self.inputs.len() { self.turn + step } else { self.turn + step - self.inputs.len() };
+            let Some(answer) = wires.front(&self.inputs[slice]) else { continue };
+            let output = &self.outputs[usize::from(answer.client)];
+            if !wires.can_push(output) {
+                why = Tick::Blocked;
+                continue;
+            }
+            wires.take(&self.inputs[slice]);
+            wires.push_sized(output, Answer { tag: answer.tag }, u32::from(answer.bytes));
+            self.items += 1;
+            first = first.or(Some(slice));
+            more |= wires.can_pop(&self.inputs[slice]);
+        }
+        let Some(slice) = first else { return why };
+        self.turn = if slice + 1 < self.inputs.len() { slice + 1 } else { 0 };
+        if !more {
+            wires.rest(why);
+        }
+        Tick::Moved
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        0
+    }
+}

@@ -1,0 +1,250 @@
+//! Putting a memory behind clients.
+
+use super::crossbar::{ClientCounts, Crossbar, ReturnPath};
+use super::dram::{Dram, DramConfig};
+use super::ideal::{Ideal, IdealConfig};
+use super::l2::{L2Config, L2Slice};
+use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
+use sim::{In, Link, Out, UnitId, Wiring};
+use stats::{Group, Tree};
+
+/// How addresses are dealt to slices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interleave {
+    slices: u32,
+    /// Log2 of the bytes that stay together.
+    shift: u32,
+}
+
+impl Interleave {
+    /// Runs of `bytes` bytes go to one of `slices` slices in turn, with upper address bits folded in.
+    ///
+    /// # Errors
+    /// If `bytes` is no power of two or less than [`REQUEST_BYTES`], or there is no slice.
+    pub fn new(slices: u32, bytes: u32) -> Result<Interleave, String> {
+        if slices == 0 || !bytes.is_power_of_two() || u64::from(bytes) < REQUEST_BYTES {
+            return Err(format!(
+                "{slices} slices interleaved at {bytes} bytes: at least 1 and a power of two from {REQUEST_BYTES}"
+            ));
+        }
+        Ok(Interleave { slices, shift: bytes.trailing_zeros() })
+    }
+
+    /// Slices.
+    pub fn slices(&self) -> u32 {
+        self.slices
+    }
+
+    /// The slice of an address, and the address within the slice.
+    #[inline(always)]
+    pub fn split(&self, address: u64) -> (u32, u64) {
+        let slices = u64::from(self.slices);
+        let run = address >> self.shift;
+        // Runs are dealt in rounds; each round starts elsewhere, so that a stride of a round does not stay on one slice.
+        let (round, position) = if slices.is_power_of_two() {
+            (run >> slices.trailing_zeros(), run & (slices - 1))
+        } else {
+            (run / slices, run % slices)
+        };
+        let start = round ^ (round >> 5) ^ (round >> 11);
+        let slice = if slices.is_power_of_two() { (position + start) & (slices - 1) } else { (position + start) % slices };
+        (slice as u32, round << self.shift | (address & ((1 << self.shift) - 1)))
+    }
+}
+
+/// What stands behind the clients' ports.
+#[derive(Clone, Copy, Debug)]
+pub enum MemoryConfig {
+    /// Fixed latency and bandwidth.
+    Ideal(IdealConfig),
+    /// Crossbar, slices and DRAM channels.
+    Dram {
+        /// Slices of the second-level cache; a multiple of the channels.
+        slices: u32,
+        /// Bytes that stay together in a slice.
+        interleave: u32,
+        /// Each slice.
+        l2: L2Config,
+        /// Bytes a cycle from the crossbar into a slice and out of it.
+        slice_width: u32,
+        /// Cycles from crossbar to slice, and from slice to return path: with the client's own links, the latency of a hit.
+        slice_latency: u32,
+        /// DRAM channels.
+        channels: u32,
+        /// Each channel.
+        dram: DramConfig,
+    },
+}
+
+/// Units of the memory while the machine is being wired. Declared first of all, as clients' channels lead to them:
+/// 1. [`MemoryPlan::declare`] where the memory's fields stand among the machine's fields,
+/// 2. [`MemoryPlan::client`] for each client,
+/// 3. [`MemoryPlan::build`].
+///
+/// The machine has the fields `crossbar: Option<Crossbar>`, `l2: Vec<L2Slice>`, `dram: Vec<Dram>`, `return_path: Option<ReturnPath>`
+/// and `ideal: Option<Ideal>`, in this order.
+#[derive(Debug)]
+pub struct MemoryPlan {
+    config: MemoryConfig,
+    interleave: Interleave,
+    crossbar: UnitId,
+    l2: Vec<UnitId>,
+    dram: Vec<UnitId>,
+    return_path: UnitId,
+    names: Vec<(&'static str, usize)>,
+    requests: Vec<In<Request>>,
+    answers: Vec<Out<Answer>>,
+}
+
+/// The units of a memory, for the machine's fields of the same names.
+#[derive(Debug)]
+pub struct Memory {
+    /// From clients to slices.
+    pub crossbar: Option<Crossbar>,
+    /// The slices.
+    pub l2: Vec<L2Slice>,
+    /// The channels.
+    pub dram: Vec<Dram>,
+    /// From slices to clients.
+    pub return_path: Option<ReturnPath>,
+    /// The ideal memory instead of all these.
+    pub ideal: Option<Ideal>,
+    /// The name of each client's port.
+    pub clients: Vec<(&'static str, usize)>,
+}
+
+/// The slices' ends at one channel.
+#[derive(Debug, Default)]
+struct DramPorts {
+    requests: Vec<In<DramRequest>>,
+    answers: Vec<Out<DramAnswer>>,
+}
+
+impl MemoryPlan {
+    /// Declares the units, which come next in the wiring.
+    ///
+    /// # Errors
+    /// If the slices cannot be interleaved as asked, or the channels do not share them evenly, or a channel's values are wrong.
+    pub fn declare(config: MemoryConfig, wiring: &mut Wiring) -> Result<MemoryPlan, String> {
+        let (interleave, crossbar, l2, dram, return_path);
+        match config {
+            MemoryConfig::Ideal(ideal) => {
+                if ideal.bytes_per_cycle == 0 {
+                    return Err("an ideal memory moves at least 1 byte a cycle".to_owned());
+                }
+                interleave = Interleave::new(1, REQUEST_BYTES as u32)?;
+                crossbar = wiring.unit("ideal", 0);
+                return_path = crossbar;
+                (l2, dram) = (Vec::new(), Vec::new());
+            }
+            MemoryConfig::Dram { slices, interleave: bytes, channels, dram: timing, .. } => {
+                interleave = Interleave::new(slices, bytes)?;
+                if channels == 0 || slices % channels != 0 {
+                    return Err(format!("{channels} channels do not share {slices} slices evenly"));
+                }
+                timing.check()?;
+                crossbar = wiring.unit("crossbar", 0);
+                l2 = wiring.bank("l2", slices as usize);
+                dram = wiring.bank("dram", channels as usize);
+                return_path = wiring.unit("return_path", 0);
+            }
+        }
+        let (names, requests, answers) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(MemoryPlan { config, interleave, crossbar, l2, dram, return_path, names, requests, answers })
+    }
+
+    /// A port for a client. Ports of one name are one client in the statistics. `width` is bytes a cycle on the way out and on
+    /// the way back, `latency` cycles each way, `queue` requests and answers under way each.
+    pub fn client(
+        &mut self,
+        wiring: &mut Wiring,
+        name: &'static str,
+        index: usize,
+        unit: UnitId,
+        width: u32,
+        latency: u32,
+        queue: u32,
+    ) -> MemoryPort {
+        let link = Link::bytes(queue, width, latency);
+        let port = self.names.len();
+        let (requests, taken) = wiring.channel("memory_requests", port, link, unit, self.crossbar);
+        let (given, answers) = wiring.channel("memory_answers", port, link, self.return_path, unit);
+        self.names.push((name, index));
+        self.requests.push(taken);
+        self.answers.push(given);
+        MemoryPort { requests, answers }
+    }
+
+    /// The units.
+    pub fn build(self, wiring: &mut Wiring) -> Memory {
+        let (mut memory, clients) = (
+            Memory { crossbar: None, l2: Vec::new(), dram: Vec::new(), return_path: None, ideal: None, clients: Vec::new() },
+            self.names,
+        );
+        memory.clients = clients;
+        match self.config {
+            MemoryConfig::Ideal(config) => memory.ideal = Some(Ideal::new(config, self.requests, self.answers)),
+            MemoryConfig::Dram { slices, l2, slice_width, slice_latency, channels, dram, .. } => {
+                let way = Link::bytes(slice_latency + 8, slice_width, slice_latency);
+                // As many requests as can be under way, so that the scheduler's window fills.
+                let to_dram = Link::items(dram.window.max(4), 2, 1);
+                let (mut to_slices, mut from_slices) = (Vec::new(), Vec::new());
+                let mut ports: Vec<DramPorts> = (0..channels).map(|_| DramPorts::default()).collect();
+                for slice in 0..slices as usize {
+                    let channel = slice % channels as usize;
+                    let id = self.l2[slice];
+                    let (to_slice, input) = wiring.channel::<SliceRequest>("l2_requests", slice, way, self.crossbar, id);
+                    let (output, from_slice) = wiring.channel::<SliceAnswer>("l2_answers", slice, way, id, self.return_path);
+                    let (to, at_dram) = wiring.channel("dram_requests", slice, to_dram, id, self.dram[channel]);
+                    let (from_dram, from) = wiring.channel("dram_answers", slice, Link::items(8, 2, 1), self.dram[channel], id);
+                    to_slices.push(to_slice);
+                    from_slices.push(from_slice);
+                    ports[channel].requests.push(at_dram);
+                    ports[channel].answers.push(from_dram);
+                    memory.l2.push(L2Slice::new(l2, input, output, to, from));
+                }
+                memory.dram = ports.into_iter().map(|ports| Dram::new(dram, ports.requests, ports.answers)).collect();
+                memory.crossbar = Some(Crossbar::new(self.interleave, self.requests, to_slices));
+                memory.return_path = Some(ReturnPath::new(from_slices, self.answers));
+            }
+        }
+        memory
+    }
+}
+
+/// The leaves `memory` of the statistics: `clients.NAME`, and `dram`.
+pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], dram: &[Dram], ideal: Option<&Ideal>) -> Tree {
+    let mut tree = Tree::new();
+    let mut sums: Vec<(&str, ClientCounts)> = Vec::new();
+    for (&(name, _), counts) in clients.iter().zip(counts) {
+        match sums.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, sum)) => *sum += *counts,
+            None => sums.push((name, *counts)),
+        }
+    }
+    let places = tree.child("clients");
+    for (name, sum) in sums {
+        places.child(name).extend(sum.tree());
+    }
+    let total = tree.child("dram");
+    let sum = |of: fn(&Dram) -> u64| dram.iter().map(of).sum::<u64>();
+    match ideal {
+        Some(ideal) => {
+            let all = |of: fn(&ClientCounts) -> u64| ideal.counts().iter().map(of).sum::<u64>();
+            total.count("read_bytes", all(|c| c.read_bytes));
+            total.count("write_bytes", all(|c| c.write_bytes));
+            total.count("row_hits", 0);
+            total.count("row_misses", 0);
+            total.count("busy_cycles", ideal.busy_cycles());
+        }
+        None => {
+            total.count("read_bytes", sum(|d| d.counts().read_bytes));
+            total.count("write_bytes", sum(|d| d.counts().write_bytes));
+            total.count("row_hits", sum(|d| d.counts().row_hits));
+            total.count("row_misses", sum(|d| d.counts().row_misses));
+            total.count("busy_cycles", sum(Dram::busy_cycles));
+            total.count("refreshes", sum(|d| d.counts().refreshes));
+        }
+    }
+    tree
+}

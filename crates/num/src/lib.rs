@@ -1,0 +1,35 @@
+//! Floor 0: the numbers that everything else counts with.
+//!
+//! Newtypes keep cycles, bytes and ids from being mixed up; they cost nothing at run time.
+
+mod edits;
+mod fixed;
+mod ids;
+mod lanes;
+mod limits;
+mod meter;
+mod prefetch;
+mod random;
+mod words;
+
+pub use edits::edits;
+pub use fixed::{Fx8, snap};
+pub use ids::*;
+pub use lanes::{LANES, Lanes, Mask, QUADS};
+pub use limits::{Limit, LimitExceeded, LimitInfo, LimitOverrun, Limits};
+pub use meter::Meter;
+pub use prefetch::prefetch;
+pub use random::Random;
+pub use words::{NoMemory, Words};
+
+/// A point in simulated time: clock edges of the card since the start of the replay.
+pub type Cycle = u64;
+
+/// A cycle that never comes: what a unit answers when only an input can wake it.
+pub const NEVER: Cycle = Cycle::MAX;
+
+/// Number of fractional bits of a window coordinate (DESIGN: 16.8 fixed point).
+pub const SUBPIXEL_BITS: u32 = 8;
+
+/// Sub-pixel steps in one pixel.
+pub const SUBPIXEL: i32 = 1 << SUBPIXEL_BITS;

@@ -1,0 +1,232 @@
+//! What a program's bindings hold at a draw or dispatch.
+
+use std::sync::Arc;
+
+use gfx::image::ImageDesc;
+use gfx::texture::{self, Sampler, ViewRange};
+use num::{BufferId, ViewId, Words};
+use shader::{Binding, BindingKind, BufferRange, Interface, Resource, StorageImage};
+use trace::command::BoundResource;
+
+use super::draw::Signer;
+use super::resources::Resources;
+use super::state::Bindings;
+
+/// One bound object, kept alive for the length of a draw.
+enum Held {
+    Buffer {
+        words: Arc<Words>,
+        offset: u64,
+        size: u64,
+        address: u64,
+        buffer: BufferId,
+    },
+    /// With the texture's address, which no other has, the version of its contents, and which part of it the view shows.
+    Texture {
+        view: Arc<texture::View>,
+        address: u64,
+        version: u64,
+        range: ViewRange,
+    },
+    Storage {
+        words: Arc<Words>,
+        desc: ImageDesc,
+        level: u32,
+        base_layer: u32,
+        layers: u32,
+        address: u64,
+        texture: u32,
+    },
+    Sampler(Arc<Sampler>),
+}
+
+/// The objects of all bindings of a program, in the order of its interface.
+pub(super) struct ResolvedBindings {
+    bindings: Vec<(bool, Vec<Held>)>,
+    immediates: Vec<u32>,
+}
+
+impl ResolvedBindings {
+    /// Finds what is bound to each binding of an interface.
+    ///
+    /// # Errors
+    /// If something is missing, of the wrong kind, or too small.
+    pub fn new(res: &mut Resources, interface: &Interface, bound: &Bindings) -> Result<ResolvedBindings, String> {
+        let mut bindings = Vec::with_capacity(interface.bindings.len());
+        for binding in &interface.bindings {
+            let held = resolve(res, binding, bound).map_err(|reason| {
+                format!("entry point {}, group {}, binding {}: {reason}", interface.entry, binding.group, binding.binding)
+            })?;
+            bindings.push((binding.written, held));
+        }
+        Ok(ResolvedBindings { bindings, immediates: bound.immediates.clone() })
+    }
+
+    /// The same as the executor takes them.
+    pub fn borrow(&self) -> Vec<Vec<Resource<'_>>> {
+        self.bindings.iter().map(|(_, elements)| elements.iter().map(Held::lend).collect()).collect()
+    }
+
+    /// Bytes that were looked up and copied for it, about.
+    pub fn cost(&self) -> u64 {
+        let held: usize = self.bindings.iter().map(|(_, held)| held.len()).sum();
+        (held * size_of::<Held>() + size_of_val(&*self.immediates)) as u64
+    }
+
+    /// Immediate words.
+    pub fn immediates(&self) -> &[u32] {
+        &self.immediates
+    }
+
+    /// Signs what the program reads: the bytes of buffers, textures by the version of their contents, samplers, and some immediates.
+    pub fn sign(&self, signer: &mut Signer, immediates: usize) {
+        for (_, elements) in &self.bindings {
+            signer.value(&elements.len());
+            for held in elements {
+                match held {
+                    Held::Buffer { words, offset, size, .. } => {
+                        let mut bytes = vec![0; words.len().saturating_sub(*offset).min(*size) as usize];
+                        words.read(*offset, &mut bytes);
+                        signer.bytes(&bytes);
+                    }
+                    Held::Texture { address, version, range, .. } => signer.value(&(address, version, range)),
+                    // A storage texture that is only read: its contents have no version apart from the texture's.
+                    Held::Storage { words, desc, level, base_layer, layers, .. } => {
+                        signer.value(&(desc, level, base_layer, layers));
+                        signer.bytes(&words.to_vec());
+                    }
+                    Held::Sampler(sampler) => signer.value(sampler),
+                }
+            }
+        }
+        // Those that are not set read as zeros.
+        let words = |at: usize| self.immediates.get(at).copied().unwrap_or(0);
+        signer.words(&(0..immediates).map(words).collect::<Vec<u32>>());
+    }
+
+    /// Notes that the program has written what it may write.
+    ///
+    /// # Errors
+    /// If a texture or buffer is gone.
+    pub fn note_writes(&self, res: &mut Resources) -> Result<(), String> {
+        for (_, elements) in self.bindings.iter().filter(|(written, _)| *written) {
+            for held in elements {
+                match held {
+                    Held::Storage { texture, .. } => res.textures.get_mut(*texture)?.overwritten_all(),
+                    Held::Buffer { buffer, .. } => res.buffers.get(buffer.0)?.changed(),
+                    Held::Texture { .. } | Held::Sampler(_) => {}
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Held {
+    fn lend(&self) -> Resource<'_> {
+        match self {
+            Held::Buffer { words, offset, size, address, .. } => {
+                Resource::Buffer(BufferRange { words, offset: *offset, size: *size, address: *address })
+            }
+            Held::Texture { view, .. } => Resource::Texture(view),
+            Held::Storage { words, desc, level, base_layer, layers, address, .. } => Resource::Storage(StorageImage {
+                words,
+                desc: *desc,
+                level: *level,
+                base_layer: *base_layer,
+                layers: *layers,
+                address: *address,
+            }),
+            Held::Sampler(sampler) => Resource::Sampler(sampler),
+        }
+    }
+}
+
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<Vec<Held>, String> {
+    let group = bound
+        .groups
+        .get(binding.group as usize)
+        .and_then(Option::as_ref)
+        .ok_or_else(|| format!("no bind group is set at index {}", binding.group))?;
+    let bind_group = res.bind_groups.get(group.group.0)?;
+    let resource = bind_group.find(binding.binding).ok_or("the bind group has no such binding")?.clone();
+    let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
+        Ok(at) => {
+            u64::from(*group.offsets.get(at).ok_or_else(|| format!("{} dynamic offsets are given", group.offsets.len()))?)
+        }
+        Err(_) => 0,
+    };
+    match (binding.kind, resource) {
+        (
+            kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }),
+            BoundResource::Buffer { buffer, offset, size },
+        ) => Ok(vec![hold_buffer(res, kind, buffer, offset, size, dynamic)?]),
+        (kind @ (BindingKind::Uniform { .. } | BindingKind::Storage { .. }), BoundResource::Buffers(elements)) => {
+            elements.into_iter().map(|(buffer, offset, size)| hold_buffer(res, kind, buffer, offset, size, dynamic)).collect()
+        }
+        (BindingKind::Texture { .. }, BoundResource::View(view)) => Ok(vec![hold_texture(res, view)?]),
+        (BindingKind::Texture { .. }, BoundResource::Views(views)) => {
+            views.into_iter().map(|view| hold_texture(res, view)).collect()
+        }
+        (BindingKind::StorageTexture { .. }, BoundResource::View(view)) => Ok(vec![hold_storage(res, view)?]),
+        (BindingKind::StorageTexture { .. }, BoundResource::Views(views)) => {
+            views.into_iter().map(|view| hold_storage(res, view)).collect()
+        }
+        (BindingKind::Sampler { .. }, BoundResource::Sampler(sampler)) => {
+            Ok(vec![Held::Sampler(res.samplers.get(sampler.0)?.clone())])
+        }
+        (BindingKind::Sampler { .. }, BoundResource::Samplers(samplers)) => {
+            samplers.into_iter().map(|sampler| Ok(Held::Sampler(res.samplers.get(sampler.0)?.clone()))).collect()
+        }
+        (kind, resource) => Err(format!("the shader wants {kind:?}, bound is {resource:?}")),
+    }
+}
+
+fn hold_buffer(
+    res: &Resources,
+    kind: BindingKind,
+    id: BufferId,
+    offset: u64,
+    size: Option<u64>,
+    dynamic: u64,
+) -> Result<Held, String> {
+    let buffer = res.buffers.get(id.0)?;
+    let (offset, size) = match size {
+        Some(size) => buffer.range(id, offset + dynamic, Some(size))?,
+        // "To the end" is fixed when the group is made, before a dynamic offset moves it.
+        None => {
+            let (offset, size) = buffer.range(id, offset, None)?;
+            (offset + dynamic, size.saturating_sub(dynamic))
+        }
+    };
+    let least = match kind {
+        BindingKind::Uniform { min_size } | BindingKind::Storage { min_size, .. } => min_size,
+        _ => 0,
+    };
+    if size < least {
+        return Err(format!("{size} bytes of buffer {} are bound, the shader needs {least}", id.0));
+    }
+    Ok(Held::Buffer { words: buffer.words.clone(), offset, size, address: buffer.address + offset, buffer: id })
+}
+
+fn hold_texture(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+    let prepared = res.prepare_view(id.0)?;
+    let view = res.views.get(id.0)?;
+    let texture = res.textures.get(view.texture.0)?;
+    Ok(Held::Texture { view: prepared, address: texture.address, version: texture.version, range: view.range })
+}
+
+fn hold_storage(res: &mut Resources, id: ViewId) -> Result<Held, String> {
+    let view = res.views.get(id.0)?;
+    let (id, range) = (view.texture, view.range);
+    let texture = res.flushed(id)?;
+    Ok(Held::Storage {
+        words: texture.words.clone(),
+        desc: ImageDesc { format: range.format, ..texture.image },
+        level: range.base_level,
+        base_layer: range.base_layer,
+        layers: range.layers,
+        address: texture.address,
+        texture: id.0,
+    })
+}

@@ -1,0 +1,182 @@
+//! Compute pipelines, passes and dispatches.
+
+use std::sync::Arc;
+
+use host::one_line;
+use num::LANES;
+use shader::{self, Executor, Extra, Module, Program, Recorder, Stage as Kind};
+use trace::command::{Command, LayoutEntry, PassTimestamps, Stage};
+use work::{Dispatch, Event, Groups, Packet, ShaderShape};
+
+use super::bind::ResolvedBindings;
+use super::execute::{Fault, Renderer};
+use super::pipeline::derived_layout;
+use super::state::Bindings;
+
+/// Packets (four invocations each) that one piece of recorded work holds at most, unless a single workgroup has more.
+const PACKETS_A_PIECE: u64 = 1 << 18;
+
+/// Workgroups along an axis, at most (WebGPU's limit).
+const MAX_GROUPS: u32 = 65_535;
+
+/// A compute pipeline.
+#[derive(Debug)]
+pub struct ComputePipeline {
+    label: String,
+    program: Program,
+}
+
+impl ComputePipeline {
+    /// Compiles a stage.
+    ///
+    /// # Errors
+    /// If it does not compile; the message names the place.
+    pub fn new(stage: &Stage, module: &Module, label: &str) -> Result<ComputePipeline, String> {
+        let options = shader::Options { constants: &stage.constants, outputs: None, ..Default::default() };
+        let program = shader::compile(module, Kind::Compute, stage.entry.as_deref(), &options)
+            .map_err(|error| format!("compute pipeline `{}`: {error}", one_line(label)))?;
+        Ok(ComputePipeline { label: label.to_owned(), program })
+    }
+
+    /// What it runs.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
+    /// The bind group layout that the shader implies.
+    pub fn derived_layout(&self, group: u32) -> Vec<LayoutEntry> {
+        derived_layout(std::slice::from_ref(&self.program), group)
+    }
+}
+
+/// A compute pass between its begin and its end.
+pub(super) struct ActiveCompute {
+    pipeline: Option<u32>,
+    bindings: Bindings,
+    executor: Executor,
+    timestamps: Option<PassTimestamps>,
+    /// The open statistics query: set, index, invocations so far.
+    open_statistics: Option<(u32, u32, u64)>,
+}
+
+impl ActiveCompute {
+    /// Begins a pass.
+    pub fn begin(renderer: &mut Renderer<'_, '_>, timestamps: Option<PassTimestamps>) -> Result<ActiveCompute, Fault> {
+        if let Some(PassTimestamps { set, begin: Some(index), .. }) = timestamps {
+            renderer.write_timestamp(set, index)?;
+        }
+        Ok(ActiveCompute {
+            pipeline: None,
+            bindings: Bindings::default(),
+            executor: Executor::new(),
+            timestamps,
+            open_statistics: None,
+        })
+    }
+
+    /// Runs one command of the pass.
+    pub fn run(&mut self, renderer: &mut Renderer<'_, '_>, command: &Command) -> Result<(), Fault> {
+        renderer.moment += 1;
+        match command {
+            Command::SetComputePipeline(id) => self.pipeline = Some(id.0),
+            Command::SetBindGroup { index, group, offsets } => self.bindings.set(*index, *group, offsets)?,
+            Command::SetImmediates { offset, words } => self.bindings.set_immediates(*offset, words)?,
+            Command::Dispatch { groups } => self.dispatch(renderer, *groups)?,
+            &Command::DispatchIndirect { buffer, offset } => {
+                let words = &renderer.res.buffers.get(buffer.0)?.words;
+                if offset.checked_add(12).is_none_or(|end| end > words.len()) {
+                    return Err(
+                        format!("an indirect dispatch at byte {offset} of the {} of buffer {}", words.len(), buffer.0).into()
+                    );
+                }
+                let groups = std::array::from_fn(|i| words.u32_at(offset as usize + 4 * i));
+                // WebGPU: a dispatch beyond the limit that only the card sees does nothing.
+                if groups.iter().all(|&n| n <= MAX_GROUPS) {
+                    self.dispatch(renderer, groups)?;
+                }
+            }
+            &Command::WriteTimestamp { set, index } => renderer.write_timestamp(set, index)?,
+            &Command::BeginStatisticsQuery { set, index } => self.open_statistics = Some((set.0, index, 0)),
+            Command::EndStatisticsQuery => {
+                let (set, index, invocations) = self.open_statistics.take().ok_or("no pipeline statistics query is open")?;
+                renderer.res.query_sets.get_mut(set)?.write_statistics(index, &Default::default(), invocations)?;
+            }
+            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            command => return Err(format!("{} is not possible in a compute pass", command.name()).into()),
+        }
+        Ok(())
+    }
+
+    /// Ends the pass.
+    pub fn end(self, renderer: &mut Renderer<'_, '_>) -> Result<(), Fault> {
+        if let Some(PassTimestamps { set, end: Some(index), .. }) = self.timestamps {
+            renderer.write_timestamp(set, index)?;
+        }
+        Ok(())
+    }
+
+    fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3]) -> Result<(), Fault> {
+        let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
+        let pipeline = renderer.res.compute_pipelines.get(id)?.clone();
+        let number = renderer.dispatches;
+        renderer.dispatches += 1;
+        let groups: u64 = count.iter().map(|&n| u64::from(n)).product();
+        let interface = pipeline.program.interface();
+        let invocations: u32 = interface.workgroup_size.iter().product();
+        if let Some((.., counted)) = &mut self.open_statistics {
+            *counted += groups * u64::from(invocations);
+        }
+        if groups == 0 {
+            return Ok(());
+        }
+        let ledger = renderer.ledger.clone();
+        ledger.workgroups.charge(groups)?;
+        // Every batch does all operations at least once. The batches of a group are at most these: small groups share one.
+        let batches = groups.saturating_mul(u64::from(invocations)).div_ceil(LANES as u64);
+        ledger.steps.check(batches.saturating_mul(pipeline.program.steps()))?;
+        ledger.bytes.charge(groups.saturating_mul(u64::from(interface.workgroup_bytes)))?;
+        let files = u64::from(invocations).div_ceil(LANES as u64) * pipeline.program.register_bytes();
+        ledger.passing("a workgroup", files + u64::from(interface.workgroup_bytes))?;
+        let resolved = ResolvedBindings::new(&mut renderer.res, interface, &self.bindings)?;
+        ledger.bytes.charge(resolved.cost())?;
+        ledger.steps.charge(pipeline.program.uniform_steps())?;
+        let borrowed = resolved.borrow();
+        let resources = shader::Resources { bindings: &borrowed, immediates: resolved.immediates() };
+        let uniforms = pipeline.program.uniforms(&resources);
+        let growth = ledger.growth();
+        let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms).within(&ledger.steps, Some(&growth));
+        if renderer.recording() {
+            let packets_a_group = u64::from(invocations.div_ceil(4));
+            renderer.emit(Event::Dispatch(Arc::new(Dispatch {
+                number,
+                label: pipeline.label.clone(),
+                shape: ShaderShape { registers: interface.registers, inputs: 3, outputs: 0 },
+                groups,
+                invocations,
+                shared_bytes: interface.workgroup_bytes,
+            })))?;
+            let step = (PACKETS_A_PIECE / packets_a_group).max(1);
+            let mut recorder = Recorder::with(Extra::of(&renderer.options.key));
+            let mut at = 0;
+            while at < groups {
+                let end = (at + step).min(groups);
+                let mut costs = Vec::with_capacity(((end - at) * packets_a_group) as usize);
+                // A piece that has been handed on counts as what it takes itself.
+                growth.restart(ledger.alive());
+                bound.run_groups(at..end, count, Some((&mut recorder, &mut costs))).map_err(|fault| fault.to_string())?;
+                growth.add(recorder.take_bytes());
+                growth.verify()?;
+                let packets = costs.iter().map(|quad| Packet { cost: quad.cost, first_request: quad.first_request }).collect();
+                let (costs, requests, lines) = recorder.take();
+                let piece = Groups { groups: (end - at) as u32, packets, requests, lines, costs };
+                renderer.emit(Event::Groups(Arc::new(piece)))?;
+                at = end;
+            }
+        } else {
+            bound.run_groups(0..groups, count, None).map_err(|fault| fault.to_string())?;
+        }
+        ledger.steps.add(self.executor.take_steps());
+        ledger.steps.verify()?;
+        Ok(resolved.note_writes(&mut renderer.res)?)
+    }
+}

@@ -1,0 +1,415 @@
+//! A batch of primitives: what becomes of them, sorted by screen tile.
+
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use gfx::assemble::PrimitiveKind;
+#[cfg(target_arch = "x86_64")]
+use gfx::setup::is_small;
+use gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle};
+use gfx::state::{PolygonMode, Topology};
+use num::{SUBPIXEL, prefetch};
+use work::{Funnel, Outcome, TILE};
+
+use super::frame::{Frame, Worker};
+use super::needless::Late;
+use super::plan::{Piece, entries_of};
+use super::stream::Stream;
+use super::vertex::Vertices;
+
+/// Primitives of a batch: one task assembles, clips and sorts as many. Every batch has a list for every tile; more batches
+/// would be more, and shorter, lists.
+pub const BATCH: u32 = 4096;
+
+/// Marks a vertex that clipping made: its number is one among the batch's own.
+pub const MADE: u32 = 1 << 31;
+
+/// Marks a reference to a triangle that covers its tile whole.
+pub const WHOLE: u32 = 1 << 31;
+
+/// Marks a reference to a triangle that may be set up together with others ([`setup::Eight`]).
+pub const SMALL: u32 = 1 << 30;
+
+/// The triangle's number in a reference.
+pub const NUMBER: u32 = SMALL - 1;
+
+/// Greatest distance of a sample from its pixel's centre along an axis, in 1/256 pixel.
+const SAMPLE_REACH: i32 = 96;
+
+/// Where a triangle's attributes are: numbers of its vertices, and of the one that flat attributes come from.
+#[derive(Clone, Copy, Debug)]
+pub struct Corners {
+    pub vertices: [u32; 3],
+    pub flat: u32,
+}
+
+/// How a primitive ended, where work is recorded.
+#[derive(Clone, Copy, Debug)]
+pub struct Ended {
+    pub vertices: [u32; 3],
+    /// Stream entries read when it is complete.
+    pub stream_end: u32,
+    pub first_triangle: u32,
+    pub triangles: u8,
+    pub clipped: bool,
+    pub outcome: Outcome,
+}
+
+/// Consecutive entries of a segment's stream: of a list, or of one strip.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    pub(super) start: u32,
+    pub(super) len: u32,
+    pub(super) hub: Option<u32>,
+}
+
+/// Consecutive primitives and what becomes of them. Memory is kept from segment to segment, but where work is recorded.
+#[derive(Default)]
+pub struct Batch {
+    /// What of the segment's stream it takes.
+    pub(super) parts: Vec<Part>,
+    /// Primitives before this batch in the segment.
+    pub first_primitive: u32,
+    primitives: u32,
+    /// The triangles as set up; empty where setup is left to the tiles ([`Input::late_setup`]).
+    pub triangles: Vec<Triangle>,
+    pub corners: Vec<Corners>,
+    /// Number in the batch of the primitive that each triangle belongs to.
+    pub primitive: Vec<u32>,
+    /// Whether a triangle covers a sample.
+    pub covered: Vec<AtomicU8>,
+    /// Varyings of vertices that clipping made.
+    pub made: Vec<u32>,
+    /// Window positions of vertices that clipping made.
+    pub(super) made_screen: Vec<ScreenVertex>,
+    /// How each primitive ended, where work is recorded.
+    pub ended: Vec<Ended>,
+    /// Primitives that end behind geometry.
+    pub late: Vec<Late>,
+    /// First reference of each tile, and one more.
+    tile_start: Vec<u32>,
+    references: Vec<u32>,
+    /// Quads that the triangles may touch, roughly and not less than half.
+    pub quads_estimate: u64,
+    pub funnel: Funnel,
+}
+
+/// Cuts the pieces of a segment into batches; returns their number.
+pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> usize {
+    let (mut n, mut room) = (0, 0);
+    for piece in pieces {
+        let mut first = 0;
+        while first < piece.primitives {
+            if room == 0 {
+                if batches.len() == n {
+                    batches.push(Batch::default());
+                }
+                let batch = &mut batches[n];
+                batch.parts.clear();
+                (batch.first_primitive, batch.primitives) = (piece.first_primitive + first, 0);
+                (n, room) = (n + 1, BATCH);
+            }
+            let batch = &mut batches[n - 1];
+            // Even, so that a strip is cut where its winding starts again.
+            let count = if piece.primitives - first <= room { piece.primitives - first } else { room & !1 };
+            if count == 0 {
+                room = 0;
+                continue;
+            }
+            // A piece of a fan without its start has the hub as its first entry, so it is a fan itself.
+            let (start, len, needs_hub) = entries_of(topology, first, count);
+            let part = Part { start: piece.stream + start, len, hub: needs_hub.then_some(piece.stream) };
+            match batch.parts.last_mut() {
+                // Lists have no state from one primitive to the next.
+                Some(last) if !topology.is_strip() && last.start + last.len == part.start => last.len += len,
+                _ => batch.parts.push(part),
+            }
+            batch.primitives += count;
+            room -= count;
+            first += count;
+        }
+    }
+    n
+}
+
+/// What a batch needs beside itself.
+pub struct Input<'a, 'f> {
+    pub frame: &'a Frame<'f>,
+    pub stream: &'a Stream,
+    pub vertices: &'a Vertices,
+    /// Tiles across the attachments and in all.
+    pub tiles: (u32, u32),
+    /// Whether `ended` is wanted.
+    pub record: bool,
+    /// Only the bounds of triangles are found here, and the tiles set them up: what is set up is eight times as large as its
+    /// vertices' numbers, and writing and reading it back costs more than doing it again in the few tiles it touches.
+    pub late_setup: bool,
+    /// Whether small triangles are marked ([`SMALL`]).
+    pub mark_small: bool,
+}
+
+/// Whether setup may be left to the tiles.
+pub fn late_setup(frame: &Frame<'_>, record: bool) -> bool {
+    let triangles = PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle;
+    triangles && frame.pipeline.primitive.polygon_mode == PolygonMode::Fill && !record
+}
+
+/// Whether small triangles may be set up together, given that setup is left to the tiles.
+pub fn mark_small(frame: &Frame<'_>) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    let wide = gfx::simd::has_avx2();
+    #[cfg(not(target_arch = "x86_64"))]
+    let wide = false;
+    let tests = !frame.early || frame.depth.is_none() || frame.tests_blocks;
+    wide && tests && frame.samples == 1 && frame.sample_mask & 1 == 1 && frame.setup.bias.is_none()
+}
+
+/// Nothing is set up together here.
+#[cfg(not(target_arch = "x86_64"))]
+fn is_small(_: &[ScreenVertex; 3], _: &Bounds) -> bool {
+    false
+}
+
+impl Batch {
+    /// Triangles that touch a tile, in order: numbers ([`NUMBER`]) with marks ([`WHOLE`], [`SMALL`]).
+    #[inline(always)]
+    pub fn in_tile(&self, tile: usize) -> &[u32] {
+        &self.references[self.tile_start[tile] as usize..self.tile_start[tile + 1] as usize]
+    }
+
+    /// References of all tiles together.
+    pub fn references(&self) -> u64 {
+        self.references.len() as u64
+    }
+
+    /// Whether it has anything in a tile.
+    #[inline(always)]
+    pub fn touches(&self, tile: usize) -> bool {
+        self.tile_start[tile] != self.tile_start[tile + 1]
+    }
+
+    /// Gives back the memory of what a recorded segment has taken over: the segment holds as much again.
+    pub fn release(&mut self) {
+        self.triangles = Vec::new();
+        self.corners = Vec::new();
+        self.primitive = Vec::new();
+        self.covered = Vec::new();
+        self.ended = Vec::new();
+        self.late = Vec::new();
+    }
+
+    /// Asks for the data of a triangle.
+    #[inline(always)]
+    pub fn prefetch(&self, number: usize) {
+        if let Some(triangle) = self.triangles.get(number) {
+            prefetch(triangle);
+        }
+        prefetch(&self.corners[number]);
+    }
+
+    /// Asks for a triangle's vertices.
+    #[inline(always)]
+    pub fn prefetch_vertices(&self, number: usize, vertices: &Vertices) {
+        for v in self.corners[number].vertices {
+            if let (Some(screen), Some(word)) =
+                (vertices.screen.get(v as usize), vertices.varyings.get(v as usize * vertices.varying_stride))
+            {
+                prefetch(screen);
+                prefetch(word);
+            }
+        }
+    }
+
+    /// Assembles, clips, culls, sets up and sorts.
+    pub fn run(&mut self, input: &Input<'_, '_>, worker: &mut Worker) {
+        self.triangles.clear();
+        self.corners.clear();
+        self.primitive.clear();
+        self.made.clear();
+        self.made_screen.clear();
+        self.ended.clear();
+        self.late.clear();
+        self.quads_estimate = 0;
+        self.funnel = Funnel::default();
+        worker.pairs.clear();
+        self.assemble(input, &mut worker.pairs);
+        self.funnel.primitives_in = u64::from(self.primitives);
+        self.funnel.triangles_setup = self.corners.len() as u64;
+        self.covered.clear();
+        self.covered.resize_with(self.corners.len(), AtomicU8::default);
+        self.sort(&worker.pairs, input.tiles.1 as usize);
+    }
+
+    /// Keeps a triangle that is drawn, set up now or later.
+    #[inline(always)]
+    pub(super) fn put_bounds(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        screen: &[ScreenVertex; 3],
+        bounds: Bounds,
+        corners: Corners,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        if !input.late_setup {
+            return self.put(input, number, setup::within(&input.frame.setup, screen, bounds), corners, pairs);
+        }
+        let small = input.mark_small && is_small(screen, &bounds);
+        self.put_late(input, number, screen, bounds, small, corners, pairs);
+    }
+
+    /// Keeps a triangle that the tiles set up.
+    #[inline(always)]
+    pub(super) fn put_late(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        screen: &[ScreenVertex; 3],
+        bounds: Bounds,
+        small: bool,
+        corners: Corners,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let reference = self.corners.len() as u32 | if small { SMALL } else { 0 };
+        let tiles = tiles_of(&bounds);
+        let [x0, y0, x1, y1] = tiles;
+        if x0 == x1 && y0 == y1 {
+            pairs.push((y0 * input.tiles.0 + x0, reference));
+        } else {
+            spread(input, &setup::within(&input.frame.setup, screen, bounds), reference, tiles, pairs);
+        }
+        self.corners.push(corners);
+        self.primitive.push(number);
+    }
+
+    /// Keeps a primitive that setup let through, and notes the tiles it may touch.
+    pub(super) fn put(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        triangle: Triangle,
+        corners: Corners,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let reference = self.triangles.len() as u32;
+        let b = triangle.bounds;
+        if input.record {
+            let (w, h) = (u64::from(b.x1 - b.x0), u64::from(b.y1 - b.y0));
+            self.quads_estimate += match triangle.shape {
+                // Half the box, and its circumference.
+                Shape::Triangle => w * h / 8 + (w + h) / 2 + 2,
+                _ => w + h + 1,
+            };
+        }
+        let tiles = tiles_of(&b);
+        let [x0, y0, x1, y1] = tiles;
+        if x0 == x1 && y0 == y1 {
+            pairs.push((y0 * input.tiles.0 + x0, reference));
+        } else {
+            spread(input, &triangle, reference, tiles, pairs);
+        }
+        self.triangles.push(triangle);
+        self.corners.push(corners);
+        self.primitive.push(number);
+    }
+
+    /// Copies the window positions of a triangle's vertices, one by one: an array by value would be written in halves and read
+    /// whole, which processors do not like.
+    #[inline(always)]
+    pub fn screen_into(&self, number: usize, vertices: &Vertices, out: &mut [ScreenVertex; 3]) {
+        for (out, v) in out.iter_mut().zip(self.corners[number].vertices) {
+            *out = if v & MADE == 0 { vertices.screen[v as usize] } else { self.made_screen[(v & !MADE) as usize] };
+        }
+    }
+
+    /// A triangle, set up here where that was left to the tiles.
+    #[inline(always)]
+    pub fn set_up(&self, number: usize, frame: &Frame<'_>, vertices: &Vertices) -> Triangle {
+        if let Some(triangle) = self.triangles.get(number) {
+            return *triangle;
+        }
+        let mut screen = [ScreenVertex::default(); 3];
+        self.screen_into(number, vertices, &mut screen);
+        // The bounds were not empty when the triangle was kept.
+        setup::within(&frame.setup, &screen, setup::bounds(&frame.setup, &screen).unwrap_or_default())
+    }
+
+    /// Sorts the references by tile; those of a tile stay in order.
+    fn sort(&mut self, pairs: &[(u32, u32)], tiles: usize) {
+        self.tile_start.clear();
+        self.tile_start.resize(tiles + 1, 0);
+        for &(tile, _) in pairs {
+            self.tile_start[tile as usize] += 1;
+        }
+        let mut sum = 0;
+        for start in &mut self.tile_start {
+            // To the end of the tile's part; filling from the back makes it the start.
+            sum += *start;
+            *start = sum;
+        }
+        self.references.resize(pairs.len(), 0);
+        for &(tile, reference) in pairs.iter().rev() {
+            let at = &mut self.tile_start[tile as usize];
+            *at -= 1;
+            self.references[*at as usize] = reference;
+        }
+    }
+
+    /// Counts the primitives that covered no sample; tiles have been drawn.
+    pub fn count_uncovered(&mut self) {
+        let mut at = 0;
+        while at < self.corners.len() {
+            let primitive = self.primitive[at];
+            let mut covered = false;
+            while at < self.corners.len() && self.primitive[at] == primitive {
+                covered |= self.covered[at].load(Relaxed) != 0;
+                at += 1;
+            }
+            self.funnel.culled_no_sample += u64::from(!covered);
+        }
+    }
+}
+
+/// First and last column and row of the tiles that hold some of the pixels: x0, y0, x1, y1.
+#[inline(always)]
+fn tiles_of(b: &Bounds) -> [u32; 4] {
+    let tile = TILE as u16;
+    [u32::from(b.x0 / tile), u32::from(b.y0 / tile), u32::from((b.x1 - 1) / tile), u32::from((b.y1 - 1) / tile)]
+}
+
+/// Notes the tiles of a triangle that spans several.
+fn spread(input: &Input<'_, '_>, triangle: &Triangle, reference: u32, [x0, y0, x1, y1]: [u32; 4], pairs: &mut Vec<(u32, u32)>) {
+    let frame = input.frame;
+    let test = triangle.shape == Shape::Triangle && frame.overwrites;
+    let (b, base) = (triangle.bounds, triangle.base());
+    for ty in y0..=y1 {
+        for tx in x0..=x1 {
+            let mut whole = 0;
+            if test {
+                // The rectangle of the tile's samples.
+                let (px0, py0) = ((tx * TILE) as i32, (ty * TILE) as i32);
+                let px1 = (px0 + TILE as i32).min(frame.width as i32);
+                let py1 = (py0 + TILE as i32).min(frame.height as i32);
+                let reach = if frame.samples == 1 { 0 } else { SAMPLE_REACH };
+                let at = |p: i32, origin: i32| (p - origin) * SUBPIXEL;
+                let (left, right) = (at(px0, base[0]) - reach, at(px1 - 1, base[0]) + reach);
+                let (top, bottom) = (at(py0, base[1]) - reach, at(py1 - 1, base[1]) + reach);
+                let (mut touched, mut covered) = (true, true);
+                for edge in &triangle.edges {
+                    let (xi, xo) = if edge.a >= 0 { (right, left) } else { (left, right) };
+                    let (yi, yo) = if edge.b >= 0 { (bottom, top) } else { (top, bottom) };
+                    touched &= edge.at(xi, yi) >= 0;
+                    covered &= edge.at(xo, yo) >= i64::from(!edge.is_top_left());
+                }
+                if !touched {
+                    continue;
+                }
+                let inside =
+                    i32::from(b.x0) <= px0 && i32::from(b.y0) <= py0 && i32::from(b.x1) >= px1 && i32::from(b.y1) >= py1;
+                if covered && inside {
+                    whole = WHOLE;
+                }
+            }
+            pairs.push((ty * input.tiles.0 + tx, reference | whole));
+        }
+    }
+}

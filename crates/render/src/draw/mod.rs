@@ -1,0 +1,182 @@
+//! Draws: from vertices to attachments, in parallel over batches of vertices, of primitives, and over screen tiles.
+//!
+//! A draw is cut into segments of whole primitives ([`plan`]), so that memory is bounded. Each goes through four stages with all
+//! threads in each: the stream of vertices ([`stream`]), vertex shading ([`vertex`]), assembly to setup and sorting into tiles
+//! ([`primitive`], [`batch`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
+//! every primitive of the segment in API order. What a thread computes never depends on which thread it is.
+
+mod batch;
+mod clip_distance;
+mod cull;
+mod early;
+mod frame;
+mod needless;
+mod pass;
+mod pending;
+mod plan;
+mod primitive;
+mod record;
+mod shade;
+mod signature;
+#[cfg(target_arch = "x86_64")]
+mod small;
+mod stream;
+mod tile;
+mod vertex;
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::{Arc, Mutex};
+
+use gfx::state::{IndexFormat, Rect, Viewport};
+use num::Words;
+use shader::Resources;
+use work::{Funnel, RenderKey, Signature};
+
+use super::ledger::Ledger;
+use super::pipeline::RenderPipeline;
+
+pub use super::surface::aspect_masks;
+pub use cull::Boxes;
+pub use signature::Signer;
+
+pub use pass::{DrawError, EndedPass, RenderPass};
+
+/// A range of a buffer.
+#[derive(Clone, Debug)]
+pub struct BufferRange {
+    /// The buffer's bytes.
+    pub words: Arc<Words>,
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
+    /// Address of the first byte of the range in the card's memory.
+    pub address: u64,
+    /// Counts changes of the buffer's contents.
+    pub version: u64,
+}
+
+/// The indices of a draw.
+#[derive(Clone, Debug)]
+pub struct IndexRange {
+    /// Where they are.
+    pub range: BufferRange,
+    /// Width of an index.
+    pub format: IndexFormat,
+}
+
+/// Which vertices and instances are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Range {
+    /// First vertex, or first index.
+    pub first: u32,
+    /// Number of vertices, or of indices.
+    pub count: u32,
+    /// Added to every index.
+    pub base_vertex: i32,
+    /// First instance.
+    pub first_instance: u32,
+    /// Number of instances.
+    pub instances: u32,
+    /// Number of the draw in a multi-draw.
+    pub draw_index: u32,
+}
+
+/// Work that the renderer leaves out where the image cannot change. Each can be switched off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Skips {
+    /// Colours of a tile that a later opaque triangle of the same segment covers whole are not computed, and counted as if they were.
+    pub overwritten: bool,
+    /// Blocks that lie inside of all edges of a triangle are not tested sample by sample.
+    pub full_blocks: bool,
+}
+
+impl Default for Skips {
+    fn default() -> Self {
+        Skips { overwritten: true, full_blocks: true }
+    }
+}
+
+impl Skips {
+    /// Nothing is left out.
+    pub const NONE: Skips = Skips { overwritten: false, full_blocks: false };
+}
+
+/// A draw call with everything resolved.
+pub struct DrawCall<'a> {
+    /// Number in the trace.
+    pub number: u32,
+    /// The pipeline.
+    pub pipeline: &'a RenderPipeline,
+    /// Vertex buffers by slot.
+    pub vertex_buffers: &'a [Option<BufferRange>],
+    /// Indices; none: not indexed.
+    pub index: Option<&'a IndexRange>,
+    /// What is drawn.
+    pub range: Range,
+    /// Resources of the vertex stage.
+    pub vertex_resources: Resources<'a>,
+    /// Resources of the fragment stage.
+    pub fragment_resources: Option<Resources<'a>>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor rectangle.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend_constant: [f32; 4],
+    /// Stencil reference.
+    pub stencil_reference: u32,
+    /// An occlusion query is open.
+    pub count_samples: bool,
+    /// What the work depends on.
+    pub key: RenderKey,
+    /// Whether work is recorded.
+    pub record: bool,
+    /// Signature of what the pixels depend on beside attachments and primitives.
+    pub signature: Option<Signature>,
+    /// What may be left out.
+    pub skips: Skips,
+    /// What is known of buffers, for tests of bounds ahead of vertex shading; none: nothing is tested (something counts vertices or
+    /// primitives).
+    pub boxes: Option<&'a Mutex<Boxes>>,
+    /// Where work is counted.
+    pub ledger: &'a Ledger,
+}
+
+/// What a draw leaves beside the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Samples that passed all tests.
+    pub samples_passed: u64,
+    /// What was thrown away where.
+    pub funnel: Funnel,
+    /// Fragments whose colours were not computed ([`Skips::overwritten`]); the funnel has them as shaded and written.
+    pub overwritten: u64,
+}
+
+impl std::ops::AddAssign for Drawn {
+    fn add_assign(&mut self, other: Drawn) {
+        self.samples_passed += other.samples_passed;
+        self.funnel += other.funnel;
+        self.overwritten += other.overwritten;
+    }
+}
+
+/// Indices, borrowed.
+#[derive(Clone, Copy, Debug)]
+struct IndexBuffer<'a> {
+    words: &'a Words,
+    offset: u64,
+    size: u64,
+    format: IndexFormat,
+}
+
+impl IndexRange {
+    fn buffer(&self) -> IndexBuffer<'_> {
+        let BufferRange { words, offset, size, .. } = &self.range;
+        let size = (*size).min(words.len().saturating_sub(*offset));
+        IndexBuffer { words, offset: *offset, size, format: self.format }
+    }
+}

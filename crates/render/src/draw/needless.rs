@@ -1,0 +1,122 @@
+//! Primitives of which nothing is drawn, and which a card that does not find that out in geometry takes further: recorded for such
+//! machines ([`Needless`](work::Needless)). A primitive has one triangle of this kind, whatever it would be cut into.
+
+use gfx::assemble::PrimitiveKind;
+use gfx::clip::ClipVolume;
+use gfx::setup::{DepthPlane, ScreenVertex};
+use gfx::state::PolygonMode;
+use num::{SUBPIXEL, SUBPIXEL_BITS};
+use work::{self, BLOCK, End, Outcome, Segment};
+
+use super::batch::{Batch, Input};
+
+/// A primitive that ends behind geometry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Late {
+    /// Number in its batch; in [`insert`], in its segment.
+    pub primitive: u32,
+    /// Where it ends; none: where it is cut.
+    pub end: Option<End>,
+    /// Blocks about it, as those of [`work::Triangle`]; none outside of the attachments.
+    pub bounds: [u16; 4],
+}
+
+impl Batch {
+    /// Notes a primitive that has ended, if its triangle goes on. `made` is the first of the vertices that cutting it made.
+    pub(super) fn note_late(&mut self, input: &Input<'_, '_>, number: u32, v: [u32; 3], outcome: Outcome, made: usize) {
+        let (frame, vertices) = (input.frame, input.vertices);
+        if !frame.needless.keeps(outcome) {
+            return;
+        }
+        let v = v.map(|v| v as usize);
+        // Outside as a whole, without a plane of its own to be cut at: its corners have a place in the window. All others that are
+        // outside are found to be so by cutting them.
+        let codes = v.map(|v| vertices.codes[v]);
+        if outcome == Outcome::Frustum && !ClipVolume::is_in_band(&codes) {
+            return self.late.push(Late { primitive: number, end: None, bounds: [0; 4] });
+        }
+        let cut = &self.made_screen[made..];
+        let own = v.map(|v| vertices.screen[v]);
+        let corners = if cut.is_empty() { &own[..] } else { cut };
+        let primitive = &frame.pipeline.primitive;
+        let filled =
+            PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle && primitive.polygon_mode == PolygonMode::Fill;
+        let margin = if filled { 0 } else { SUBPIXEL / 2 };
+        let drawn = frame.setup.bounds;
+        // What the scissor rectangle leaves nothing of is looked for where the attachments are.
+        let within = match outcome {
+            Outcome::Scissor | Outcome::Frustum => [0, 0, frame.width as i32, frame.height as i32],
+            _ => [drawn.x0, drawn.y0, drawn.x1, drawn.y1].map(i32::from),
+        };
+        let bounds = blocks(corners, margin, within);
+        let walked = matches!(outcome, Outcome::Scissor | Outcome::NoSample) && bounds != [0; 4];
+        let end = Some(if walked { End::Traversal } else { End::Setup });
+        self.late.push(Late { primitive: number, end, bounds });
+    }
+}
+
+/// The blocks that hold the box of some vertices, as far as it lies within a rectangle of pixels; zeros if it does not.
+fn blocks(corners: &[ScreenVertex], margin: i32, [x0, y0, x1, y1]: [i32; 4]) -> [u16; 4] {
+    let axis = |of: fn(&ScreenVertex) -> i32, low: i32, high: i32| {
+        let first = corners.iter().map(of).min().unwrap_or(0) - margin;
+        let last = corners.iter().map(of).max().unwrap_or(0) + margin;
+        ((first >> SUBPIXEL_BITS).max(low), ((last >> SUBPIXEL_BITS) + 1).min(high))
+    };
+    let ((left, right), (top, bottom)) = (axis(|v| v.x, x0, x1), axis(|v| v.y, y0, y1));
+    if left >= right || top >= bottom {
+        return [0; 4];
+    }
+    let block = BLOCK as i32;
+    [left / block, top / block, (right + block - 1) / block, (bottom + block - 1) / block].map(|v| v as u16)
+}
+
+/// Puts triangles of primitives that end late among those of a segment, in the order of primitives. What covers no sample is looked
+/// for in its bounds, if that is `walked`.
+pub fn insert(segment: &mut Segment, late: &[Late], walked: bool) {
+    if walked {
+        for triangle in segment.triangles.iter_mut().filter(|triangle| triangle.visits == 0) {
+            triangle.end = End::Traversal;
+        }
+    }
+    if late.is_empty() {
+        return;
+    }
+    let own = std::mem::take(&mut segment.triangles);
+    segment.triangles.reserve_exact(own.len() + late.len());
+    let mut late = late.iter().peekable();
+    for (number, primitive) in (0..).zip(&mut segment.primitives) {
+        let first = std::mem::replace(&mut primitive.first_triangle, segment.triangles.len() as u32);
+        segment.triangles.extend_from_slice(&own[first as usize..][..usize::from(primitive.triangles)]);
+        let Some(&Late { end, bounds, .. }) = late.next_if(|late| late.primitive == number) else { continue };
+        primitive.cut_away = end.is_none();
+        primitive.triangles = u8::from(end.is_some());
+        segment.triangles.extend(end.map(|end| work::Triangle {
+            primitive: number,
+            depth: DepthPlane::default(),
+            back: false,
+            bounds,
+            first_visit: 0,
+            visits: 0,
+            end,
+        }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: i32, y: i32) -> ScreenVertex {
+        ScreenVertex { x, y, ..ScreenVertex::default() }
+    }
+
+    #[test]
+    fn boxes_are_those_of_the_vertices_inside_of_what_is_looked_at() {
+        let corners = [at(8 * 256, 0), at(17 * 256, 16 * 256 - 1), at(9 * 256, 3)];
+        assert_eq!(blocks(&corners, 0, [0, 0, 64, 64]), [1, 0, 3, 2]);
+        assert_eq!(blocks(&corners, 128, [0, 0, 64, 64]), [0, 0, 3, 3]);
+        assert_eq!(blocks(&corners, 0, [0, 0, 16, 8]), [1, 0, 2, 1]);
+        assert_eq!(blocks(&corners, 0, [20, 0, 64, 64]), [0; 4]);
+        assert_eq!(blocks(&[at(-300, -1), at(-256, -700), at(-257, -5)], 0, [0, 0, 64, 64]), [0; 4]);
+    }
+}

@@ -1,0 +1,418 @@
+//! A render pass: its attachments, and draws into them.
+
+use std::sync::{Arc, Mutex};
+
+use rayon::prelude::*;
+
+use crate::surface::{Shape, TileSurface};
+use gfx::format::Format;
+use host::one_line;
+use num::{LimitExceeded, LimitOverrun, Meter};
+use shader::{Program, ShaderFault};
+use work::{Cull, Culling, Event, Segment};
+
+use super::batch::{self, Batch};
+use super::cull;
+use super::frame::{Frame, Workers};
+use super::plan::{Piece, Planner};
+use super::record;
+use super::signature;
+use super::stream::{Stream, StreamSource};
+use super::tile::{self, MAX_COLORS, SegmentInput, TileJob};
+use super::vertex::Vertices;
+use super::{DrawCall, Drawn, Range};
+
+/// Primitives of a segment.
+const SEGMENT_PRIMITIVES: u32 = 64 * 1024;
+
+/// References of a segment to triangles, in all tiles together, at most: on the largest targets its primitives are fewer.
+const SEGMENT_REFERENCES: u32 = 1 << 27;
+
+/// Bytes of a strip in the plan of a draw.
+const STRIP: u64 = 12;
+
+/// Bytes of a recorded quad, roughly: itself, depth and colour, a request.
+const RECORDED_QUAD: u64 = 48;
+
+/// Quads of a recorded segment, roughly.
+const SEGMENT_QUADS: u64 = 1 << 20;
+
+/// Why a draw cannot be done.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DrawError {
+    /// Pipeline and pass do not fit each other.
+    #[error("render pipeline `{}`: {message}", one_line(.label))]
+    Pipeline {
+        /// The pipeline's label.
+        label: String,
+        /// What does not fit.
+        message: String,
+    },
+    /// Too many attachments.
+    #[error("{0} colour attachments, at most {MAX_COLORS} are possible")]
+    Attachments(usize),
+    /// A shader was stopped.
+    #[error(transparent)]
+    Shader(#[from] ShaderFault),
+    /// It asks for more than is allowed.
+    #[error(transparent)]
+    Limit(#[from] LimitExceeded),
+    /// It came to more than is allowed.
+    #[error(transparent)]
+    Overrun(#[from] LimitOverrun),
+    /// There is not as much memory as it asks for.
+    #[error("{0}")]
+    Memory(String),
+}
+
+impl From<DrawError> for String {
+    fn from(error: DrawError) -> String {
+        error.to_string()
+    }
+}
+
+/// Scratch of a draw's stages; what one draw allocated serves the next.
+struct Scratch {
+    workers: Workers,
+    stream: Stream,
+    vertices: Vertices,
+    batches: Vec<Batch>,
+    /// How many of the batches the current segment has.
+    batches_used: usize,
+    pieces: Vec<Piece>,
+}
+
+/// Tiles that are not worth other threads.
+const FEW_TILES: usize = 2;
+
+/// Does something with every item, on this thread alone where there is only one.
+fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
+    match items {
+        [item] => work(item),
+        items => items.par_iter_mut().for_each(work),
+    }
+}
+
+/// Scratch that no pass uses at the moment: passes come one after the other, and fresh memory costs page faults.
+static IDLE: Mutex<Vec<Scratch>> = Mutex::new(Vec::new());
+
+impl Scratch {
+    fn take() -> Scratch {
+        let idle = IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
+        idle.filter(|s| s.workers.suffice()).unwrap_or_else(|| Scratch {
+            workers: Workers::new(),
+            stream: Stream::default(),
+            vertices: Vertices::default(),
+            batches: Vec::new(),
+            batches_used: 0,
+            pieces: Vec::new(),
+        })
+    }
+
+    fn give(self) {
+        IDLE.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(self);
+    }
+}
+
+/// A render pass between begin and end.
+pub struct RenderPass {
+    width: u32,
+    height: u32,
+    samples: u32,
+    color: Vec<Option<(TileSurface, Format)>>,
+    depth: Option<TileSurface>,
+    scratch: Option<Scratch>,
+}
+
+/// The attachments of a pass that has ended.
+#[derive(Debug)]
+pub struct EndedPass {
+    /// Colour attachments by location.
+    pub color: Vec<Option<TileSurface>>,
+    /// Depth and stencil.
+    pub depth: Option<TileSurface>,
+}
+
+/// The walk over a draw's primitives, without those that bounds show to be out of view.
+fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> Result<(Planner, Culling), DrawError> {
+    let range = call.range;
+    let index = call.index.map(|i| i.buffer());
+    let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
+    if restart.is_some() && index.is_some() && frame.topology.is_strip() {
+        // At most every other index ends a strip.
+        let strips = u64::from(range.count / 2) * STRIP;
+        call.ledger.passing("the strips of a draw", strips).map_err(DrawError::Memory)?;
+    }
+    let first = u64::from(range.first_instance);
+    let instances = first..first + u64::from(range.instances);
+    let mut planner = Planner::new(frame.topology, index.as_ref(), range.first, range.count, restart, instances);
+    let (primitives, entries) = (planner.instance_primitives(), planner.instance_entries());
+    match call.boxes {
+        Some(boxes) if primitives > 0 && cull::may_cull(call, frame) => {
+            let restart = restart.filter(|_| frame.topology.is_strip());
+            if call.key.cull == Cull::Instances {
+                // Each instance is a run of the program on single values.
+                let steps = u64::from(range.instances).saturating_mul(call.pipeline.vertex().steps());
+                call.ledger.steps.charge(steps / 8)?;
+            }
+            let candidate = cull::Candidate { call, frame, restart, primitives, entries };
+            // A poisoned lock means that another draw panicked; what is known of buffers is true all the same.
+            let mut boxes = boxes.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let seen = candidate.test(&mut boxes);
+            planner.draw_only(seen.instances);
+            Ok((planner, seen.culling))
+        }
+        _ => Ok((planner, Culling::default())),
+    }
+}
+
+/// Looks whether a stage that all threads took part in came to more than is allowed. What stopped one of its tasks comes after: which tasks
+/// came to their end says nothing once the sum is over.
+fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Option<&Program>) -> Result<(), DrawError> {
+    if let Err(over) = workers.settle(call.ledger) {
+        return Err(program.map_or(over.into(), |program| program.fault(over.into(), None).into()));
+    }
+    Ok(growth.verify()?)
+}
+
+impl RenderPass {
+    /// Begins a pass on attachments of the given extent, loaded or cleared already. A colour attachment comes with the format it
+    /// is seen in, which may differ in sRGB-ness from what is stored.
+    pub fn begin(
+        width: u32,
+        height: u32,
+        samples: u32,
+        color: Vec<Option<(TileSurface, Format)>>,
+        depth: Option<TileSurface>,
+    ) -> RenderPass {
+        let fits = |s: &TileSurface| matches!(s.shape(), Shape { width: w, height: h, samples: n, .. } if (w, h, n) == (width, height, samples));
+        assert!(color.iter().flatten().all(|(s, _)| fits(s)) && depth.iter().all(fits), "attachments of one extent");
+        RenderPass { width, height, samples, color, depth, scratch: Some(Scratch::take()) }
+    }
+
+    /// Draws. With `call.record` the draw and its segments go to `sink`, in order.
+    ///
+    /// # Errors
+    /// If pipeline and attachments do not fit each other, or a shader does not end.
+    pub fn draw(&mut self, call: &DrawCall<'_>, sink: &mut dyn FnMut(Event)) -> Result<Drawn, DrawError> {
+        if self.color.len() > MAX_COLORS {
+            return Err(DrawError::Attachments(self.color.len()));
+        }
+        let extent = (self.width, self.height, self.samples);
+        let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
+        let (planner, culling) = plan(call, &frame)?;
+        if call.record {
+            sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
+        }
+        let mut scratch = self.scratch.take().unwrap_or_else(Scratch::take);
+        let result = self.segments(call, &frame, planner, &mut scratch, sink);
+        self.scratch = Some(scratch);
+        result
+    }
+
+    fn segments(
+        &mut self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        mut planner: Planner,
+        scratch: &mut Scratch,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Drawn, DrawError> {
+        let Range { first, base_vertex, .. } = call.range;
+        let source = StreamSource { index: call.index.map(|i| i.buffer()), first, base_vertex };
+        let mut drawn = Drawn::default();
+        // Vertex shaders with side effects run once: their segments are not cut again.
+        let divisible = call.record && !frame.vertex_in_order;
+        let [across, down] = self.tiles();
+        let most = (SEGMENT_REFERENCES / (across * down).max(1)).clamp(2, SEGMENT_PRIMITIVES);
+        let mut limit = most;
+        loop {
+            let place = planner.place();
+            let mut pieces = std::mem::take(&mut scratch.pieces);
+            let more = planner.next(limit, &mut pieces);
+            if more {
+                let primitives: u32 = pieces.iter().map(|p| p.primitives).sum();
+                let growth = call.ledger.growth();
+                match self.geometry(call, frame, scratch, &source, &pieces, &growth)? {
+                    (_, quads) if divisible && quads > SEGMENT_QUADS && primitives > 2 => {
+                        // Too much for one piece: the same primitives again, fewer at a time.
+                        let fraction = SEGMENT_QUADS as f64 / quads as f64;
+                        limit = ((f64::from(primitives) * fraction) as u32).clamp(2, primitives - 1);
+                        planner.go_back(place);
+                    }
+                    (segment, quads) => {
+                        if call.record {
+                            let bytes = quads.saturating_mul(RECORDED_QUAD);
+                            call.ledger.passing("recorded work", bytes).map_err(DrawError::Memory)?;
+                        }
+                        drawn += self.fragments(call, frame, scratch, &pieces, &growth, segment, sink)?;
+                        if quads < SEGMENT_QUADS / 4 {
+                            limit = limit.saturating_mul(2).min(most);
+                        }
+                    }
+                }
+            }
+            scratch.pieces = pieces;
+            if !more {
+                return Ok(drawn);
+            }
+        }
+    }
+
+    /// The geometry half of a segment: vertices, primitives, tiles' lists. Returns what is recorded of it and about how many
+    /// quads it has.
+    fn geometry(
+        &self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        scratch: &mut Scratch,
+        source: &StreamSource<'_>,
+        pieces: &[Piece],
+        growth: &Meter,
+    ) -> Result<(Segment, u64), DrawError> {
+        let Scratch { workers, stream, vertices, batches, .. } = scratch;
+        stream.read(source, pieces, call.record);
+        let mut segment = Segment::default();
+        let shaded = vertices.shade(frame, workers, stream, call.record.then_some((&mut segment, growth)));
+        settle(call, workers, growth, Some(call.pipeline.vertex()))?;
+        let shaded = shaded?;
+        let n = batch::cut(frame.topology, pieces, batches);
+        let tiles = self.tiles();
+        // Every batch has a list for every tile.
+        call.ledger.bytes.charge(4 * n as u64 * u64::from(tiles[0]) * u64::from(tiles[1]))?;
+        let late_setup = batch::late_setup(frame, call.record);
+        let input = batch::Input {
+            frame,
+            stream,
+            vertices,
+            tiles: (tiles[0], tiles[0] * tiles[1]),
+            record: call.record,
+            late_setup,
+            mark_small: late_setup && batch::mark_small(frame),
+        };
+        each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
+        batches.truncate(n.max(64));
+        let repeated = |p: &Piece| p.repeated;
+        segment.funnel.vertices_in = stream.entries.len() as u64 - pieces.iter().map(|p| u64::from(repeated(p))).sum::<u64>();
+        segment.funnel.vertices_shaded = shaded;
+        scratch.batches_used = n;
+        let quads = scratch.batches[..n].iter().map(|b| b.quads_estimate).sum();
+        Ok((segment, quads))
+    }
+
+    /// The fragment half of a segment: all tiles with something in them.
+    fn fragments(
+        &mut self,
+        call: &DrawCall<'_>,
+        frame: &Frame<'_>,
+        scratch: &mut Scratch,
+        pieces: &[Piece],
+        growth: &Meter,
+        mut segment: Segment,
+        sink: &mut dyn FnMut(Event),
+    ) -> Result<Drawn, DrawError> {
+        let tiles = self.tiles();
+        let batches = &mut scratch.batches[..scratch.batches_used];
+        let touched: Vec<usize> =
+            (0..(tiles[0] * tiles[1]) as usize).filter(|t| batches.iter().any(|b| b.touches(*t))).collect();
+        call.ledger.quads.charge(batches.iter().map(Batch::references).sum())?;
+        let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices, growth };
+        let workers = &scratch.workers;
+        let one = |job: &mut TileJob<'_>| workers.with(|worker| tile::draw(&input, worker, job, call.record));
+        let mut recorded = Vec::new();
+        let mut keep = |mut jobs: Vec<TileJob<'_>>| {
+            if call.record {
+                recorded.extend(jobs.iter_mut().map(|job| (job.at[0], job.at[1], std::mem::take(&mut job.record))));
+            }
+        };
+        let mut result = Ok(());
+        if frame.tiles_in_order || touched.len() <= FEW_TILES {
+            for index in touched {
+                let mut job = self.job(frame, tiles, index);
+                result = one(&mut job);
+                if result.is_err() {
+                    break;
+                }
+                keep(vec![job]);
+            }
+        } else {
+            let mut jobs = self.jobs(frame, tiles, &touched);
+            let results: Vec<Result<(), ShaderFault>> = jobs.par_iter_mut().with_max_len(1).map(one).collect();
+            result = results.into_iter().collect();
+            keep(jobs);
+        }
+        let mut drawn = workers.take_counts();
+        settle(call, workers, growth, frame.fragment)?;
+        result?;
+        call.ledger.quads.add(drawn.funnel.quads_rasterized);
+        call.ledger.quads.verify()?;
+        each(batches, Batch::count_uncovered);
+        let funnel = &mut drawn.funnel;
+        *funnel += segment.funnel;
+        for batch in batches.iter() {
+            *funnel += batch.funnel;
+            funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
+        }
+        if call.record {
+            segment.funnel = *funnel;
+            // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
+            let vertices = std::mem::take(&mut scratch.vertices);
+            let signed = call.signature.is_some().then(|| signature::vertices(&vertices));
+            drop(vertices);
+            let mut segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
+            if let Some(signed) = signed {
+                segment.signatures = signature::primitives(&segment.primitives, &signed);
+            }
+            sink(Event::Segment(Arc::new(segment)));
+        }
+        Ok(drawn)
+    }
+
+    /// One tile with its parts of the attachments.
+    fn job(&mut self, frame: &Frame<'_>, tiles: [u32; 2], index: usize) -> TileJob<'_> {
+        let mut job = TileJob::new(index, tiles[0]);
+        let mut locations: [Option<&mut TileSurface>; MAX_COLORS] = Default::default();
+        for (location, color) in locations.iter_mut().zip(&mut self.color) {
+            *location = color.as_mut().map(|(surface, _)| surface);
+        }
+        for (tile, target) in job.colors.iter_mut().zip(&frame.targets) {
+            *tile = locations[target.location].take().map(|surface| surface.tile_mut(index));
+        }
+        job.depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(|surface| surface.tile_mut(index));
+        job
+    }
+
+    /// Some tiles, in order, with their parts of the attachments.
+    fn jobs(&mut self, frame: &Frame<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
+        let mut locations: Vec<Option<_>> =
+            self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut())).collect();
+        let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
+        let mut depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(TileSurface::tiles_mut);
+        let mut jobs = Vec::with_capacity(indices.len());
+        let mut next = 0;
+        for &index in indices {
+            let skipped = index - next;
+            next = index + 1;
+            let mut job = TileJob::new(index, tiles[0]);
+            for (tile, surface) in job.colors.iter_mut().zip(&mut colors) {
+                *tile = surface.as_mut().and_then(|tiles| tiles.nth(skipped));
+            }
+            job.depth = depth.as_mut().and_then(|tiles| tiles.nth(skipped));
+            jobs.push(job);
+        }
+        jobs
+    }
+
+    fn tiles(&self) -> [u32; 2] {
+        let format = Format::R8Unorm;
+        Shape { format, width: self.width, height: self.height, samples: self.samples }.tiles()
+    }
+
+    /// Ends the pass and gives its attachments back.
+    pub fn end(mut self) -> EndedPass {
+        if let Some(scratch) = self.scratch.take() {
+            scratch.give();
+        }
+        EndedPass { color: self.color.into_iter().map(|c| c.map(|(surface, _)| surface)).collect(), depth: self.depth }
+    }
+}

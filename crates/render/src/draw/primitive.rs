@@ -1,0 +1,398 @@
+//! From vertices to triangles: assembly, clipping, culling, setup.
+
+use gfx::assemble::{Assembler, PrimitiveKind, provoking};
+use gfx::clip::{ClipVolume, Clipped, MAX_VERTICES, Polygon};
+#[cfg(target_arch = "x86_64")]
+use gfx::setup::EightBounds;
+use gfx::setup::{self, Culled, ScreenVertex};
+use gfx::state::{PolygonMode, Topology};
+use work::Outcome;
+
+use super::batch::{Batch, Corners, Ended, Input, MADE, Part};
+use super::clip_distance;
+
+impl Batch {
+    /// Assembles, clips, culls and sets up, for the host's widest vectors.
+    pub fn assemble(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+            fn wide(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+                batch.assemble_here::<true>(input, pairs);
+            }
+            if gfx::simd::has_avx2() {
+                // SAFETY: the host has every instruction set that the function is compiled for.
+                return unsafe { wide(self, input, pairs) };
+            }
+        }
+        self.assemble_here::<false>(input, pairs);
+    }
+
+    /// `WIDE`: the caller is compiled for AVX2.
+    #[inline(always)]
+    fn assemble_here<const WIDE: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+        let frame = input.frame;
+        let primitive = &frame.pipeline.primitive;
+        let kind = PrimitiveKind::of(frame.topology);
+        let plain = kind == PrimitiveKind::Triangle
+            && primitive.polygon_mode == PolygonMode::Fill
+            && input.vertices.distance_stride == 0
+            && !input.record;
+        let flat = provoking(kind, primitive.provoking_last);
+        let mut number = 0;
+        let parts = std::mem::take(&mut self.parts);
+        for part in &parts {
+            let entries = &input.stream.entries[part.start as usize..][..part.len as usize];
+            if plain && frame.topology == Topology::TriangleList {
+                // The case that matters: no assembler, and the cull reasons only counted.
+                #[cfg(target_arch = "x86_64")]
+                let entries = if WIDE && input.late_setup {
+                    let (eights, rest) = entries.as_chunks::<24>();
+                    for eight in eights {
+                        self.eight(input, number, eight, flat, pairs);
+                        number += 8;
+                    }
+                    rest
+                } else {
+                    entries
+                };
+                for v in entries.chunks_exact(3) {
+                    self.triangle(input, number, [v[0], v[1], v[2]], flat, pairs);
+                    number += 1;
+                }
+            } else {
+                self.assemble_part(input, part, entries, &mut number, (kind, plain, flat), pairs);
+            }
+        }
+        self.parts = parts;
+    }
+
+    /// One part, whatever its topology.
+    #[inline(never)]
+    fn assemble_part(
+        &mut self,
+        input: &Input<'_, '_>,
+        part: &Part,
+        entries: &[u32],
+        number: &mut u32,
+        (kind, plain, flat): (PrimitiveKind, bool, usize),
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        let primitive = &input.frame.pipeline.primitive;
+        let mut assembler = Assembler::new(input.frame.topology, primitive.provoking_last);
+        let hub = part.hub.map(|at| input.stream.entries[at as usize]);
+        let before = part.start;
+        let mut polygon = Polygon::EMPTY;
+        for (at, vertex) in hub.iter().copied().map(|v| (0, v)).chain((1..).zip(entries.iter().copied())) {
+            let number = &mut *number;
+            assembler.push(vertex, &mut |v| {
+                let (first, made) = (self.corners.len(), self.made_screen.len());
+                let (outcome, clipped) = match (kind, primitive.polygon_mode) {
+                    (PrimitiveKind::Triangle, PolygonMode::Fill) if plain => self.triangle(input, *number, v, flat, pairs),
+                    (PrimitiveKind::Triangle, PolygonMode::Fill) => {
+                        self.general_triangle(input, *number, v, flat, &mut polygon, pairs)
+                    }
+                    (PrimitiveKind::Triangle, mode) => self.outline(input, *number, v, flat, mode, &mut polygon, pairs),
+                    (PrimitiveKind::Line, _) => self.line(input, *number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
+                    (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
+                };
+                if input.record {
+                    self.note_late(input, *number, v, outcome, made);
+                    self.ended.push(Ended {
+                        vertices: v,
+                        stream_end: before + at,
+                        first_triangle: first as u32,
+                        triangles: (self.corners.len() - first) as u8,
+                        clipped,
+                        outcome,
+                    });
+                }
+                *number += 1;
+            });
+        }
+    }
+
+    /// Eight filled triangles without clip distances. The caller is compiled for AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn eight(&mut self, input: &Input<'_, '_>, first: u32, entries: &[u32; 24], flat: usize, pairs: &mut Vec<(u32, u32)>) {
+        let vertices = input.vertices;
+        let triangles = entries.as_chunks::<3>().0;
+        let mut screen = [[ScreenVertex::default(); 3]; 8];
+        let mut codes = 0;
+        for (screen, v) in screen.iter_mut().zip(triangles) {
+            for c in 0..3 {
+                codes |= vertices.codes[v[c] as usize];
+                screen[c] = vertices.screen[v[c] as usize];
+            }
+        }
+        // SAFETY: the caller is compiled for AVX2, and so runs only on hosts that have it.
+        let eight = unsafe { EightBounds::find(&input.frame.setup, &screen) };
+        // Where a vertex is outside of anything, all of them go the long way.
+        let alone = if codes == 0 { eight.large } else { 0xff };
+        for (i, &v) in triangles.iter().enumerate() {
+            let number = first + i as u32;
+            if alone >> i & 1 == 1 {
+                self.triangle(input, number, v, flat, pairs);
+                continue;
+            }
+            match eight.get(i) {
+                Ok(bounds) => {
+                    let small = input.mark_small && eight.small >> i & 1 == 1;
+                    let corners = Corners { vertices: v, flat: v[flat] };
+                    self.put_late(input, number, &screen[i], bounds, small, corners, pairs);
+                }
+                Err(reason) => {
+                    self.end(outcome_of(reason));
+                }
+            }
+        }
+    }
+
+    /// A filled triangle without clip distances. Counts what becomes of it.
+    #[inline(always)]
+    fn triangle(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: [u32; 3],
+        flat: usize,
+        pairs: &mut Vec<(u32, u32)>,
+    ) -> (Outcome, bool) {
+        let vertices = input.vertices;
+        let [a, b, c] = [v[0] as usize, v[1] as usize, v[2] as usize];
+        let codes = [vertices.codes[a], vertices.codes[b], vertices.codes[c]];
+        match ClipVolume::trivial(&codes) {
+            Some(Clipped::Rejected) => (self.end(Outcome::Frustum), false),
+            Some(_) => {
+                let screen = [vertices.screen[a], vertices.screen[b], vertices.screen[c]];
+                match setup::bounds(&input.frame.setup, &screen) {
+                    Ok(bounds) => {
+                        self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
+                        (Outcome::Drawn, false)
+                    }
+                    Err(reason) => (self.end(outcome_of(reason)), false),
+                }
+            }
+            None => self.general_triangle(input, number, v, flat, &mut Polygon::EMPTY.clone(), pairs),
+        }
+    }
+
+    /// A filled triangle that may have to be cut.
+    #[inline(never)]
+    fn general_triangle(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: [u32; 3],
+        flat: usize,
+        polygon: &mut Polygon,
+        pairs: &mut Vec<(u32, u32)>,
+    ) -> (Outcome, bool) {
+        let (frame, vertices) = (input.frame, input.vertices);
+        let at = v.map(|v| v as usize);
+        let codes = at.map(|v| vertices.codes[v]);
+        let position = at.map(|v| vertices.clip[v]);
+        let mut clipped = frame.clip.triangle(&position, codes, polygon);
+        if vertices.distance_stride > 0 {
+            clipped = clip_distance::triangle(vertices, v, &position, clipped, polygon);
+        }
+        match clipped {
+            Clipped::Rejected => (self.end(Outcome::Frustum), false),
+            Clipped::Whole => {
+                let screen = at.map(|v| vertices.screen[v]);
+                match setup::bounds(&frame.setup, &screen) {
+                    Ok(bounds) => {
+                        self.put_bounds(input, number, &screen, bounds, Corners { vertices: v, flat: v[flat] }, pairs);
+                        (Outcome::Drawn, false)
+                    }
+                    Err(reason) => (self.end(outcome_of(reason)), false),
+                }
+            }
+            Clipped::Cut => {
+                self.funnel.clipped += 1;
+                let first = self.corners.len();
+                let made = self.make_vertices(input, v, polygon);
+                // Of the reasons for which no part is drawn the one that is furthest down the pipeline is the primitive's.
+                let mut reason = Outcome::Degenerate;
+                for corners in setup::fan(&self.made_screen[(made & !MADE) as usize..]) {
+                    let screen = corners.map(|i| self.made_screen[(made & !MADE) as usize + i]);
+                    match setup::bounds(&frame.setup, &screen) {
+                        Ok(bounds) => {
+                            let vertices = corners.map(|i| made + i as u32);
+                            self.put_bounds(input, number, &screen, bounds, Corners { vertices, flat: v[flat] }, pairs);
+                        }
+                        Err(why) => reason = further(reason, outcome_of(why)),
+                    }
+                }
+                if self.corners.len() > first { (Outcome::Drawn, true) } else { (self.end(reason), true) }
+            }
+        }
+    }
+
+    /// Keeps a polygon's vertices, with their varyings from those of the original ones. Returns the number of the first.
+    fn make_vertices(&mut self, input: &Input<'_, '_>, v: [u32; 3], polygon: &Polygon) -> u32 {
+        let vertices = input.vertices;
+        let stride = vertices.varying_stride;
+        let first = self.made_screen.len();
+        for vertex in polygon.vertices() {
+            self.made_screen.push(input.frame.screen.vertex(vertex.position));
+            for word in 0..stride {
+                let original = v.map(|v| f32::from_bits(vertices.varyings[v as usize * stride + word]));
+                self.made.push(vertex.combine(original).to_bits());
+            }
+        }
+        first as u32 | MADE
+    }
+
+    /// The edges or corners of a triangle.
+    #[inline(never)]
+    fn outline(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: [u32; 3],
+        flat: usize,
+        mode: PolygonMode,
+        polygon: &mut Polygon,
+        pairs: &mut Vec<(u32, u32)>,
+    ) -> (Outcome, bool) {
+        let (frame, vertices) = (input.frame, input.vertices);
+        let at = v.map(|v| v as usize);
+        let codes = at.map(|v| vertices.codes[v]);
+        // Facing is that of the visible part.
+        let facing = match frame.clip.triangle(&at.map(|v| vertices.clip[v]), codes, polygon) {
+            Clipped::Rejected => return (self.end(Outcome::Frustum), false),
+            Clipped::Whole => setup::facing(&frame.setup, &at.map(|v| vertices.screen[v])),
+            Clipped::Cut => {
+                let vertices = polygon.vertices();
+                let mut screen = [ScreenVertex::default(); MAX_VERTICES];
+                for (screen, vertex) in screen.iter_mut().zip(vertices) {
+                    *screen = frame.screen.vertex(vertex.position);
+                }
+                let facing = |t: [usize; 3]| setup::facing(&frame.setup, &t.map(|i| screen[i]));
+                setup::fan(&screen[..vertices.len()]).next().map_or(Err(Culled::Degenerate), facing)
+            }
+        };
+        let front = match facing {
+            Ok(front) => front,
+            Err(reason) => return (self.end(outcome_of(reason)), false),
+        };
+        let first = self.corners.len();
+        let before = self.funnel;
+        let (mut reason, mut clipped) = (Outcome::Degenerate, false);
+        for i in 0..3 {
+            let (outcome, cut) = if mode == PolygonMode::Line {
+                self.line(input, number, [v[i], v[(i + 1) % 3]], v[flat], front, polygon, pairs)
+            } else {
+                self.point(input, number, v[i], v[flat], front, pairs)
+            };
+            reason = further(reason, outcome);
+            clipped |= cut;
+        }
+        // The parts counted themselves; the primitive counts once.
+        self.funnel = before;
+        self.funnel.clipped += u64::from(clipped);
+        if self.corners.len() > first { (Outcome::Drawn, clipped) } else { (self.end(reason), clipped) }
+    }
+
+    #[inline(never)]
+    fn line(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: [u32; 2],
+        flat: u32,
+        front: bool,
+        polygon: &mut Polygon,
+        pairs: &mut Vec<(u32, u32)>,
+    ) -> (Outcome, bool) {
+        let (frame, vertices) = (input.frame, input.vertices);
+        let at = v.map(|v| v as usize);
+        let position = at.map(|v| vertices.clip[v]);
+        let mut clipped = frame.clip.line(&position, at.map(|v| vertices.codes[v]), polygon);
+        if vertices.distance_stride > 0 {
+            clipped = clip_distance::line(vertices, v, &position, clipped, polygon);
+        }
+        let (screen, corners) = match clipped {
+            Clipped::Rejected => return (self.end(Outcome::Frustum), false),
+            Clipped::Whole => (at.map(|v| vertices.screen[v]), [v[0], v[1], v[1]]),
+            Clipped::Cut => {
+                self.funnel.clipped += 1;
+                let made = self.make_vertices(input, [v[0], v[1], v[0]], polygon);
+                let screen = |i: usize| frame.screen.vertex(polygon.vertices()[i].position);
+                ([screen(0), screen(1)], [made, made + 1, made + 1])
+            }
+        };
+        let cut = clipped == Clipped::Cut;
+        match setup::line(&frame.setup, &screen, front) {
+            Ok(line) => {
+                self.put(input, number, line, Corners { vertices: corners, flat }, pairs);
+                (Outcome::Drawn, cut)
+            }
+            Err(reason) => (self.end(outcome_of(reason)), cut),
+        }
+    }
+
+    #[inline(never)]
+    fn point(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        v: u32,
+        flat: u32,
+        front: bool,
+        pairs: &mut Vec<(u32, u32)>,
+    ) -> (Outcome, bool) {
+        let (frame, vertices) = (input.frame, input.vertices);
+        let at = v as usize;
+        let n = vertices.distance_stride;
+        let outside = vertices.distances[at * n..(at + 1) * n].iter().any(|d| !(*d >= 0.0));
+        if outside || !frame.clip.point(vertices.codes[at]) {
+            return (self.end(Outcome::Frustum), false);
+        }
+        match setup::point(&frame.setup, &vertices.screen[at], front) {
+            Ok(point) => {
+                self.put(input, number, point, Corners { vertices: [v; 3], flat }, pairs);
+                (Outcome::Drawn, false)
+            }
+            Err(reason) => (self.end(outcome_of(reason)), false),
+        }
+    }
+
+    /// Counts a primitive that is not drawn.
+    #[inline(always)]
+    fn end(&mut self, outcome: Outcome) -> Outcome {
+        match outcome {
+            Outcome::Degenerate => self.funnel.culled_degenerate += 1,
+            Outcome::Backface => self.funnel.culled_backface += 1,
+            Outcome::Frustum => self.funnel.culled_frustum += 1,
+            Outcome::Scissor => self.funnel.culled_scissor += 1,
+            Outcome::NoSample => self.funnel.culled_no_sample += 1,
+            Outcome::Drawn => {}
+        }
+        outcome
+    }
+}
+
+fn outcome_of(reason: Culled) -> Outcome {
+    match reason {
+        Culled::Degenerate => Outcome::Degenerate,
+        Culled::Face => Outcome::Backface,
+        Culled::NoSample => Outcome::NoSample,
+        Culled::Scissor => Outcome::Scissor,
+    }
+}
+
+/// The outcome that is further down the pipeline.
+fn further(a: Outcome, b: Outcome) -> Outcome {
+    let depth = |o: Outcome| match o {
+        Outcome::Degenerate => 0,
+        Outcome::Frustum => 1,
+        Outcome::Backface => 2,
+        Outcome::Scissor => 3,
+        Outcome::NoSample => 4,
+        Outcome::Drawn => 5,
+    };
+    if depth(a) >= depth(b) { a } else { b }
+}

@@ -1,0 +1,251 @@
+//! Recording: what a draw leaves for a machine to do.
+
+use gfx::traverse::Block;
+use shader::{Program, Recorder};
+use work::{self, AttributeFetch, CostId, Culling, End, Primitive, Segment, ShaderShape, Target, TileWork, Visit};
+
+use super::DrawCall;
+use super::batch::Batch;
+use super::frame::Frame;
+use super::needless::{self, Late};
+use super::plan::Piece;
+use super::stream::Stream;
+
+/// What is recorded of a tile.
+#[derive(Default)]
+pub struct TileRecord {
+    /// The tile's work.
+    pub work: TileWork,
+    /// Batch and number of each triangle that covers samples here, and the end of its blocks.
+    visits: Vec<(u32, u32, u32)>,
+}
+
+impl TileRecord {
+    /// Notes a block and its quads; returns the number of the first.
+    pub fn begin_block<const S: usize>(&mut self, block: &Block<S>, per_sample: bool) -> u32 {
+        let first = self.work.quads.len();
+        for (position, mask) in (0..16).map(|q| (q, block.quad_mask(q))).filter(|(_, mask)| *mask != 0) {
+            let mut quad = |coverage: u16| {
+                self.work.quads.push(work::Quad {
+                    coverage,
+                    kept: coverage,
+                    position: position as u8,
+                    flags: 0,
+                    cost: 0,
+                    payload: 0,
+                    first_request: 0,
+                });
+            };
+            if per_sample {
+                (0..S).map(|s| mask & 15 << (4 * s)).filter(|m| *m != 0).for_each(quad);
+            } else {
+                quad(mask);
+            }
+        }
+        self.work.blocks.push(work::Block {
+            first_quad: first as u32,
+            x: block.x / 8,
+            y: block.y / 8,
+            quads: (self.work.quads.len() - first) as u8,
+            full: block.full,
+        });
+        first as u32
+    }
+
+    /// Recorded quads of a block before its quad `q`, where the program runs once a sample.
+    pub fn samples_before<const S: usize>(block: &Block<S>, q: usize) -> u32 {
+        let samples = |q: usize| (0..S).filter(|s| block.quad_mask(q) >> (4 * s) & 15 != 0).count() as u32;
+        (0..q).map(samples).sum()
+    }
+
+    /// Ends the blocks of a triangle.
+    pub fn end_visit(&mut self, batch: u32, number: u32) {
+        self.visits.push((batch, number, self.work.blocks.len() as u32));
+    }
+
+    /// Notes what shading a quad came to.
+    pub fn shaded(&mut self, quad: u32, kept: u16, cost: CostId, first_request: u32) {
+        let quad = &mut self.work.quads[quad as usize];
+        quad.flags |= work::QUAD_SHADED;
+        (quad.kept, quad.cost, quad.first_request) = (kept, cost, first_request);
+    }
+
+    /// Takes costs and requests over.
+    pub fn finish(&mut self, recorder: &mut Recorder) {
+        (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
+        // Segments wait for the machine.
+        self.work.quads.shrink_to_fit();
+        self.work.blocks.shrink_to_fit();
+        self.work.payload.shrink_to_fit();
+    }
+}
+
+/// The state of a draw as a machine needs it.
+pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool, culling: Culling) -> work::Draw {
+    let pipeline = call.pipeline;
+    let shape = |program: &Program, inputs: usize| {
+        let interface = program.interface();
+        ShaderShape {
+            registers: interface.registers,
+            inputs: inputs as u32,
+            outputs: interface.outputs.iter().map(|slot| slot.components).sum(),
+        }
+    };
+    // Who takes the first for the position gets one that is read.
+    let attributes = pipeline.attributes.iter().chain(&pipeline.unread).map(|attribute| {
+        let address = call.vertex_buffers.get(attribute.buffer).and_then(Option::as_ref).map_or(0, |b| b.address);
+        AttributeFetch {
+            address: address + attribute.offset,
+            stride: attribute.stride,
+            step: attribute.step,
+            bytes: attribute.format.bytes(),
+        }
+    });
+    let vertex_inputs = pipeline.attributes.iter().map(|a| a.components).sum();
+    let mut targets: Vec<Option<Target>> = pipeline
+        .targets
+        .iter()
+        .map(|target| {
+            let none = |t: &super::super::pipeline::TargetOutput| Target {
+                blend: None,
+                write_mask: t.state.write_mask,
+                payload: None,
+                words: 0,
+                packed: false,
+                second: None,
+            };
+            target.as_ref().map(none)
+        })
+        .collect();
+    for target in &frame.targets {
+        let state = pipeline.targets[target.location].expect("a target of the pipeline").state;
+        targets[target.location] = Some(Target {
+            blend: state.blend.filter(|_| !target.packed),
+            write_mask: state.write_mask,
+            payload: Some(4 * target.payload as u8),
+            words: target.payload_words as u8,
+            packed: target.packed,
+            second: target.payload_second.map(|word| 4 * word as u8),
+        });
+    }
+    let viewport = call.viewport;
+    work::Draw {
+        number: call.number,
+        label: pipeline.label.clone(),
+        vertex: shape(pipeline.vertex(), vertex_inputs),
+        fragment: frame.fragment.map(|program| shape(program, pipeline.interpolated)),
+        attributes: attributes.collect(),
+        depth_stencil: pipeline.depth_stencil.filter(|_| has_depth),
+        stencil_reference: call.stencil_reference as u8,
+        targets,
+        blend_constant: call.blend_constant,
+        depth_words: 4 * frame.depth_payload as u8,
+        payload_words: 4 * frame.payload_words as u8,
+        early: frame.early,
+        // Only what is certain to fail is culled, so that stencil, which counts failures, must not be in use.
+        hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.uses_stencil() && d.reads_depth()),
+        depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
+        signature: call.signature,
+        culling,
+    }
+}
+
+/// Puts a segment together from its batches and tiles; `segment` holds the vertices already. The batches give their memory back.
+pub fn assemble(
+    call: &DrawCall<'_>,
+    pieces: &[Piece],
+    stream: &Stream,
+    batches: &mut [Batch],
+    tiles: Vec<(u32, u32, TileRecord)>,
+    mut segment: Segment,
+) -> Segment {
+    if let Some(index) = call.index {
+        let bytes = index.format.bytes();
+        segment.index_bytes = bytes;
+        let first = pieces.first().map_or(0, |p| p.start);
+        segment.index_address = Some(index.range.address + u64::from(bytes) * (u64::from(call.range.first) + u64::from(first)));
+    }
+    // A restart takes a place in the stream: where each piece's entries begin there.
+    let mut shifts = Vec::with_capacity(pieces.len());
+    segment.stream.reserve(stream.entries.len() + pieces.len());
+    for (i, piece) in pieces.iter().enumerate() {
+        if piece.restart && i > 0 {
+            segment.stream.push(u32::MAX);
+        }
+        shifts.push(segment.stream.len() as u32 - piece.stream);
+        segment.stream.extend_from_slice(&stream.entries[piece.stream as usize..][..piece.entries() as usize]);
+    }
+    let mut first_triangle = Vec::with_capacity(batches.len());
+    let (mut piece, mut late) = (0, Vec::new());
+    segment.primitives.reserve_exact(batches.iter().map(|b| b.ended.len()).sum());
+    segment.triangles.reserve_exact(batches.iter().map(|b| b.triangles.len()).sum());
+    for batch in batches {
+        let triangles = segment.triangles.len() as u32;
+        first_triangle.push(triangles);
+        for (number, ended) in (batch.first_primitive..).zip(&batch.ended) {
+            while pieces.get(piece + 1).is_some_and(|p| p.first_primitive <= number) {
+                piece += 1;
+            }
+            segment.primitives.push(Primitive {
+                vertices: ended.vertices,
+                stream_end: ended.stream_end + shifts[piece],
+                first_triangle: triangles + ended.first_triangle,
+                triangles: ended.triangles,
+                clipped: ended.clipped,
+                cut_away: false,
+                outcome: ended.outcome,
+            });
+        }
+        for (triangle, primitive) in batch.triangles.iter().zip(&batch.primitive) {
+            let b = triangle.bounds;
+            segment.triangles.push(work::Triangle {
+                primitive: batch.first_primitive + primitive,
+                depth: triangle.depth,
+                back: !triangle.front,
+                bounds: [b.x0 / 8, b.y0 / 8, b.x1.div_ceil(8), b.y1.div_ceil(8)],
+                first_visit: 0,
+                visits: 0,
+                end: End::Nowhere,
+            });
+        }
+        late.extend(batch.late.iter().map(|one| Late { primitive: batch.first_primitive + one.primitive, ..*one }));
+        batch.release();
+    }
+    // Visits by triangle, and in row-major order of tiles inside: counted, then filled in tile by tile.
+    let triangle_of = |batch: u32, number: u32| (first_triangle[batch as usize] + number) as usize;
+    for (_, _, tile) in &tiles {
+        for &(batch, number, _) in &tile.visits {
+            segment.triangles[triangle_of(batch, number)].visits += 1;
+        }
+    }
+    let mut visits = 0;
+    for triangle in &mut segment.triangles {
+        triangle.first_visit = visits;
+        visits += triangle.visits;
+        triangle.visits = 0;
+    }
+    segment.visits.resize(visits as usize, Visit { tile: 0, first_block: 0, blocks: 0 });
+    for (x, y, tile) in tiles {
+        let number = segment.tiles.len() as u32;
+        let mut first_block = 0;
+        for &(batch, triangle, end) in &tile.visits {
+            let triangle = &mut segment.triangles[triangle_of(batch, triangle)];
+            let at = (triangle.first_visit + triangle.visits) as usize;
+            segment.visits[at] = Visit { tile: number, first_block, blocks: end - first_block };
+            triangle.visits += 1;
+            first_block = end;
+        }
+        if !tile.visits.is_empty() {
+            segment.tiles.push(TileWork { x: x as u16, y: y as u16, ..tile.work });
+        }
+    }
+    // A primitive that was set up and covers nothing ended for that reason.
+    for primitive in &mut segment.primitives {
+        let triangles = &segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
+        if primitive.outcome == work::Outcome::Drawn && triangles.iter().all(|t| t.visits == 0) {
+            primitive.outcome = work::Outcome::NoSample;
+        }
+    }
+    needless::insert(&mut segment, &late, call.key.needless.no_sample);
+    segment
+}

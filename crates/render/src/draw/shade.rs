@@ -1,0 +1,372 @@
+//! Shading: up to 16 quads at a time, whatever triangles they belong to, from interpolation to the attachments.
+
+use gfx::interpolate::{self, Place, Weights};
+use gfx::rop;
+use num::{LANES, Lanes, QUADS};
+use shader::{Bound, BuiltIn, Interpolation, Sampling};
+
+use super::batch::MADE;
+use super::frame::{FragmentWeights, Frame};
+use super::pending::{Pending, lanes, pixels};
+use super::tile::TileRun;
+
+impl TileRun<'_, '_, '_> {
+    /// Shades what waits and writes it, with the host's widest vectors.
+    #[inline(never)]
+    pub fn flush<const S: usize, const RECORD: bool>(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+            fn wide<const S: usize, const RECORD: bool>(run: &mut TileRun<'_, '_, '_>) {
+                run.flush_here::<S, RECORD>();
+            }
+            if gfx::simd::has_avx2() {
+                // SAFETY: the host has every instruction set that the function is compiled for.
+                return unsafe { wide::<S, RECORD>(self) };
+            }
+        }
+        self.flush_here::<S, RECORD>();
+    }
+
+    #[inline(always)]
+    fn flush_here<const S: usize, const RECORD: bool>(&mut self) {
+        let n = self.pending.n;
+        if n == 0 || self.fault.is_some() {
+            self.pending.clear();
+            return;
+        }
+        let frame = self.frame;
+        let active = if frame.shade_covered { lanes(&self.pending.coverage[..n]) } else { self.pending.active };
+        let present = u64::MAX >> (64 - 4 * n);
+        self.counts.quads_shaded += n as u64;
+        self.counts.fragments_shaded += u64::from(active.count_ones());
+        self.counts.helper_fragments += u64::from((present & !active).count_ones());
+        self.interpolate::<S>();
+        let helpers = if frame.helpers { present & !active } else { 0 };
+        let Some(bound) = &mut self.bound else { return };
+        let outcome = if RECORD { bound.run_recorded(active, helpers, self.recorder) } else { bound.run(active, helpers) };
+        let survivors = match outcome {
+            Ok(outcome) => outcome.mask,
+            Err(fault) => {
+                self.fault = Some(fault);
+                self.pending.clear();
+                return;
+            }
+        };
+        let mut kept = self.pending.alive;
+        kept[n..].fill(0);
+        if frame.shrinks {
+            self.shrink::<S>(survivors, &mut kept);
+        }
+        if RECORD {
+            self.record_quads::<S>();
+        }
+        if !frame.early
+            && let Some(state) = &frame.depth
+        {
+            let before = kept;
+            let mut codes = [Lanes::ZERO; S];
+            self.late_depths::<S>(&mut codes);
+            if let Some(tile) = &mut self.job.depth {
+                tile.materialise(frame.depth_words);
+                state.test_batch(S, n, self.pending.back, &self.pending.at, &codes, tile.codes, &mut kept);
+            }
+            self.counts.fragments_late_failed += u64::from((lanes(&before) & !lanes(&kept)).count_ones());
+        }
+        let unchanged = frame.early && !frame.shrinks;
+        let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
+        self.counts.fragments_written += u64::from(written);
+        self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
+        self.write::<S>(n, &kept);
+        self.pending.clear();
+    }
+
+    /// Blends the outputs into the colour attachments.
+    #[inline(always)]
+    fn write<const S: usize>(&mut self, n: usize, kept: &[u16; QUADS]) {
+        let Some(bound) = &self.bound else { return };
+        for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
+            let Some(tile) = tile else { continue };
+            tile.materialise(target.words);
+            let color = colors(bound, target.output);
+            let at = &self.pending.at;
+            match target.second {
+                None => target.state.blend_batch(S, n, at, kept, color, color, tile.codes),
+                Some(second) => {
+                    let second = colors(bound, second);
+                    target.state.blend_batch(S, n, at, kept, color, second, tile.codes);
+                }
+            }
+        }
+    }
+
+    /// Discard, the program's sample mask and alpha to coverage.
+    fn shrink<const S: usize>(&mut self, survivors: u64, kept: &mut [u16; QUADS]) {
+        let frame = self.frame;
+        let Some(bound) = &self.bound else { return };
+        let mask = frame.mask_output.map(|slot| bound.output(slot, 0));
+        let alpha = frame.alpha_output.map(|slot| bound.output(slot, 3));
+        for q in 0..self.pending.n {
+            let before = kept[q];
+            let mut allowed = 0_u16;
+            for p in 0..4 {
+                let lane = 4 * q + p;
+                let mut samples = if survivors >> lane & 1 == 1 { (1_u32 << S) - 1 } else { 0 };
+                if let Some(mask) = mask {
+                    samples &= mask.0[lane];
+                }
+                if let Some(alpha) = alpha {
+                    samples &= rop::alpha_to_coverage(alpha.f32()[lane], S as u32);
+                }
+                for s in 0..S {
+                    allowed |= ((samples >> s & 1) as u16) << (4 * s + p);
+                }
+            }
+            kept[q] &= allowed;
+            self.counts.fragments_discarded += u64::from((pixels(before) & !pixels(kept[q])).count_ones());
+            self.pending.coverage[q] &= allowed;
+        }
+    }
+
+    /// Depth codes at each sample, from the program or the plane.
+    fn late_depths<const S: usize>(&mut self, codes: &mut [Lanes; S]) {
+        let frame = self.frame;
+        let (Some(state), Some(bound)) = (&frame.depth, &self.bound) else { return };
+        if let Some(slot) = frame.frag_depth {
+            let mut code = Lanes::ZERO;
+            state.codes(bound.output(slot, 0), &mut code);
+            *codes = [code; S];
+            return;
+        }
+        let sites = &self.pending.sites[..self.pending.n];
+        for (s, codes) in codes.iter_mut().enumerate() {
+            let place = if S == 1 { Place::Center } else { Place::Sample(s) };
+            let mut z = Lanes::ZERO;
+            interpolate::depth(&self.pending.triangles, sites, place, &mut z);
+            state.codes(&z, codes);
+        }
+    }
+
+    /// Writes the inputs of the fragment program.
+    #[inline(always)]
+    fn interpolate<const S: usize>(&mut self) {
+        let frame = self.frame;
+        let pending = &*self.pending;
+        let n = pending.n;
+        let sites = &pending.sites[..n];
+        let triangles = pending.triangles.as_slice();
+        let ends = &pending.ends[..pending.owners];
+        let Some(bound) = &mut self.bound else { return };
+        // Place of every lane for what is evaluated at samples, where the program runs once a sample.
+        let mut at_sample = [0_u8; LANES];
+        if S > 1 && frame.per_sample {
+            for lane in 0..LANES {
+                at_sample[lane] = pending.sample[lane / 4] + 1;
+            }
+        }
+        let FragmentWeights { weights, inv_w } = &mut *self.weights;
+        // Whether `inv_w` is that of the pixels' centres.
+        let mut has_inv_w = false;
+        for class in &frame.classes {
+            let flat = class.interpolation == Interpolation::Flat;
+            let mut centroid = [0; LANES];
+            let place = match class.sampling {
+                Sampling::Center => Place::Center,
+                Sampling::Sample => Place::PerLane(&at_sample),
+                Sampling::Centroid => {
+                    interpolate::centroids(&pending.coverage[..n], &mut centroid);
+                    Place::PerLane(&centroid)
+                }
+            };
+            if class.interpolation == Interpolation::Perspective {
+                has_inv_w = class.sampling == Sampling::Center;
+                interpolate::perspective(triangles, sites, place, weights, inv_w);
+            } else if !flat {
+                interpolate::linear(triangles, sites, place, weights);
+            }
+            let mut start = 0;
+            for (&(batch, number), &end) in pending.names.iter().zip(ends) {
+                let end = usize::from(end);
+                let batch = &self.input.batches[batch as usize];
+                let corners = batch.corners[number as usize];
+                // The varyings of a vertex.
+                let words = |v: u32| {
+                    let stride = self.input.vertices.varying_stride;
+                    let (from, v) = if v & MADE == 0 {
+                        (&self.input.vertices.varyings, v as usize)
+                    } else {
+                        (&batch.made, (v & !MADE) as usize)
+                    };
+                    &from[v * stride..(v + 1) * stride]
+                };
+                if flat {
+                    let words = words(corners.flat);
+                    for &(register, word) in &class.inputs {
+                        bound.register_mut(register).0[4 * start..4 * end].fill(words[word]);
+                    }
+                } else {
+                    let [a, b, c] = corners.vertices.map(words);
+                    for &(register, word) in &class.inputs {
+                        let values = [a[word], b[word], c[word]].map(f32::from_bits);
+                        interpolate::attribute_run(weights, start..end, values, bound.register_mut(register));
+                    }
+                }
+                start = end;
+            }
+        }
+        if !frame.fragment_builtins.is_empty() {
+            let place = if S > 1 && frame.per_sample { Place::PerLane(&at_sample) } else { Place::Center };
+            self.builtins::<S>(place, has_inv_w);
+        }
+    }
+
+    /// Writes the built-in inputs.
+    fn builtins<const S: usize>(&mut self, place: Place<'_>, has_inv_w: bool) {
+        let frame = self.frame;
+        let pending = &*self.pending;
+        let n = pending.n;
+        let sites = &pending.sites[..n];
+        let triangles = pending.triangles.as_slice();
+        let Some(bound) = &mut self.bound else { return };
+        for &(slot, builtin) in &frame.fragment_builtins {
+            match builtin {
+                BuiltIn::Position => {
+                    let (mut x, mut y) = (Lanes::ZERO, Lanes::ZERO);
+                    interpolate::window(sites, place, &mut x, &mut y);
+                    for (c, value) in [x, y].into_iter().enumerate() {
+                        if let Some(input) = bound.input_mut(slot, c) {
+                            *input = value;
+                        }
+                    }
+                    if let Some(input) = bound.input_mut(slot, 2) {
+                        interpolate::depth(triangles, sites, place, input);
+                    }
+                    if let Some(input) = bound.input_mut(slot, 3) {
+                        if has_inv_w && !frame.per_sample {
+                            *input = self.weights.inv_w;
+                        } else {
+                            interpolate::perspective(triangles, sites, place, &mut Weights::default(), input);
+                        }
+                    }
+                }
+                BuiltIn::Barycentric { perspective } => {
+                    let (mut weights, mut w) = (Weights::default(), Lanes::ZERO);
+                    if perspective {
+                        interpolate::perspective(triangles, sites, place, &mut weights, &mut w);
+                    } else {
+                        interpolate::linear(triangles, sites, place, &mut weights);
+                    }
+                    let (one, two) = (weights.one.f32(), weights.two.f32());
+                    let zero: [f32; LANES] = std::array::from_fn(|i| (1.0 - one[i]) - two[i]);
+                    for (c, value) in [&zero, one, two].into_iter().enumerate() {
+                        if let Some(input) = bound.input_mut(slot, c) {
+                            *input.f32_mut() = *value;
+                        }
+                    }
+                }
+                _ => {
+                    let Some(input) = bound.input_mut(slot, 0) else { continue };
+                    for q in 0..n {
+                        let site = &sites[q];
+                        let value = match builtin {
+                            BuiltIn::FrontFacing => u32::from(pending.back >> q & 1 == 0),
+                            BuiltIn::SampleIndex if S > 1 => u32::from(pending.sample[q]),
+                            BuiltIn::PrimitiveIndex => {
+                                let (batch, number) = pending.names[site.triangle as usize];
+                                let batch = &self.input.batches[batch as usize];
+                                let primitive = batch.first_primitive + batch.primitive[number as usize];
+                                let pieces = self.input.pieces;
+                                let after = pieces.partition_point(|p| p.first_primitive <= primitive);
+                                let piece = &pieces[after - 1];
+                                piece.first_index + (primitive - piece.first_primitive)
+                            }
+                            BuiltIn::SubgroupSize => LANES as u32,
+                            BuiltIn::PointCoord => 0.5_f32.to_bits(),
+                            _ => 0,
+                        };
+                        input.0[4 * q..4 * q + 4].fill(value);
+                    }
+                    match builtin {
+                        BuiltIn::SampleMask => {
+                            for lane in 0..4 * n {
+                                let coverage = u32::from(pending.coverage[lane / 4]) >> (lane % 4);
+                                input.0[lane] = (0..S).map(|s| (coverage >> (4 * s) & 1) << s).sum();
+                            }
+                        }
+                        BuiltIn::SubgroupInvocationId => input.0 = std::array::from_fn(|i| i as u32),
+                        _ => {}
+                    }
+                    if builtin == BuiltIn::PointCoord
+                        && let Some(input) = bound.input_mut(slot, 1)
+                    {
+                        *input = Lanes::splat_f32(0.5);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Fills in what the recorded quads cost, what is left of them, and their depths and colours.
+    fn record_quads<const S: usize>(&mut self) {
+        let Some(bound) = &self.bound else { return };
+        let pending = &*self.pending;
+        for q in 0..pending.n {
+            let cost = self.recorder.quads[q];
+            self.job.record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request);
+        }
+        payload::<S>(self.frame, bound, pending, &mut self.job.record);
+    }
+}
+
+/// Depths and colours of the batch's quads, as `work::Draw` describes them.
+fn payload<const S: usize>(frame: &Frame<'_>, bound: &Bound<'_>, pending: &Pending, record: &mut super::record::TileRecord) {
+    let size = 4 * frame.payload_words;
+    let first = record.work.payload.len();
+    record.work.payload.resize(first + size * pending.n, 0);
+    let out = &mut record.work.payload[first..];
+    for q in 0..pending.n {
+        record.work.quads[pending.record[q] as usize].payload = (first + q * size) as u32;
+    }
+    if let Some(slot) = frame.frag_depth {
+        let depth = &bound.output(slot, 0).0;
+        for q in 0..pending.n {
+            for s in 0..S {
+                out[q * size + 4 * s..][..4].copy_from_slice(&depth[4 * q..4 * q + 4]);
+            }
+        }
+    }
+    let mut put = |word: usize, values: &Lanes| {
+        for q in 0..pending.n {
+            out[q * size + 4 * word..][..4].copy_from_slice(&values.0[4 * q..4 * q + 4]);
+        }
+    };
+    for target in &frame.targets {
+        let color = colors(bound, target.output);
+        if target.packed {
+            let mut packed = [Lanes::ZERO; 4];
+            target.state.pack_batch(color, &mut packed);
+            (0..target.payload_words).for_each(|w| put(target.payload + w, &packed[w]));
+        } else {
+            (0..4).for_each(|w| put(target.payload + w, color[w]));
+        }
+        if let (Some(second), Some(word)) = (target.second, target.payload_second) {
+            let color = colors(bound, second);
+            (0..4).for_each(|w| put(word + w, color[w]));
+        }
+    }
+}
+
+/// Zeros and ones for what a program does not write.
+static ZERO: Lanes = Lanes::ZERO;
+static ONE: Lanes = Lanes([0x3f80_0000; LANES]);
+
+/// A colour output; components that the program does not write are 0, alpha is 1.
+#[inline(always)]
+fn colors<'a>(bound: &'a Bound<'_>, (slot, components): (usize, usize)) -> [&'a Lanes; 4] {
+    let one = |c: usize| match c {
+        c if c < components => bound.output(slot, c),
+        3 => &ONE,
+        _ => &ZERO,
+    };
+    [one(0), one(1), one(2), one(3)]
+}

@@ -1,0 +1,107 @@
+//! Limits of work: exactly as much is allowed, one more is refused, and the words do not depend on the number of threads.
+
+use super::*;
+use num::{Limit, Meter};
+
+/// Many triangles over many tiles, with a loop in either stage; `turns` in the vertex stage.
+fn busy() -> Scene {
+    let mut vertices = Vec::new();
+    for i in 0..1500 {
+        let (x, y) = (-1.0 + 0.02 * (i % 100) as f32, -1.0 + 0.12 * (i / 100) as f32);
+        for (dx, dy) in [(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)] {
+            vertices.push([x + dx, y + dy, 0.5, 1.0, 1.0, 0.5, 0.25, 1.0]);
+        }
+    }
+    let mut scene = Scene::new(vertices);
+    scene.extent = (260, 140);
+    scene.source = "
+        struct V { @builtin(position) p: vec4<f32>, @location(0) c: vec4<f32> }
+        @vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> V {
+            var v = V(p, c);
+            for (var i = 0; i < i32(20.0 * c.y); i++) { v.c.x *= 0.99; }
+            return v;
+        }
+        @fragment fn fs(v: V) -> @location(0) vec4<f32> {
+            var c = v.c;
+            var i = 0.0;
+            loop { c.y += 0.001; i += 1.0; if (i >= 40.0 * v.c.y) { break; } }
+            return c;
+        }"
+    .into();
+    scene
+}
+
+fn drawn(scene: &Scene, how: How) -> Result<(), String> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(how.threads).build().expect("threads");
+    pool.install(|| scene.draw_here(how)).map(drop)
+}
+
+/// Draws with one limit at what is needed, and at one less.
+fn at_the_edge(name: &str, limit: fn(&mut Limits) -> &mut Limit, needed: fn(&Ledger) -> &Meter, record: bool) {
+    let mut scene = busy();
+    let how = How { record, ..USUAL };
+    let image = scene.draw_as(how);
+    let needed = needed(&image.ledger).spent();
+    assert!(needed > 0, "{name}");
+    for threads in [1, 2, 8] {
+        let how = How { threads, ..how };
+        let again = scene.draw_as(how);
+        assert_eq!(again.ledger.meters().map(Meter::spent), image.ledger.meters().map(Meter::spent), "{threads} threads");
+    }
+    let mut refused = Vec::new();
+    for threads in [1, 2, 8] {
+        let how = How { threads, ..how };
+        *limit(&mut scene.limits) = limit(&mut scene.limits).with(needed);
+        assert_eq!(drawn(&scene, how), Ok(()), "{name}, {threads} threads");
+        for less in [needed - 1, needed / 3] {
+            *limit(&mut scene.limits) = limit(&mut scene.limits).with(less);
+            refused.push((less, drawn(&scene, how).expect_err(name)));
+        }
+    }
+    for (less, text) in &refused {
+        assert!(
+            text.contains(&format!("the limit; --limit {name}=N")) || text.contains(&format!("limit of {less};")),
+            "{text}"
+        );
+        assert!(refused.iter().all(|(other, same)| other != less || same == text), "{refused:?}");
+    }
+}
+
+#[test]
+fn steps_are_counted_whoever_takes_them() {
+    for record in [false, true] {
+        at_the_edge("work.shader_steps", |limits| &mut limits.work_steps, |ledger| &ledger.steps, record);
+    }
+}
+
+#[test]
+fn quads_are_counted_whoever_draws_them() {
+    for record in [false, true] {
+        at_the_edge("work.quads", |limits| &mut limits.work_quads, |ledger| &ledger.quads, record);
+    }
+}
+
+#[test]
+fn an_overrun_comes_before_a_loop_that_does_not_end() {
+    let mut scene = busy();
+    scene.source = scene.source.replace("i >= 40.0 * v.c.y", "i < 0.0 && v.c.y > 0.0");
+    let text = drawn(&scene, USUAL).expect_err("no end");
+    assert!(text.contains("without an end") && text.contains("work.loop_turns"), "{text}");
+    scene.limits.work_steps = scene.limits.work_steps.with(3 << 20);
+    for threads in [1, 2, 8] {
+        let text = drawn(&scene, How { threads, ..USUAL }).expect_err("no end");
+        let wanted = "shader `scene`, entry point `fs`: more than 3145728 shader steps, the limit; --limit work.shader_steps=N allows more";
+        assert_eq!(text, wanted, "{threads} threads");
+    }
+}
+
+#[test]
+fn recorded_work_is_refused_before_it_fills_the_memory() {
+    let mut scene = busy();
+    scene.limits.memory_bytes = scene.limits.memory_bytes.with(1 << 20);
+    for threads in [1, 2, 8] {
+        assert_eq!(drawn(&scene, How { threads, ..USUAL }), Ok(()));
+        let text = drawn(&scene, How { threads, record: true, ..USUAL }).expect_err("more than a megabyte");
+        assert!(text.contains("--limit memory.bytes=N allows more"), "{text}");
+    }
+}

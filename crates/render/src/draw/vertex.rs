@@ -1,0 +1,231 @@
+//! Vertex shading: 64 vertices at a time, each once a segment.
+
+use rayon::prelude::*;
+
+use gfx::clip::Outcode;
+use gfx::setup::ScreenVertex;
+use gfx::simd::wide;
+use gfx::state::StepMode;
+use num::{LANES, Lanes, Mask, Meter};
+use shader::{BuiltIn, Executor, Recorder, ShaderFault};
+
+use super::frame::{Frame, Workers};
+use super::stream::Stream;
+
+/// Batches that one task shades.
+const BATCHES: usize = 16;
+
+/// Vertices that one task shades.
+const TASK: usize = BATCHES * LANES;
+
+/// Shaded vertices of a segment; memory is kept from one to the next.
+#[derive(Default)]
+pub struct Vertices {
+    /// Which planes each is outside of.
+    pub codes: Vec<Outcode>,
+    /// Window positions.
+    pub screen: Vec<ScreenVertex>,
+    /// Clip positions.
+    pub clip: Vec<[f32; 4]>,
+    /// Varyings, `varying_stride` words a vertex.
+    pub varyings: Vec<u32>,
+    /// Clip distances, `distance_stride` a vertex.
+    pub distances: Vec<f32>,
+    /// Words of a vertex in `varyings`.
+    pub varying_stride: usize,
+    /// Numbers of a vertex in `distances`.
+    pub distance_stride: usize,
+}
+
+/// The part of [`Vertices`] that one task writes.
+struct Task<'a> {
+    codes: &'a mut [Outcode],
+    screen: &'a mut [ScreenVertex],
+    clip: &'a mut [[f32; 4]],
+    varyings: &'a mut [u32],
+    distances: &'a mut [f32],
+}
+
+impl Vertices {
+    /// Shades the vertices of a stream. With `record`, costs and requests are recorded, in order of the vertices.
+    ///
+    /// # Errors
+    /// If the shader does not end.
+    pub fn shade(
+        &mut self,
+        frame: &Frame<'_>,
+        workers: &Workers,
+        stream: &Stream,
+        record: Option<(&mut work::Segment, &Meter)>,
+    ) -> Result<u64, ShaderFault> {
+        self.varying_stride = frame.pipeline.varying_words;
+        self.distance_stride = frame.pipeline.clip_distances.map_or(0, |(_, n)| n);
+        let room = stream.vertices.next_multiple_of(TASK);
+        self.codes.resize(room, 0);
+        self.screen.resize(room, ScreenVertex::default());
+        self.clip.resize(room, [0.0; 4]);
+        // Chunks must not be empty: one word where there is nothing.
+        let (vs, ds) = (self.varying_stride.max(1), self.distance_stride.max(1));
+        self.varyings.resize(room * vs, 0);
+        self.distances.resize(room * ds, 0.0);
+        let tasks = self
+            .codes
+            .par_chunks_mut(TASK)
+            .zip(self.screen.par_chunks_mut(TASK))
+            .zip(self.clip.par_chunks_mut(TASK))
+            .zip(self.varyings.par_chunks_mut(TASK * vs))
+            .zip(self.distances.par_chunks_mut(TASK * ds))
+            .map(|((((codes, screen), clip), varyings), distances)| Task { codes, screen, clip, varyings, distances })
+            .enumerate();
+        if let Some((segment, growth)) = record {
+            // One recorder in one thread, so that costs are numbered in order.
+            let mut recorder = Recorder::with(frame.extra);
+            let tasks: Vec<_> = tasks.collect();
+            let mut shaded = 0;
+            // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.
+            let alone = !frame.pipeline.vertex().interface().bindings.is_empty();
+            for (number, mut task) in tasks {
+                let start = number * TASK;
+                let mut record = Some((&mut recorder, &mut *segment, growth));
+                shaded += workers.with(|w| match alone {
+                    true => shade_task::<4>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
+                    false => shade_task::<1>(frame, &mut w.vertex, stream, start, &mut task, &mut record),
+                })?;
+            }
+            growth.add(recorder.take_bytes());
+            (segment.costs, segment.requests, segment.lines) = recorder.take();
+            return Ok(shaded);
+        }
+        let one = |(number, mut task): (usize, Task<'_>)| {
+            workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
+        };
+        if frame.vertex_in_order || room == TASK {
+            let tasks: Vec<_> = tasks.collect();
+            return tasks.into_iter().map(one).sum();
+        }
+        tasks.map(one).collect::<Vec<_>>().into_iter().sum()
+    }
+}
+
+/// Shades the vertices of a task, `LANES / SPREAD` at a time: vertex `i` of a batch is lane `SPREAD * i`.
+fn shade_task<const SPREAD: usize>(
+    frame: &Frame<'_>,
+    executor: &mut Executor,
+    stream: &Stream,
+    start: usize,
+    task: &mut Task<'_>,
+    record: &mut Option<(&mut Recorder, &mut work::Segment, &Meter)>,
+) -> Result<u64, ShaderFault> {
+    let pipeline = frame.pipeline;
+    let program = pipeline.vertex();
+    if frame.ledger.steps.verify().is_err() {
+        return Ok(0);
+    }
+    let growth = record.as_ref().map(|(.., growth)| *growth);
+    let bound = executor.bind(program, &frame.vertex_resources, &frame.vertex_uniforms);
+    let mut bound = bound.within(&frame.ledger.steps, growth);
+    let (mut index, mut instance) = ([0; LANES], [0; LANES]);
+    let mut fetched = [Lanes::ZERO; 4];
+    let mut shaded = 0;
+    let step = LANES / SPREAD;
+    for first in (start..stream.vertices.min(start + TASK)).step_by(step) {
+        let mut mask: Mask = stream.used(first);
+        stream.identify(first, &mut index[..step], &mut instance[..step]);
+        if SPREAD > 1 {
+            mask = (0..step).fold(0, |wide, i| wide | (mask >> i & 1) << (SPREAD * i));
+            for i in (0..LANES).rev() {
+                (index[i], instance[i]) = (index[i / SPREAD], instance[i / SPREAD]);
+            }
+        }
+        if mask == 0 {
+            continue;
+        }
+        shaded += u64::from(mask.count_ones());
+        for (attribute, source) in pipeline.attributes.iter().zip(&frame.attribute_sources) {
+            let by = match attribute.step {
+                StepMode::Vertex => &index,
+                StepMode::Instance => &instance,
+            };
+            source.fetch(attribute.format, attribute.offset, by, LANES, &mut fetched);
+            for c in 0..attribute.components {
+                if let Some(input) = bound.input_mut(attribute.input, c) {
+                    *input = fetched[c];
+                }
+            }
+        }
+        for &(slot, builtin) in &frame.vertex_builtins {
+            let Some(input) = bound.input_mut(slot, 0) else { continue };
+            match builtin {
+                BuiltIn::VertexIndex => input.0 = index,
+                BuiltIn::InstanceIndex => input.0 = instance,
+                BuiltIn::BaseVertex => *input = Lanes::splat(frame.base_vertex),
+                BuiltIn::BaseInstance => *input = Lanes::splat(frame.first_instance),
+                BuiltIn::DrawIndex => *input = Lanes::splat(frame.draw_index),
+                BuiltIn::SubgroupSize => *input = Lanes::splat(LANES as u32),
+                BuiltIn::SubgroupInvocationId => input.0 = std::array::from_fn(|i| i as u32),
+                _ => {}
+            }
+        }
+        match record {
+            None => drop(bound.run(mask, 0)?),
+            Some((recorder, segment, _)) => {
+                bound.run_recorded(mask, 0, recorder)?;
+                for i in (0..LANES).filter(|i| mask >> i & 1 == 1) {
+                    let quad = recorder.quads[i / 4];
+                    segment.vertices.push(work::Vertex {
+                        index: index[i],
+                        instance: instance[i],
+                        cost: quad.cost,
+                        first_request: quad.first_request,
+                    });
+                }
+            }
+        }
+        let at = first - start;
+        let position: [&Lanes; 4] = std::array::from_fn(|c| bound.output(pipeline.position, c));
+        place(frame, position, SPREAD, at, task);
+        let stride = pipeline.varying_words;
+        for varying in &pipeline.varyings {
+            for c in 0..varying.components {
+                let value = bound.output(varying.output, c).0.iter().step_by(SPREAD);
+                let words = &mut task.varyings[at * stride + varying.word + c..];
+                for (word, value) in words.iter_mut().step_by(stride).zip(value) {
+                    *word = *value;
+                }
+            }
+        }
+        if let Some((slot, n)) = pipeline.clip_distances {
+            for c in 0..n {
+                let value = bound.output(slot, c).f32();
+                for i in 0..step {
+                    task.distances[(at + i) * n + c] = value[SPREAD * i];
+                }
+            }
+        }
+    }
+    Ok(shaded)
+}
+
+wide! {
+    /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: the task's from `at` on.
+    fn place(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) = place_here;
+}
+
+#[inline(always)]
+fn place_here(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) {
+    let mut codes = [0; LANES];
+    let mut screen = [ScreenVertex::default(); LANES];
+    frame.clip.outcodes(position, &mut codes);
+    frame.screen.vertices(position, &mut screen);
+    let [x, y, z, w] = position.map(Lanes::f32);
+    let here = at..at + LANES / spread;
+    for (to, code) in task.codes[here.clone()].iter_mut().zip(codes.iter().step_by(spread)) {
+        *to = *code;
+    }
+    for (to, vertex) in task.screen[here.clone()].iter_mut().zip(screen.iter().step_by(spread)) {
+        *to = *vertex;
+    }
+    for (to, lane) in task.clip[here].iter_mut().zip((0..LANES).step_by(spread)) {
+        *to = [x[lane], y[lane], z[lane], w[lane]];
+    }
+}

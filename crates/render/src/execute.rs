@@ -1,0 +1,439 @@
+//! Runs a trace's commands in order.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+
+use num::*;
+use trace::check::Checker;
+use trace::command::*;
+use trace::{Trace, TraceError};
+use work::{EndFrame, Event, RenderKey, Surface, SurfaceKey};
+
+use super::compute::ActiveCompute;
+use super::draw::{Boxes, DrawError, Skips};
+use super::ledger::{Claim, Held, Ledger, Watch};
+use super::memory::AddressSpace;
+use super::objects::is_about_objects;
+use super::pass::ActivePass;
+use super::resources::*;
+
+/// Some of a trace's frames, in ranges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameSet(Vec<Range<u32>>);
+
+impl FrameSet {
+    /// Whether a frame is among them.
+    pub fn contains(&self, frame: u32) -> bool {
+        self.0.iter().any(|range| range.contains(&frame))
+    }
+
+    /// The number behind the last.
+    pub fn end(&self) -> u32 {
+        self.0.iter().map(|range| range.end).max().unwrap_or(0)
+    }
+
+    /// The first of them from a number on.
+    pub fn next(&self, from: u32) -> Option<u32> {
+        self.0.iter().filter(|range| range.end > from.max(range.start)).map(|range| range.start.max(from)).min()
+    }
+
+    /// How many there are, of ranges that do not overlap.
+    pub fn count(&self) -> u64 {
+        self.0.iter().map(|range| range.len() as u64).sum()
+    }
+}
+
+impl From<Range<u32>> for FrameSet {
+    fn from(range: Range<u32>) -> FrameSet {
+        FrameSet(std::iter::once(range).collect())
+    }
+}
+
+impl FromIterator<Range<u32>> for FrameSet {
+    fn from_iter<I: IntoIterator<Item = Range<u32>>>(ranges: I) -> FrameSet {
+        FrameSet(ranges.into_iter().collect())
+    }
+}
+
+/// How a trace is rendered.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What the recorded work depends on.
+    pub key: RenderKey,
+    /// Whether work is recorded; if not, segments carry their funnels only.
+    pub record: bool,
+    /// Frames whose events are handed on; the others are rendered for what they leave behind.
+    pub frames: FrameSet,
+    /// Shortcuts that leave the image as it is.
+    pub skips: Skips,
+    /// What the receiver keeps of the events.
+    pub held: Held,
+    /// Is told that the rendering begins.
+    pub watch: Option<Arc<Watch>>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            key: RenderKey::default(),
+            record: false,
+            frames: (0..u32::MAX).into(),
+            skips: Skips::default(),
+            held: Held::default(),
+            watch: None,
+        }
+    }
+}
+
+/// The receiver has had enough: rendering stops without an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stop;
+
+/// Takes events in order.
+pub type Sink<'s> = dyn FnMut(Event) -> Result<(), Stop> + 's;
+
+/// Why a command could not be run.
+pub(super) enum Fault {
+    /// What is wrong.
+    Reason(String),
+    /// A blob or text of the trace could not be read; the error names it.
+    Trace(TraceError),
+    /// The receiver stopped.
+    Stop,
+}
+
+impl From<String> for Fault {
+    fn from(reason: String) -> Fault {
+        Fault::Reason(reason)
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(reason: &str) -> Fault {
+        Fault::Reason(reason.into())
+    }
+}
+
+impl From<TraceError> for Fault {
+    fn from(error: TraceError) -> Fault {
+        Fault::Trace(error)
+    }
+}
+
+impl From<DrawError> for Fault {
+    fn from(error: DrawError) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
+impl From<LimitExceeded> for Fault {
+    fn from(error: LimitExceeded) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
+impl From<NoMemory> for Fault {
+    fn from(error: NoMemory) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
+impl From<LimitOverrun> for Fault {
+    fn from(error: LimitOverrun) -> Fault {
+        Fault::Reason(error.to_string())
+    }
+}
+
+impl From<Stop> for Fault {
+    fn from(_: Stop) -> Fault {
+        Fault::Stop
+    }
+}
+
+/// What a render came to.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Frames in the trace.
+    pub frames: u32,
+    /// Commands run.
+    pub commands: u64,
+    /// Fragments whose colours were not computed ([`Skips::overwritten`]).
+    pub overwritten: u64,
+    /// What was done, and what was alive.
+    pub ledger: Arc<Ledger>,
+}
+
+/// Bytes that a frame's statistics take until they are written, about.
+const FRAME: u64 = 16 << 10;
+
+/// Renders a trace and hands its work on.
+///
+/// # Errors
+/// If the trace cannot be read, or a command cannot be run; the error names the command.
+pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<Summary, TraceError> {
+    let ledger = Arc::new(Ledger::new(trace.limits()));
+    if let Some(watch) = &options.watch {
+        watch.begin(&ledger);
+    }
+    let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
+    let mut checker = Checker::new(trace);
+    let mut commands = 0;
+    let mut result = trace.for_each_command(|index, command| {
+        commands = index;
+        ledger.begin(index, command.name())?;
+        checker.command(index, command)?;
+        renderer.run(command)
+    });
+    if result.is_ok() {
+        result = checker.finish().map_err(Fault::Trace).and_then(|_| renderer.finish());
+    }
+    match result {
+        Ok(()) | Err(Fault::Stop) => {
+            let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
+            Ok(Summary { frames, commands: commands + 1, overwritten: renderer.overwritten, ledger })
+        }
+        Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
+        Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
+        Err(Fault::Trace(error)) => Err(error),
+    }
+}
+
+/// What is running between a begin and an end.
+enum Scope {
+    Outside,
+    Render(Box<ActivePass>),
+    Compute(Box<ActiveCompute>),
+    Bundle(BundleId, Vec<Command>, Claim),
+}
+
+/// A trace in execution.
+pub(super) struct Renderer<'t, 's> {
+    pub(super) trace: &'t Trace,
+    pub(super) options: Options,
+    pub(super) res: Resources,
+    pub(super) addresses: AddressSpace,
+    sink: &'s mut Sink<'s>,
+    scope: Scope,
+    /// Number of the current frame.
+    pub(super) frame: u32,
+    /// The trace had no present, so that its end was the end of frame 0.
+    implicit_frame: bool,
+    pub(super) passes: u32,
+    pub(super) draws: u32,
+    /// Fragments whose colours were not computed.
+    pub(super) overwritten: u64,
+    /// Render pipelines created.
+    pub(super) pipelines: u64,
+    pub(super) dispatches: u32,
+    /// Commands that count as moments of time, for time stamps.
+    pub(super) moment: u64,
+    /// What the last texture-to-buffer copy read.
+    pub(super) copied: Option<(TextureId, u32, u32)>,
+    /// The last colour target written.
+    pub(super) drawn: Option<(TextureId, u32, u32)>,
+    /// What tests of bounds know of buffers.
+    pub(super) boxes: Arc<Mutex<Boxes>>,
+    /// Work, and memory of all that is alive.
+    pub(super) ledger: Arc<Ledger>,
+    /// Memory of the pieces of work that the receiver may still have, the oldest first.
+    pieces: VecDeque<Claim>,
+    /// Memory of the images that the receiver keeps.
+    images: BTreeMap<SurfaceKey, (u64, Claim)>,
+    /// Memory of frames that have ended.
+    frames: Option<Claim>,
+    /// The image that was shown last, by the address of its texture, and the version of the contents.
+    shown: Option<(u64, SurfaceKey, u64, Arc<[u8]>)>,
+}
+
+impl<'t, 's> Renderer<'t, 's> {
+    fn new<'a: 's>(trace: &'t Trace, options: Options, ledger: Arc<Ledger>, sink: &'s mut Sink<'a>) -> Renderer<'t, 's> {
+        Renderer {
+            trace,
+            options,
+            res: Resources::new(ledger.clone()),
+            addresses: AddressSpace::new(),
+            sink,
+            scope: Scope::Outside,
+            frame: 0,
+            implicit_frame: false,
+            passes: 0,
+            draws: 0,
+            overwritten: 0,
+            pipelines: 0,
+            dispatches: 0,
+            moment: 0,
+            copied: None,
+            drawn: None,
+            boxes: Arc::default(),
+            ledger,
+            pieces: VecDeque::new(),
+            images: BTreeMap::new(),
+            frames: None,
+            shown: None,
+        }
+    }
+
+    /// Whether the current frame's events are handed on.
+    pub(super) fn in_range(&self) -> bool {
+        self.options.frames.contains(self.frame)
+    }
+
+    /// Whether work is recorded now.
+    pub(super) fn recording(&self) -> bool {
+        self.options.record && self.in_range()
+    }
+
+    /// Hands an event on, if the frame is wanted.
+    pub(super) fn emit(&mut self, event: Event) -> Result<(), Fault> {
+        if !self.in_range() {
+            return Ok(());
+        }
+        let piece = match &event {
+            Event::Segment(segment) if self.options.record => segment.bytes(),
+            Event::Groups(groups) => groups.bytes(),
+            Event::Contents(contents) => contents.bytes.len() as u64,
+            _ => 0,
+        };
+        if piece > 0 {
+            if self.pieces.len() as u64 >= self.options.held.pieces {
+                self.pieces.pop_front();
+            }
+            self.pieces.push_back(self.ledger.claim("recorded work", piece)?);
+        }
+        Ok((self.sink)(event)?)
+    }
+
+    /// Claims the images that the receiver keeps of an attachment; it keeps them to the end.
+    pub(super) fn claim_images(&mut self, surface: &Surface) -> Result<(), Fault> {
+        let (texels, copies) = (u64::from(surface.width) * u64::from(surface.height), self.options.held.images);
+        // Words of 4 bytes a sample, at least.
+        let words = u64::from(surface.samples) * u64::from(surface.format.block_bytes().div_ceil(4));
+        let bytes = texels.saturating_mul(4 * words).saturating_mul(copies);
+        if bytes == 0 || self.images.get(&surface.key).is_some_and(|(claimed, _)| *claimed == bytes) {
+            return Ok(());
+        }
+        self.images.remove(&surface.key);
+        let claim = self.ledger.claim("the machine's images of an attachment", bytes)?;
+        self.images.insert(surface.key, (bytes, claim));
+        Ok(())
+    }
+
+    fn run(&mut self, command: &Command) -> Result<(), Fault> {
+        if is_about_objects(command) {
+            return self.objects(command);
+        }
+        match std::mem::replace(&mut self.scope, Scope::Outside) {
+            Scope::Outside => self.outside(command),
+            Scope::Render(mut pass) => {
+                if matches!(command, Command::EndRenderPass) {
+                    return pass.end(self);
+                }
+                let result = pass.run(self, command);
+                self.scope = Scope::Render(pass);
+                result
+            }
+            Scope::Compute(mut pass) => {
+                if matches!(command, Command::EndComputePass) {
+                    return pass.end(self);
+                }
+                let result = pass.run(self, command);
+                self.scope = Scope::Compute(pass);
+                result
+            }
+            Scope::Bundle(id, mut commands, mut claim) => {
+                if matches!(command, Command::EndBundle) {
+                    return Ok(self.res.bundles.add(id.0, Arc::new(commands), claim)?);
+                }
+                claim.grow("a bundle", 2 * size_of::<Command>() as u64 + payload(command))?;
+                commands.push(command.clone());
+                self.scope = Scope::Bundle(id, commands, claim);
+                Ok(())
+            }
+        }
+    }
+
+    fn outside(&mut self, command: &Command) -> Result<(), Fault> {
+        self.moment += 1;
+        match command {
+            Command::BeginBundle { id } => self.scope = Scope::Bundle(*id, Vec::new(), self.claim("a bundle", 0)?),
+            Command::BeginRenderPass { color, depth, occlusion, timestamps, label } => {
+                let label = label.clone().unwrap_or_default();
+                let pass = ActivePass::begin(self, color, depth.as_ref(), *occlusion, timestamps.clone(), label)?;
+                self.scope = Scope::Render(Box::new(pass));
+            }
+            Command::BeginComputePass { timestamps, .. } => {
+                let pass = ActiveCompute::begin(self, timestamps.clone())?;
+                self.scope = Scope::Compute(Box::new(pass));
+            }
+            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            command => self.transfer(command)?,
+        }
+        Ok(())
+    }
+
+    /// Time stamps count commands: no clock is known here, and a trace's results must not depend on the machine.
+    pub(super) fn write_timestamp(&mut self, set: QuerySetId, index: u32) -> Result<(), Fault> {
+        let moment = self.moment;
+        self.res.query_sets.get_mut(set.0)?.slot(index)?[0] = moment;
+        Ok(())
+    }
+
+    pub(super) fn end_frame(&mut self, shown: Option<(TextureId, u32, u32)>) -> Result<(), Fault> {
+        if !self.in_range() {
+            return Ok(());
+        }
+        let frames = self.frames.take();
+        let mut frames = frames.map_or_else(|| self.ledger.claim("the statistics of frames", 0), Ok)?;
+        frames.grow("the statistics of a frame", FRAME)?;
+        let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false };
+        if let Some((id, level, layer)) = shown {
+            let texture = self.res.flushed(id)?;
+            let surface: Surface = texture.surface(id, level, layer);
+            let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));
+            end.drawn = texture.images.get(&(level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
+            end.shown = Some(surface);
+            self.ledger.bytes.charge(bytes)?;
+            match &self.shown {
+                // What is shown again as it was is one picture.
+                Some((at, key, known, bytes)) if (*at, *key, *known) == (address, surface.key, version) => {
+                    end.reference = bytes.clone();
+                }
+                _ => {
+                    self.shown = None;
+                    match self.options.held.pictures {
+                        true => frames.grow("the picture of a frame", bytes)?,
+                        false => self.ledger.passing("the picture of a frame", bytes)?,
+                    }
+                    end.reference = self.res.textures.get(id.0)?.image_bytes(level, layer);
+                    self.shown = Some((address, surface.key, version, end.reference.clone()));
+                }
+            }
+        }
+        self.frames = Some(frames);
+        self.emit(Event::EndFrame(end))
+    }
+
+    fn finish(&mut self) -> Result<(), Fault> {
+        if !matches!(self.scope, Scope::Outside) {
+            return Err("the trace ends inside a pass or bundle".into());
+        }
+        if self.frame == 0 {
+            self.implicit_frame = true;
+            let exists = |shown: &(TextureId, u32, u32)| self.res.textures.get(shown.0.0).is_ok();
+            let shown = self.copied.filter(exists).or(self.drawn.filter(exists));
+            self.end_frame(shown)?;
+        }
+        Ok(())
+    }
+}
+
+/// Bytes that a command of a bundle has beside itself.
+fn payload(command: &Command) -> u64 {
+    (match command {
+        Command::SetBindGroup { offsets, .. } => size_of_val(&**offsets),
+        Command::SetImmediates { words, .. } => size_of_val(&**words),
+        Command::PushDebugGroup(text) | Command::InsertDebugMarker(text) => text.len(),
+        _ => 0,
+    }) as u64
+}

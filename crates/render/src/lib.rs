@@ -1,0 +1,25 @@
+//! Floor 3: executes a trace functionally, in API order, in parallel over screen tiles; it knows no cycle.
+//!
+//! [`render`] runs the commands and hands on [`Event`](work::Event)s: the work of each draw, in API order, and each frame's
+//! image.
+
+mod bind;
+mod compute;
+mod copy;
+mod execute;
+mod ledger;
+mod memory;
+mod objects;
+mod pass;
+mod resources;
+mod state;
+mod transfer;
+
+pub mod draw;
+pub mod pipeline;
+pub mod surface;
+
+pub use draw::Skips;
+pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
+pub use ledger::{Held, Ledger, Watch};
+pub use shader::is_guarded;

@@ -1,0 +1,101 @@
+//! Addresses in the card's memory.
+
+use gfx::image::ImageDesc;
+use gfx::tiling::{BlockLayout, Tiled};
+use work::LINE;
+
+/// Bytes of addresses: work names memory by lines of 64 bytes in 32 bits, and copies of surfaces lie behind.
+const ADDRESSES: u64 = LINE << 32;
+
+/// Gives out addresses in order of creation. Nothing is given back: an address names one object for the whole trace, so that no
+/// cache of a machine can mistake one for another.
+#[derive(Debug)]
+pub struct AddressSpace {
+    next: u64,
+}
+
+/// Alignment of buffers in bytes, at least what any binding offset may need.
+const BUFFER_ALIGN: u64 = 256;
+
+/// Alignment of textures in bytes: a DRAM row of common parts, and a multiple of every block of texels.
+const TEXTURE_ALIGN: u64 = 4096;
+
+impl AddressSpace {
+    /// An empty space. Address 0 is left out, so that it can mean nothing.
+    pub fn new() -> AddressSpace {
+        AddressSpace { next: TEXTURE_ALIGN }
+    }
+
+    /// An address for a buffer of so many bytes.
+    ///
+    /// # Errors
+    /// If there are not so many left.
+    pub fn buffer(&mut self, bytes: u64) -> Result<u64, String> {
+        self.take(bytes, BUFFER_ALIGN)
+    }
+
+    /// An address for a texture: room for its tiled form, in which each image is padded to whole blocks.
+    ///
+    /// # Errors
+    /// If there are not so many left.
+    pub fn texture(&mut self, bytes: u64) -> Result<u64, String> {
+        self.take(bytes, TEXTURE_ALIGN)
+    }
+
+    fn take(&mut self, bytes: u64, align: u64) -> Result<u64, String> {
+        let at = self.next.next_multiple_of(align);
+        match at.checked_add(bytes.max(1)) {
+            Some(end) if end <= ADDRESSES => {
+                self.next = end;
+                Ok(at)
+            }
+            _ => Err(format!(
+                "{bytes} bytes of addresses where {at} are given out: a card has {ADDRESSES}, and those of what is destroyed are not given \
+                 out again; replay fewer frames, or a trace that creates less"
+            )),
+        }
+    }
+}
+
+/// First byte of one image of a texture, seen as a render target, from the texture's address: images in order of level and
+/// layer, each in blocks of 8x8 pixels.
+pub fn target_offset(image: &ImageDesc, level: u32, layer: u32) -> u64 {
+    let image_bytes = |level: u32| {
+        let [width, height, _] = image.level_size(level);
+        BlockLayout::new(width, height, image.samples, image.format).bytes()
+    };
+    let before: u64 = (0..level).map(|l| image_bytes(l) * u64::from(image.level_size(l)[2])).sum();
+    before + u64::from(layer) * if level < image.levels { image_bytes(level) } else { 0 }
+}
+
+/// Bytes that a texture takes in the card's memory: room for its layout as a sampled texture and as a render target.
+pub fn texture_bytes(image: &ImageDesc) -> u64 {
+    Tiled::new(image).bytes().max(target_offset(image, image.levels, 0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_aligned_and_apart() {
+        let mut space = AddressSpace::new();
+        let a = space.buffer(10).unwrap();
+        let b = space.buffer(0).unwrap();
+        let t = space.texture(5000).unwrap();
+        let u = space.texture(1).unwrap();
+        assert!(a >= TEXTURE_ALIGN && a.is_multiple_of(BUFFER_ALIGN));
+        assert!(b >= a + 10 && t >= b && t.is_multiple_of(TEXTURE_ALIGN));
+        assert_eq!(u, t + 8192);
+    }
+
+    #[test]
+    fn addresses_end_where_lines_would_begin_anew() {
+        let mut space = AddressSpace::new();
+        let first = space.buffer(ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN).unwrap();
+        assert_eq!(space.buffer(BUFFER_ALIGN), Ok(first + ADDRESSES - TEXTURE_ALIGN - BUFFER_ALIGN));
+        let refused = space.buffer(1).unwrap_err();
+        assert!(refused.starts_with("1 bytes of addresses where 274877906944 are given out"), "{refused}");
+        assert!(space.texture(u64::MAX).is_err());
+    }
+}

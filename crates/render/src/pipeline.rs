@@ -1,0 +1,406 @@
+//! A render pipeline made ready: programs, how their values are connected, and what its state allows.
+
+use gfx::format::{Format, TexelKind};
+use gfx::state::{
+    BlendFactor, ColorTarget, DepthStencil, Primitive, StencilFace, StencilOp, StepMode, VertexAttribute, VertexBufferLayout,
+    VertexFormat,
+};
+use gfx::vertex::{ComponentKind, component_kind};
+use host::one_line;
+use shader::{self, BuiltIn, Connection, Interface, Interpolation, Module, Program, Sampling, Scalar, Slot};
+use trace::command::{BindingKind, LayoutEntry, RenderPipelineDesc};
+use work::Needless;
+
+/// A vertex attribute that the vertex stage reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Attribute {
+    /// Vertex buffer slot.
+    pub buffer: usize,
+    /// Format in memory.
+    pub format: VertexFormat,
+    /// Bytes from the start of the vertex.
+    pub offset: u64,
+    /// Bytes from one vertex to the next.
+    pub stride: u64,
+    /// What advances it.
+    pub step: StepMode,
+    /// Input slot of the vertex program.
+    pub input: usize,
+    /// Components that the program reads.
+    pub components: usize,
+}
+
+/// A value that goes from the vertex to the fragment stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Varying {
+    /// Output slot of the vertex program.
+    pub output: usize,
+    /// Input slot of the fragment program.
+    pub input: usize,
+    /// First word in a vertex's record.
+    pub word: usize,
+    /// Words.
+    pub components: usize,
+    /// How it is interpolated.
+    pub interpolation: Interpolation,
+    /// Where it is interpolated.
+    pub sampling: Sampling,
+}
+
+/// What a colour target receives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TargetOutput {
+    /// The target's state.
+    pub state: ColorTarget,
+    /// Output slot of the fragment program; none: nothing is written.
+    pub output: Option<usize>,
+    /// Its components.
+    pub components: usize,
+    /// Output slot of the second source and its components.
+    pub second: Option<(usize, usize)>,
+}
+
+/// A render pipeline.
+#[derive(Debug)]
+pub struct RenderPipeline {
+    pub(super) label: String,
+    /// Number among all pipelines that the trace creates: no other has it, whatever its id.
+    pub(super) number: u64,
+    /// Vertex program, then the fragment program if there is one.
+    programs: Vec<Program>,
+    pub(super) attributes: Vec<Attribute>,
+    /// Other attributes of its vertex buffers, of which no components are read; none where they are not asked for.
+    pub(super) unread: Vec<Attribute>,
+    pub(super) varyings: Vec<Varying>,
+    /// Words of a vertex's varyings.
+    pub(super) varying_words: usize,
+    /// Words that are interpolated, those that nobody reads included where they are asked for.
+    pub(super) interpolated: usize,
+    /// Output slot of the position.
+    pub(super) position: usize,
+    /// Output slot and number of clip distances.
+    pub(super) clip_distances: Option<(usize, usize)>,
+    pub(super) targets: Vec<Option<TargetOutput>>,
+    pub(super) primitive: Primitive,
+    pub(super) depth_stencil: Option<DepthStencil>,
+    pub(super) samples: u32,
+    pub(super) sample_mask: u32,
+    pub(super) alpha_to_coverage: bool,
+    /// Depth and stencil may be tested (and written) before shading.
+    pub(super) early: bool,
+}
+
+impl RenderPipeline {
+    /// Compiles and connects the stages of a description; of what nobody reads, with what is `needless`.
+    ///
+    /// # Errors
+    /// If a stage does not compile or the parts do not fit each other; the message names what.
+    pub fn new(
+        desc: &RenderPipelineDesc,
+        vertex: &Module,
+        fragment: Option<&Module>,
+        needless: Needless,
+        label: &str,
+    ) -> Result<Self, String> {
+        let fail = |message: String| {
+            if label.is_empty() {
+                format!("render pipeline: {message}")
+            } else {
+                format!("render pipeline `{}`: {message}", one_line(label))
+            }
+        };
+        Self::build(desc, vertex, fragment, needless, label).map_err(fail)
+    }
+
+    fn build(
+        desc: &RenderPipelineDesc,
+        vertex: &Module,
+        fragment: Option<&Module>,
+        needless: Needless,
+        label: &str,
+    ) -> Result<Self, String> {
+        let compile = |module: &Module, kind: shader::Stage, stage: &trace::command::Stage, outputs: Option<&[u32]>| {
+            let options = shader::Options { constants: &stage.constants, outputs, ..Default::default() };
+            shader::compile(module, kind, stage.entry.as_deref(), &options).map_err(|e| e.to_string())
+        };
+        // What nobody stores or reads is not computed: so the fragment stage comes first.
+        let written = |(location, target): (usize, &Option<ColorTarget>)| {
+            let coverage = location == 0 && desc.multisample.alpha_to_coverage;
+            target.filter(|t| t.write_mask & 15 != 0 || coverage).map(|_| location as u32)
+        };
+        let stored: Vec<u32> = desc.targets.iter().enumerate().filter_map(written).collect();
+        let fragment = match &desc.fragment {
+            Some(stage) => {
+                let module = fragment.ok_or("the fragment stage's module is missing")?;
+                Some(compile(module, shader::Stage::Fragment, stage, Some(&stored))?)
+            }
+            None => None,
+        };
+        let inputs = fragment.iter().flat_map(|f| &f.interface().inputs);
+        let read: Vec<u32> = inputs.filter(|slot| slot.used).filter_map(Slot::location).collect();
+        let mut programs = vec![compile(vertex, shader::Stage::Vertex, &desc.vertex, (!needless.varyings).then_some(&read))?];
+        programs.extend(fragment);
+        let vertex = programs[0].interface();
+        let fragment = programs.get(1).map(Program::interface);
+        let position = vertex.output(BuiltIn::Position).ok_or("the vertex stage writes no position")?;
+        let clip_distances = vertex.output(BuiltIn::ClipDistances).map(|slot| (slot, vertex.outputs[slot].components as usize));
+        let attributes = attributes(desc, vertex)?;
+        let unread = if needless.attributes { unread(desc, &attributes) } else { Vec::new() };
+        let (varyings, varying_words) = match fragment {
+            Some(fragment) => connect(vertex, fragment)?,
+            None => (Vec::new(), 0),
+        };
+        let written = vertex.outputs.iter().filter(|slot| slot.location().is_some()).map(|slot| slot.components as usize).sum();
+        let interpolated = if needless.varyings { written } else { varying_words };
+        if !matches!(desc.multisample.count, 1 | 4) {
+            return Err(format!("{} samples a pixel; 1 and 4 are possible", desc.multisample.count));
+        }
+        let targets = targets(desc, fragment)?;
+        if let Some(state) = &desc.depth_stencil
+            && !state.format.is_depth_stencil()
+        {
+            return Err(format!("{} is no depth or stencil format", state.format.name()));
+        }
+        let early = early(desc, fragment);
+        Ok(RenderPipeline {
+            label: label.to_owned(),
+            number: 0,
+            attributes,
+            unread,
+            varyings,
+            varying_words,
+            interpolated,
+            position,
+            clip_distances,
+            targets,
+            primitive: desc.primitive,
+            depth_stencil: desc.depth_stencil,
+            samples: desc.multisample.count,
+            sample_mask: desc.multisample.mask,
+            alpha_to_coverage: desc.multisample.alpha_to_coverage && desc.multisample.count > 1,
+            early,
+            programs,
+        })
+    }
+
+    /// The compiled stages: vertex, then fragment if there is one.
+    pub fn programs(&self) -> &[Program] {
+        &self.programs
+    }
+
+    /// The vertex program.
+    pub fn vertex(&self) -> &Program {
+        &self.programs[0]
+    }
+
+    /// The fragment program.
+    pub fn fragment(&self) -> Option<&Program> {
+        self.programs.get(1)
+    }
+
+    /// Whether a stage writes memory.
+    pub fn has_side_effects(&self) -> bool {
+        self.programs.iter().any(|p| p.interface().side_effects)
+    }
+
+    /// The bind group layout that the shaders imply.
+    pub fn derived_layout(&self, group: u32) -> Vec<LayoutEntry> {
+        derived_layout(&self.programs, group)
+    }
+}
+
+/// The entries of a group that programs ask for, in order of binding.
+pub fn derived_layout(programs: &[Program], group: u32) -> Vec<LayoutEntry> {
+    let mut entries: Vec<LayoutEntry> = Vec::new();
+    for binding in programs.iter().flat_map(|p| &p.interface().bindings).filter(|b| b.group == group) {
+        let kind = match binding.kind {
+            shader::BindingKind::Uniform { .. } => BindingKind::Uniform { dynamic_offset: false },
+            shader::BindingKind::Storage { writable, .. } => {
+                BindingKind::Storage { read_only: !writable, dynamic_offset: false }
+            }
+            shader::BindingKind::Texture { .. } => BindingKind::Texture,
+            shader::BindingKind::StorageTexture { .. } => BindingKind::StorageTexture,
+            shader::BindingKind::Sampler { .. } => BindingKind::Sampler,
+        };
+        match entries.iter_mut().find(|e| e.binding == binding.binding) {
+            // A buffer that one stage writes is writable.
+            Some(entry) => {
+                if let (BindingKind::Storage { read_only: old, .. }, BindingKind::Storage { read_only: false, .. }) =
+                    (&mut entry.kind, kind)
+                {
+                    *old = false;
+                }
+            }
+            None => entries.push(LayoutEntry { binding: binding.binding, kind, count: binding.count }),
+        }
+    }
+    entries.sort_by_key(|e| e.binding);
+    entries
+}
+
+/// The attributes that the vertex stage reads.
+fn attributes(desc: &RenderPipelineDesc, vertex: &Interface) -> Result<Vec<Attribute>, String> {
+    let mut out = Vec::new();
+    for (input, slot) in vertex.inputs.iter().enumerate() {
+        let Some(location) = slot.location() else { continue };
+        let mut found = desc.buffers.iter().enumerate().filter_map(|(buffer, layout)| {
+            let layout = layout.as_ref()?;
+            let attribute = layout.attributes.iter().find(|a| a.location == location)?;
+            Some((buffer, layout, attribute))
+        });
+        let (buffer, layout, attribute) = found
+            .next()
+            .ok_or_else(|| format!("no vertex buffer gives @location({location}), which the vertex stage reads"))?;
+        let kind = match component_kind(attribute.format) {
+            ComponentKind::Float => Scalar::Float,
+            ComponentKind::Uint => Scalar::Uint,
+            ComponentKind::Sint => Scalar::Sint,
+        };
+        if kind != slot.scalar {
+            return Err(format!(
+                "@location({location}) is {} in the vertex buffer and {:?} in the vertex stage",
+                attribute.format.name(),
+                slot.scalar
+            ));
+        }
+        if slot.used {
+            out.push(Attribute {
+                buffer,
+                format: attribute.format,
+                offset: attribute.offset,
+                stride: layout.stride,
+                step: layout.step,
+                input,
+                components: slot.components as usize,
+            });
+        }
+    }
+    Ok(out)
+}
+
+/// The attributes of the vertex buffers that are not among those read.
+fn unread(desc: &RenderPipelineDesc, read: &[Attribute]) -> Vec<Attribute> {
+    let of_buffer = |(buffer, layout): (usize, &Option<VertexBufferLayout>)| {
+        let all = layout.iter().flat_map(|layout| layout.attributes.iter().map(move |attribute| (layout, attribute)));
+        let attribute = |(layout, attribute): (&VertexBufferLayout, &VertexAttribute)| Attribute {
+            buffer,
+            format: attribute.format,
+            offset: attribute.offset,
+            stride: layout.stride,
+            step: layout.step,
+            input: usize::MAX,
+            components: 0,
+        };
+        all.map(attribute).collect::<Vec<_>>()
+    };
+    let place = |a: &Attribute| (a.buffer, a.offset, a.format);
+    let others = desc.buffers.iter().enumerate().flat_map(of_buffer);
+    others.filter(|one| read.iter().all(|known| place(known) != place(one))).collect()
+}
+
+/// Matches what the fragment stage reads with what the vertex stage writes.
+fn connect(vertex: &Interface, fragment: &Interface) -> Result<(Vec<Varying>, usize), String> {
+    let (mut varyings, mut words) = (Vec::new(), 0);
+    for (input, slot) in fragment.inputs.iter().enumerate() {
+        let &Slot { connection: Connection::Location { location, interpolation, sampling, .. }, components, scalar, used } =
+            slot
+        else {
+            continue;
+        };
+        // What the fragment program does not read, the vertex program was compiled without.
+        if !used {
+            continue;
+        }
+        let output = vertex
+            .output_location(location)
+            .ok_or_else(|| format!("the fragment stage reads @location({location}), which the vertex stage does not write"))?;
+        let from = &vertex.outputs[output];
+        if from.scalar != scalar || from.components < components {
+            return Err(format!(
+                "@location({location}) is {:?} x {} in the vertex stage and {scalar:?} x {components} in the fragment stage",
+                from.scalar, from.components
+            ));
+        }
+        let components = components as usize;
+        varyings.push(Varying { output, input, word: words, components, interpolation, sampling });
+        words += components;
+    }
+    Ok((varyings, words))
+}
+
+/// Checks the fragment outputs against the targets.
+fn targets(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> Result<Vec<Option<TargetOutput>>, String> {
+    let mut out = Vec::new();
+    for (location, target) in desc.targets.iter().enumerate() {
+        let Some(state) = *target else {
+            out.push(None);
+            continue;
+        };
+        let format = state.format;
+        if format.is_depth_stencil() || format.is_compressed() || matches!(format, Format::Rgb9e5Ufloat) {
+            return Err(format!("target {location}: {} cannot be rendered to", format.name()));
+        }
+        let find = |source: u32| {
+            let fragment = fragment?;
+            let at = fragment.outputs.iter().position(|slot| {
+                matches!(slot.connection, Connection::Location { location: l, blend_src, .. }
+                    if l == location as u32 && blend_src == source)
+            })?;
+            Some((at, fragment.outputs[at]))
+        };
+        let Some((output, slot)) = find(0) else {
+            if state.write_mask & 15 != 0 && fragment.is_some() {
+                return Err(format!("target {location} is written, and the fragment stage has no such output"));
+            }
+            out.push(Some(TargetOutput { state, output: None, components: 0, second: None }));
+            continue;
+        };
+        let expected = match format.kind() {
+            TexelKind::Uint => Scalar::Uint,
+            TexelKind::Sint => Scalar::Sint,
+            _ => Scalar::Float,
+        };
+        if slot.scalar != expected {
+            return Err(format!("target {location} is {} and the fragment stage writes {:?}", format.name(), slot.scalar));
+        }
+        let dual = state.blend.is_some_and(|b| {
+            [b.color.src, b.color.dst, b.alpha.src, b.alpha.dst].iter().any(|f| {
+                use BlendFactor::*;
+                matches!(f, Src1 | OneMinusSrc1 | Src1Alpha | OneMinusSrc1Alpha)
+            })
+        });
+        let second = find(1).map(|(at, slot)| (at, slot.components as usize));
+        if dual && second.is_none() {
+            return Err(format!("target {location} blends with a second source, and the fragment stage has none"));
+        }
+        out.push(Some(TargetOutput {
+            state,
+            output: Some(output),
+            components: slot.components as usize,
+            second: second.filter(|_| dual),
+        }));
+    }
+    Ok(out)
+}
+
+/// Whether a stencil face may change what is stored.
+fn writes(face: &StencilFace) -> bool {
+    [face.fail_op, face.depth_fail_op, face.pass_op].iter().any(|op| *op != StencilOp::Keep)
+}
+
+/// Whether testing and writing depth and stencil before shading gives what testing afterwards would.
+fn early(desc: &RenderPipelineDesc, fragment: Option<&Interface>) -> bool {
+    let Some(fragment) = fragment else { return true };
+    if fragment.force_early_depth {
+        return true;
+    }
+    let Some(state) = &desc.depth_stencil else { return true };
+    let stencil_writes = state.format.has_stencil()
+        && state.stencil_write_mask & 0xff != 0
+        && (writes(&state.stencil_front) || writes(&state.stencil_back));
+    let updates = state.depth_write && state.format.has_depth() || stencil_writes;
+    let shrinks =
+        fragment.discards || fragment.writes_sample_mask || desc.multisample.alpha_to_coverage && desc.multisample.count > 1;
+    // Side effects of fragments that fail the test count, and so do they when the test comes after.
+    !(fragment.writes_depth.is_some() || fragment.side_effects || updates && shrinks)
+}

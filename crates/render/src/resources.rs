@@ -1,0 +1,467 @@
+//! The objects of a trace while it runs.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use gfx::image::ImageDesc;
+use gfx::state::{TextureDimension, ViewDimension};
+use gfx::texture::{self, Sampler, ViewRange};
+use num::{BufferId, TextureId, Words};
+use shader::Module;
+use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
+use work::{Funnel, Surface, SurfaceKey};
+
+use super::compute::ComputePipeline;
+use super::ledger::{Claim, Ledger};
+use super::memory::target_offset;
+use super::pipeline::RenderPipeline;
+use super::surface::TileSurface;
+
+/// Objects of one kind by id.
+#[derive(Debug)]
+pub struct Table<T> {
+    kind: &'static str,
+    objects: BTreeMap<u32, (T, Claim)>,
+}
+
+impl<T> Table<T> {
+    /// An empty table; `kind` names its objects in errors.
+    pub fn new(kind: &'static str) -> Table<T> {
+        Table { kind, objects: BTreeMap::new() }
+    }
+
+    /// Adds an object, with its claim of memory.
+    ///
+    /// # Errors
+    /// If the id is taken.
+    pub fn add(&mut self, id: u32, object: T, claim: Claim) -> Result<(), String> {
+        match self.objects.insert(id, (object, claim)) {
+            None => Ok(()),
+            Some(_) => Err(format!("{} {id} is created twice", self.kind)),
+        }
+    }
+
+    /// The object of an id.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn get(&self, id: u32) -> Result<&T, String> {
+        self.objects.get(&id).map(|(object, _)| object).ok_or_else(|| self.missing(id))
+    }
+
+    /// The object of an id, to change.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn get_mut(&mut self, id: u32) -> Result<&mut T, String> {
+        let missing = self.missing(id);
+        self.objects.get_mut(&id).map(|(object, _)| object).ok_or(missing)
+    }
+
+    /// Takes an object out.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn remove(&mut self, id: u32) -> Result<T, String> {
+        let missing = self.missing(id);
+        self.objects.remove(&id).map(|(object, _)| object).ok_or(missing)
+    }
+
+    fn missing(&self, id: impl Display) -> String {
+        format!("{} {id} does not exist", self.kind)
+    }
+}
+
+/// A buffer.
+#[derive(Debug)]
+pub struct Buffer {
+    /// Its bytes.
+    pub words: Arc<Words>,
+    /// Where it is in the card's memory.
+    pub address: u64,
+    version: AtomicU64,
+}
+
+impl Buffer {
+    /// A buffer of these words, at this address.
+    pub fn new(words: Words, address: u64) -> Buffer {
+        Buffer { words: Arc::new(words), address, version: AtomicU64::new(0) }
+    }
+
+    /// Counts changes of the contents.
+    pub fn version(&self) -> u64 {
+        self.version.load(Relaxed)
+    }
+
+    /// Notes that the contents have changed, or may have.
+    pub fn changed(&self) {
+        self.version.fetch_add(1, Relaxed);
+    }
+
+    /// The byte range `offset .. offset + size`, size none meaning the rest.
+    ///
+    /// # Errors
+    /// If the range is not inside.
+    pub fn range(&self, id: BufferId, offset: u64, size: Option<u64>) -> Result<(u64, u64), String> {
+        let len = self.words.len();
+        let size = match size {
+            Some(size) => size,
+            None => len
+                .checked_sub(offset)
+                .ok_or_else(|| format!("offset {offset} is beyond the {len} bytes of buffer {}", id.0))?,
+        };
+        match offset.checked_add(size) {
+            Some(end) if end <= len => Ok((offset, size)),
+            _ => Err(format!("{size} bytes at offset {offset} are beyond the {len} bytes of buffer {}", id.0)),
+        }
+    }
+}
+
+/// State of one image (a layer or slice of a level) of a texture.
+#[derive(Debug, Default)]
+pub struct ImageState {
+    /// The newest contents, where a pass left them, if they are not in the words.
+    pub tiles: Option<TileSurface>,
+    /// Memory of the tiles, there or in the pass that draws in them.
+    pub working: Option<Claim>,
+    /// A machine that follows the event stream has these contents in its own frame buffers.
+    pub machine_knows: bool,
+    /// The last writer was a draw.
+    pub drawn: bool,
+}
+
+/// A texture.
+#[derive(Debug)]
+pub struct Texture {
+    /// Shape.
+    pub image: ImageDesc,
+    /// Its bytes; see [`Texture::flush`].
+    pub words: Arc<Words>,
+    /// Where it is in the card's memory.
+    pub address: u64,
+    /// Counts changes of the contents.
+    pub version: u64,
+    /// Images by (level, layer) that passes have touched.
+    pub images: BTreeMap<(u32, u32), ImageState>,
+}
+
+impl Texture {
+    /// Brings the words up to date with what passes have drawn; the bytes that are written.
+    fn flush(&mut self) -> u64 {
+        let image = self.image;
+        let mut written = 0;
+        for (&(level, layer), state) in &mut self.images {
+            if let Some(tiles) = state.tiles.take() {
+                tiles.store(&self.words, image.offset(level, layer));
+                written += tiles.shape().bytes();
+                state.working = None;
+            }
+        }
+        written
+    }
+
+    /// Notes that something other than a draw has written an image; the words must be flushed before.
+    pub fn overwritten(&mut self, level: u32, layer: u32) {
+        self.version += 1;
+        if let Some(state) = self.images.get_mut(&(level, layer)) {
+            debug_assert!(state.tiles.is_none(), "the newest contents were in tiles");
+            state.machine_knows = false;
+            state.drawn = false;
+        }
+    }
+
+    /// Notes that something other than a draw may have written any image.
+    pub fn overwritten_all(&mut self) {
+        let keys: Vec<_> = self.images.keys().copied().collect();
+        self.version += 1;
+        for (level, layer) in keys {
+            self.overwritten(level, layer);
+        }
+    }
+
+    /// One image as a surface.
+    pub fn surface(&self, id: TextureId, level: u32, layer: u32) -> Surface {
+        let [width, height, _] = self.image.level_size(level);
+        Surface {
+            key: SurfaceKey { texture: id.0, level, layer },
+            format: self.image.format,
+            width,
+            height,
+            samples: self.image.samples,
+            address: self.address + target_offset(&self.image, level, layer),
+        }
+    }
+
+    /// Bytes of one image; the words must be flushed before.
+    pub fn image_bytes(&self, level: u32, layer: u32) -> Arc<[u8]> {
+        let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
+        let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
+        self.words.read(self.image.offset(level, layer), unshared);
+        bytes
+    }
+}
+
+/// A view with every default filled in.
+#[derive(Debug)]
+pub struct View {
+    /// Of which texture.
+    pub texture: TextureId,
+    /// Which part, as what.
+    pub range: ViewRange,
+    /// Texels ready for sampling, and the version of the texture that they show.
+    prepared: Option<(u64, Arc<texture::View>, Claim)>,
+}
+
+impl View {
+    /// Resolves a description against its texture.
+    ///
+    /// # Errors
+    /// If it reaches outside the texture, or its format cannot be a view of the texture's.
+    pub fn new(texture: TextureId, image: &ImageDesc, desc: &ViewDesc) -> Result<View, String> {
+        let all_layers = if image.dimension == TextureDimension::D3 { 1 } else { image.size[2] };
+        let range = |what: &str, base: u32, count: Option<u32>, all: u32| {
+            let count = count.unwrap_or_else(|| all.saturating_sub(base));
+            match base.checked_add(count) {
+                Some(end) if end <= all && count > 0 => Ok(count),
+                _ => Err(format!("{what} {base}..+{count} are not inside the {all} of texture {}", texture.0)),
+            }
+        };
+        let levels = range("levels", desc.base_level, desc.levels, image.levels)?;
+        let layers = match (desc.layers, desc.dimension) {
+            (None, Some(ViewDimension::D1 | ViewDimension::D2 | ViewDimension::D3)) => Some(1),
+            (None, Some(ViewDimension::Cube)) => Some(6),
+            (layers, _) => layers,
+        };
+        let layers = range("layers", desc.base_layer, layers, all_layers)?;
+        let dimension = desc.dimension.unwrap_or(match image.dimension {
+            TextureDimension::D1 => ViewDimension::D1,
+            TextureDimension::D3 => ViewDimension::D3,
+            TextureDimension::D2 if layers == 1 && (desc.layers.is_some() || all_layers == 1) => ViewDimension::D2,
+            TextureDimension::D2 => ViewDimension::D2Array,
+        });
+        let fits = match dimension {
+            ViewDimension::D1 => image.dimension == TextureDimension::D1 && layers == 1,
+            ViewDimension::D2 => image.dimension == TextureDimension::D2 && layers == 1,
+            ViewDimension::D2Array => image.dimension == TextureDimension::D2,
+            ViewDimension::Cube => image.dimension == TextureDimension::D2 && layers == 6,
+            ViewDimension::CubeArray => image.dimension == TextureDimension::D2 && layers.is_multiple_of(6),
+            ViewDimension::D3 => image.dimension == TextureDimension::D3,
+        };
+        if !fits {
+            return Err(format!(
+                "a {dimension:?} view of {layers} layers does not fit texture {} ({:?})",
+                texture.0, image.dimension
+            ));
+        }
+        let format = desc.format.unwrap_or(image.format);
+        let compatible = format == image.format
+            || format.block_bytes() == image.format.block_bytes() && format.block_dim() == image.format.block_dim()
+            || image.format.is_depth_stencil();
+        if !compatible {
+            return Err(format!("a view as {} of texture {} in {}", format.name(), texture.0, image.format.name()));
+        }
+        // A view of one aspect is named by that aspect's format, but its texels are stored in the texture's.
+        let format = if image.format.is_depth_stencil() { image.format } else { format };
+        let range = ViewRange {
+            dimension,
+            format,
+            aspect: desc.aspect,
+            base_level: desc.base_level,
+            levels,
+            base_layer: desc.base_layer,
+            layers,
+        };
+        Ok(View { texture, range, prepared: None })
+    }
+}
+
+/// A bind group: its entries, sorted by binding, and which of them take dynamic offsets.
+#[derive(Debug)]
+pub struct BindGroup {
+    /// Entries in order of binding.
+    pub entries: Vec<BindGroupEntry>,
+    /// Bindings that take a dynamic offset, in order.
+    pub dynamic: Vec<u32>,
+}
+
+impl BindGroup {
+    /// Checks entries against a layout.
+    ///
+    /// # Errors
+    /// If a binding is not in the layout, given twice, or of the wrong kind. (One that is missing is an error of the draw that
+    /// needs it: a derived layout may name a binding that only dead code uses.)
+    pub fn new(layout: &[LayoutEntry], mut entries: Vec<BindGroupEntry>) -> Result<BindGroup, String> {
+        entries.sort_by_key(|entry| entry.binding);
+        for entry in &entries {
+            let slot = layout
+                .iter()
+                .find(|slot| slot.binding == entry.binding)
+                .ok_or_else(|| format!("the layout has no binding {}", entry.binding))?;
+            let fits = matches!(
+                (slot.kind, &entry.resource),
+                (
+                    BindingKind::Uniform { .. } | BindingKind::Storage { .. },
+                    BoundResource::Buffer { .. } | BoundResource::Buffers(_)
+                ) | (BindingKind::Texture | BindingKind::StorageTexture, BoundResource::View(_) | BoundResource::Views(_))
+                    | (BindingKind::Sampler, BoundResource::Sampler(_) | BoundResource::Samplers(_))
+            );
+            if !fits {
+                return Err(format!("binding {} is a {:?} in the layout, not {:?}", entry.binding, slot.kind, entry.resource));
+            }
+        }
+        if let Some(pair) = entries.windows(2).find(|pair| pair[0].binding == pair[1].binding) {
+            return Err(format!("binding {} is given twice", pair[0].binding));
+        }
+        let dynamic = |slot: &&LayoutEntry| {
+            matches!(
+                slot.kind,
+                BindingKind::Uniform { dynamic_offset: true } | BindingKind::Storage { dynamic_offset: true, .. }
+            )
+        };
+        let mut dynamic: Vec<u32> = layout.iter().filter(dynamic).map(|slot| slot.binding).collect();
+        dynamic.sort_unstable();
+        Ok(BindGroup { entries, dynamic })
+    }
+
+    /// What is bound.
+    pub fn find(&self, binding: u32) -> Option<&BoundResource> {
+        let at = self.entries.binary_search_by_key(&binding, |entry| entry.binding).ok()?;
+        Some(&self.entries[at].resource)
+    }
+}
+
+/// A query set.
+#[derive(Debug)]
+pub struct QuerySet {
+    /// What it counts.
+    pub kind: QueryKind,
+    /// Results; one a query, or one a counted statistic a query.
+    pub values: Vec<u64>,
+}
+
+impl QuerySet {
+    /// Values a query.
+    pub fn stride(&self) -> usize {
+        match self.kind {
+            QueryKind::Occlusion | QueryKind::Timestamp => 1,
+            QueryKind::PipelineStatistics(mask) => mask.count_ones() as usize,
+        }
+    }
+
+    /// The values of a query, to write.
+    ///
+    /// # Errors
+    /// If the set has no such query.
+    pub fn slot(&mut self, index: u32) -> Result<&mut [u64], String> {
+        let stride = self.stride();
+        let queries = self.values.len() / stride.max(1);
+        let at = index as usize * stride;
+        self.values.get_mut(at..at + stride).ok_or_else(|| format!("query {index} of a set of {queries}"))
+    }
+}
+
+impl QuerySet {
+    /// Writes the chosen statistics of a query in WebGPU-native order: vertex invocations, primitives into and out of the
+    /// clipper, fragment and compute invocations.
+    ///
+    /// # Errors
+    /// If the set is of another kind or has no such query.
+    pub fn write_statistics(&mut self, index: u32, funnel: &Funnel, compute: u64) -> Result<(), String> {
+        let QueryKind::PipelineStatistics(mask) = self.kind else {
+            return Err("a pipeline statistics query in a set of another kind".into());
+        };
+        // What is inside the view volume leaves the clipper, also where culling throws it away afterwards.
+        let clipped = funnel.primitives_in - funnel.culled_frustum;
+        let all = [funnel.vertices_shaded, funnel.primitives_in, clipped, funnel.fragments_shaded, compute];
+        let chosen = (0..all.len()).filter(|bit| mask >> bit & 1 != 0).map(|bit| all[bit]);
+        for (slot, value) in self.slot(index)?.iter_mut().zip(chosen) {
+            *slot = value;
+        }
+        Ok(())
+    }
+}
+
+/// A shader module and the bytes of its source.
+#[derive(Debug)]
+pub struct Shader {
+    /// The module.
+    pub module: Arc<Module>,
+    /// Bytes of its source.
+    pub bytes: u64,
+}
+
+/// All objects.
+#[allow(missing_docs, reason = "each field is the table of what it is named for")]
+pub struct Resources {
+    pub buffers: Table<Buffer>,
+    pub textures: Table<Texture>,
+    pub views: Table<View>,
+    pub samplers: Table<Arc<Sampler>>,
+    pub shaders: Table<Shader>,
+    pub bind_group_layouts: Table<Vec<LayoutEntry>>,
+    pub pipeline_layouts: Table<()>,
+    pub bind_groups: Table<BindGroup>,
+    pub render_pipelines: Table<Arc<RenderPipeline>>,
+    pub compute_pipelines: Table<Arc<ComputePipeline>>,
+    pub bundles: Table<Arc<Vec<Command>>>,
+    pub query_sets: Table<QuerySet>,
+    pub ledger: Arc<Ledger>,
+}
+
+impl Resources {
+    /// No objects.
+    pub fn new(ledger: Arc<Ledger>) -> Resources {
+        Resources {
+            buffers: Table::new("buffer"),
+            textures: Table::new("texture"),
+            views: Table::new("view"),
+            samplers: Table::new("sampler"),
+            shaders: Table::new("shader"),
+            bind_group_layouts: Table::new("bind group layout"),
+            pipeline_layouts: Table::new("pipeline layout"),
+            bind_groups: Table::new("bind group"),
+            render_pipelines: Table::new("render pipeline"),
+            compute_pipelines: Table::new("compute pipeline"),
+            bundles: Table::new("bundle"),
+            query_sets: Table::new("query set"),
+            ledger,
+        }
+    }
+
+    /// A texture whose words are up to date with what passes have drawn.
+    ///
+    /// # Errors
+    /// If it does not exist, or too much has been copied.
+    pub fn flushed(&mut self, id: TextureId) -> Result<&mut Texture, String> {
+        let texture = self.textures.get_mut(id.0)?;
+        let written = texture.flush();
+        self.ledger.bytes.charge(written).map_err(|error| error.to_string())?;
+        Ok(texture)
+    }
+
+    /// The newest contents of a view, ready for sampling; passes' results are flushed into the texture first.
+    ///
+    /// # Errors
+    /// If the view or its texture does not exist.
+    pub fn prepare_view(&mut self, id: u32) -> Result<Arc<texture::View>, String> {
+        let texture = self.views.get(id)?.texture;
+        self.flushed(texture)?;
+        let view = self.views.get_mut(id)?;
+        let texture = self.textures.get(texture.0)?;
+        if let Some((version, prepared, _)) = &view.prepared
+            && *version == texture.version
+        {
+            return Ok(prepared.clone());
+        }
+        view.prepared = None;
+        let bytes = texture::View::bytes(&texture.image, &view.range);
+        self.ledger.bytes.charge(bytes).map_err(|error| error.to_string())?;
+        let claim = self.ledger.claim("a view that is ready for sampling", bytes)?;
+        let made = texture::View::new(&texture.words, &texture.image, &view.range, texture.address);
+        let prepared = Arc::new(made.map_err(|error| error.to_string())?);
+        view.prepared = Some((texture.version, prepared.clone(), claim));
+        Ok(prepared)
+    }
+}

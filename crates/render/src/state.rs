@@ -1,0 +1,131 @@
+//! State that commands set inside passes and bundles.
+
+use gfx::state::{IndexFormat, Rect, Viewport};
+use num::{BindGroupId, BufferId};
+
+/// Bind groups a pipeline can use, at most (wgpu's native limit).
+pub const MAX_BIND_GROUPS: usize = 8;
+
+/// Vertex buffer slots, at most.
+pub const MAX_VERTEX_BUFFERS: usize = 32;
+
+/// Bytes of immediates, at most.
+pub const MAX_IMMEDIATES: usize = 4096;
+
+/// A bind group and its dynamic offsets.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BoundGroup {
+    /// The group.
+    pub group: BindGroupId,
+    /// One offset for each dynamic binding, in order of binding.
+    pub offsets: Vec<u32>,
+}
+
+/// A bound vertex buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VertexSlot {
+    /// The buffer.
+    pub buffer: BufferId,
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// A bound index buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IndexSlot {
+    /// The buffer.
+    pub buffer: BufferId,
+    /// Width of an index.
+    pub format: IndexFormat,
+    /// First byte.
+    pub offset: u64,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// What render and compute passes share.
+#[derive(Clone, Debug, Default)]
+pub struct Bindings {
+    /// Bind groups by index.
+    pub groups: [Option<BoundGroup>; MAX_BIND_GROUPS],
+    /// Immediate words.
+    pub immediates: Vec<u32>,
+}
+
+impl Bindings {
+    /// Sets or clears a group.
+    ///
+    /// # Errors
+    /// If the index is beyond [`MAX_BIND_GROUPS`].
+    pub fn set(&mut self, index: u32, group: Option<BindGroupId>, offsets: &[u32]) -> Result<(), String> {
+        let slot = self
+            .groups
+            .get_mut(index as usize)
+            .ok_or_else(|| format!("bind group index {index}, the limit is {MAX_BIND_GROUPS}"))?;
+        *slot = group.map(|group| BoundGroup { group, offsets: offsets.to_vec() });
+        Ok(())
+    }
+
+    /// Sets immediate words from a byte offset.
+    ///
+    /// # Errors
+    /// If the offset is not a multiple of 4 or the range exceeds [`MAX_IMMEDIATES`].
+    pub fn set_immediates(&mut self, offset: u32, words: &[u32]) -> Result<(), String> {
+        let first = offset as usize / 4;
+        if !offset.is_multiple_of(4) || (first + words.len()) * 4 > MAX_IMMEDIATES {
+            return Err(format!("{} words of immediates at byte {offset}: the limit is {MAX_IMMEDIATES} bytes", words.len()));
+        }
+        if self.immediates.len() < first + words.len() {
+            self.immediates.resize(first + words.len(), 0);
+        }
+        self.immediates[first..first + words.len()].copy_from_slice(words);
+        Ok(())
+    }
+}
+
+/// Dynamic state of a render pass.
+#[derive(Clone, Debug)]
+pub struct DrawState {
+    /// The pipeline.
+    pub pipeline: Option<u32>,
+    /// Bind groups and immediates.
+    pub bindings: Bindings,
+    /// Vertex buffers by slot.
+    pub vertex: Vec<Option<VertexSlot>>,
+    /// Index buffer.
+    pub index: Option<IndexSlot>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor rectangle.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend_constant: [f32; 4],
+    /// Stencil reference.
+    pub stencil_reference: u32,
+}
+
+impl DrawState {
+    /// The state at the beginning of a pass of this many pixels.
+    pub fn new(width: u32, height: u32) -> DrawState {
+        DrawState {
+            pipeline: None,
+            bindings: Bindings::default(),
+            vertex: Vec::new(),
+            index: None,
+            viewport: Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 },
+            scissor: Rect { x: 0, y: 0, width, height },
+            blend_constant: [0.0; 4],
+            stencil_reference: 0,
+        }
+    }
+
+    /// Forgets what a bundle sets: pipeline, bind groups, buffers.
+    pub fn reset_after_bundle(&mut self) {
+        self.pipeline = None;
+        self.bindings = Bindings::default();
+        self.vertex.clear();
+        self.index = None;
+    }
+}

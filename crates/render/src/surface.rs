@@ -1,0 +1,467 @@
+//! Working storage of an attachment: tiles of 64x64 pixels, each contiguous, so that tiles are handed to threads as disjoint slices.
+//!
+//! Inside a tile the order is the one in which draws touch it: 64 blocks of 8x8 pixels row by row, in a block 16 quads row by row,
+//! in a quad sample after sample, in a sample word after word, and last the four pixels. The codes of a quad are therefore one
+//! run of memory in the order of coverage bits (`4 sample + pixel`), and those of a block with one sample are a batch of 64 lanes.
+//! A texel of up to four bytes takes one word here, whatever its size in memory.
+
+use rayon::prelude::*;
+
+use gfx::format::Format;
+use gfx::rop;
+use num::Words;
+use work::{BLOCK, TILE};
+
+/// Blocks in a tile.
+pub const TILE_BLOCKS: usize = ((TILE / BLOCK) * (TILE / BLOCK)) as usize;
+
+/// Quads in a tile.
+pub const TILE_QUADS: usize = ((TILE / 2) * (TILE / 2)) as usize;
+
+/// Number of the quad that holds a pixel of a tile (`x`, `y` below 64), counted in storage order.
+#[inline(always)]
+pub fn quad_of(x: u32, y: u32) -> u32 {
+    let block = (y / BLOCK) * (TILE / BLOCK) + x / BLOCK;
+    block * 16 + (y % BLOCK / 2) * 4 + x % BLOCK / 2
+}
+
+/// The pixel at the top left of a quad of a tile.
+#[inline(always)]
+pub fn quad_origin(quad: u32) -> (u32, u32) {
+    let (block, in_block) = (quad / 16, quad % 16);
+    (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2)
+}
+
+/// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
+pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
+    let depth = match format {
+        Format::Depth16Unorm => 0xffff,
+        Format::Depth24Plus | Format::Depth24PlusStencil8 => 0x00ff_ffff,
+        Format::Depth32Float | Format::Depth32FloatStencil8 => u32::MAX,
+        _ => 0,
+    };
+    let stencil = match format {
+        Format::Stencil8 => [0xff, 0, 0, 0],
+        Format::Depth24PlusStencil8 => [0xff00_0000, 0, 0, 0],
+        Format::Depth32FloatStencil8 => [0, 0xff, 0, 0],
+        _ => [0; 4],
+    };
+    ([depth, 0, 0, 0], stencil)
+}
+
+/// Shape of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Format of the stored texels.
+    pub format: Format,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+}
+
+impl Shape {
+    /// Tiles across and down.
+    pub fn tiles(&self) -> [u32; 2] {
+        [self.width.div_ceil(TILE), self.height.div_ceil(TILE)]
+    }
+
+    /// Words of working storage a sample: 1, 2 or 4.
+    pub fn words(&self) -> usize {
+        (self.format.block_bytes() as usize).div_ceil(4)
+    }
+
+    /// Words of working storage a tile.
+    pub fn tile_words(&self) -> usize {
+        (TILE * TILE) as usize * self.samples as usize * self.words()
+    }
+
+    /// Bytes of working storage.
+    pub fn tiled_bytes(&self) -> u64 {
+        let [across, down] = self.tiles().map(u64::from);
+        4 * across * down * self.tile_words() as u64
+    }
+
+    /// Bytes of the linear image.
+    pub fn bytes(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height) * u64::from(self.samples) * u64::from(self.format.block_bytes())
+    }
+}
+
+/// One tile, to draw into.
+pub struct TileMut<'a> {
+    /// Its codes.
+    pub codes: &'a mut [u32],
+    /// Whether it still holds nothing but the clear value, not yet written to `codes`.
+    pub clear: &'a mut bool,
+    /// The clear value.
+    pub value: [u32; 4],
+}
+
+impl TileMut<'_> {
+    /// Writes the clear value if that is still to be done.
+    #[inline(always)]
+    pub fn materialise(&mut self, words: usize) {
+        if *self.clear {
+            fill(self.codes, words, self.value);
+            *self.clear = false;
+        }
+    }
+}
+
+fn fill(codes: &mut [u32], words: usize, value: [u32; 4]) {
+    match words {
+        1 => codes.fill(value[0]),
+        _ => {
+            for texels in codes.chunks_exact_mut(4 * words) {
+                for (w, run) in texels.chunks_exact_mut(4).enumerate() {
+                    run.fill(value[w]);
+                }
+            }
+        }
+    }
+}
+
+/// An attachment's working storage.
+#[derive(Clone, Debug)]
+pub struct TileSurface {
+    shape: Shape,
+    codes: Vec<u32>,
+    clear: Vec<bool>,
+    value: [u32; 4],
+}
+
+impl TileSurface {
+    /// Storage of all zeros (kept as a clear, so that this costs no pass over the memory).
+    pub fn new(shape: Shape) -> TileSurface {
+        let [tx, ty] = shape.tiles();
+        let tiles = (tx * ty) as usize;
+        let mut surface =
+            TileSurface { shape, codes: vec![0; tiles * shape.tile_words()], clear: vec![true; tiles], value: [0; 4] };
+        surface.clear([0; 4]);
+        surface
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Sets every texel to a stored texel's words (its bytes, little-endian).
+    pub fn clear(&mut self, value: [u32; 4]) {
+        self.value = value;
+        self.clear.fill(true);
+    }
+
+    /// Sets the bits of every texel that `mask` selects (an aspect: see [`aspect_masks`]) and keeps the others.
+    pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
+        let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
+        if self.clear.iter().all(|&c| c) {
+            self.clear(std::array::from_fn(|w| merge(self.value[w], w)));
+            return;
+        }
+        let words = self.shape.words();
+        self.par_tiles().for_each(|(_, mut tile)| {
+            tile.materialise(words);
+            for texels in tile.codes.chunks_exact_mut(4 * words) {
+                for (w, run) in texels.chunks_exact_mut(4).enumerate() {
+                    for code in run {
+                        *code = merge(*code, w);
+                    }
+                }
+            }
+        });
+    }
+
+    /// All tiles in row-major order, to hand to threads.
+    pub fn tiles_mut(&mut self) -> impl Iterator<Item = TileMut<'_>> {
+        let value = self.value;
+        self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| TileMut {
+            codes,
+            clear,
+            value,
+        })
+    }
+
+    /// One tile, to draw into.
+    pub fn tile_mut(&mut self, index: usize) -> TileMut<'_> {
+        let n = self.shape.tile_words();
+        TileMut { codes: &mut self.codes[index * n..(index + 1) * n], clear: &mut self.clear[index], value: self.value }
+    }
+
+    fn par_tiles(&mut self) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
+        let tiles: Vec<_> = self.tiles_mut().enumerate().collect();
+        tiles.into_par_iter()
+    }
+
+    /// Takes the texels from a linear image that starts at byte `offset`.
+    ///
+    /// # Panics
+    /// If the image does not lie in `from`.
+    pub fn load(&mut self, from: &Words, offset: u64) {
+        let shape = self.shape;
+        let across = shape.tiles()[0] as usize;
+        self.par_tiles().for_each(|(index, tile)| {
+            *tile.clear = false;
+            let geometry = TileGeometry::new(shape, index, across);
+            geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
+        });
+    }
+
+    /// Writes the texels as a linear image that starts at byte `offset`.
+    ///
+    /// # Panics
+    /// If the image does not lie in `to`.
+    pub fn store(&self, to: &Words, offset: u64) {
+        let shape = self.shape;
+        let across = shape.tiles()[0] as usize;
+        // A word of the image is written by one tile only: tiles are 64 texels wide, and with rows that are no multiple of four
+        // bytes, whole rows go to one thread.
+        let aligned = offset.is_multiple_of(4) && (shape.bytes() / u64::from(shape.height)).is_multiple_of(4);
+        let rows_of_tiles = shape.tiles()[1] as usize;
+        let one_row = |ty: usize| {
+            for tx in 0..across {
+                let index = ty * across + tx;
+                let geometry = TileGeometry::new(shape, index, across);
+                geometry.rows(|row| store_row(shape, &geometry, row, self.tile(index), self.value, to, offset));
+            }
+        };
+        if aligned {
+            (0..rows_of_tiles).into_par_iter().for_each(one_row);
+        } else {
+            (0..rows_of_tiles).for_each(one_row);
+        }
+    }
+
+    /// The texels as a linear image: rows top to bottom, pixels left to right, samples in order, tightly packed.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let words = Words::new(self.shape.bytes());
+        self.store(&words, 0);
+        words.to_vec()
+    }
+
+    /// The words of one texel: pixel, sample.
+    ///
+    /// # Panics
+    /// If the pixel is outside.
+    pub fn texel(&self, x: u32, y: u32, sample: u32) -> [u32; 4] {
+        assert!(x < self.shape.width && y < self.shape.height && sample < self.shape.samples);
+        let index = (y / TILE * self.shape.tiles()[0] + x / TILE) as usize;
+        let Some(codes) = self.tile(index) else { return self.value };
+        let words = self.shape.words();
+        let quad = quad_of(x % TILE, y % TILE) as usize;
+        let at = (quad * self.shape.samples as usize + sample as usize) * words * 4 + (y % 2 * 2 + x % 2) as usize;
+        std::array::from_fn(|w| if w < words { codes[at + 4 * w] } else { 0 })
+    }
+
+    /// One sample a pixel: the mean of the samples of each, of values in `format` (which may differ in sRGB-ness from the
+    /// surface's own).
+    pub fn resolve(&self, format: Format) -> TileSurface {
+        let mut out = TileSurface::new(Shape { samples: 1, ..self.shape });
+        let (words, samples) = (self.shape.words(), self.shape.samples as usize);
+        out.clear(self.value);
+        out.par_tiles().for_each(|(index, tile)| {
+            let Some(codes) = self.tile(index) else { return };
+            *tile.clear = false;
+            let mut gathered = [0; 16];
+            let mut mean = [0; 4];
+            for quad in 0..TILE_QUADS {
+                for pixel in 0..4 {
+                    for sample in 0..samples {
+                        for w in 0..words {
+                            gathered[sample * words + w] = codes[((quad * samples + sample) * words + w) * 4 + pixel];
+                        }
+                    }
+                    rop::resolve(format, &gathered[..samples * words], &mut mean[..words]);
+                    for w in 0..words {
+                        tile.codes[(quad * words + w) * 4 + pixel] = mean[w];
+                    }
+                }
+            }
+        });
+        out
+    }
+
+    /// A tile's codes, or none where it holds only the clear value.
+    pub fn tile(&self, index: usize) -> Option<&[u32]> {
+        let n = self.shape.tile_words();
+        (!self.clear[index]).then(|| &self.codes[index * n..(index + 1) * n])
+    }
+
+    /// The clear value's words.
+    pub fn clear_value(&self) -> [u32; 4] {
+        self.value
+    }
+}
+
+/// The part of a tile that lies in the surface.
+struct TileGeometry {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl TileGeometry {
+    fn new(shape: Shape, index: usize, across: usize) -> TileGeometry {
+        let (x, y) = ((index % across) as u32 * TILE, (index / across) as u32 * TILE);
+        TileGeometry { x, y, width: TILE.min(shape.width - x), height: TILE.min(shape.height - y) }
+    }
+
+    fn rows(&self, row: impl FnMut(u32)) {
+        (0..self.height).for_each(row);
+    }
+}
+
+/// Byte address of a texel row of a tile in the linear image.
+fn row_offset(shape: Shape, geometry: &TileGeometry, row: u32, offset: u64) -> usize {
+    let texel = u64::from(shape.format.block_bytes()) * u64::from(shape.samples);
+    (offset + (u64::from(geometry.y + row) * u64::from(shape.width) + u64::from(geometry.x)) * texel) as usize
+}
+
+fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], from: &Words, offset: u64) {
+    let mut at = row_offset(shape, geometry, row, offset);
+    let (words, samples) = (shape.words(), shape.samples as usize);
+    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+        let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
+        for (x, word) in source.iter().enumerate() {
+            codes[texel_at(x as u32, row)] = word.load(std::sync::atomic::Ordering::Relaxed);
+        }
+        return;
+    }
+    for x in 0..geometry.width {
+        let quad = quad_of(x, row) as usize;
+        let pixel = (row % 2 * 2 + x % 2) as usize;
+        for sample in 0..samples {
+            let base = (quad * samples + sample) * words * 4 + pixel;
+            match shape.format.block_bytes() {
+                1 => codes[base] = u32::from(from.byte(at)),
+                2 => codes[base] = u32::from(from.u16_at(at)),
+                _ => {
+                    for w in 0..words {
+                        codes[base + 4 * w] = from.u32_at(at + 4 * w);
+                    }
+                }
+            }
+            at += shape.format.block_bytes() as usize;
+        }
+    }
+}
+
+/// Index of a pixel's code in a tile of one word and one sample.
+#[inline(always)]
+fn texel_at(x: u32, y: u32) -> usize {
+    (quad_of(x, y) * 4 + y % 2 * 2 + x % 2) as usize
+}
+
+fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u32]>, value: [u32; 4], to: &Words, offset: u64) {
+    let mut at = row_offset(shape, geometry, row, offset);
+    let (words, samples) = (shape.words(), shape.samples as usize);
+    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+        let target = &to.words()[at / 4..at / 4 + geometry.width as usize];
+        for (x, word) in target.iter().enumerate() {
+            let code = codes.map_or(value[0], |c| c[texel_at(x as u32, row)]);
+            word.store(code, std::sync::atomic::Ordering::Relaxed);
+        }
+        return;
+    }
+    for x in 0..geometry.width {
+        let quad = quad_of(x, row) as usize;
+        let pixel = (row % 2 * 2 + x % 2) as usize;
+        for sample in 0..samples {
+            let base = (quad * samples + sample) * words * 4 + pixel;
+            let word = |w: usize| codes.map_or(value[w], |c| c[base + 4 * w]);
+            let size = shape.format.block_bytes() as usize;
+            if size >= 4 && at.is_multiple_of(4) {
+                (0..words).for_each(|w| to.store(at / 4 + w, word(w)));
+            } else {
+                let stored: [u32; 4] = std::array::from_fn(|w| if w < words { word(w).to_le() } else { 0 });
+                to.write(at as u64, &bytemuck::bytes_of(&stored)[..size]);
+            }
+            at += size;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pattern(shape: Shape, offset: u64) -> (Words, Vec<u8>) {
+        let mut bytes = vec![0; (offset + shape.bytes()) as usize];
+        for (i, byte) in bytes.iter_mut().enumerate() {
+            *byte = (i * 7 + i / 251) as u8;
+        }
+        let words = Words::new(bytes.len() as u64);
+        words.write(0, &bytes);
+        (words, bytes)
+    }
+
+    #[test]
+    fn every_size_of_texel_goes_in_and_comes_out_unchanged() {
+        for format in [
+            Format::R8Unorm,
+            Format::Rg8Unorm,
+            Format::Rgba8Unorm,
+            Format::Rgba16Float,
+            Format::Rgba32Uint,
+            Format::Stencil8,
+            Format::Depth16Unorm,
+            Format::Depth24PlusStencil8,
+            Format::Depth32FloatStencil8,
+        ] {
+            for samples in [1, 4] {
+                for (width, height) in [(1, 1), (67, 5), (64, 64), (130, 70)] {
+                    let shape = Shape { format, width, height, samples };
+                    let (words, bytes) = pattern(shape, 16);
+                    let mut surface = TileSurface::new(shape);
+                    surface.load(&words, 16);
+                    assert_eq!(surface.to_bytes(), bytes[16..], "{shape:?}");
+                    let back = Words::new(bytes.len() as u64);
+                    surface.store(&back, 16);
+                    assert_eq!(back.to_vec()[16..], bytes[16..], "{shape:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn texels_are_found_where_the_linear_image_has_them() {
+        let shape = Shape { format: Format::R32Uint, width: 100, height: 80, samples: 4 };
+        let words = Words::new(shape.bytes());
+        for i in 0..shape.bytes() / 4 {
+            words.store(i as usize, i as u32);
+        }
+        let mut surface = TileSurface::new(shape);
+        surface.load(&words, 0);
+        for (x, y, s) in [(0, 0, 0), (1, 0, 3), (63, 64, 1), (99, 79, 2)] {
+            assert_eq!(surface.texel(x, y, s)[0], (y * 100 + x) * 4 + s);
+        }
+    }
+
+    #[test]
+    fn clears_are_lazy_and_masks_keep_the_other_aspect() {
+        let shape = Shape { format: Format::Depth24PlusStencil8, width: 65, height: 3, samples: 1 };
+        let mut surface = TileSurface::new(shape);
+        surface.clear([0x07ff_ffff, 0, 0, 0]);
+        surface.clear_masked([0x0900_0000, 0, 0, 0], [0xff00_0000, 0, 0, 0]);
+        assert_eq!(surface.texel(64, 2, 0)[0], 0x09ff_ffff);
+        assert!(surface.tile(0).is_none(), "no memory has been touched");
+        surface.tiles_mut().next().unwrap().materialise(1);
+        surface.clear_masked([5, 0, 0, 0], [0x00ff_ffff, 0, 0, 0]);
+        assert_eq!(surface.texel(0, 0, 0)[0], 0x0900_0005);
+        assert_eq!(surface.texel(64, 2, 0)[0], 0x0900_0005);
+    }
+
+    #[test]
+    fn quads_are_numbered_block_by_block() {
+        for quad in 0..TILE_QUADS as u32 {
+            let (x, y) = quad_origin(quad);
+            assert_eq!(quad_of(x, y), quad);
+            assert_eq!(quad_of(x + 1, y + 1), quad);
+        }
+        assert_eq!(quad_of(8, 0), 16);
+    }
+}

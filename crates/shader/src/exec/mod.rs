@@ -1,0 +1,297 @@
+//! The executor: runs a program on batches of 64 lanes.
+//!
+//! Every operation does its work on whole registers, so that finding out which operation it is costs one jump for 64
+//! invocations. Values that are assigned once are computed on all lanes, active or not; only variables, memory and side effects
+//! look at the execution mask. Control flow is structured: a mask slot for each open construct remembers which lanes go on after
+//! it, and a construct that no lane wants is jumped over.
+
+mod compute;
+mod kernels;
+pub(super) mod memory;
+mod record;
+mod run;
+mod subgroup;
+mod texture;
+
+use num::{Lanes, LimitOverrun, Mask, Meter, Words};
+
+use super::module::Place;
+use super::program::{NO_REG, Program, Reg};
+use super::resources::Resources;
+use record::Scratch;
+pub use record::{Extra, QuadCost, Recorder};
+use run::{Machine, PAUSE, Stop};
+
+/// What a run was stopped for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Why {
+    /// One loop made so many turns.
+    #[error("a loop ran {turns} times without an end; --limit work.loop_turns=N allows more")]
+    Loop {
+        /// How many are allowed.
+        turns: u64,
+    },
+    /// All work together came to more than is allowed. No place is known: it is where some thread happened to be.
+    #[error(transparent)]
+    Limit(#[from] LimitOverrun),
+}
+
+/// Why a run was stopped.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("shader `{module}`, entry point `{entry}`{}: {why}", .place.map(|p| format!(", {p}")).unwrap_or_default())]
+pub struct ShaderFault {
+    /// What for.
+    pub why: Why,
+    /// Name of the module.
+    pub module: String,
+    /// The entry point.
+    pub entry: String,
+    /// Place of the loop, if known.
+    pub place: Option<Place>,
+}
+
+/// What a run leaves beside its outputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Active lanes that were not discarded.
+    pub mask: Mask,
+}
+
+/// Values that are the same for all invocations of a draw or dispatch: what the program computes from constants, uniform
+/// buffers, read-only storage at constant places and immediates. Computed once, shared by all threads.
+#[derive(Clone, Debug, Default)]
+pub struct Uniforms {
+    values: Vec<u32>,
+}
+
+impl Uniforms {
+    /// The values, in the order of a batch's first registers.
+    pub(super) fn values(&self) -> &[u32] {
+        &self.values
+    }
+}
+
+/// The register of a component of an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputRegister(Reg);
+
+impl InputRegister {
+    /// Its place in the register file.
+    pub(super) fn index(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+impl Program {
+    /// This program was stopped.
+    pub fn fault(&self, why: Why, place: Option<Place>) -> ShaderFault {
+        ShaderFault { why, module: self.module.clone(), entry: self.interface.entry.clone(), place }
+    }
+
+    /// It was stopped in the loop of this number.
+    fn loop_fault(&self, number: u32) -> ShaderFault {
+        let place = self.body.loops.get(number as usize).copied().flatten();
+        self.fault(Why::Loop { turns: self.body.loop_turns }, place)
+    }
+
+    /// The register of a component of an input; none where the program does not read it.
+    pub fn input_register(&self, slot: usize, component: usize) -> Option<InputRegister> {
+        let register = *self.inputs.get(slot)?.get(component)?;
+        (register != NO_REG).then_some(InputRegister(register))
+    }
+
+    /// Computes the values that all invocations share.
+    ///
+    /// # Errors
+    /// None at present: the prologue is straight-line code.
+    pub fn uniforms(&self, resources: &Resources<'_>) -> Uniforms {
+        let mut file = vec![Lanes::ZERO; self.prologue.registers];
+        for (register, &bits) in file.iter_mut().zip(&self.prologue_constants) {
+            *register = Lanes::splat(bits);
+        }
+        let mut masks = vec![0; self.prologue.slots];
+        let shared = Words::default();
+        let mut machine = Machine::new(&self.prologue, resources, &shared, 1, 1);
+        let stop = run::run::<false>(&mut machine, &mut file, &mut masks, &mut Scratch::default());
+        debug_assert!(matches!(stop, Stop::End));
+        Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
+    }
+}
+
+/// The register file of one thread; reused from draw to draw.
+#[derive(Default)]
+pub struct Executor {
+    file: Vec<Lanes>,
+    masks: Vec<Mask>,
+    /// Register files of the batches of a workgroup that wait at a barrier.
+    waiting: Vec<compute::Waiting>,
+    shared: Words,
+    scratch: Scratch,
+    /// Steps that no meter has been told of yet.
+    spent: u64,
+}
+
+impl Executor {
+    /// An empty one.
+    pub fn new() -> Executor {
+        Executor::default()
+    }
+
+    /// Steps since the last that a meter was told of ([`Bound::within`]): the caller tells it of these.
+    pub fn take_steps(&mut self) -> u64 {
+        std::mem::take(&mut self.spent)
+    }
+
+    /// Gets ready to run a program: loads uniforms and constants into the register file.
+    pub fn bind<'a>(&'a mut self, program: &'a Program, resources: &'a Resources<'a>, uniforms: &'a Uniforms) -> Bound<'a> {
+        self.file.resize(self.file.len().max(program.body.registers), Lanes::ZERO);
+        self.masks.clear();
+        self.masks.resize(program.body.slots, 0);
+        load_shared(&mut self.file, program, uniforms);
+        Bound { executor: self, program, resources, uniforms, allowance: Allowance::default() }
+    }
+}
+
+fn load_shared(file: &mut [Lanes], program: &Program, uniforms: &Uniforms) {
+    for (register, &bits) in file.iter_mut().zip(uniforms.values.iter().chain(&program.constants)) {
+        *register = Lanes::splat(bits);
+    }
+}
+
+/// An executor with a program and its resources.
+pub struct Bound<'a> {
+    executor: &'a mut Executor,
+    program: &'a Program,
+    resources: &'a Resources<'a>,
+    uniforms: &'a Uniforms,
+    allowance: Allowance<'a>,
+}
+
+/// Recorded bytes after which their meter is told.
+const RECORDED_PAUSE: u64 = 1 << 24;
+
+/// The meters of what runs come to.
+#[derive(Clone, Copy, Default)]
+struct Allowance<'a> {
+    steps: Option<&'a Meter>,
+    recorded: Option<&'a Meter>,
+}
+
+impl Allowance<'_> {
+    /// Tells the meter of steps, which are counted from 0 again.
+    #[cold]
+    fn tell_steps(&self, spent: &mut u64) -> Result<(), LimitOverrun> {
+        let spent = std::mem::take(spent);
+        match self.steps {
+            Some(meter) if !meter.add(spent) => Err(meter.overrun()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Tells the meter of bytes that were recorded, of which it was told of some already.
+    fn tell_recorded(&self, bytes: u64, told: &mut u64) -> Result<(), LimitOverrun> {
+        let more = bytes.saturating_sub(*told);
+        match self.recorded {
+            Some(meter) if more >= RECORDED_PAUSE => {
+                *told = bytes;
+                if meter.add(more) { Ok(()) } else { Err(meter.overrun()) }
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<'a> Bound<'a> {
+    /// Runs stop when a meter is over: of steps, or of the bytes that recorders hold. Meters are told from time to time; of the rest the
+    /// caller tells them ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on who ran what.
+    pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> Bound<'a> {
+        self.allowance = Allowance { steps: Some(steps), recorded };
+        self
+    }
+}
+
+impl Bound<'_> {
+    /// The program.
+    pub fn program(&self) -> &Program {
+        self.program
+    }
+
+    /// A register that [`Program::input_register`] names.
+    ///
+    /// # Panics
+    /// If it is of another program.
+    #[inline(always)]
+    pub fn register_mut(&mut self, register: InputRegister) -> &mut Lanes {
+        &mut self.executor.file[usize::from(register.0)]
+    }
+
+    /// The register of a component of an input, to be written before each run (a run may reuse it); none where the program
+    /// does not read it.
+    pub fn input_mut(&mut self, slot: usize, component: usize) -> Option<&mut Lanes> {
+        let register = self.program.input_register(slot, component)?;
+        Some(self.register_mut(register))
+    }
+
+    /// The value of a component of an output after a run; meaningful in lanes that ran.
+    ///
+    /// # Panics
+    /// If the interface has no such output.
+    pub fn output(&self, slot: usize, component: usize) -> &Lanes {
+        &self.executor.file[usize::from(self.program.outputs[slot][component])]
+    }
+
+    /// Runs the batch. `active` lanes count; `helpers` only take part in derivatives and leave no side effects.
+    ///
+    /// # Errors
+    /// If a loop does not end.
+    pub fn run(&mut self, active: Mask, helpers: Mask) -> Result<Outcome, ShaderFault> {
+        self.run_impl::<false>(active, helpers, None)
+    }
+
+    /// As [`Bound::run`], and records what it cost: [`Recorder::quads`] holds the result.
+    ///
+    /// # Errors
+    /// If a loop does not end.
+    pub fn run_recorded(&mut self, active: Mask, helpers: Mask, recorder: &mut Recorder) -> Result<Outcome, ShaderFault> {
+        self.executor.scratch.begin(recorder.extra);
+        let outcome = self.run_impl::<true>(active, helpers, Some(recorder))?;
+        recorder.finish(&mut self.executor.scratch);
+        self.tell_recorded(recorder)?;
+        Ok(outcome)
+    }
+
+    fn tell_recorded(&self, recorder: &mut Recorder) -> Result<(), ShaderFault> {
+        let told = self.allowance.tell_recorded(recorder.bytes(), &mut recorder.told);
+        told.map_err(|over| self.program.fault(over.into(), None))
+    }
+
+    fn run_impl<const RECORD: bool>(
+        &mut self,
+        active: Mask,
+        helpers: Mask,
+        mut recorder: Option<&mut Recorder>,
+    ) -> Result<Outcome, ShaderFault> {
+        let Bound { executor, program, resources, allowance, .. } = &mut *self;
+        let Executor { file, masks, shared, scratch, spent, .. } = &mut **executor;
+        let mut machine = Machine::new(&program.body, resources, shared, active | helpers, active);
+        *spent += program.body.all_steps();
+        loop {
+            let stop = run::dispatch::<RECORD>(&mut machine, file, masks, scratch);
+            *spent += std::mem::take(&mut machine.spent);
+            if *spent >= PAUSE {
+                let mut told = allowance.tell_steps(spent);
+                if let Some(recorder) = &mut recorder
+                    && told.is_ok()
+                {
+                    told = allowance.tell_recorded(recorder.bytes() + scratch.bytes(), &mut recorder.told);
+                }
+                told.map_err(|over| program.fault(over.into(), None))?;
+            }
+            match stop {
+                Stop::Pause => {}
+                Stop::End | Stop::Barrier => return Ok(Outcome { mask: machine.live & active }),
+                Stop::Loop(number) => return Err(program.loop_fault(number)),
+            }
+        }
+    }
+}

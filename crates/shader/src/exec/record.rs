@@ -1,0 +1,318 @@
+//! What a run cost: instructions by class and memory requests, for each quad on its own.
+
+use std::collections::HashMap;
+
+use gfx::texture::Footprint;
+use num::{Mask, QUADS};
+use work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
+
+/// What one quad of the last recorded run cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QuadCost {
+    /// Entry of [`Recorder::costs`].
+    pub cost: CostId,
+    /// First of its requests in [`Recorder::requests`]; their number is that of the cost's steps with a request.
+    pub first_request: u32,
+}
+
+/// What a recorder keeps for those who ask for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extra {
+    /// The paths that were taken through the program.
+    pub paths: bool,
+    /// Texels of the second level of samples between two levels where it has no weight.
+    pub both_levels: bool,
+}
+
+impl Extra {
+    /// What a key asks for.
+    pub fn of(key: &RenderKey) -> Extra {
+        Extra { paths: key.paths, both_levels: key.needless.levels }
+    }
+}
+
+/// Collects costs and memory requests. It belongs to one thread's piece of work; the caller takes `costs`, `requests` and
+/// `lines` out of it (with [`Recorder::take`]) when the piece is done.
+#[derive(Debug, Default)]
+pub struct Recorder {
+    /// The costs found, each once.
+    pub costs: CostTable,
+    /// Requests, in order of runs, quads and steps.
+    pub requests: Vec<Request>,
+    /// Lines of the requests.
+    pub lines: Vec<u32>,
+    /// The quads of the last run.
+    pub quads: [QuadCost; QUADS],
+    /// What is recorded beside what counts always.
+    pub extra: Extra,
+    /// Bytes that a meter was told of.
+    pub(super) told: u64,
+    known: HashMap<Cost, CostId>,
+    /// Spans in the table, by where they begin.
+    spans: HashMap<u32, u32>,
+}
+
+/// What a run in progress has cost so far.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// First operation not yet accounted.
+    last: usize,
+    running: [[u32; Class::COUNT]; QUADS],
+    steps: [Vec<Step>; QUADS],
+    staged: [Vec<Request>; QUADS],
+    staged_lines: Vec<u32>,
+    /// Whether paths are recorded, the path of each quad by the place where its spans begin, and the spans.
+    keeps_paths: bool,
+    paths: [Vec<Point>; QUADS],
+    spans: Vec<Span>,
+    /// Of the texture instruction being recorded.
+    pub(super) footprint: Footprint,
+}
+
+/// The quads that have a lane in the mask.
+#[inline(always)]
+fn quads(mask: Mask) -> impl Iterator<Item = usize> {
+    (0..QUADS).filter(move |q| mask >> (4 * q) & 15 != 0)
+}
+
+impl Recorder {
+    /// An empty one.
+    pub fn new() -> Recorder {
+        Recorder::default()
+    }
+
+    /// An empty one.
+    pub fn with(extra: Extra) -> Recorder {
+        Recorder { extra, ..Recorder::default() }
+    }
+
+    /// Bytes of the requests and lines that were collected.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64
+    }
+
+    /// Bytes since the last that a meter was told of ([`Bound::within`](super::Bound::within)): the caller tells it of these.
+    pub fn take_bytes(&mut self) -> u64 {
+        let bytes = self.bytes();
+        bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))
+    }
+
+    /// Takes out what was collected and leaves an empty recorder with its memory for the next piece of work.
+    pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
+        self.known.clear();
+        self.spans.clear();
+        self.told = 0;
+        (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
+    }
+}
+
+impl Scratch {
+    /// Forgets the last run.
+    pub(super) fn begin(&mut self, extra: Extra) {
+        self.last = 0;
+        self.keeps_paths = extra.paths;
+        self.footprint.both_levels = extra.both_levels;
+        self.spans.clear();
+        self.paths.iter_mut().for_each(Vec::clear);
+        self.running = Default::default();
+        for q in 0..QUADS {
+            self.steps[q].clear();
+            self.staged[q].clear();
+        }
+        self.staged_lines.clear();
+    }
+
+    /// Accounts the operations from the last place up to `pc` to the quads of the mask.
+    #[inline]
+    pub(super) fn block(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
+        let (from, to) = (counts[self.last], counts[pc]);
+        if self.keeps_paths {
+            self.point(counts, pc, mask);
+        }
+        self.last = pc;
+        let spent: [u32; Class::COUNT] = std::array::from_fn(|k| to[k] - from[k]);
+        for q in quads(mask) {
+            for k in 0..Class::COUNT {
+                self.running[q][k] += spent[k];
+            }
+        }
+    }
+
+    /// The quads of the mask execute the span from the last place up to `pc`.
+    #[cold]
+    fn point(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
+        if mask == 0 {
+            return;
+        }
+        let at = self.last as u32;
+        let known = self.spans.iter().position(|span| span.at == at);
+        let span = known.unwrap_or_else(|| {
+            let mut runs: Vec<(Class, u32)> = Vec::new();
+            for operation in counts[self.last..=pc].windows(2) {
+                for class in Class::ALL {
+                    let count = operation[1][class as usize] - operation[0][class as usize];
+                    match runs.last_mut() {
+                        Some((last, sum)) if *last == class => *sum += count,
+                        _ if count > 0 => runs.push((class, count)),
+                        _ => {}
+                    }
+                }
+            }
+            self.spans.push(Span { at, runs });
+            self.spans.len() - 1
+        });
+        for q in quads(mask) {
+            self.paths[q].push(Point { span: span as u32, then: RequestKind::End });
+        }
+    }
+
+    /// Bytes that the run has collected so far.
+    pub(super) fn bytes(&self) -> u64 {
+        let staged: usize = self.staged.iter().map(|staged| size_of_val(&**staged)).sum();
+        let steps: usize = self.steps.iter().map(|steps| size_of_val(&**steps)).sum();
+        let paths: usize = self.paths.iter().map(|path| size_of_val(&**path)).sum();
+        (staged + steps + paths + size_of_val(&*self.staged_lines)) as u64
+    }
+
+    /// Execution goes on at `pc`.
+    #[inline]
+    pub(super) fn jump(&mut self, pc: usize) {
+        self.last = pc;
+    }
+
+    /// Ends the current step of the quads of the mask.
+    fn step(&mut self, q: usize, then: RequestKind) {
+        let instructions = std::mem::take(&mut self.running[q]);
+        self.steps[q].push(Step { instructions, then });
+        if let Some(point) = self.paths[q].last_mut() {
+            point.then = then;
+        }
+    }
+
+    /// A barrier, at which all quads of the mask arrive.
+    pub(super) fn barrier(&mut self, mask: Mask) {
+        for q in quads(mask) {
+            self.step(q, RequestKind::Barrier);
+        }
+    }
+
+    /// A memory request of the quads of the mask: `address` gives the first byte each lane touches, `bytes` how many.
+    pub(super) fn request(
+        &mut self,
+        kind: RequestKind,
+        mask: Mask,
+        words: u8,
+        address: impl Fn(usize) -> Option<u64>,
+        bytes: u64,
+    ) {
+        for q in quads(mask) {
+            let first = self.staged_lines.len();
+            let mut moved = 0u32;
+            for i in 4 * q..4 * q + 4 {
+                if mask >> i & 1 == 0 {
+                    continue;
+                }
+                let Some(a) = address(i) else { continue };
+                moved += u32::from(words);
+                for line in a / LINE..=(a + bytes.max(1) - 1) / LINE {
+                    if !self.staged_lines[first..].contains(&(line as u32)) {
+                        self.staged_lines.push(line as u32);
+                    }
+                }
+            }
+            self.finish_request(q, kind, first, moved);
+        }
+    }
+
+    /// A texture request of the quads of the mask, with this footprint, which is kept for the next one.
+    pub(super) fn footprint_request(&mut self, mask: Mask, footprint: Footprint) {
+        for q in quads(mask) {
+            let first = self.staged_lines.len();
+            let (lines, operations) = footprint.quad(q);
+            self.staged_lines.extend_from_slice(lines);
+            self.finish_request(q, RequestKind::Texture, first, u32::from(operations));
+        }
+        self.footprint = footprint;
+    }
+
+    fn finish_request(&mut self, q: usize, kind: RequestKind, first: usize, operations: u32) {
+        // A quad touches at most 4 lanes x 320 texels of a level, neighbours; more than 255 distinct lines are cut off.
+        let lines = (self.staged_lines.len() - first).min(255);
+        self.staged_lines.truncate(first + lines);
+        self.step(q, kind);
+        self.staged[q].push(Request {
+            first_line: first as u32,
+            lines: lines as u8,
+            operations: operations.clamp(1, 255) as u8,
+        });
+    }
+}
+
+impl Recorder {
+    /// Ends all quads of a run and interns their costs.
+    pub(super) fn finish(&mut self, run: &mut Scratch) {
+        for q in 0..QUADS {
+            run.step(q, RequestKind::End);
+            let first_request = self.requests.len() as u32;
+            for r in &run.staged[q] {
+                let first_line = self.lines.len() as u32;
+                let at = r.first_line as usize;
+                self.lines.extend_from_slice(&run.staged_lines[at..at + usize::from(r.lines)]);
+                self.requests.push(Request { first_line, ..*r });
+            }
+            let mut cost = Cost::default();
+            if !run.paths[q].is_empty() {
+                self.name_spans(&run.spans, &mut run.paths[q]);
+                std::mem::swap(&mut cost.path, &mut run.paths[q]);
+            }
+            let cost = match q.checked_sub(1) {
+                Some(p) if !run.keeps_paths && run.steps[p] == run.steps[q] => self.quads[p].cost,
+                _ => {
+                    // The steps and the path lend their memory to the key and get it back: no allocation for a path seen before.
+                    std::mem::swap(&mut cost.steps, &mut run.steps[q]);
+                    let id = self.intern(&cost);
+                    std::mem::swap(&mut cost.steps, &mut run.steps[q]);
+                    std::mem::swap(&mut cost.path, &mut run.paths[q]);
+                    id
+                }
+            };
+            self.quads[q] = QuadCost { cost, first_request };
+        }
+    }
+
+    fn intern(&mut self, cost: &Cost) -> CostId {
+        match self.known.get(cost) {
+            Some(&id) => id,
+            None if self.costs.costs.len() > usize::from(CostId::MAX) => self.nearest(cost),
+            None => {
+                let id = self.costs.costs.len() as CostId;
+                self.costs.costs.push(cost.clone());
+                self.known.insert(cost.clone(), id);
+                id
+            }
+        }
+    }
+
+    /// Gives the spans of a run's path their numbers in the table.
+    #[cold]
+    fn name_spans(&mut self, spans: &[Span], path: &mut [Point]) {
+        for point in path {
+            let span = &spans[point.span as usize];
+            point.span = *self.spans.entry(span.at).or_insert_with(|| {
+                self.costs.spans.push(span.clone());
+                self.costs.spans.len() as u32 - 1
+            });
+        }
+    }
+
+    /// The known cost with as many requests whose instructions are nearest: the table is full.
+    fn nearest(&self, cost: &Cost) -> CostId {
+        let wanted = cost.requests();
+        let total = |c: &Cost| c.instructions().iter().sum::<u32>();
+        let t = total(cost);
+        (0..self.costs.costs.len())
+            .filter(|&i| self.costs.costs[i].requests() == wanted)
+            .min_by_key(|&i| total(&self.costs.costs[i]).abs_diff(t))
+            .unwrap_or(0) as CostId
+    }
+}

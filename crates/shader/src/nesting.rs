@@ -1,0 +1,416 @@
+//! How deep a WGSL text is nested and how far its constants reach, found before naga reads it.
+//!
+//! naga's front end calls itself for what is nested, writes the value of a constant out wherever it is used, and sorts declarations by
+//! calling itself for each that another one needs: a short text can take any amount of stack and memory. One pass over the tokens finds
+//! bounds of both. It knows no grammar but brackets, operators and the names that are declared: what it answers is never too small for a
+//! valid text, and an invalid one is naga's to refuse.
+
+use std::collections::HashMap;
+
+use super::graph::{Graph, Reach};
+use super::module::Place;
+use super::tokens::{Token, Tokens};
+use num::Limits;
+
+/// Why a text is refused, and where.
+pub(super) type Refusal = (Place, String);
+
+/// What a text was found to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Extent {
+    /// Levels of nesting.
+    pub nesting: u64,
+    /// Declarations at the top.
+    pub declarations: u64,
+    /// Tokens, with constants written out.
+    pub tokens: u64,
+    /// Where brackets and operators are nested deepest.
+    pub deepest: Place,
+}
+
+/// What stands between a bracket and its partner.
+#[derive(Default)]
+struct Level {
+    /// Brackets and operators around.
+    outside: u64,
+    /// Operators since the last separator: each may have all before it as its left operand.
+    operators: u64,
+    /// Nesting of the brackets since the last separator.
+    inside: u64,
+    /// The deepest so far.
+    deepest: u64,
+    /// A block has just ended, and the statement with it unless `else` comes.
+    after_block: bool,
+    /// Names of `for` loops that have begun and not ended.
+    loops: u32,
+    /// A local declaration that has begun: it holds from the next separator on.
+    declaring: Option<(u32, u32)>,
+}
+
+impl Level {
+    fn depth(&self) -> u64 {
+        self.operators + self.inside
+    }
+
+    fn separate(&mut self) {
+        self.deepest = self.deepest.max(self.depth());
+        (self.operators, self.inside, self.after_block) = (0, 0, false);
+    }
+}
+
+/// Which name is declared next.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Expected {
+    Nothing,
+    /// After `fn`, `struct`, `alias`, `const`, `override`.
+    Name,
+    /// After `var`: a template list may come first.
+    Variable,
+    /// In the template list of a `var`, which names no declaration.
+    Template,
+}
+
+/// The pass over a text.
+struct Scan<'t> {
+    text: &'t str,
+    graph: Graph,
+    /// Names at the top, and where they stand.
+    tops: HashMap<&'t str, u32>,
+    /// Names that are declared inside a function: those that hold now, innermost last.
+    locals: HashMap<&'t str, Vec<u32>>,
+    /// What each open scope has declared.
+    scopes: Vec<Vec<&'t str>>,
+    /// Uses of names that are not local: user and name.
+    uses: Vec<(u32, &'t str)>,
+    levels: Vec<Level>,
+    /// The declaration at the top that the scan is in.
+    top: u32,
+    /// The declaration that tokens belong to: the same, or a local one in it.
+    node: u32,
+    /// Word that begins the declaration at the top.
+    keyword: &'t str,
+    expected: Expected,
+    /// The name that a local declaration has, until it holds.
+    name: &'t str,
+}
+
+/// Checks a text against the limits.
+///
+/// # Errors
+/// If it is nested deeper, has more declarations, or its constants reach further than the limits allow.
+pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
+    let mut scan = Scan {
+        text,
+        graph: Graph::default(),
+        tops: HashMap::new(),
+        locals: HashMap::new(),
+        scopes: vec![Vec::new()],
+        uses: Vec::new(),
+        levels: vec![Level::default()],
+        top: 0,
+        node: 0,
+        keyword: "",
+        expected: Expected::Nothing,
+        name: "",
+    };
+    scan.begin(0);
+    let mut declarations = 0;
+    let mut tokens = 0;
+    let mut deepest = (0, 0);
+    let mut before = Token::Other;
+    let mut stream = Tokens::new(text).peekable();
+    while let Some((at, token)) = stream.next() {
+        let refuse = |error: num::LimitExceeded| (place(text, at), error.to_string());
+        tokens += 1;
+        limits.shader_constants.check(tokens).map_err(refuse)?;
+        if scan.keyword.is_empty() && !matches!(token, Token::Close(_) | Token::Separator(_)) {
+            declarations += 1;
+            limits.shader_declarations.check(declarations).map_err(refuse)?;
+        }
+        let label = stream.peek().is_some_and(|(_, next)| *next == Token::Separator(':'));
+        scan.token(at, token, before, label);
+        let depth = scan.levels.last().map_or(0, |level| level.outside + level.depth());
+        limits.shader_nesting.check(depth).map_err(refuse)?;
+        if depth > deepest.0 {
+            deepest = (depth, at);
+        }
+        before = token;
+    }
+    scan.end();
+    for (user, name) in std::mem::take(&mut scan.uses) {
+        if let Some(&used) = scan.tops.get(name) {
+            scan.graph.uses(user, used);
+        }
+    }
+    let mut out = Extent { nesting: 0, declarations, tokens: 0, deepest: place(text, deepest.1) };
+    for (node, Reach { depth, size, .. }) in scan.graph.reaches().into_iter().enumerate() {
+        let own = scan.graph.nodes[node];
+        out.nesting = out.nesting.max(depth);
+        // A type is one thing however large it is; a constant is written out at each use.
+        out.tokens = out.tokens.saturating_add(if own.is_type { own.tokens } else { size });
+        let refuse =
+            |error: num::LimitExceeded| (place(text, own.at), format!("a declaration and those that it needs have {error}"));
+        limits.shader_nesting.check(depth).map_err(refuse)?;
+        limits.shader_constants.check(size.max(out.tokens)).map_err(refuse)?;
+    }
+    Ok(out)
+}
+
+/// The place of a byte.
+fn place(text: &str, at: usize) -> Place {
+    let before = &text.as_bytes()[..at];
+    let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
+    let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+    Place { line, column: (at - begin) as u32 + 1 }
+}
+
+impl<'t> Scan<'t> {
+    /// Begins a declaration at the top.
+    fn begin(&mut self, at: usize) {
+        self.top = self.graph.add(at);
+        self.node = self.top;
+        self.keyword = "";
+        self.expected = Expected::Nothing;
+    }
+
+    /// Ends it.
+    fn end(&mut self) {
+        let level = self.levels.last_mut().expect("the outermost level stays");
+        level.separate();
+        let depth = std::mem::take(&mut level.deepest);
+        self.graph.nodes[self.top as usize].depth = depth;
+        // What a head has declared, parameters, ends with the function.
+        self.leave();
+        self.scopes.push(Vec::new());
+    }
+
+    fn leave(&mut self) {
+        for name in self.scopes.pop().unwrap_or_default() {
+            if let Some(held) = self.locals.get_mut(name) {
+                held.pop();
+            }
+        }
+    }
+
+    fn declare(&mut self, name: &'t str, node: u32) {
+        self.locals.entry(name).or_default().push(node);
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.push(name);
+        }
+    }
+
+    fn level(&mut self) -> &mut Level {
+        self.levels.last_mut().expect("the outermost level stays")
+    }
+
+    /// A separator: what was declared before it holds from here on.
+    fn separate(&mut self) {
+        let level = self.level();
+        level.separate();
+        if let Some((node, outer)) = level.declaring.take() {
+            // The text around counts its brackets. Arrays of what was declared before make values deeper than the text is.
+            let own = &mut self.graph.nodes[node as usize];
+            own.depth = own.arrays;
+            self.declare(self.name, node);
+            self.node = outer;
+        }
+    }
+
+    fn token(&mut self, at: usize, token: Token<'t>, before: Token<'t>, label: bool) {
+        self.graph.nodes[self.node as usize].tokens += 1;
+        if self.level().after_block && token != Token::Word("else") {
+            self.separate();
+        }
+        let outermost = self.levels.len() == 1;
+        if outermost && self.keyword.is_empty() && !matches!(token, Token::Separator(_) | Token::Close(_)) {
+            self.graph.nodes[self.top as usize].at = at;
+            self.keyword = "@";
+        }
+        match token {
+            Token::Word(word) => self.word(at, word, before, label),
+            Token::Operator(operator) => {
+                self.level().operators += 1;
+                match (self.expected, operator) {
+                    (Expected::Variable, "<") => self.expected = Expected::Template,
+                    (Expected::Template, ">") => self.expected = Expected::Name,
+                    _ => {}
+                }
+            }
+            Token::Open(bracket) => {
+                let level = self.level();
+                // An index has what it indexes as its left operand.
+                level.operators += u64::from(bracket == '[');
+                let outside = level.outside + level.operators + 1;
+                self.levels.push(Level { outside, ..Level::default() });
+                if bracket == '{' {
+                    self.scopes.push(Vec::new());
+                }
+            }
+            Token::Close(bracket) => self.close(bracket),
+            Token::Separator(';') if outermost && self.keyword.is_empty() => {}
+            Token::Separator(';') if outermost => {
+                self.end();
+                self.begin(at);
+            }
+            Token::Separator(':') => {}
+            // A comma of a template list does not end a declaration.
+            Token::Separator(',') => self.level().separate(),
+            Token::Separator(_) => self.separate(),
+            Token::Other => {}
+        }
+    }
+
+    fn close(&mut self, bracket: char) {
+        if self.levels.len() == 1 {
+            return;
+        }
+        self.separate();
+        let depth = self.levels.pop().map_or(0, |level| level.deepest) + 1;
+        let outermost = self.levels.len() == 1;
+        let level = self.level();
+        level.inside = level.inside.max(depth);
+        if bracket != '}' {
+            return;
+        }
+        level.after_block = true;
+        let loops = std::mem::take(&mut level.loops);
+        for _ in 0..=loops {
+            self.leave();
+        }
+        if outermost && matches!(self.keyword, "fn" | "struct") {
+            self.end();
+            self.begin(self.text.len());
+        }
+    }
+
+    fn word(&mut self, at: usize, word: &'t str, before: Token<'t>, label: bool) {
+        let outermost = self.levels.len() == 1;
+        if self.expected != Expected::Nothing {
+            if self.expected == Expected::Template {
+                return;
+            }
+            self.expected = Expected::Nothing;
+            if outermost {
+                self.tops.insert(word, self.top);
+            } else {
+                self.name = word;
+            }
+            return;
+        }
+        // Members and attributes have names of their own.
+        if before == Token::Operator(".") || before == Token::Operator("@") {
+            return;
+        }
+        match word {
+            "fn" | "struct" | "alias" | "const" | "override" | "var" if outermost => {
+                self.keyword = word;
+                self.expected = if word == "var" { Expected::Variable } else { Expected::Name };
+                self.graph.nodes[self.top as usize].copied = matches!(word, "const" | "override");
+                self.graph.nodes[self.top as usize].is_type = matches!(word, "struct" | "alias");
+            }
+            "const" | "let" | "var" => {
+                let outer = self.node;
+                let node = self.graph.add(at);
+                self.graph.nodes[node as usize].copied = word == "const";
+                self.graph.needs(outer, node);
+                self.node = node;
+                let outer = self.level().declaring.map_or(outer, |(_, outer)| outer);
+                self.level().declaring = Some((node, outer));
+                self.expected = if word == "var" { Expected::Variable } else { Expected::Name };
+            }
+            "else" => {
+                let level = self.level();
+                level.operators += 1;
+                level.after_block = false;
+            }
+            "for" => {
+                self.scopes.push(Vec::new());
+                self.level().loops += 1;
+            }
+            // Members of a structure and parameters of a function.
+            _ if label && self.keyword == "struct" => {}
+            _ if label && self.keyword == "fn" && self.levels.len() == 2 && !self.in_body() => {
+                let node = self.graph.add(at);
+                self.declare(word, node);
+            }
+            _ => {
+                self.graph.nodes[self.node as usize].arrays += u64::from(word == "array");
+                match self.locals.get(word).and_then(|held| held.last()) {
+                    Some(&node) => self.graph.uses(self.node, node),
+                    None => self.uses.push((self.node, word)),
+                }
+            }
+        }
+    }
+
+    /// Whether the scan is in the braces of a function: they have a scope, its head has none but that of the declaration.
+    fn in_body(&self) -> bool {
+        self.scopes.len() > 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extent(text: &str) -> Extent {
+        check(text, &Limits::default()).unwrap_or_else(|(place, message)| panic!("{place}: {message}"))
+    }
+
+    /// Nesting of a statement, without that of the function around it.
+    fn levels(statement: &str) -> u64 {
+        let of = |body: &str| extent(&format!("fn f() {{ {body} }}")).nesting;
+        of(statement) - of("")
+    }
+
+    #[test]
+    fn operators_and_brackets_add_up() {
+        assert_eq!(levels("!!!x;"), 3);
+        assert_eq!(levels("x + x + x;"), 2);
+        assert_eq!(levels("x; x + x; x;"), 1);
+        assert_eq!(levels("f(x + x, x, -x);"), 2);
+        assert_eq!(levels("(x) + (x + x) + x;"), 4);
+        assert_eq!(levels("x[x[x]].y;"), 5);
+        assert_eq!(levels("if x { y(); } else if x { z(); } else { }"), 4);
+        assert_eq!(levels("if x { } if x { } if x { { } }"), 2);
+        assert_eq!(levels("/* (((( */ x; // ((((\n"), 0);
+    }
+
+    #[test]
+    fn chains_of_declarations_add_up() {
+        let chain = "fn c() { } fn a() { b(); } fn b() { c(); c(); }";
+        // Braces, and brackets inside them; `c` has none inside.
+        assert_eq!(extent(chain).nesting, 2 + 2 + 1);
+        assert_eq!(extent("const a = 1; const b = a + 1; const c = -b;").nesting, 1 + 2 + 2);
+        // Members, parameters and variables are not what they are called like.
+        let names = "struct S { b: u32 } fn b(c: u32) -> u32 { return c; } fn c(s: S) { let a = s.b; } fn a() { }";
+        // An operator in an initial value in the braces of `c`, and the braces of `S`.
+        assert_eq!(extent(names).nesting, 3 + 1);
+    }
+
+    #[test]
+    fn names_hold_in_their_scopes() {
+        let size = |body: &str| extent(&format!("const big = array(1, 2, 3, 4, 5, 6, 7, 8);\nfn f() {{ {body} }}")).tokens;
+        let large = size("big;") - size("x;");
+        assert!(large >= 16, "{large}");
+        assert_eq!(size("let big = x; big;"), size("let gib = x; gib;"));
+        assert_eq!(size("{ let big = x; } big;") - size("{ let gib = x; } x;"), large);
+        assert_eq!(size("for (var big = x; x; x) { } big;") - size("for (var gib = x; x; x) { } x;"), large);
+        assert_eq!(size("for (var big = x; x; x) { big; }"), size("for (var gib = x; x; x) { gib; }"));
+        assert_eq!(size("let a = big; a; a;") - size("let a = x; a; a;"), large);
+        assert_eq!(size("const a = big; a; a;") - size("const a = x; a; a;"), 3 * large);
+    }
+
+    #[test]
+    fn a_refusal_has_the_place() {
+        let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
+        let (place, message) = check("fn f() {\n  ((x));\n  - - - x; }", &limits).expect_err("too deep");
+        assert_eq!((place, message.contains("shader.nesting")), (Place { line: 3, column: 7 }, true));
+        let (place, _) =
+            check("fn f() { }\nfn a() { b(); } fn b() { c(); } fn c() { d(); } fn d() { }", &limits).expect_err("too deep");
+        assert_eq!(place.line, 2);
+        let limits = Limits { shader_declarations: Limits::default().shader_declarations.with(2), ..Limits::default() };
+        assert_eq!(check("struct A { a: u32 }; alias B = A;;;", &limits).map(|e| e.declarations), Ok(2));
+        assert!(check("struct A { a: u32 }; alias B = A; fn f() { }", &limits).is_err());
+    }
+}

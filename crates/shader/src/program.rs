@@ -1,0 +1,267 @@
+//! Compiled programs: a flat list of operations over a register file, with side tables for memory and texture accesses.
+
+use super::code::Code;
+use super::interface::Interface;
+use super::module::Place;
+
+/// Index of a register of a batch.
+pub(super) type Reg = u16;
+
+/// No register: an unused destination or an absent operand.
+pub(super) const NO_REG: Reg = u16::MAX;
+
+/// One operation. Which of `r` are destinations and which operands is stated by each code; control operations keep their jump
+/// target in `imm` and mask slots in `r`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Op {
+    pub code: Code,
+    pub r: [Reg; 9],
+    pub imm: u32,
+}
+
+/// What a memory access addresses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Space {
+    /// A buffer binding: index in the interface's bindings.
+    Buffer(u16),
+    /// Workgroup memory.
+    Shared,
+    /// Immediates.
+    Immediate,
+}
+
+/// How a component lies in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Width {
+    /// 32 bits.
+    Word,
+    /// A 16-bit float, held as `f32` in registers.
+    Half,
+}
+
+/// A load or store of up to four consecutive components, or an atomic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct MemoryOp {
+    pub space: Space,
+    /// Element of the binding array, a register.
+    pub element: Reg,
+    /// Destinations of a load, sources of a store; atomics: result, value, comparand, exchanged flag.
+    pub data: [Reg; 4],
+    /// Components.
+    pub count: u8,
+    pub width: Width,
+    /// Register with byte offsets, or none.
+    pub address: Reg,
+    /// Constant byte offset.
+    pub offset: u32,
+    /// All lanes have the same address.
+    pub uniform: bool,
+    pub atomic: AtomicOp,
+}
+
+/// What an atomic does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum AtomicOp {
+    Add,
+    Sub,
+    And,
+    Or,
+    Xor,
+    MinS,
+    MinU,
+    MaxS,
+    MaxU,
+    Exchange,
+    CompareExchange,
+    AddF,
+    SubF,
+}
+
+/// Which level a texture is sampled at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Level {
+    /// From differences inside the quad.
+    Auto,
+    /// The same, with a bias.
+    Bias,
+    /// Level 0.
+    Zero,
+    /// Explicit.
+    Exact,
+    /// From explicit gradients.
+    Gradient,
+}
+
+/// What a texture access does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum TextureAction {
+    /// Filtered; with a reference value: compared.
+    Sample(Level),
+    /// Four texels of one component; with a reference value: compared.
+    Gather(u8),
+    /// One texel, unfiltered.
+    Load,
+    /// One texel written.
+    Store,
+    /// One texel changed.
+    Atomic(AtomicOp),
+    /// Width, height, depth of a level.
+    Size,
+    /// Number of levels.
+    Levels,
+    /// Number of layers.
+    Layers,
+    /// Number of samples.
+    Samples,
+}
+
+/// A texture access.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TextureOp {
+    pub action: TextureAction,
+    /// Binding of the texture.
+    pub texture: u16,
+    /// Element of the texture's binding array.
+    pub texture_element: Reg,
+    /// Binding of the sampler.
+    pub sampler: u16,
+    pub sampler_element: Reg,
+    /// Results, or sources of a store or atomic.
+    pub data: [Reg; 4],
+    pub coordinate: [Reg; 3],
+    pub layer: Reg,
+    /// Layers above the greatest `i32` are layers, not negative numbers.
+    pub unsigned_layer: bool,
+    pub sample: Reg,
+    /// Level, or bias.
+    pub level: Reg,
+    pub gradient_x: [Reg; 3],
+    pub gradient_y: [Reg; 3],
+    pub reference: Reg,
+    pub offset: [i8; 3],
+    pub clamp_to_edge: bool,
+}
+
+/// A subgroup operation; a subgroup is a batch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum SubgroupOp {
+    Ballot,
+    All,
+    Any,
+    BroadcastFirst,
+    Broadcast,
+    Shuffle,
+    ShuffleDown,
+    ShuffleUp,
+    ShuffleXor,
+    QuadBroadcast,
+    QuadSwap(u8),
+    Reduce(Fold),
+    Inclusive(Fold),
+    Exclusive(Fold),
+}
+
+/// What a reduction combines with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Fold {
+    AddI,
+    AddF,
+    MulI,
+    MulF,
+    MinS,
+    MinU,
+    MinF,
+    MaxS,
+    MaxU,
+    MaxF,
+    And,
+    Or,
+    Xor,
+}
+
+/// A list of operations with its side tables.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Body {
+    pub ops: Vec<Op>,
+    pub memory: Vec<MemoryOp>,
+    pub textures: Vec<TextureOp>,
+    pub subgroup: Vec<SubgroupOp>,
+    /// Constants indexed at run time.
+    pub table: Vec<u32>,
+    /// Registers in the file.
+    pub registers: usize,
+    /// Mask slots, those that count loop iterations included.
+    pub slots: usize,
+    /// First slot that counts a loop's iterations.
+    pub first_counter: usize,
+    /// Places of loops, by number.
+    pub loops: Vec<Option<Place>>,
+    /// Running instruction counts: entry `i` counts operations before `i`.
+    pub counts: Vec<[u32; 4]>,
+    /// Running sum of steps ([`Code::steps`]): entry `i` counts operations before `i`.
+    pub steps: Vec<u64>,
+    /// Turns that a loop may make between its entry and its end.
+    pub loop_turns: u64,
+}
+
+/// A compiled entry point.
+#[derive(Clone, Debug)]
+pub struct Program {
+    pub(super) module: String,
+    pub(super) interface: Interface,
+    /// Computes the uniforms, on one lane, once a draw.
+    pub(super) prologue: Body,
+    /// Registers of the prologue whose values the body uses.
+    pub(super) uniform_sources: Vec<Reg>,
+    /// Constants of the prologue: its first registers.
+    pub(super) prologue_constants: Vec<u32>,
+    /// Constants of the body.
+    pub(super) constants: Vec<u32>,
+    /// The batch program. Registers: uniforms, then constants, then the rest.
+    pub(super) body: Body,
+    /// Bytes of workgroup memory as the executor lays it out.
+    pub(super) shared_bytes: u32,
+    /// Registers of each input's components.
+    pub(super) inputs: Vec<Vec<Reg>>,
+    /// Registers of each output's components.
+    pub(super) outputs: Vec<Vec<Reg>>,
+}
+
+impl Body {
+    /// Steps of all operations, each once.
+    pub fn all_steps(&self) -> u64 {
+        self.steps.last().copied().unwrap_or(0)
+    }
+}
+
+impl Program {
+    /// Steps that a batch of 64 invocations counts before its loops go round: each operation once.
+    pub fn steps(&self) -> u64 {
+        self.body.all_steps()
+    }
+
+    /// Steps of what is computed once a draw or dispatch for all invocations.
+    pub fn uniform_steps(&self) -> u64 {
+        self.prologue.all_steps()
+    }
+
+    /// Bytes of the registers of a batch of 64 invocations.
+    pub fn register_bytes(&self) -> u64 {
+        (self.body.registers * size_of::<num::Lanes>()) as u64
+    }
+
+    /// What the program asks of its surroundings.
+    pub fn interface(&self) -> &Interface {
+        &self.interface
+    }
+
+    /// Name of the module it comes from.
+    pub fn module(&self) -> &str {
+        &self.module
+    }
+
+    /// Operations in the batch program and in the prologue that computes uniforms: a measure of the compiler, not of the card.
+    pub fn operations(&self) -> (usize, usize) {
+        (self.body.ops.len(), self.prologue.ops.len())
+    }
+}

@@ -1,0 +1,258 @@
+//! Subgroups, binding arrays, storage textures, immediates, packed workgroups, recorded dispatches.
+
+use super::*;
+use gfx::format::Format;
+use gfx::image::ImageDesc;
+use gfx::state::TextureDimension;
+use work::RequestKind;
+
+#[test]
+fn subgroup_operations() {
+    let source = "
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @group(0) @binding(1) var<storage, read> input: array<u32>;
+        @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32, @builtin(subgroup_size) n: u32, @builtin(subgroup_invocation_id) lane: u32) {
+            let x = input[i];
+            var r = 0u;
+            if (x % 3u != 0u) {
+                r = subgroupAdd(x) + subgroupExclusiveAdd(1u) * 10000u;
+                r += subgroupBroadcastFirst(x) * 1000000u;
+                r += select(0u, 10000000u, subgroupAny(x == 62u)) + select(0u, 20000000u, subgroupAll(x > 1u));
+            } else {
+                let b = subgroupBallot(x > 30u);
+                r = countOneBits(b.x) + countOneBits(b.y) * 100u + subgroupMax(x) * 10000u + subgroupMin(x + 5u) * 1000000u;
+                r += subgroupShuffleXor(x, 3u) * 0u + n / 64u * 100000000u + (lane - i);
+            }
+            result[i] = r;
+        }";
+    let got = each(source, |i| i);
+    let some: Vec<u32> = (0..64).filter(|x| x % 3 != 0).collect();
+    for x in 0..64u32 {
+        let want = if x % 3 != 0 {
+            let before = some.iter().filter(|&&y| y < x).count() as u32;
+            some.iter().sum::<u32>() + before * 10_000 + 1_000_000 + 10_000_000
+        } else {
+            let high = (0..64).filter(|y| y % 3 == 0 && *y > 30);
+            let (a, b): (Vec<u32>, Vec<u32>) = high.partition(|y| *y < 32);
+            a.len() as u32 + b.len() as u32 * 100 + 63 * 10_000 + 5_000_000 + 100_000_000
+        };
+        assert_eq!(got[x as usize], want, "lane {x}");
+    }
+}
+
+#[test]
+fn binding_arrays_of_buffers() {
+    let source = "enable wgpu_binding_array;
+        struct B { v: array<u32, 4> }
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @group(0) @binding(1) var<storage, read> list: binding_array<B, 3>;
+        @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+            result[i] = list[i % 3u].v[i % 4u] + list[2].v[1] * 1000u;
+        }";
+    let p = program(source);
+    assert_eq!(p.interface().bindings[1].count, Some(3));
+    let out = Words::new(256);
+    let parts: Vec<Words> = (0..3).map(|k| words_of(&[k * 10, k * 10 + 1, k * 10 + 2, k * 10 + 3])).collect();
+    let buffer = |w| Resource::Buffer(BufferRange { words: w, offset: 0, size: 256, address: 0 });
+    let bindings = vec![vec![buffer(&out)], parts.iter().map(buffer).collect()];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
+    for i in 0..64u32 {
+        assert_eq!(out.load(i as usize), i % 3 * 10 + i % 4 + 21_000);
+    }
+}
+
+#[test]
+fn storage_textures_are_stored_and_loaded() {
+    let source = "
+        @group(0) @binding(0) var dst: texture_storage_2d_array<rgba8unorm, write>;
+        @group(0) @binding(1) var src: texture_storage_2d<r32uint, read_write>;
+        @compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3u) {
+            let v = textureLoad(src, id.xy).x;
+            textureStore(src, id.xy, vec4u(v + 1u, 0u, 0u, 0u));
+            textureStore(dst, id.xy, 1, vec4f(f32(v) / 255.0, 0.5, 2.0, -1.0));
+            textureStore(dst, id.xy, 9, vec4f(1.0));
+        }";
+    let p = program(source);
+    let image =
+        |format, layers| ImageDesc { dimension: TextureDimension::D2, size: [8, 6, layers], levels: 1, samples: 1, format };
+    let (color, number) = (image(Format::Rgba8Unorm, 2), image(Format::R32Uint, 1));
+    let (a, b) = (Words::new(color.bytes()), Words::new(number.bytes()));
+    for i in 0..48 {
+        b.store(i, i as u32 * 5);
+    }
+    let storage = |words, desc, layers| {
+        vec![Resource::Storage(StorageImage { words, desc, level: 0, base_layer: 0, layers, address: 0 })]
+    };
+    let bindings = vec![storage(&a, color, 2), storage(&b, number, 1)];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
+    for i in 0..48u32 {
+        assert_eq!(b.load(i as usize), i * 5 + 1);
+        assert_eq!(a.load(i as usize), 0, "layer 0 is not written");
+        assert_eq!(a.load(48 + i as usize), (i * 5) | (128 << 8) | (255 << 16));
+    }
+}
+
+#[test]
+fn immediates_are_read() {
+    let source = "
+        struct I { a: vec2u, list: array<u32, 4> }
+        var<immediate> now: I;
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32) {
+            result[i] = now.a.y * 100u + now.list[i % 4u];
+        }";
+    let p = program(source);
+    assert_eq!(p.interface().immediate_bytes, 24);
+    let out = Words::new(256);
+    let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: 256, address: 0 })]];
+    let resources = Resources { bindings: &bindings, immediates: &[1, 2, 10, 11, 12, 13] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    executor.bind(&p, &resources, &uniforms).run_groups(0..1, [1, 1, 1], None).expect("it ends");
+    for i in 0..64u32 {
+        assert_eq!(out.load(i as usize), 210 + i % 4);
+    }
+}
+
+#[test]
+fn small_groups_share_a_batch_and_are_recorded_apart() {
+    let source = "
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @compute @workgroup_size(3, 2) fn main(@builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) g: vec3u,
+            @builtin(num_workgroups) n: vec3u, @builtin(local_invocation_index) l: u32) {
+            let at = (g.x + n.x * (g.y + n.y * g.z)) * 6u + l;
+            var r = id.x + 100u * id.y + 10000u * id.z;
+            if (g.y == 1u) { r += 1000000u; }
+            result[at] = r;
+        }";
+    let p = program(source);
+    let out = Words::new(4 * 6 * 5 * 2 * 3);
+    let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: out.len(), address: 640 })]];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut bound = executor.bind(&p, &resources, &uniforms);
+    let (mut recorder, mut packets) = (Recorder::new(), Vec::new());
+    bound.run_groups(0..30, [5, 2, 3], Some((&mut recorder, &mut packets))).expect("it ends");
+    for g in 0..30u32 {
+        let (gx, gy, gz) = (g % 5, g / 5 % 2, g / 10);
+        for l in 0..6 {
+            let (x, y) = (gx * 3 + l % 3, gy * 2 + l / 3);
+            let want = x + 100 * y + 10_000 * gz + if gy == 1 { 1_000_000 } else { 0 };
+            assert_eq!(out.load((g * 6 + l) as usize), want, "group {g} invocation {l}");
+        }
+    }
+    assert_eq!(packets.len(), 60, "two packets a group");
+    for packet in &packets {
+        let cost = &recorder.costs[packet.cost];
+        assert_eq!(cost.steps.iter().map(|s| s.then).collect::<Vec<_>>(), [RequestKind::Store, RequestKind::End]);
+    }
+    let lines = |k: usize| {
+        let r = recorder.requests[packets[k].first_request as usize];
+        assert_eq!(usize::from(r.lines), 1);
+        recorder.lines[r.first_line as usize]
+    };
+    assert_eq!((lines(0), lines(6), lines(59)), (10, 11, (640 + 4 * 178) / 64));
+}
+
+#[test]
+fn barriers_end_steps() {
+    let source = "
+        var<workgroup> w: array<u32, 70>;
+        @group(0) @binding(0) var<storage, read_write> result: array<u32>;
+        @compute @workgroup_size(70) fn main(@builtin(local_invocation_index) l: u32) {
+            w[l] = l * 2u;
+            workgroupBarrier();
+            let u = workgroupUniformLoad(&w[69]);
+            result[l] = w[69u - l] + u;
+        }";
+    let p = program(source);
+    assert!(p.interface().barriers && p.interface().workgroup_bytes == 280);
+    let out = Words::new(280);
+    let bindings = vec![vec![Resource::Buffer(BufferRange { words: &out, offset: 0, size: 280, address: 0 })]];
+    let resources = Resources { bindings: &bindings, immediates: &[] };
+    let uniforms = p.uniforms(&resources);
+    let mut executor = Executor::new();
+    let mut bound = executor.bind(&p, &resources, &uniforms);
+    let (mut recorder, mut packets) = (Recorder::new(), Vec::new());
+    bound.run_groups(0..1, [1, 1, 1], Some((&mut recorder, &mut packets))).expect("it ends");
+    for l in 0..70 {
+        assert_eq!(out.load(l), (69 - l as u32) * 2 + 138);
+    }
+    assert_eq!(packets.len(), 18);
+    let kinds: Vec<_> = recorder.costs[packets[17].cost].steps.iter().map(|s| s.then).collect();
+    use RequestKind::{Barrier, End, Store};
+    assert_eq!(kinds, [Barrier, Barrier, Barrier, Store, End]);
+}
+
+#[test]
+fn programs_of_an_engine() {
+    // Culling in compute: bit tricks, an append list with an atomic counter, structs behind pointers, early outs.
+    let source = "
+        struct Bounds { center: vec3f, radius: f32 }
+        struct Instance { model: mat4x4f, bounds: Bounds, mesh: u32, flags: u32 }
+        struct Draw { index_count: u32, instance_count: atomic<u32>, first_index: u32, base: i32, first_instance: u32 }
+        struct View { planes: array<vec4f, 6>, eye: vec3f, count: u32 }
+        @group(0) @binding(0) var<storage, read_write> visible: array<u32>;
+        @group(0) @binding(1) var<storage, read> instances: array<Instance>;
+        @group(0) @binding(2) var<storage, read_write> draws: array<Draw, 2>;
+        @group(0) @binding(3) var<uniform> view: View;
+        fn distance_to(p: ptr<function, Bounds>, plane: vec4f) -> f32 { return dot((*p).center, plane.xyz) + plane.w; }
+        fn inside(b: Bounds) -> bool {
+            var bounds = b;
+            for (var i = 0u; i < 6u; i++) { if (distance_to(&bounds, view.planes[i]) < -bounds.radius) { return false; } }
+            return true;
+        }
+        fn hash(x: u32) -> u32 { var h = x; h ^= h >> 16u; h *= 0x7feb352du; h ^= h >> 15u; h *= 0x846ca68bu; h ^= h >> 16u; return h; }
+        @compute @workgroup_size(64) fn cull(@builtin(global_invocation_id) id: vec3u) {
+            if (id.x >= view.count) { return; }
+            let mesh = instances[id.x].mesh;
+            if ((instances[id.x].flags & 1u) == 0u) { return; }
+            var b = instances[id.x].bounds;
+            b.center = (instances[id.x].model * vec4f(b.center, 1.0)).xyz;
+            if (!inside(b)) { return; }
+            let slot = atomicAdd(&draws[mesh].instance_count, 1u);
+            visible[draws[mesh].first_instance + slot] = id.x | (hash(id.x) & 0xffff0000u);
+        }";
+    let p = program(source);
+    let n = 50u32;
+    let mut data = Vec::new();
+    for i in 0..n {
+        let mut m = [0f32; 16];
+        (m[0], m[5], m[10], m[15]) = (1.0, 1.0, 1.0, 1.0);
+        m[12] = i as f32;
+        data.extend(m.map(f32::to_bits));
+        data.extend([0f32, 0.0, 0.0, 0.75].map(f32::to_bits));
+        data.extend([i % 2, u32::from(i % 7 != 3), 0, 0]);
+    }
+    let instances = words_of(&data);
+    let draws = words_of(&[36, 0, 0, 0, 0, 36, 0, 0, 0, 100]);
+    let mut view: Vec<u32> = Vec::new();
+    let planes = [
+        [1f32, 0.0, 0.0, -10.0],
+        [-1.0, 0.0, 0.0, 40.0],
+        [0.0, 1.0, 0.0, 1.0],
+        [0.0, -1.0, 0.0, 1.0],
+        [0.0, 0.0, 1.0, 1.0],
+        [0.0, 0.0, -1.0, 1.0],
+    ];
+    planes.iter().for_each(|p| view.extend(p.map(f32::to_bits)));
+    view.extend([0, 0, 0, n - 2]);
+    let view = words_of(&view);
+    let visible = Words::new(4 * 200);
+    run_with(&p, [1, 1, 1], &[(0, &visible), (1, &instances), (2, &draws), (3, &view)]);
+    let seen = |mesh: u32| (0..n - 2).filter(move |i| i % 2 == mesh && i % 7 != 3 && (10..=40).contains(i)).collect::<Vec<_>>();
+    for mesh in 0..2 {
+        let want = seen(mesh);
+        assert_eq!(draws.load(5 * mesh as usize + 1) as usize, want.len());
+        for (k, i) in want.iter().enumerate() {
+            assert_eq!(visible.load(100 * mesh as usize + k) & 0xffff, *i);
+        }
+    }
+}

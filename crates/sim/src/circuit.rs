@@ -1,0 +1,318 @@
+//! Units and wires as one machine.
+
+use super::unit::{Tick, Unit};
+use super::wires::Wires;
+use super::wiring::Wiring;
+use stats::Tree;
+
+/// A row of units of one kind: what a field of a [`circuit!`](crate::circuit) is. [`One`], `Vec` or `Option`.
+pub trait Bank<C> {
+    /// How many units.
+    fn count(&self) -> usize;
+
+    /// Ticks all; the first has number `base` in the machine.
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C);
+
+    /// Ticks unit `index`, between [`Wires`]' taking note of its beginning and its end.
+    fn tick_one(&mut self, index: usize, wires: &mut Wires, context: &mut C) -> Tick;
+
+    /// Appends the items done by each, and the items inside each.
+    fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>);
+}
+
+#[inline(always)]
+fn tick<C, U: Unit<C>>(unit: &mut U, number: usize, wires: &mut Wires, context: &mut C) {
+    wires.begin_tick();
+    let done: Tick = unit.tick(wires, context);
+    wires.end_tick(number, done);
+}
+
+/// A bank of exactly one unit, which it dereferences to. (A unit cannot be a bank itself: the compiler would have to know that
+/// no `Vec` is ever a unit.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct One<U>(pub U);
+
+impl<U> std::ops::Deref for One<U> {
+    type Target = U;
+
+    #[inline(always)]
+    fn deref(&self) -> &U {
+        &self.0
+    }
+}
+
+impl<U> std::ops::DerefMut for One<U> {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut U {
+        &mut self.0
+    }
+}
+
+impl<C, U: Unit<C>> Bank<C> for One<U> {
+    fn count(&self) -> usize {
+        1
+    }
+
+    #[inline(always)]
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        tick(&mut self.0, base, wires, context);
+    }
+
+    #[inline(always)]
+    fn tick_one(&mut self, _: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self.0.tick(wires, context)
+    }
+
+    fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
+        done.push(self.0.items());
+        resident.push(self.0.resident());
+    }
+}
+
+impl<C, U: Unit<C>> Bank<C> for Vec<U> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    #[inline(always)]
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        for (index, unit) in self.iter_mut().enumerate() {
+            tick(unit, base + index, wires, context);
+        }
+    }
+
+    #[inline(always)]
+    fn tick_one(&mut self, index: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self[index].tick(wires, context)
+    }
+
+    fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
+        done.extend(self.iter().map(Unit::items));
+        resident.extend(self.iter().map(Unit::resident));
+    }
+}
+
+impl<C, U: Unit<C>> Bank<C> for Option<U> {
+    fn count(&self) -> usize {
+        usize::from(self.is_some())
+    }
+
+    #[inline(always)]
+    fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C) {
+        if let Some(unit) = self {
+            tick(unit, base, wires, context);
+        }
+    }
+
+    #[inline(always)]
+    fn tick_one(&mut self, _: usize, wires: &mut Wires, context: &mut C) -> Tick {
+        self.as_mut().map_or(Tick::Idle, |unit| unit.tick(wires, context))
+    }
+
+    fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
+        done.extend(self.iter().map(Unit::items));
+        resident.extend(self.iter().map(Unit::resident));
+    }
+}
+
+/// A machine made by [`circuit!`](crate::circuit).
+pub trait Circuit {
+    /// What its units share.
+    type Context;
+
+    /// Its channels and its time.
+    fn wires(&self) -> &Wires;
+
+    /// Its channels and its time.
+    fn wires_mut(&mut self) -> &mut Wires;
+
+    /// Ticks all units, or those that are due, in the order of the fields.
+    fn cycle<const ALL: bool>(&mut self, context: &mut Self::Context);
+
+    /// Ticks all units in the given order of their numbers. For tests: the order must not matter.
+    fn cycle_in(&mut self, order: &[usize], context: &mut Self::Context);
+
+    /// The items done by each unit, and the items inside each.
+    fn tally(&self) -> (Vec<u64>, Vec<u64>);
+
+    /// The leaves `units` and `channels` of the statistics, over the cycles gone by.
+    fn tree(&self) -> Tree {
+        let mut tree = Tree::new();
+        tree.child("units").extend(self.wires().unit_tree(&self.tally().0));
+        tree.child("channels").extend(self.wires().channel_tree());
+        tree
+    }
+}
+
+/// Finishes a wiring for fields of the given names and counts.
+///
+/// # Panics
+/// If the units were not declared in the order of the fields: the machine is wrong.
+#[doc(hidden)]
+pub fn assemble(wiring: Wiring, fields: &[(&str, usize)]) -> Wires {
+    let expected = fields.iter().flat_map(|&(name, count)| (0..count).map(move |index| format!("{name}[{index}]")));
+    let declared = wiring.unit_labels().iter().map(ToString::to_string);
+    assert!(
+        expected.clone().eq(declared.clone()),
+        "the units are declared as {:?} but the machine has {:?}",
+        declared.collect::<Vec<_>>(),
+        expected.collect::<Vec<_>>()
+    );
+    wiring.finish()
+}
+
+/// Declares a machine as its units in data-flow order. The struct reads as the block diagram:
+///
+/// ```
+/// use fillrate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
+///
+/// struct Source { left: u32, output: Out<u32> }
+/// impl Unit<()> for Source {
+///     fn tick(&mut self, wires: &mut Wires, _: &mut ()) -> Tick {
+///         if self.left == 0 {
+///             return Tick::Idle;
+///         }
+///         if !wires.try_push(&self.output, self.left) {
+///             return Tick::Blocked;
+///         }
+///         self.left -= 1;
+///         Tick::Moved
+///     }
+///     fn items(&self) -> u64 { 0 }
+///     fn resident(&self) -> u64 { u64::from(self.left) }
+/// }
+///
+/// struct Sink { items: u64, input: In<u32> }
+/// impl Unit<()> for Sink {
+///     fn tick(&mut self, wires: &mut Wires, _: &mut ()) -> Tick {
+///         let Some(_) = wires.pop(&self.input) else { return Tick::Starved };
+///         self.items += 1;
+///         Tick::Moved
+///     }
+///     fn items(&self) -> u64 { self.items }
+///     fn resident(&self) -> u64 { 0 }
+/// }
+///
+/// fillrate::circuit! {
+///     /// One source, one sink; several would be `sink: Vec<Sink>`.
+///     struct Pair for () {
+///         source: One<Source>,
+///         sink: One<Sink>,
+///     }
+/// }
+///
+/// let mut wiring = Wiring::new();
+/// let (source, sink) = (wiring.unit("source", 0), wiring.unit("sink", 0));
+/// let (output, input) = wiring.channel("numbers", 0, Link::items(4, 1, 3), source, sink);
+/// let mut pair = Pair::new(wiring, One(Source { left: 10, output }), One(Sink { items: 0, input }));
+/// run(&mut pair, &mut (), Clock::SkipIdle, 1000, |pair, _| pair.sink.items == 10).unwrap();
+/// assert_eq!(pair.wires().now(), 13);
+/// assert_eq!(pair.tree().number("units.source[0].busy"), Some(10.0));
+/// ```
+///
+/// After `for` stands the type of what all units share. A field is [`One`](crate::One) unit, a `Vec` of units or an `Option` of
+/// one. `new` takes
+/// the wiring, whose units were declared in the order of the fields, and the fields.
+#[macro_export]
+macro_rules! circuit {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident for $context:ty {
+        $($(#[$doc:meta])* $field:ident: $bank:ty),* $(,)?
+    }) => {
+        $(#[$meta])*
+        $vis struct $name {
+            wires: $crate::Wires,
+            /// For each unit the number of its field, and its place in it.
+            places: Box<[(u8, u32)]>,
+            $($(#[$doc])* pub $field: $bank,)*
+        }
+
+        impl $name {
+            /// The machine at cycle 0.
+            ///
+            /// # Panics
+            /// If the wiring's units are not these.
+            $vis fn new(wiring: $crate::Wiring, $($field: $bank),*) -> $name {
+                let fields = [$((stringify!($field), $crate::Bank::<$context>::count(&$field))),*];
+                let places = fields.iter().enumerate().flat_map(|(field, &(_, count))| {
+                    (0..count).map(move |place| (u8::try_from(field).expect("fewer than 256 fields"), place as u32))
+                });
+                $name { places: places.collect(), wires: $crate::assemble(wiring, &fields), $($field),* }
+            }
+        }
+
+        impl $crate::Circuit for $name {
+            type Context = $context;
+
+            fn wires(&self) -> &$crate::Wires {
+                &self.wires
+            }
+
+            fn wires_mut(&mut self) -> &mut $crate::Wires {
+                &mut self.wires
+            }
+
+            #[inline]
+            #[allow(unused_assignments, non_upper_case_globals)]
+            fn cycle<const ALL: bool>(&mut self, context: &mut $context) {
+                if ALL {
+                    let mut base = 0;
+                    $(
+                        $crate::Bank::<$context>::tick_all(&mut self.$field, base, &mut self.wires, context);
+                        base += $crate::Bank::<$context>::count(&self.$field);
+                    )*
+                    return;
+                }
+                // The numbers of the fields, by which a unit that is due is found with one jump.
+                #[repr(u8)]
+                #[allow(non_camel_case_types, clippy::upper_case_acronyms)]
+                enum Field { $($field),* }
+                $(#[allow(non_upper_case_globals)] const $field: u8 = Field::$field as u8;)*
+                for word in 0..self.wires.words() {
+                    let mut candidates = self.wires.candidates(word);
+                    while candidates != 0 {
+                        let number = word * 64 + candidates.trailing_zeros() as usize;
+                        candidates &= candidates - 1;
+                        if !self.wires.due(number) {
+                            continue;
+                        }
+                        // What surrounds a tick stands here once, not in every arm: the loop has to fit the host's
+                        // instruction cache beside the units.
+                        let (field, place) = self.places[number];
+                        self.wires.begin_tick();
+                        let done = match field {
+                            $($field => $crate::Bank::<$context>::tick_one(
+                                &mut self.$field, place as usize, &mut self.wires, context,
+                            ),)*
+                            _ => $crate::Tick::Idle,
+                        };
+                        self.wires.end_tick(number, done);
+                    }
+                }
+            }
+
+            fn cycle_in(&mut self, order: &[usize], context: &mut $context) {
+                for &number in order {
+                    let mut base = 0;
+                    $(
+                        let count = $crate::Bank::<$context>::count(&self.$field);
+                        if (base..base + count).contains(&number) {
+                            self.wires.begin_tick();
+                            let done = $crate::Bank::<$context>::tick_one(
+                                &mut self.$field, number - base, &mut self.wires, context,
+                            );
+                            self.wires.end_tick(number, done);
+                        }
+                        base += count;
+                    )*
+                    assert!(number < base, "unit {number} of {base}");
+                }
+            }
+
+            fn tally(&self) -> (Vec<u64>, Vec<u64>) {
+                let (mut done, mut resident) = (Vec::new(), Vec::new());
+                $($crate::Bank::<$context>::tally(&self.$field, &mut done, &mut resident);)*
+                (done, resident)
+            }
+        }
+    };
+}

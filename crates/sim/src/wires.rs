@@ -1,0 +1,485 @@
+//! All channels of a machine, the cycle it is in, and who wakes when.
+
+use std::marker::PhantomData;
+
+use super::agenda::Agenda;
+use super::channel::{Channel, ChannelCounts, Link, Slot};
+use super::gate::{Gate, GateCounts, GateState};
+use super::unit::Tick;
+use num::{Cycle, NEVER};
+use stats::{Account, Cycles, Group, Tree};
+
+/// What a channel carries: at most 16 bytes of plain integers, without padding, so that any channel's ring has the same form.
+/// More than that belongs in the machine's context, with an index to it in the token.
+pub trait Token: bytemuck::Pod + std::fmt::Debug {}
+
+impl<T: bytemuck::Pod + std::fmt::Debug> Token for T {}
+
+#[inline(always)]
+fn pack<T: Token>(item: T) -> [u64; 2] {
+    const { assert!(size_of::<T>() <= 16, "a token has at most 16 bytes") };
+    let mut data = [0u64; 2];
+    bytemuck::bytes_of_mut(&mut data)[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&item));
+    data
+}
+
+#[inline(always)]
+pub(super) fn unpack<T: Token>(data: &[u64; 2]) -> T {
+    bytemuck::pod_read_unaligned(&bytemuck::bytes_of(data)[..size_of::<T>()])
+}
+
+/// The consuming end of a channel. There is one, and the unit that has it is the consumer.
+#[derive(Debug)]
+pub struct In<T>(pub(super) u32, pub(super) PhantomData<fn() -> T>);
+
+/// The producing end of a channel. There is one, and the unit that has it is the producer.
+#[derive(Debug)]
+pub struct Out<T>(pub(super) u32, pub(super) PhantomData<fn(T)>);
+
+/// The number of a unit in its machine, in the order of declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnitId(pub(super) u16);
+
+/// A name and a number of its kind: `setup[2]`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Label {
+    pub name: &'static str,
+    pub index: usize,
+}
+
+impl std::fmt::Display for Label {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}[{}]", self.name, self.index)
+    }
+}
+
+/// The channels of a running machine, and its time.
+#[derive(Debug)]
+pub struct Wires {
+    pub(super) now: Cycle,
+    /// The earliest cycle at which the ticking unit could move, as far as it has asked.
+    pub(super) next: Cycle,
+    /// What the ticking unit does from the next cycle on if it moves in this one; [`Tick::Moved`] if it has not said.
+    pub(super) rest: Tick,
+    /// The last cycle in which a unit moved something.
+    pub(super) last_move: Cycle,
+    /// The last cycle in which a unit moved something, or found that it had worked while it slept.
+    pub(super) last_life: Cycle,
+    pub(super) agenda: Agenda,
+    pub(super) channels: Vec<Channel>,
+    pub(super) slots: Vec<Slot>,
+    pub(super) units: Vec<Label>,
+    pub(super) labels: Vec<Label>,
+    pub(super) show: Vec<fn(&[u64; 2]) -> String>,
+    pub(super) gates: Vec<GateState>,
+}
+
+impl Wires {
+    /// The cycle that is being ticked; between ticks, the number of cycles gone by.
+    #[inline(always)]
+    pub fn now(&self) -> Cycle {
+        self.now
+    }
+
+    /// The ticking unit could move at `cycle` even if nothing comes to it. A cycle that is not in the future means the next one.
+    #[inline(always)]
+    pub fn sleep_until(&mut self, cycle: Cycle) {
+        self.next = self.next.min(cycle);
+    }
+
+    /// The ticking unit moves in this cycle, and knows that ticks after it would move nothing and give the reason `why` until
+    /// something that it has asked about changes. It then sleeps from the next cycle on, as after such a tick.
+    ///
+    /// The unit must have asked after its last move: an item that it pushed or popped since makes what it asked before stale.
+    #[inline(always)]
+    pub fn rest(&mut self, why: Tick) {
+        self.rest = why;
+    }
+
+    /// The ticking unit has worked on what is inside it since its last tick, where no other unit sees it: it does not wake in vain.
+    #[inline(always)]
+    pub fn works(&mut self) {
+        self.last_life = self.now;
+    }
+
+    /// How a unit of one stage ends its tick where it stands before `why`, which it has just asked about: if it has moved before,
+    /// it rests.
+    #[inline(always)]
+    pub fn stop(&mut self, did: Tick, why: Tick) -> Tick {
+        if did == Tick::Moved {
+            self.rest = why;
+        }
+        did.or(why)
+    }
+
+    /// The item at the head, if one can be popped in this cycle.
+    #[inline(always)]
+    pub fn front<T: Token>(&mut self, port: &In<T>) -> Option<T> {
+        let channel = &self.channels[port.0 as usize];
+        if channel.poppable > self.now {
+            self.next = self.next.min(channel.poppable);
+            return None;
+        }
+        Some(unpack(&self.slots[channel.head()].data))
+    }
+
+    /// Whether an item can be popped in this cycle.
+    #[inline(always)]
+    pub fn can_pop<T: Token>(&mut self, port: &In<T>) -> bool {
+        self.front(port).is_some()
+    }
+
+    /// Takes the item at the head, if one can be popped in this cycle.
+    #[inline(always)]
+    pub fn pop<T: Token>(&mut self, port: &In<T>) -> Option<T> {
+        let item = self.front(port)?;
+        self.take(port);
+        Some(item)
+    }
+
+    /// Takes the item at the head that [`Wires::front`] has shown in this cycle.
+    ///
+    /// # Panics
+    /// If there is none that can be popped: the unit is wrong.
+    #[inline(always)]
+    pub fn take<T: Token>(&mut self, port: &In<T>) {
+        self.drop_head(port.0);
+    }
+
+    // Not inlined, as [`Wires::put`].
+    #[inline(never)]
+    fn drop_head(&mut self, number: u32) {
+        let now = self.now;
+        let channel = &mut self.channels[number as usize];
+        if channel.poppable > now {
+            self.misuse(number, "taken from without looking, and nothing can be popped");
+        }
+        let was_full = channel.pop(now, &mut self.slots);
+        if was_full || channel.pressed {
+            channel.pressed = false;
+            let producer = channel.producer;
+            self.wake_at(producer, now + 1);
+        }
+    }
+
+    /// Whether an item can be pushed in this cycle: there is a slot, and the width is not spent.
+    #[inline(always)]
+    pub fn can_push<T: Token>(&mut self, port: &Out<T>) -> bool {
+        let pushable = self.channels[port.0 as usize].pushable;
+        if pushable > self.now {
+            self.next = self.next.min(pushable);
+        }
+        pushable <= self.now
+    }
+
+    /// Slots for items in this cycle; the width may still spread them over several.
+    pub fn room<T: Token>(&mut self, port: &Out<T>) -> u32 {
+        let channel = &self.channels[port.0 as usize];
+        let free = (1..=channel.capacity).take_while(|&items| channel.room_at(items, &self.slots) <= self.now).count() as u32;
+        if free == 0 {
+            // It wakes when there are.
+            self.can_push(port);
+        }
+        free
+    }
+
+    /// Whether there is a slot in this cycle, whatever the width says. Who asks is not woken by it.
+    #[inline(always)]
+    pub fn has_place<T: Token>(&self, port: &Out<T>) -> bool {
+        self.channels[port.0 as usize].room_at(1, &self.slots) <= self.now
+    }
+
+    /// Whether there are slots for `items` in this cycle; the width may still spread them over several.
+    #[inline(always)]
+    pub fn has_room<T: Token>(&mut self, port: &Out<T>, items: u32) -> bool {
+        let channel = &mut self.channels[port.0 as usize];
+        let free = channel.room_at(items, &self.slots);
+        if free > self.now {
+            self.next = self.next.min(free);
+            channel.pressed = true;
+        }
+        free <= self.now
+    }
+
+    /// Pushes an item; the caller has made sure by [`Wires::can_push`] that it can be pushed in this cycle.
+    ///
+    /// # Panics
+    /// If it cannot: the unit is wrong.
+    #[inline(always)]
+    pub fn push<T: Token>(&mut self, port: &Out<T>, item: T) {
+        self.put(port.0, size_of::<T>() as u32, pack(item));
+    }
+
+    /// [`Wires::push`] of an item that stands for `bytes` bytes.
+    ///
+    /// # Panics
+    /// As [`Wires::push`].
+    #[inline(always)]
+    pub fn push_sized<T: Token>(&mut self, port: &Out<T>, item: T, bytes: u32) {
+        self.put(port.0, bytes, pack(item));
+    }
+
+    // Not inlined: a machine pushes at some hundred places, and its code has to fit the host's instruction cache.
+    #[inline(never)]
+    fn put(&mut self, number: u32, bytes: u32, data: [u64; 2]) {
+        let now = self.now;
+        let channel = &mut self.channels[number as usize];
+        if channel.pushable > now {
+            self.misuse(number, "pushed into without asking, and it takes nothing now");
+        }
+        let was_empty = channel.len() == 0;
+        channel.push(now, bytes, data, &mut self.slots);
+        if was_empty {
+            let (consumer, ready) = (channel.consumer, channel.poppable);
+            self.wake_at(consumer, ready);
+        }
+    }
+
+    /// Pushes an item if it can be pushed in this cycle, and tells whether it was.
+    #[inline(always)]
+    pub fn try_push<T: Token>(&mut self, port: &Out<T>, item: T) -> bool {
+        let can = self.can_push(port);
+        if can {
+            self.push(port, item);
+        }
+        can
+    }
+
+    /// The state of a gate from this cycle on, told in every tick of the unit that knows.
+    #[inline(always)]
+    pub fn tell(&mut self, gate: &Gate, state: u8) {
+        if let Some(gate) = self.gates.get_mut(usize::from(gate.0))
+            && gate.state != state
+        {
+            gate.change(state, self.now, &self.agenda);
+        }
+    }
+
+    /// The counts of all gates, in the order of declaration.
+    pub fn gates(&self) -> impl Iterator<Item = GateCounts> {
+        self.gates.iter().map(|gate| gate.counts(self.now, &self.agenda))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn misuse(&self, channel: u32, what: &str) -> ! {
+        panic!("cycle {}: {} is {what}", self.now, self.labels[channel as usize]);
+    }
+
+    #[inline(always)]
+    fn wake_at(&mut self, unit: UnitId, cycle: Cycle) {
+        self.agenda.wake(unit.0 as usize, cycle, self.now);
+    }
+
+    /// The cycle begins.
+    #[inline(always)]
+    pub(super) fn begin_cycle(&mut self) {
+        self.agenda.begin(self.now);
+    }
+
+    /// Words of a set of units. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn words(&self) -> usize {
+        self.agenda.words()
+    }
+
+    /// Of 64 units those that may be due in this cycle. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn candidates(&self, word: usize) -> u64 {
+        self.agenda.candidates(word)
+    }
+
+    /// Whether the unit wakes in this cycle or before. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn due(&self, unit: usize) -> bool {
+        self.agenda.due(unit, self.now)
+    }
+
+    /// A unit is about to tick. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn begin_tick(&mut self) {
+        self.next = NEVER;
+        self.rest = Tick::Moved;
+    }
+
+    /// A unit has ticked. For the code that [`circuit!`](crate::circuit) makes.
+    #[doc(hidden)]
+    #[inline(always)]
+    pub fn end_tick(&mut self, unit: usize, tick: Tick) {
+        let now = self.now;
+        let moved = tick == Tick::Moved;
+        self.last_move = if moved { now } else { self.last_move };
+        self.last_life = if moved { now } else { self.last_life };
+        // What it does from the next cycle on: if it moves without having said more, it ticks again.
+        let then = if moved { self.rest } else { tick };
+        let wake = if then == Tick::Moved { now + 1 } else { self.next.max(now + 1) };
+        let account = self.agenda.set(unit, wake, now);
+        account.note(now, tick.why());
+        if then != tick {
+            account.note(now + 1, then.why());
+        }
+    }
+
+    /// The next cycle at which any unit could move, [`NEVER`] if none. After a move that is the next cycle: the unit that moved
+    /// ticks again, and who asks whether the run is done wants to ask then.
+    #[inline(always)]
+    pub(super) fn next_event(&self) -> Cycle {
+        if self.last_move == self.now { self.now + 1 } else { self.agenda.next(self.now) }
+    }
+
+    #[inline(always)]
+    pub(super) fn advance(&mut self, to: Cycle) {
+        self.now = to;
+    }
+
+    #[inline(always)]
+    pub(super) fn last_move(&self) -> Cycle {
+        self.last_move
+    }
+
+    /// Whether a unit has moved or worked in this cycle.
+    #[inline(always)]
+    pub(super) fn lives(&self) -> bool {
+        self.last_life == self.now
+    }
+
+    /// How often units can wake one after another without moving, if all are sound. A unit that moves nothing changes nothing, so it
+    /// wakes at most once for each cycle that its state holds: of each channel when its head can be popped and when there is room
+    /// at its tail, of each unit the ends of what it has begun, and a wake time that is out of date.
+    pub(super) fn questions(&self) -> u64 {
+        4 * self.channels.len() as u64 + 8 * self.units.len() as u64
+    }
+
+    pub(super) fn unit_labels(&self) -> &[Label] {
+        &self.units
+    }
+
+    pub(super) fn account(&self, unit: usize) -> &Account {
+        self.agenda.account(unit)
+    }
+
+    /// Wakes every unit in the next cycle that is ticked: the context has changed from outside, as when new work has come.
+    pub fn wake_all(&mut self) {
+        self.agenda.wake_all(self.now);
+    }
+
+    /// Items in all channels.
+    pub fn resident(&self) -> u64 {
+        self.channels.iter().map(|channel| u64::from(channel.len())).sum()
+    }
+
+    /// The name of each unit and its number among those of that name, in the order of declaration, which is that of the data flow.
+    pub fn units(&self) -> impl Iterator<Item = (&'static str, usize)> {
+        self.units.iter().map(|label| (label.name, label.index))
+    }
+
+    /// Each channel, in the order of declaration.
+    pub fn wires(&self) -> impl Iterator<Item = Wire> {
+        self.labels.iter().zip(&self.channels).map(|(label, channel)| Wire {
+            name: label.name,
+            index: label.index,
+            link: channel.link(),
+            from: usize::from(channel.producer.0),
+            to: usize::from(channel.consumer.0),
+        })
+    }
+
+    /// Items in each channel, in the order of declaration.
+    pub fn fills(&self) -> impl Iterator<Item = u32> {
+        self.channels.iter().map(Channel::len)
+    }
+
+    /// A line for each channel that holds something: fill, when its head can be popped, and the head.
+    pub(super) fn contents(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        for (number, channel) in self.channels.iter().enumerate().filter(|(_, channel)| channel.len() > 0) {
+            let slot = &self.slots[channel.head()];
+            lines.push(format!(
+                "{} ({} to {}): {} of {}, head {} from cycle {}",
+                self.labels[number],
+                self.units[channel.producer.0 as usize],
+                self.units[channel.consumer.0 as usize],
+                channel.len(),
+                channel.capacity,
+                self.show[number](&slot.data),
+                slot.ready,
+            ));
+        }
+        lines
+    }
+
+    fn channel_counts(&self) -> impl Iterator<Item = ChannelCounts> {
+        self.channels.iter().map(|channel| channel.counts(self.now))
+    }
+
+    /// Closes the accounts of all units: who is starved now was idle since. Called at the end of a frame, before reading.
+    pub fn settle(&mut self) {
+        for account in self.agenda.accounts_mut() {
+            account.settle(self.now);
+        }
+    }
+
+    /// The counts of every channel and the account of every unit, over the cycles gone by.
+    pub fn reading(&self) -> Reading {
+        Reading {
+            cycle: self.now,
+            channels: self.channel_counts().collect(),
+            units: self.agenda.accounts().map(|account| account.read(self.now)).collect(),
+        }
+    }
+
+    /// The leaves `NAME[i]` of `channels`.
+    pub fn channel_tree(&self) -> Tree {
+        let mut tree = Tree::new();
+        for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
+            let leaves = tree.element(label.name, label.index);
+            leaves.count("items", counts.items);
+            leaves.count("bytes", counts.bytes);
+            leaves.count("full_cycles", counts.full_cycles);
+            leaves.ratio("mean_occupancy", counts.occupancy, self.now);
+            leaves.level("capacity", u64::from(channel.capacity));
+        }
+        tree
+    }
+
+    /// The leaves `NAME[i]` of `units`; `items` gives each unit's own count, in the order of declaration.
+    pub(super) fn unit_tree(&self, items: &[u64]) -> Tree {
+        let mut tree = Tree::new();
+        for ((account, label), items) in self.agenda.accounts().zip(&self.units).zip(items) {
+            let leaves = tree.element(label.name, label.index);
+            leaves.count("items", *items);
+            leaves.extend(account.read(self.now).tree());
+        }
+        tree
+    }
+}
+
+/// A channel as it is wired: its name and number, its shape, and the units at its ends, by their place in the order of declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wire {
+    /// What the channels of its kind are called.
+    pub name: &'static str,
+    /// Which of them it is.
+    pub index: usize,
+    /// Its shape.
+    pub link: Link,
+    /// The unit that pushes.
+    pub from: usize,
+    /// The unit that pops.
+    pub to: usize,
+}
+
+/// All that the wires count, at one moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// Cycles gone by.
+    pub cycle: Cycle,
+    /// By channel, in the order of declaration.
+    pub channels: Vec<ChannelCounts>,
+    /// By unit, in the order of declaration.
+    pub units: Vec<Cycles>,
+}

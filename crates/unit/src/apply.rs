@@ -1,0 +1,219 @@
+//! Segments that are drawn at once: what a run of which only some segments are simulated has in place of the others.
+//!
+//! A segment's quads go through the very tests and blends of the ROPs, in API order, so that depths and colours are what they are behind
+//! a segment that was simulated. Nothing takes time and nothing is counted. What later segments meet is left as it would be, as far as it does
+//! not depend on time: which blocks are in the ROPs' caches and how large the others are in memory, what hierarchical Z knows of them,
+//! which lines the texture caches have. What goes on to memory is told, for the second level, and so is what geometry reads.
+
+use super::card::{Ahead, Card, Fault, Group, PassState, Work};
+use super::color::{self, Color, blend_group};
+use super::depth::{Depth, test_group};
+use super::frame::Frame;
+use super::texture::{Texture, stored_bytes};
+use super::traverse::{Territory, Traverse};
+use gfx::state::StepMode;
+use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
+
+/// A touch of memory by a cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Touch {
+    /// First byte.
+    pub address: u64,
+    /// Bytes.
+    pub bytes: u32,
+    /// Whether they are written.
+    pub write: bool,
+}
+
+/// Touches in order.
+pub type Touching = Vec<Touch>;
+
+/// The units that keep something from segment to segment.
+pub struct Keepers<'u> {
+    /// Hierarchical Z buffers.
+    pub traverse: &'u mut [Traverse],
+    /// Depth units, by pipeline.
+    pub depth: &'u mut [Depth],
+    /// Colour units, by pipeline.
+    pub color: &'u mut [Color],
+    /// Texture units, pipeline by pipeline; as many to each.
+    pub texture: &'u mut [Texture],
+}
+
+/// Draws the segment in a slot at once, while nothing is in flight. `memory` gets what the caches would have asked of it.
+pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touching) {
+    let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
+    let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
+    geometry(work, memory);
+    let pipelines = units.color.len();
+    let mut noted = vec![false; units.traverse.len()];
+    for (number, triangle) in (0..).zip(&work.segment.triangles) {
+        for visit in work.visits(triangle) {
+            let tile = &work.segment.tiles[visit.tile as usize];
+            for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
+                if interleave.is_balanced() {
+                    interleave.note(u32::from(block.y), block.quads.into());
+                }
+                let pipeline = usize::from(interleave.owner(block.x.into(), block.y.into()));
+                // Who does not own what it draws has to know of all draws.
+                let screen = units.traverse[pipeline].territory() == Territory::Screen;
+                let told = if screen { 0..pipelines } else { pipeline..pipeline + 1 };
+                for unit in told.filter(|&unit| !std::mem::replace(&mut noted[unit], true)) {
+                    units.traverse[unit].note(Some(pass), work, true);
+                }
+                let at = u32::from(block.y) * pass.blocks_across + u32::from(block.x);
+                if units.traverse[pipeline].passes_by(work, triangle, block, at) {
+                    continue;
+                }
+                let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline };
+                if let Err(found) = place.draw(frame, *epoch, units, memory) {
+                    fault.get_or_insert(found);
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// What geometry reads of a segment: indices, and the lines of its vertices' attributes, each once where neighbours share it.
+fn geometry(work: &Work, memory: &mut Touching) {
+    let segment = &work.segment;
+    let mut read = |line: u64| memory.push(Touch { address: line * LINE, bytes: LINE as u32, write: false });
+    if let Some(address) = segment.index_address {
+        let bytes = segment.stream.len() as u64 * u64::from(segment.index_bytes);
+        (address / LINE..(address + bytes).div_ceil(LINE)).for_each(&mut read);
+    }
+    for fetch in &work.draw.attributes {
+        let mut last = None;
+        for vertex in &segment.vertices {
+            let element = match fetch.step {
+                StepMode::Vertex => vertex.index,
+                StepMode::Instance => vertex.instance,
+            };
+            let address = fetch.address + u64::from(element) * fetch.stride;
+            for line in address / LINE..(address + u64::from(fetch.bytes)).div_ceil(LINE) {
+                if last.replace(line) != Some(line) {
+                    read(line);
+                }
+            }
+        }
+    }
+}
+
+/// A block of a triangle.
+struct Place<'w> {
+    work: &'w Work,
+    pass: &'w PassState,
+    tile: &'w TileWork,
+    /// The tile's place in the segment.
+    index: u32,
+    /// The triangle's place in the segment.
+    triangle: u32,
+    block: &'w Block,
+    /// The block's number on the surface.
+    at: u32,
+    pipeline: usize,
+}
+
+impl Place<'_> {
+    /// Tests and blends the block's quads, four at a time.
+    fn draw(&self, frame: &mut Frame, epoch: u32, units: &mut Keepers, memory: &mut Touching) -> Result<(), Fault> {
+        let Place { work, pass, .. } = self;
+        let state = work.depth.as_ref().filter(|state| !state.is_idle());
+        let tested = state.zip(pass.depth);
+        let shaded = work.draw.fragment.is_some();
+        let (mut looked_up, mut alive) = (false, 0_u32);
+        for first in (0..self.block.quads).step_by(4) {
+            let mut group = self.group(first);
+            let quads = &self.tile.quads[group.first as usize..][..usize::from(group.count)];
+            let test = |frame: &mut Frame, group: &mut Group, late: bool| {
+                if let Some((state, surface)) = tested {
+                    test_group(state, work, group, pass, &mut frame.stores[surface], late);
+                }
+            };
+            if work.early {
+                test(frame, &mut group, false);
+                looked_up = true;
+            }
+            for ((live, quad), n) in group.live.iter_mut().zip(quads).zip(0..) {
+                if *live == 0 || !shaded {
+                    continue;
+                }
+                if quad.flags & QUAD_SHADED == 0 {
+                    let (x, y) = (self.block.x.into(), self.block.y.into());
+                    return Err(Fault::Visibility { draw: work.draw.number, x, y });
+                }
+                self.fetch(group.first + n, epoch, units, memory);
+                *live &= quad.kept;
+            }
+            if !work.early && group.live != [0; 4] {
+                test(frame, &mut group, true);
+                looked_up = true;
+            }
+            if group.live == [0; 4] || !shaded {
+                continue;
+            }
+            alive += 1;
+            for target in 0..work.colors.len() {
+                if color::written(work, pass, target).is_some() {
+                    blend_group(work, &group, pass, target, frame);
+                }
+            }
+        }
+
+        // What the caches have of it.
+        if let Some((state, surface)) = tested.filter(|_| looked_up) {
+            let written = state.writes_depth() || state.writes_stencil();
+            let told = units.depth[self.pipeline].visit(frame, (surface, self.at), written, pass.number, memory);
+            if let Some(bounds) = told {
+                units.traverse[self.pipeline].learn(bounds);
+            }
+        }
+        for surface in (0..work.colors.len()).filter_map(|target| color::written(work, pass, target)).filter(|_| alive > 0) {
+            units.color[self.pipeline].visit(frame, (surface, self.at), memory);
+        }
+        Ok(())
+    }
+
+    /// Up to four quads of the block.
+    fn group(&self, first: u8) -> Group {
+        let count = (self.block.quads - first).min(4);
+        let from = self.block.first_quad + u32::from(first);
+        let mut live = [0; 4];
+        for (live, quad) in live.iter_mut().zip(&self.tile.quads[from as usize..][..usize::from(count)]) {
+            *live = quad.coverage;
+        }
+        Group {
+            slot: 0,
+            count,
+            triangle: self.triangle,
+            tile: self.index,
+            first: from,
+            block: self.at,
+            live,
+            ahead: Ahead::Nothing,
+        }
+    }
+
+    /// Has a quad's lines looked up by its pipeline's texture unit, request by request. Where a pipeline has several cores, blocks take
+    /// turns: which core gets which warp is a matter of time.
+    fn fetch(&self, quad: u32, epoch: u32, units: &mut Keepers, memory: &mut Touching) {
+        let quad = &self.tile.quads[quad as usize];
+        if units.traverse[self.pipeline].territory() == Territory::Screen {
+            // Some other pipeline shades it.
+            return;
+        }
+        let each = units.texture.len() / units.color.len();
+        let Some(unit) = units.texture.get_mut(self.pipeline * each + self.at as usize % each.max(1)) else { return };
+        let asking = self.tile.costs[quad.cost].steps.iter().filter(|step| step.then.has_request());
+        for (step, found) in asking.zip(&self.tile.requests[quad.first_request as usize..]) {
+            let lines = &self.tile.lines[found.first_line as usize..][..usize::from(found.lines)];
+            for &line in lines {
+                match step.then {
+                    RequestKind::Texture | RequestKind::Load => unit.visit(line, epoch, memory),
+                    _ => memory.push(Touch { address: u64::from(line) * LINE, bytes: stored_bytes(found), write: true }),
+                }
+            }
+        }
+    }
+}

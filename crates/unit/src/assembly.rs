@@ -1,0 +1,306 @@
+//! Primitive assembly: takes vertex batches in order, waits until they are shaded, and hands out primitives to the geometry units.
+
+use super::card::Card;
+use super::token::{Kind, Run, VertexBatch, WarpToken};
+use crate::knob::Allowed;
+use sim::{Budget, In, Out, Tick, Token, Unit, Wires};
+
+crate::choices! {
+    /// How batches of primitives are dealt.
+    pub enum Deal {
+        /// To one after the other.
+        Turn "round-robin",
+        /// To the one with the most room in its queue; of several the next in turn.
+        Least "least-loaded",
+        /// To each pipeline one run of a pass's primitives, as long as all others; in sort-last-image only.
+        Contiguous "contiguous",
+    }
+}
+
+impl Deal {
+    /// The output that gets the next batch: the one whose turn it is, or one with more room.
+    #[inline(always)]
+    pub fn choose<T: Token>(self, wires: &mut Wires, outputs: &[Out<T>], turn: usize) -> usize {
+        if self != Deal::Least || outputs.len() == 1 {
+            return turn;
+        }
+        let (mut best, mut most) = (turn, 0);
+        for ahead in 0..outputs.len() {
+            let output = (turn + ahead) % outputs.len();
+            let room = wires.room(&outputs[output]);
+            if room > most {
+                (best, most) = (output, room);
+            }
+        }
+        best
+    }
+}
+
+crate::knobs! {
+    /// Primitive assembly.
+    pub struct AssemblyConfig {
+        /// Primitives assembled a cycle.
+        primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16),
+            "ATTILA bGPU.ini PRIMITIVEASSEMBLY TrianglesCycle = 2; cards from 2010 on assemble 1 to 4"],
+        /// Primitives that get one sequence number and go to one geometry unit before the next one's turn.
+        batch: u32 ["primitives", Allowed::Range(1, 1024),
+            "GPUs switch geometry engines every 16 to 64 primitives; small enough to balance, large enough to amortise marks"],
+        /// Which geometry unit, or which pipeline whose geometry is its own, gets the next batch.
+        deal: Deal ["", Allowed::Choice(Deal::NAMES), "in turn, as cards do; the other is Molnar et al.'s dynamic assignment"],
+        /// Cycles from here to the geometry units.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini InputBusLatency = 10, less what shading adds here"],
+        /// Runs of primitives queued before each geometry unit.
+        queue: u32 ["runs", Allowed::Range(2, 1024), "ATTILA bGPU.ini AssemblyQueueSize = 32"],
+    }
+}
+
+/// Batches that can be shaded but not yet assembled: bounds the ring of flags.
+pub const MAX_BATCHES: u32 = 1024;
+
+/// Ports of primitive assembly.
+pub struct AssemblyPorts {
+    /// Batches in order, from vertex fetch.
+    pub batches: In<VertexBatch>,
+    /// Shaded batches, from each cluster's cores; the token's warp is the batch number.
+    pub shaded: Vec<In<WarpToken>>,
+    /// Batches whose vertices are no longer needed, to vertex fetch.
+    pub retired: Out<WarpToken>,
+    /// Primitives, to each geometry unit.
+    pub geometry: Vec<Out<Run>>,
+}
+
+/// Where the primitives come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Segment after segment: batches are made here, numbered, and dealt to geometry units.
+    Segments,
+    /// In runs with numbers, dealt to the one pipeline that this unit belongs to.
+    Runs {
+        /// Whether the end of a number is told on, so that order can be restored behind.
+        marks: bool,
+        /// Whether primitives are counted here; not where one may come to several pipelines.
+        counts: bool,
+    },
+}
+
+/// Primitive assembly. Its items are primitives.
+pub struct Assembly {
+    config: AssemblyConfig,
+    ports: AssemblyPorts,
+    /// Which batches are shaded, by number modulo [`MAX_BATCHES`].
+    done: Vec<bool>,
+    /// The next primitive of the current segment.
+    next: u32,
+    /// Sequence number of the current batch of primitives, and how many are in it.
+    sequence: u32,
+    in_batch: u32,
+    /// The geometry unit that gets the open batch, once one has been chosen, and the one whose turn is next.
+    open: Option<usize>,
+    turn: usize,
+    /// Where the next run of primitives ends that a pipeline was dealt.
+    end: u32,
+    mode: Mode,
+    items: u64,
+}
+
+impl Assembly {
+    /// An empty one.
+    pub fn new(config: AssemblyConfig, mode: Mode, ports: AssemblyPorts) -> Assembly {
+        Assembly {
+            config,
+            ports,
+            done: vec![false; MAX_BATCHES as usize],
+            next: 0,
+            sequence: 0,
+            in_batch: 0,
+            open: None,
+            turn: 0,
+            end: 0,
+            mode,
+            items: 0,
+        }
+    }
+
+    /// Sends to the geometry unit of the open batch; false if it has no room.
+    #[inline(always)]
+    fn send(&mut self, wires: &mut Wires, run: Run) -> bool {
+        let (deal, turn) = (self.config.deal, self.turn);
+        let output = *self.open.get_or_insert_with(|| deal.choose(wires, &self.ports.geometry, turn));
+        wires.try_push(&self.ports.geometry[output], run)
+    }
+
+    fn next_sequence(&mut self) {
+        self.sequence = self.sequence.wrapping_add(1);
+        self.in_batch = 0;
+        self.open = None;
+        self.turn = (self.turn + 1) % self.ports.geometry.len();
+    }
+
+    /// Assembles the primitives of runs.
+    fn runs(&mut self, wires: &mut Wires, card: &mut Card, marks: bool, counts: bool) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = Budget::new(self.config.primitives_per_cycle);
+        while let Some(batch) = wires.front(&self.ports.batches) {
+            let output = &self.ports.geometry[0];
+            match batch.kind {
+                // 1. A run begins.
+                Kind::RUN => {
+                    self.sequence = batch.number;
+                    self.next = batch.stream_end;
+                    self.end = batch.stream_end + batch.vertices;
+                }
+                // 2. Its primitives, as far as their vertices are shaded.
+                Kind::DATA | Kind::PART => {
+                    if batch.vertices > 0 && !self.done[(batch.number % MAX_BATCHES) as usize] {
+                        return did.or(Tick::Starved);
+                    }
+                    if self.next < self.end {
+                        let primitives = &card.work(batch.slot).segment.primitives[self.next as usize..self.end as usize];
+                        let ready = primitives.iter().take_while(|p| p.stream_end <= batch.stream_end).count() as u32;
+                        if ready > 0 {
+                            let count = ready.min(budget.left());
+                            if count == 0 {
+                                return Tick::Moved;
+                            }
+                            let (slot, sequence, first) = (batch.slot, self.sequence, self.next);
+                            if !wires.try_push(output, Run { slot, kind: Kind::DATA, sequence, first, count }) {
+                                return did.or(Tick::Blocked);
+                            }
+                            budget.take(count);
+                            self.next += count;
+                            self.items += u64::from(count);
+                            card.funnel.primitives_in += if counts { u64::from(count) } else { 0 };
+                            did = Tick::Moved;
+                            if count < ready {
+                                return did;
+                            }
+                        }
+                    }
+                    if batch.kind == Kind::DATA && batch.vertices > 0 {
+                        if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
+                            return did.or(Tick::Blocked);
+                        }
+                        self.done[(batch.number % MAX_BATCHES) as usize] = false;
+                    }
+                }
+                // 3. Marks go on, with their numbers.
+                kind => {
+                    let run = Run { slot: batch.slot, kind, sequence: batch.number, first: 0, count: 0 };
+                    if (marks || kind.is_fence()) && !wires.try_push(output, run) {
+                        return did.or(Tick::Blocked);
+                    }
+                }
+            }
+            wires.take(&self.ports.batches);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Ends the open sequence number. With one geometry unit there is nothing to merge and no mark is sent.
+    fn close(&mut self, wires: &mut Wires, slot: u16) -> bool {
+        if self.ports.geometry.len() > 1 {
+            let run = Run { slot, kind: Kind::END, sequence: self.sequence, first: 0, count: 0 };
+            if !self.send(wires, run) {
+                return false;
+            }
+        }
+        self.next_sequence();
+        true
+    }
+}
+
+impl Unit<Card> for Assembly {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+
+        // 1. Note the batches that cores have shaded.
+        for shaded in &self.ports.shaded {
+            while let Some(batch) = wires.pop(shaded) {
+                self.done[(batch.warp % MAX_BATCHES) as usize] = true;
+                did = Tick::Moved;
+            }
+        }
+
+        if let Mode::Runs { marks, counts } = self.mode {
+            return did.or(self.runs(wires, card, marks, counts));
+        }
+
+        // 2. Assemble primitives of the batch at the head, as far as its vertices go.
+        let mut budget = Budget::new(self.config.primitives_per_cycle);
+        while let Some(batch) = wires.front(&self.ports.batches) {
+            if batch.kind == Kind::DATA {
+                if batch.vertices > 0 && !self.done[(batch.number % MAX_BATCHES) as usize] {
+                    // Shaders are at work: another item will come.
+                    return did.or(Tick::Starved);
+                }
+                let work = card.work(batch.slot);
+                let primitives = &work.segment.primitives[self.next as usize..];
+                let room = self.config.batch - self.in_batch;
+                let most = primitives.len().min(room.min(budget.left()) as usize);
+                let count = primitives[..most].iter().take_while(|p| p.stream_end <= batch.stream_end).count() as u32;
+                if count > 0 {
+                    let run = Run { slot: batch.slot, kind: Kind::DATA, sequence: self.sequence, first: self.next, count };
+                    if !self.send(wires, run) {
+                        return did.or(Tick::Blocked);
+                    }
+                    budget.take(count);
+                    self.next += count;
+                    self.in_batch += count;
+                    self.items += u64::from(count);
+                    card.funnel.primitives_in += u64::from(count);
+                    did = Tick::Moved;
+                }
+                if self.in_batch == self.config.batch {
+                    if !self.close(wires, batch.slot) {
+                        return did.or(Tick::Blocked);
+                    }
+                    did = Tick::Moved;
+                }
+                let more = card.work(batch.slot).segment.primitives.get(self.next as usize);
+                if more.is_some_and(|p| p.stream_end <= batch.stream_end) {
+                    if budget.left() == 0 {
+                        return Tick::Moved;
+                    }
+                    continue;
+                }
+            } else {
+                // A mark has a sequence number of its own.
+                if self.in_batch > 0 {
+                    if !self.close(wires, batch.slot) {
+                        return did.or(Tick::Blocked);
+                    }
+                    did = Tick::Moved;
+                }
+                let run = Run { slot: batch.slot, kind: batch.kind, sequence: self.sequence, first: 0, count: 0 };
+                if !self.send(wires, run) {
+                    return did.or(Tick::Blocked);
+                }
+                self.next_sequence();
+                did = Tick::Moved;
+            }
+
+            // 3. The batch is used up: its vertices may be overwritten.
+            if batch.kind == Kind::DATA && batch.vertices > 0 {
+                if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
+                    return did.or(Tick::Blocked);
+                }
+                self.done[(batch.number % MAX_BATCHES) as usize] = false;
+            }
+            if batch.kind == Kind::SEGMENT {
+                self.next = 0;
+            }
+            wires.pop(&self.ports.batches);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.done.iter().filter(|&&done| done).count() as u64
+    }
+}

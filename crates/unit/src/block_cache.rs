@@ -1,0 +1,412 @@
+//! The cache of a ROP: lines are blocks of 8x8 pixels, cleared by flag, compressed as they leave, fetched compressed.
+
+use std::collections::VecDeque;
+
+use super::apply::{Touch, Touching};
+use super::compression::Compression;
+use super::frame::{BlockState, Frame, Store};
+use super::misses::Misses;
+use super::tags::{CacheCounts, Tags};
+use mem::{MemoryPort, requests};
+use sim::{Tick, Wires};
+use work::BLOCK;
+
+stats::counters! {
+    /// What a ROP cache moves.
+    pub struct BlockCounts {
+        /// Blocks filled from a clear flag, without memory.
+        cleared_fills: "blocks",
+        /// Blocks read from memory.
+        fills: "blocks",
+        /// Blocks written to memory.
+        write_backs: "blocks",
+        /// Blocks written that compression had made smaller.
+        compressed: "blocks",
+        /// Bytes that compression kept from being written.
+        bytes_saved: "bytes",
+        /// Blocks that were not read because all that was kept of them was written anew.
+        overwritten: "blocks",
+    }
+}
+
+/// Quads of a block, a bit each by their position: what a user writes whole of it, and what in part or reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quads {
+    /// Written whole, whatever was there.
+    pub whole: u16,
+    /// Of which something is kept or read.
+    pub part: u16,
+}
+
+impl Quads {
+    /// All of a block may be read.
+    pub const ANY: Quads = Quads { whole: 0, part: u16::MAX };
+}
+
+/// What is known of a block in the cache.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    /// Its data are there when all misses before this number are back.
+    needs: u32,
+    /// Users between lookup and use.
+    pins: u32,
+    dirty: bool,
+    /// Quads that are in memory only: the block has not been read, and they have not been written since.
+    absent: u16,
+}
+
+/// A transfer to come.
+#[derive(Clone, Copy, Debug)]
+struct Operation {
+    address: u64,
+    bytes: u32,
+    write: bool,
+}
+
+/// Why a block cannot be had now.
+pub type Stall = Tick;
+
+/// A ROP's cache of blocks.
+pub struct BlockCache {
+    tags: Tags<Line>,
+    misses: Misses,
+    outbox: VecDeque<Operation>,
+    memory: MemoryPort,
+    compression: Compression,
+    counts: BlockCounts,
+    /// Where writing back has got to, and before it the reading of what is absent from blocks that are to be written back.
+    flushing: usize,
+    completing: usize,
+}
+
+/// The quads of a block that lie in its surface.
+fn inside(store: &Store, block: u32) -> u16 {
+    let (x, y) = (block % store.across * BLOCK, block / store.across * BLOCK);
+    let quads = |size: u32, from: u32| (size - from).div_ceil(2).min(BLOCK / 2);
+    let row = (1_u32 << quads(store.surface.width, x)) - 1;
+    (0..quads(store.surface.height, y)).fold(0, |mask, y| mask | (row << (4 * y)) as u16)
+}
+
+/// Operations that may wait for the memory port: enough for the largest block's write-back and fill.
+const OUTBOX: usize = 48;
+
+#[inline(always)]
+fn key(surface: usize, block: u32) -> u64 {
+    (surface as u64) << 32 | u64::from(block)
+}
+
+impl BlockCache {
+    /// An empty one of `lines` blocks, `ways` to a set, with at most `misses` requests in flight.
+    pub fn new(lines: u32, ways: u32, misses: u32, compression: Compression, memory: MemoryPort) -> BlockCache {
+        BlockCache {
+            tags: Tags::new(lines, ways),
+            misses: Misses::new(misses),
+            outbox: VecDeque::with_capacity(OUTBOX),
+            memory,
+            compression,
+            counts: BlockCounts::default(),
+            flushing: 0,
+            completing: 0,
+        }
+    }
+
+    /// What its tags count.
+    pub fn cache(&self) -> CacheCounts {
+        self.tags.counts()
+    }
+
+    /// What it moved.
+    pub fn counts(&self) -> BlockCounts {
+        self.counts
+    }
+
+    /// Requests waiting or in flight.
+    pub fn resident(&self) -> u64 {
+        self.outbox.len() as u64 + u64::from(self.misses.in_flight())
+    }
+
+    /// Takes answers and sends requests; true if anything moved.
+    #[inline(always)]
+    pub fn exchange(&mut self, wires: &mut Wires) -> bool {
+        let mut moved = false;
+        while let Some(tag) = self.memory.answer(wires) {
+            self.misses.answer(tag);
+            moved = true;
+        }
+        while let Some(&operation) = self.outbox.front() {
+            if !operation.write && self.misses.room() == 0 || !self.memory.can_send(wires) {
+                break;
+            }
+            if operation.write {
+                self.memory.write(wires, operation.address, operation.bytes);
+            } else {
+                let tag = self.misses.issue();
+                self.memory.read(wires, operation.address, operation.bytes, tag);
+            }
+            self.outbox.pop_front();
+            moved = true;
+        }
+        moved
+    }
+
+    /// Reads in the outbox and so without a number yet.
+    fn unsent(&self) -> u32 {
+        self.outbox.iter().filter(|operation| !operation.write).count() as u32
+    }
+
+    fn send(&mut self, address: u64, bytes: u32, write: bool) {
+        self.outbox.extend(requests(address, bytes).map(|(address, bytes)| Operation { address, bytes, write }));
+    }
+
+    /// Writes a dirty block back.
+    fn write_back(&mut self, frame: &mut Frame, surface: usize, block: u32) {
+        let store = &mut frame.stores[surface];
+        let full = store.block_bytes();
+        let bytes = self.compression.bytes(store, block);
+        self.counts.write_backs += 1;
+        if bytes < full {
+            self.counts.compressed += 1;
+            self.counts.bytes_saved += u64::from(full - bytes);
+        }
+        store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+        let address = store.address(block);
+        self.send(address, bytes, true);
+    }
+
+    /// Reads what is absent of a block in the cache.
+    fn complete(&mut self, frame: &Frame, place: usize) {
+        let Some(key) = self.tags.key(place) else { return };
+        if let Some((address, bytes)) = frame.stores[(key >> 32) as usize].stored(key as u32) {
+            self.counts.fills += 1;
+            self.send(address, bytes, false);
+        }
+        let needs = self.misses.issued().wrapping_add(self.unsent());
+        let line = self.tags.data(place);
+        (line.absent, line.needs) = (0, needs);
+    }
+
+    /// Pins a block in the cache and says in which place, bringing it in if it is missing and any of it is needed: `quads` says what
+    /// of it is. Of a dirty block that had to leave, the number is put into `left`.
+    ///
+    /// # Errors
+    /// Why it has to wait.
+    #[inline(always)]
+    pub fn pin(
+        &mut self,
+        frame: &mut Frame,
+        surface: usize,
+        block: u32,
+        quads: Quads,
+        left: &mut Option<(usize, u32)>,
+    ) -> Result<usize, Stall> {
+        let key = key(surface, block);
+        if let Some(place) = self.tags.find(key) {
+            let line = self.tags.data(place);
+            line.pins += 1;
+            if line.absent != 0 {
+                return self.add(frame, place, quads);
+            }
+            return Ok(place);
+        }
+        self.fill(frame, surface, block, quads, left)
+    }
+
+    /// Goes on with a pinned block of which something is absent.
+    #[inline(never)]
+    fn add(&mut self, frame: &Frame, place: usize, quads: Quads) -> Result<usize, Stall> {
+        let absent = self.tags.data(place).absent;
+        if quads.part & absent == 0 {
+            let absent = absent & !quads.whole;
+            self.tags.data(place).absent = absent;
+            self.counts.overwritten += u64::from(absent == 0);
+            return Ok(place);
+        }
+        if self.outbox.len() + 16 > OUTBOX {
+            self.tags.data(place).pins -= 1;
+            return Err(Tick::Blocked);
+        }
+        self.complete(frame, place);
+        Ok(place)
+    }
+
+    #[inline(never)]
+    fn fill(
+        &mut self,
+        frame: &mut Frame,
+        surface: usize,
+        block: u32,
+        quads: Quads,
+        left: &mut Option<(usize, u32)>,
+    ) -> Result<usize, Stall> {
+        // A block is at most 16 requests each way.
+        if self.outbox.len() + 32 > OUTBOX {
+            return Err(Tick::Blocked);
+        }
+        let key = key(surface, block);
+        let Some(place) = self.tags.victim(key, |line| line.pins == 0) else { return Err(Tick::Memory) };
+        if let Some(old) = self.tags.key(place)
+            && self.tags.data(place).dirty
+        {
+            let Line { absent, needs, .. } = *self.tags.data(place);
+            if absent != 0 {
+                self.complete(frame, place);
+                return Err(Tick::Moved);
+            }
+            if !self.misses.reached(needs) {
+                return Err(Tick::Memory);
+            }
+            let (surface, block) = ((old >> 32) as usize, old as u32);
+            self.write_back(frame, surface, block);
+            *left = Some((surface, block));
+        }
+        let store = &frame.stores[surface];
+        let mut absent = 0;
+        // A block that is not read waits for nothing.
+        let mut needs = self.misses.frontier();
+        match store.stored(block) {
+            Some(_) if quads.whole != 0 && quads.part == 0 => {
+                absent = inside(store, block) & !quads.whole;
+                self.counts.overwritten += u64::from(absent == 0);
+            }
+            stored => {
+                match stored {
+                    None => self.counts.cleared_fills += 1,
+                    Some((address, bytes)) => {
+                        self.counts.fills += 1;
+                        self.send(address, bytes, false);
+                    }
+                }
+                needs = self.misses.issued().wrapping_add(self.unsent());
+            }
+        }
+        self.tags.replace(place, key, Line { needs, pins: 1, dirty: false, absent });
+        Ok(place)
+    }
+
+    /// Has a block used without any time, while none is pinned: it is here then, what had to leave is in memory, and nothing is
+    /// counted. Gives the number of a dirty block that had to leave.
+    pub fn visit(
+        &mut self,
+        frame: &mut Frame,
+        (surface, block): (usize, u32),
+        written: bool,
+        memory: &mut Touching,
+    ) -> Option<(usize, u32)> {
+        let key = key(surface, block);
+        let counts = self.tags.counts();
+        let mut left = None;
+        let place = self.tags.find(key).or_else(|| {
+            let place = self.tags.victim(key, |line| line.pins == 0)?;
+            if let Some(old) = self.tags.key(place).filter(|_| self.tags.data(place).dirty) {
+                let (surface, block) = ((old >> 32) as usize, old as u32);
+                let store = &mut frame.stores[surface];
+                let bytes = self.compression.bytes(store, block);
+                store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+                memory.push(Touch { address: store.address(block), bytes, write: true });
+                left = Some((surface, block));
+            }
+            if let Some((address, bytes)) = frame.stores[surface].stored(block) {
+                memory.push(Touch { address, bytes, write: false });
+            }
+            let needs = self.misses.frontier();
+            self.tags.replace(place, key, Line { needs, ..Line::default() });
+            Some(place)
+        });
+        self.tags.recount(counts);
+        if let Some(place) = place {
+            let line = self.tags.data(place);
+            line.dirty |= written;
+            line.absent = 0;
+        }
+        left
+    }
+
+    /// Whether a pinned block's data are there.
+    #[inline(always)]
+    pub fn ready(&mut self, place: usize) -> bool {
+        let needs = self.tags.data(place).needs;
+        self.misses.reached(needs)
+    }
+
+    /// A pinned block has been used.
+    #[inline(always)]
+    pub fn release(&mut self, place: usize, written: bool) {
+        let line = self.tags.data(place);
+        line.pins -= 1;
+        line.dirty |= written;
+    }
+
+    /// Writes all dirty blocks back, as fast as memory takes them, and forgets everything; `keep` says for a surface whether its
+    /// blocks are worth writing. `None` while there is more to do or in flight, with what was done; each block that is written
+    /// back is told to `left`.
+    pub fn flush(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+        let mut did = Tick::Memory;
+        while self.completing < self.tags.len() {
+            if self.outbox.len() + 16 > OUTBOX {
+                return did.or(Tick::Blocked);
+            }
+            let place = self.completing;
+            self.completing += 1;
+            let line = *self.tags.data(place);
+            if line.dirty && line.absent != 0 && self.tags.key(place).is_some_and(|key| keep((key >> 32) as usize)) {
+                self.complete(frame, place);
+                return Tick::Moved;
+            }
+        }
+        while self.flushing < self.tags.len() {
+            if self.outbox.len() + 16 > OUTBOX {
+                return did.or(Tick::Blocked);
+            }
+            let place = self.flushing;
+            if let Some(key) = self.tags.key(place) {
+                let (surface, block) = ((key >> 32) as usize, key as u32);
+                let Line { dirty, needs, .. } = *self.tags.data(place);
+                let written = dirty && keep(surface);
+                if written && !self.misses.reached(needs) {
+                    return did.or(Tick::Memory);
+                }
+                self.flushing += 1;
+                if written {
+                    self.write_back(frame, surface, block);
+                }
+                self.tags.forget(place);
+                // One block a cycle goes through the compressor.
+                return Tick::Moved;
+            }
+            self.flushing += 1;
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// [`BlockCache::flush`] at the end of a tile: what is not worth writing is forgotten without taking time.
+    pub fn flush_tile(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+        while self.flushing < self.tags.len() {
+            let place = self.flushing;
+            let key = self.tags.key(place);
+            let written = key.is_some_and(|key| self.tags.data(place).dirty && keep((key >> 32) as usize));
+            if written {
+                return self.flush(frame, keep);
+            }
+            self.flushing += 1;
+            if key.is_some() {
+                self.tags.forget(place);
+            }
+        }
+        Tick::Memory
+    }
+
+    /// Forgets all blocks, none of which is in use or worth writing.
+    pub fn forget(&mut self) {
+        self.tags.clear();
+    }
+
+    /// Whether a flush is complete, which resets it.
+    pub fn flushed(&mut self) -> bool {
+        let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();
+        if done {
+            (self.flushing, self.completing) = (0, 0);
+        }
+        done
+    }
+}

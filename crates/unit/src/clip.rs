@@ -1,0 +1,142 @@
+//! Clip and cull: primitives in, triangles out. What becomes of each was decided by `gfx`; here it takes time and is counted. Of
+//! primitives that the culls here let through the work has triangles, which end in setup or traversal.
+
+use super::card::Card;
+use super::token::{Kind, Run};
+use crate::knob::Allowed;
+use sim::{Budget, In, Out, Tick, Unit, Wires};
+
+crate::knobs! {
+    /// Clipping and culling, one unit a geometry unit.
+    pub struct ClipConfig {
+        /// Primitives tested a cycle, those that end here and those that go on untouched.
+        primitives_per_cycle: u32 ["primitives/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini CLIPPER TrianglesCycle = 2, two units"],
+        /// Cycles that a primitive takes which has to be cut against a plane.
+        clip_cycles: u32 ["cycles/primitive", Allowed::Range(1, 256),
+            "Sutherland-Hodgman against one or two planes at a vertex a cycle; ATTILA bGPU.ini ExecLatency = 6"],
+        /// Whether triangles that face away end here; if not, setup finds out.
+        cull_facing: bool ["", Allowed::Switch, "the sign of the area, from window positions that the tests below need too; ATTILA finds it in setup"],
+        /// Whether primitives outside the view volume end here; if not, setup finds out, or cutting them does.
+        cull_frustum: bool ["", Allowed::Switch, "trivial rejection by outcodes (Sutherland and Sproull 1968)"],
+        /// Whether primitives outside the scissor rectangle end here; if not, traversal finds no sample of them in it.
+        cull_scissor: bool ["", Allowed::Switch, "bounds of a triangle against a rectangle: four comparisons"],
+        /// Whether primitives without area, or without a covered sample, end here or as they are distributed; if not, setup finds that
+        /// they have no area, and traversal, in all of their bounds, no sample of them.
+        cull_no_sample: bool ["", Allowed::Switch, "bounds of a triangle against sample positions; off in cards without a filter for small triangles"],
+        /// Cycles from here to the distribution.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini CLIPPER StartLatency + ExecLatency = 7"],
+        /// Runs of triangles queued before the distribution.
+        queue: u32 ["runs", Allowed::Range(2, 1024), "ATTILA bGPU.ini ClipBufferSize = 32"],
+    }
+}
+
+impl ClipConfig {
+    /// The culls by the paths of their knobs, and whether they are on.
+    pub fn culls(&self) -> [(&'static str, bool); 4] {
+        [
+            ("clip.cull_facing", self.cull_facing),
+            ("clip.cull_frustum", self.cull_frustum),
+            ("clip.cull_scissor", self.cull_scissor),
+            ("clip.cull_no_sample", self.cull_no_sample),
+        ]
+    }
+}
+
+/// Clip and cull. Its items are primitives.
+pub struct Clip {
+    config: ClipConfig,
+    input: In<Run>,
+    output: Out<Run>,
+    /// Primitives of the run at the head that are done.
+    done: u32,
+    /// The cycle from which on the clipper is free.
+    busy_until: u64,
+    /// Whether how primitives end is counted here, or where they come from.
+    counts: bool,
+    items: u64,
+}
+
+impl Clip {
+    /// An empty one, which `counts` how primitives end.
+    pub fn new(config: ClipConfig, counts: bool, input: In<Run>, output: Out<Run>) -> Clip {
+        Clip { config, input, output, done: 0, busy_until: 0, counts, items: 0 }
+    }
+}
+
+impl Unit<Card> for Clip {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. A primitive that is being cut holds the unit.
+        if self.busy_until > wires.now() {
+            wires.sleep_until(self.busy_until);
+            return Tick::Working;
+        }
+
+        let mut did = Tick::Starved;
+        let mut budget = Budget::new(self.config.primitives_per_cycle);
+        while budget.left() > 0 {
+            let Some(run) = wires.front(&self.input) else { return wires.stop(did, Tick::Starved) };
+
+            // 2. Marks pass in order.
+            if run.kind != Kind::DATA {
+                if !wires.try_push(&self.output, run) {
+                    return wires.stop(did, Tick::Blocked);
+                }
+                wires.pop(&self.input);
+                did = Tick::Moved;
+                continue;
+            }
+
+            // 3. Test primitives; their triangles follow each other, so that a cycle's survivors are one run. One that must be
+            //    cut ends the cycle.
+            if !wires.can_push(&self.output) {
+                return wires.stop(did, Tick::Blocked);
+            }
+            let work = card.work(run.slot);
+            let first = (run.first + self.done) as usize;
+            let most = (run.count - self.done).min(budget.left());
+            let primitives = &work.segment.primitives[first..first + most as usize];
+            let start = primitives[0].first_triangle;
+            let (mut tested, mut triangles, mut cut) = (0, 0, false);
+            let funnel = &mut { card.funnel };
+            for primitive in primitives {
+                tested += 1;
+                triangles += u32::from(primitive.triangles);
+                if self.counts {
+                    funnel.end(primitive.outcome);
+                }
+                funnel.clipped += u64::from(primitive.clipped);
+                if primitive.clipped || primitive.cut_away {
+                    cut = true;
+                    break;
+                }
+            }
+            card.funnel = *funnel;
+            if triangles > 0 {
+                let run = Run { slot: run.slot, kind: Kind::DATA, sequence: run.sequence, first: start, count: triangles };
+                wires.push(&self.output, run);
+            }
+            budget.take(tested);
+            self.items += u64::from(tested);
+            self.done += tested;
+            if self.done == run.count {
+                self.done = 0;
+                wires.pop(&self.input);
+            }
+            did = Tick::Moved;
+            if cut {
+                self.busy_until = wires.now() + u64::from(self.config.clip_cycles);
+                wires.sleep_until(self.busy_until);
+                return wires.stop(did, Tick::Working);
+            }
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.done)
+    }
+}

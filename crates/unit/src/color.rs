@@ -1,0 +1,435 @@
+//! The colour ROP, one unit a pipeline: blends shaded quads into its own part of the colour buffers, through a cache of blocks.
+
+use std::collections::VecDeque;
+
+use super::apply::Touching;
+use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::card::{Card, Group, PassState, Work};
+use super::compression::Compression;
+use super::copies::own;
+use super::depth::mark;
+use super::frame::Frame;
+use super::tags::CacheCounts;
+use super::token::{Ack, GroupToken, Kind};
+use super::traverse::fragments;
+use crate::knob::Allowed;
+use gfx::rop::composes_over;
+use mem::MemoryPort;
+use num::Cycle;
+use sim::{In, Out, Tick, Unit, Wires};
+use work::{Quad, Target};
+
+crate::knobs! {
+    /// Blending and colour writes.
+    pub struct ColorConfig {
+        /// Quads written a cycle, once for each target.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "8 pixels a cycle and partition in cards of 2010 to 2016"],
+        /// Quads blended a cycle where the stored colour is read.
+        blends_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "half rate: ATTILA bGPU.ini COLORWRITE BlendALURate = 1"],
+        /// Blocks of 8x8 pixels that the colour cache holds.
+        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
+        /// Ways of the colour cache.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ColorCacheWays = 4"],
+        /// Requests to memory in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        /// Groups of quads between lookup and blending.
+        fifo: u32 ["groups", Allowed::Range(8, 4096), "ATTILA bGPU.ini COLORWRITE FetchQueueSize = 256 stamps"],
+        /// Cycles from lookup to blending where the block is in the cache.
+        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
+        /// Whether blocks are compressed as they leave the cache.
+        compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
+        /// Whether a block that is overwritten whole is not read from memory before.
+        skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
+        /// Whether a pass that clears an attachment sets flags instead of writing memory.
+        fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
+        /// Blocks whose flags are set a cycle, in each pipeline.
+        clears_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 4096), "ATTILA bGPU.ini BlocksClearedPerCycle = 1024 for the card"],
+    }
+}
+
+/// Ports of the colour unit.
+pub struct ColorPorts {
+    /// Quads from the cores.
+    pub shaded: In<GroupToken>,
+    /// Quads from the late depth test.
+    pub tested: In<GroupToken>,
+    /// The end of a pass, to the depth unit.
+    pub end: Out<Ack>,
+    /// Fences seen, to the command processor.
+    pub ack: Out<Ack>,
+}
+
+/// A group and a target between lookup and blending, or a fence.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    token: GroupToken,
+    target: u8,
+    /// Whether it is the group's last.
+    last: bool,
+    line: Option<u32>,
+    from: Cycle,
+}
+
+/// The colour unit. Its items are quads written, counted once for each target.
+pub struct Color {
+    config: ColorConfig,
+    pipeline: u8,
+    ports: ColorPorts,
+    cache: BlockCache,
+    fifo: VecDeque<Entry>,
+    /// The group that is next in order, and its next target.
+    sequence: u32,
+    target: u8,
+    /// When the blending units are free, in cycles times `quads_per_cycle`.
+    free_at: u64,
+    /// A pass has ended: writing back.
+    ending: bool,
+    items: u64,
+}
+
+impl Color {
+    /// An empty one, for one pipeline.
+    pub fn new(config: ColorConfig, pipeline: u8, ports: ColorPorts, memory: MemoryPort) -> Color {
+        let compression = Compression { enabled: config.compression };
+        Color {
+            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
+            fifo: VecDeque::with_capacity(config.fifo as usize + 8),
+            sequence: 0,
+            target: 0,
+            free_at: 0,
+            ending: false,
+            items: 0,
+            config,
+            pipeline,
+            ports,
+        }
+    }
+
+    /// What the cache's tags count.
+    pub fn cache(&self) -> CacheCounts {
+        self.cache.cache()
+    }
+
+    /// What the cache moved.
+    pub fn counts(&self) -> BlockCounts {
+        self.cache.counts()
+    }
+
+    /// Takes note that a block has been written of which this unit was not told.
+    pub(super) fn visit(&mut self, frame: &mut Frame, at: (usize, u32), memory: &mut Touching) {
+        self.cache.visit(frame, at, true, memory);
+    }
+
+    /// Blends one group into one target.
+    #[inline(always)]
+    fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
+        let Card { groups, work, pass, frame, copies, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let group = &groups[usize::from(self.pipeline)][entry.token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let Some(pass) = pass else { return };
+        blend_group(work, group, pass, usize::from(entry.target), frame);
+        self.cache.release(line as usize, true);
+        self.items += u64::from(entry.token.quads);
+    }
+
+    /// Blends what is ready, in order.
+    #[inline(always)]
+    fn drain(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let rate = u64::from(self.config.quads_per_cycle);
+        let pipeline = usize::from(self.pipeline);
+        while let Some(&entry) = self.fifo.front() {
+            let now = wires.now();
+            if entry.from > now {
+                wires.sleep_until(entry.from);
+                return did.or(Tick::Working);
+            }
+            if entry.token.kind != Kind::DATA {
+                // A fence: everything before it is in the cache.
+                if entry.token.kind == Kind::TILE {
+                    let done = self.end_tile(card, entry.token);
+                    if done != Tick::Moved || self.ending {
+                        return done.or(did);
+                    }
+                    self.fifo.pop_front();
+                    did = Tick::Moved;
+                    continue;
+                }
+                if entry.token.kind == Kind::PASS {
+                    self.ending = true;
+                    return self.finish(wires, card, entry).or(did);
+                }
+                let ack = Ack { slot: entry.token.group as u16, kind: entry.token.kind };
+                if !wires.try_push(&self.ports.ack, ack) {
+                    return did.or(Tick::Blocked);
+                }
+                self.fifo.pop_front();
+                did = Tick::Moved;
+                continue;
+            }
+            if let Some(line) = entry.line {
+                if !self.cache.ready(line as usize) {
+                    return did.or(Tick::Memory);
+                }
+                if self.free_at >= (now + 1) * rate {
+                    wires.sleep_until(self.free_at / rate);
+                    return did.or(Tick::Working);
+                }
+                let group = &card.groups[pipeline][entry.token.group];
+                let work = card.work(group.slot);
+                let state = work.colors.get(usize::from(entry.target)).and_then(Option::as_ref);
+                let reads = state.is_some_and(|state| state.reads());
+                let quads = u64::from(entry.token.quads);
+                // Blending takes the turns of as many writes as it is slower.
+                let turns = if reads { (quads * rate).div_ceil(u64::from(self.config.blends_per_cycle)) } else { quads };
+                self.free_at = self.free_at.max(now * rate) + turns;
+                self.blend(card, entry, line);
+            }
+            if entry.last {
+                let group = &card.groups[pipeline][entry.token.group];
+                let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
+                card.funnel.fragments_written += u64::from(written);
+                if let Some(copy) = card.copies.get_mut(pipeline) {
+                    mark(card.work[usize::from(group.slot)].as_ref().expect("in flight"), group, &mut copy.stamps, true);
+                }
+                card.groups[pipeline].remove(entry.token.group);
+            }
+            self.fifo.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
+    #[cold]
+    fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
+        let keep = |surface: usize| {
+            let index = pass.color.iter().position(|&index| index == Some(surface));
+            let attachment = index.and_then(|index| pass.pass.color[index]);
+            token.group != 0 || attachment.is_some_and(|attachment| attachment.store || attachment.resolve.is_some())
+        };
+        let did = self.cache.flush_tile(frame, keep);
+        if did != Tick::Moved && self.cache.flushed() {
+            self.ending = false;
+            return Tick::Moved;
+        }
+        did
+    }
+
+    /// Writes the cache back at the end of a pass, then passes the fence on.
+    #[cold]
+    fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let pass = pass.as_ref().expect("a pass is ending");
+        let keep = |surface: usize| {
+            let index = pass.color.iter().position(|&index| index == Some(surface));
+            index.and_then(|index| pass.pass.color[index]).is_some_and(|attachment| attachment.store)
+        };
+        // Attachments that are resolved are read again from memory, stored or not.
+        let resolved = |surface: usize| {
+            let index = pass.color.iter().position(|&index| index == Some(surface));
+            index.and_then(|index| pass.pass.color[index]).is_some_and(|attachment| attachment.resolve.is_some())
+        };
+        let did = self.cache.flush(frame, |surface| keep(surface) || resolved(surface));
+        if did == Tick::Moved || !self.cache.flushed() {
+            return did;
+        }
+        if !wires.can_push(&self.ports.end) || !wires.can_push(&self.ports.ack) {
+            return Tick::Blocked;
+        }
+        let ack = Ack { slot: entry.token.group as u16, kind: Kind::PASS };
+        wires.push(&self.ports.end, ack);
+        wires.push(&self.ports.ack, ack);
+        self.ending = false;
+        self.fifo.pop_front();
+        Tick::Moved
+    }
+
+    /// Looks up the next groups in order, one target at a time.
+    #[inline(always)]
+    fn accept(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = self.config.quads_per_cycle;
+        loop {
+            // The group whose turn it is comes either straight from the cores or from the late test.
+            let from_shaded = wires.front(&self.ports.shaded).filter(|token| token.sequence == self.sequence);
+            let (token, shaded) = match from_shaded {
+                Some(token) => (token, true),
+                None => match wires.front(&self.ports.tested).filter(|token| token.sequence == self.sequence) {
+                    Some(token) => (token, false),
+                    None => return did,
+                },
+            };
+            if self.fifo.len() as u32 >= self.config.fifo {
+                return did.or(Tick::Blocked);
+            }
+            if budget == 0 {
+                return Tick::Moved;
+            }
+            let from = wires.now() + Cycle::from(self.config.latency);
+            let mut entry = Entry { token, target: self.target, last: true, line: None, from };
+            if token.kind == Kind::DATA && token.quads > 0 {
+                let Card { groups, work, pass, frame, copies, .. } = card;
+                let frame = own(frame, copies, self.pipeline);
+                let group = &groups[usize::from(self.pipeline)][token.group];
+                let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+                let writes = |target: usize| written(work, pass.as_ref()?, target);
+                let count = work.colors.len();
+                let first = (usize::from(self.target)..count).find_map(|target| Some((target, writes(target)?)));
+                if let Some((target, surface)) = first {
+                    let quads = if self.config.skip_reads { quads(frame, work, group, target, surface) } else { Quads::ANY };
+                    match self.cache.pin(frame, surface, group.block, quads, &mut None) {
+                        Ok(place) => entry.line = Some(place as u32),
+                        Err(stall) => return did.or(stall),
+                    }
+                    entry.target = target as u8;
+                    entry.last = (target + 1..count).all(|target| writes(target).is_none());
+                    self.target = target as u8 + 1;
+                }
+                budget = budget.saturating_sub(u32::from(token.quads));
+            }
+            self.fifo.push_back(entry);
+            did = Tick::Moved;
+            if token.kind == Kind::TILE {
+                // What is on the chip belongs to the tile that ends.
+                self.ending = true;
+            }
+            if entry.last {
+                self.target = 0;
+                self.sequence = self.sequence.wrapping_add(1);
+                if shaded {
+                    wires.pop(&self.ports.shaded)
+                } else {
+                    wires.pop(&self.ports.tested)
+                };
+                if self.ending {
+                    return did;
+                }
+            }
+        }
+    }
+}
+
+/// The surface that a draw writes as one of its targets; none where it writes nothing there.
+#[inline(always)]
+pub(super) fn written(work: &Work, pass: &PassState, target: usize) -> Option<usize> {
+    let state = work.colors.get(target)?.as_ref()?;
+    let slot = work.draw.targets.get(target)?.as_ref()?;
+    let surface = pass.color.get(target).copied().flatten()?;
+    (!state.is_idle() && slot.payload.is_some()).then_some(surface)
+}
+
+/// Blends a group's quads into one target.
+#[inline(always)]
+pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: usize, frame: &mut Frame) {
+    let surface = pass.color.get(target).copied().flatten();
+    let state = work.colors.get(target).and_then(Option::as_ref);
+    let slot = work.draw.targets.get(target).and_then(Option::as_ref);
+    let (Some(surface), Some(state), Some(slot)) = (surface, state, slot) else { return };
+    if work.marks.over && state.blends() {
+        empty(frame, work, group, surface);
+    }
+    let store = &mut frame.stores[surface];
+    let samples = store.surface.samples as usize;
+    let tile = &work.segment.tiles[group.tile as usize];
+    let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        if live == 0 {
+            continue;
+        }
+        let words = payload(&tile.payload, quad, slot.payload);
+        let run = store.quad_mut(group.block, quad.position);
+        if slot.packed {
+            state.put_quad(samples, live, words, run);
+        } else {
+            let src = colors(words, slot);
+            let src1 = match slot.second {
+                Some(second) => colors(payload(&tile.payload, quad, Some(second)), slot),
+                None => [[0; 4]; 4],
+            };
+            state.blend_quad(samples, live, &src, &src1, run);
+        }
+    }
+}
+
+/// What a group leaves of the stored colours of its quads in a target.
+fn quads(frame: &Frame, work: &Work, group: &Group, target: usize, surface: usize) -> Quads {
+    if work.colors[target].as_ref().is_none_or(|state| state.reads()) {
+        return Quads::ANY;
+    }
+    let full = u16::MAX >> (16 - 4 * frame.stores[surface].surface.samples);
+    let tile = &work.segment.tiles[group.tile as usize];
+    let mut quads = Quads::default();
+    for (&live, quad) in group.live.iter().zip(&tile.quads[group.first as usize..][..usize::from(group.count)]) {
+        match live {
+            0 => {}
+            live if live == full => quads.whole |= 1 << quad.position,
+            _ => quads.part |= 1 << quad.position,
+        }
+    }
+    quads
+}
+
+/// Where a copy is blended over nothing, to be put over what is behind it later: empties the samples that are blended first.
+#[cold]
+fn empty(copy: &mut Frame, work: &Work, group: &Group, surface: usize) {
+    let Frame { stores, stamps } = copy;
+    let store = &mut stores[surface];
+    if !composes_over(store.surface.format) {
+        return;
+    }
+    let words = store.words as usize;
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        let mut left = stamps.untouched(group.block, quad.position, live);
+        let run = store.quad_mut(group.block, quad.position);
+        while left != 0 {
+            let bit = left.trailing_zeros() as usize;
+            left &= left - 1;
+            (0..words).for_each(|w| run[bit / 4 * 4 * words + 4 * w + bit % 4] = 0);
+        }
+    }
+}
+
+/// Words of a quad's payload from one of its words on.
+#[inline(always)]
+fn payload<'a>(payload: &'a [u32], quad: &Quad, first: Option<u8>) -> &'a [u32] {
+    &payload[quad.payload as usize + usize::from(first.unwrap_or(0))..]
+}
+
+/// A quad's colours, channel by channel.
+#[inline(always)]
+fn colors(words: &[u32], slot: &Target) -> [[u32; 4]; 4] {
+    let count = usize::from(slot.words).min(4);
+    std::array::from_fn(|c| if c < count { std::array::from_fn(|p| words[4 * c + p]) } else { [0; 4] })
+}
+
+impl Unit<Card> for Color {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Memory: blocks come, requests go.
+        let mut did = Tick::moved_or(self.cache.exchange(wires), Tick::Starved);
+
+        // 2. Blend what is ready.
+        did = did.or(self.drain(wires, card));
+
+        // 3. Look the next ones up, in order.
+        if !self.ending {
+            did = did.or(self.accept(wires, card));
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.fifo.len() as u64 + self.cache.resident()
+    }
+}

@@ -1,0 +1,446 @@
+//! Composition, one unit a pipeline: when a pass is drawn, the copies of its attachments in which pipelines have drawn apart from each
+//! other become one. The units exchange blocks of 8x8 pixels over the sort network, by a [`Scheme`].
+//!
+//! A unit reads blocks to be sent from its copy in memory, and blocks to be composed when others come; what it has composed it
+//! writes back to its copy, or in the last step to the surface itself. Along a chain a block goes on without being written. Of a block
+//! the sender never changes anything after it was sent, so that the receiver takes the bytes from the sender's copy. See
+//! [`super::copies`] for which bytes remain.
+
+mod plan;
+
+use std::collections::VecDeque;
+
+use bytemuck::{Pod, Zeroable};
+
+pub use plan::{Step, steps};
+
+use super::card::{Card, PassState};
+use super::compression::Compression;
+use super::copies;
+use super::frame::{BlockState, Frame, Store};
+use super::misses::Misses;
+use super::network::{Receiver, Sender};
+use super::resolve::{Operation, requests};
+use super::sorting::SortCounts;
+use super::token::{Ack, Kind, Piece};
+use crate::knob::Allowed;
+use mem::MemoryPort;
+use num::Cycle;
+use sim::{In, Out, Tick, Unit, Wires};
+use work::BLOCK;
+
+crate::choices! {
+    /// How copies are composed.
+    pub enum Scheme {
+        /// Rounds in which pairs of nodes exchange halves of what they have left.
+        BinarySwap "binary-swap",
+        /// Each node gets its part of the picture from all others.
+        DirectSend "direct-send",
+        /// From the last node to the first, each of which composes its own copy into what comes.
+        Pipeline "pipeline",
+    }
+}
+
+crate::knobs! {
+    /// Composition of the pipelines' frame buffers.
+    pub struct ComposeConfig {
+        /// Who sends what to whom. Where pipelines are no power of two, binary swap first composes the surplus in pairs.
+        scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"],
+        /// Samples of pixels that a unit composes a cycle.
+        samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "a quad of each of four ROPs"],
+        /// Bytes of a primitive's number, sent with each sample to decide between equal depths; 0 where nothing is sent.
+        number_bytes: u32 ["bytes/sample", Allowed::Range(0, 4), "0: colour and depth alone (Molnar et al. 1994), ties by what a pipeline knows"],
+        /// Whether composed blocks are compressed as they are written.
+        compression: bool ["", Allowed::Switch, "composers of the literature have no compressors; ROPs' have"],
+        /// Requests to memory in flight, and blocks between request and use.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+    }
+}
+
+stats::counters! {
+    /// What composition sends and composes.
+    pub struct ComposeCounts {
+        /// Passes composed.
+        passes: "passes",
+        /// Steps in which something was sent or came, over all passes.
+        rounds: "rounds",
+        /// Messages sent: runs of blocks from one node to another.
+        messages: "messages",
+        /// Pixels sent.
+        pixels_sent: "pixels",
+        /// Bytes sent.
+        bytes_sent: "bytes",
+        /// Pixels that came and were composed.
+        pixels_composed: "pixels",
+        /// Cycles from the beginning of a pass's composition in this pipeline to its end there.
+        cycles: "cycles",
+    }
+}
+
+/// A block of the sender's copies.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub struct BlockToken {
+    /// Its number.
+    pub block: u32,
+}
+
+/// Ports of a composition unit.
+pub struct ComposePorts {
+    /// A pass is drawn, from the command processor.
+    pub start: In<Piece>,
+    /// It is composed, as far as this unit goes.
+    pub done: Out<Ack>,
+    /// To and from all composition units.
+    pub sender: Sender<BlockToken>,
+    /// See `sender`.
+    pub receiver: Receiver<BlockToken>,
+    /// Memory.
+    pub memory: MemoryPort,
+}
+
+/// A block that is being read.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    block: u32,
+    needs: u32,
+}
+
+/// An attachment that is composed.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    surface: usize,
+    /// Whether the result is written to memory.
+    stored: bool,
+}
+
+/// Writes that may wait for the port before the next block is composed.
+const WRITES: usize = 64;
+
+/// A composition unit. Its items are blocks composed.
+pub struct Compose {
+    config: ComposeConfig,
+    node: usize,
+    nodes: usize,
+    ports: ComposePorts,
+    misses: Misses,
+    reads: VecDeque<Operation>,
+    writes: VecDeque<Operation>,
+    /// What is to be done for the pass at hand, if there is one.
+    steps: VecDeque<Step>,
+    planes: Vec<Plane>,
+    active: bool,
+    /// Since when.
+    since: Cycle,
+    /// Of the step at hand: blocks of each run that are still to be asked for, and those asked for.
+    to_send: std::ops::Range<u32>,
+    to_compose: std::ops::Range<u32>,
+    sends: VecDeque<Asked>,
+    composes: VecDeque<Asked>,
+    /// Whether the next block to be asked for is one to be composed, where there are both.
+    turn: bool,
+    /// When the composer is free, in cycles times `samples_per_cycle`.
+    free_at: u64,
+    counts: ComposeCounts,
+    sorting: SortCounts,
+    items: u64,
+}
+
+impl Compose {
+    /// An idle one, the unit `node` of `nodes`.
+    pub fn new(config: ComposeConfig, node: usize, nodes: usize, ports: ComposePorts) -> Compose {
+        Compose {
+            misses: Misses::new(config.misses),
+            config,
+            node,
+            nodes,
+            ports,
+            reads: VecDeque::new(),
+            writes: VecDeque::new(),
+            steps: VecDeque::new(),
+            planes: Vec::new(),
+            active: false,
+            since: 0,
+            to_send: 0..0,
+            to_compose: 0..0,
+            sends: VecDeque::new(),
+            composes: VecDeque::new(),
+            turn: false,
+            free_at: 0,
+            counts: ComposeCounts::default(),
+            sorting: SortCounts::default(),
+            items: 0,
+        }
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> ComposeCounts {
+        self.counts
+    }
+
+    /// What sorting costs: samples of whole frame buffers.
+    pub fn sorting(&self) -> SortCounts {
+        self.sorting
+    }
+
+    /// Takes a pass in hand.
+    fn begin(&mut self, card: &mut Card) {
+        let Card { pass, frame, copies, .. } = card;
+        let pass = pass.as_ref().expect("a pass is being composed");
+        self.active = true;
+        self.counts.passes += 1;
+        self.planes.clear();
+        for (attachment, surface) in pass.pass.color.iter().zip(&pass.color) {
+            // What is neither stored nor resolved need not be composed.
+            if let (Some(attachment), &Some(surface)) = (attachment, surface)
+                && (attachment.store || attachment.resolve.is_some())
+            {
+                self.planes.push(Plane { surface, stored: true });
+            }
+        }
+        if let (Some(attachment), Some(surface)) = (&pass.pass.depth, pass.depth)
+            && pass.order.writes_depth
+        {
+            self.planes.push(Plane { surface, stored: attachment.store || attachment.stencil_store });
+        }
+        let blocks = pass.blocks as u32;
+        if self.nodes == 1 {
+            // The only pipeline has drawn in the surface itself.
+            for block in 0..blocks {
+                copies::finish(frame, &copies[0], pass, block);
+                for plane in &self.planes {
+                    let state = copies[0].stores[plane.surface].blocks[block as usize];
+                    let own = if let BlockState::Shared(bytes) = state { BlockState::Stored(bytes) } else { state };
+                    frame.stores[plane.surface].blocks[block as usize] = own;
+                }
+            }
+        }
+        let samples: u64 = (0..blocks).map(|block| u64::from(samples(pass, block))).sum();
+        self.sorting.sorted_items += samples;
+        self.sorting.sent += samples;
+        if self.nodes == 1 {
+            self.sorting.redistributed_items += samples;
+            self.sorting.redistributed_bytes += samples * u64::from(self.sample_bytes(frame));
+        }
+        self.steps = steps(self.config.scheme, self.node, self.nodes, blocks).into();
+        self.begin_step();
+    }
+
+    /// Takes the next step in hand, if there is one.
+    fn begin_step(&mut self) {
+        let Some(step) = self.steps.front() else { return };
+        let range = |end: &Option<(usize, std::ops::Range<u32>)>| end.as_ref().map_or(0..0, |(_, blocks)| blocks.clone());
+        self.to_compose = range(&step.receive);
+        // What is sent on is what is composed.
+        self.to_send = if step.forward { 0..0 } else { range(&step.send) };
+        self.counts.rounds += 1;
+        self.counts.messages += u64::from(step.send.is_some());
+    }
+
+    /// Bytes that a sample takes on the network.
+    fn sample_bytes(&self, frame: &Frame) -> u32 {
+        let bytes = self.planes.iter().map(|plane| frame.stores[plane.surface].surface.format.block_bytes());
+        bytes.sum::<u32>() + self.config.number_bytes
+    }
+
+    /// Sends a block to a node that has room.
+    fn send(&mut self, wires: &mut Wires, card: &Card, to: usize, block: u32) {
+        let pass = card.pass.as_ref().expect("a pass is being composed");
+        let samples = samples(pass, block);
+        let bytes = samples * self.sample_bytes(&card.frame);
+        self.ports.sender.send(wires, to, BlockToken { block }, bytes);
+        self.counts.pixels_sent += u64::from(samples / pass.pass.samples);
+        self.counts.bytes_sent += u64::from(bytes);
+        self.sorting.copy(samples, bytes, true);
+    }
+
+    /// Composes blocks that have come with this node's own.
+    fn compose(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let Some(&Step { receive: Some((from, _)), ref send, forward, last }) = self.steps.front() else { return did };
+        let on = send.as_ref().map(|&(to, _)| to).filter(|_| forward);
+        let rate = u64::from(self.config.samples_per_cycle);
+        let compression = Compression { enabled: self.config.compression };
+        while let Some(&Asked { block, needs }) = self.composes.front() {
+            if self.ports.receiver.front(wires, from).is_none() {
+                return did;
+            }
+            if !self.misses.reached(needs) {
+                return did.or(Tick::Memory);
+            }
+            if self.free_at >= (wires.now() + 1) * rate {
+                wires.sleep_until(self.free_at / rate);
+                return did.or(Tick::Working);
+            }
+            if self.writes.len() >= WRITES || on.is_some_and(|to| !self.ports.sender.can_send(wires, to)) {
+                return did.or(Tick::Blocked);
+            }
+            let Card { pass, frame, copies, .. } = card;
+            let pass = pass.as_ref().expect("a pass is being composed");
+            copies::merge(copies, pass, self.node, from, block);
+            let samples = samples(pass, block);
+            if last {
+                copies::finish(frame, &copies[self.node], pass, block);
+                let bytes = samples * self.sample_bytes(frame);
+                self.sorting.copy(samples, bytes, false);
+            }
+            self.counts.pixels_composed += u64::from(samples / pass.pass.samples);
+            self.free_at = self.free_at.max(wires.now() * rate) + u64::from(samples);
+            if on.is_none() {
+                let target = if last { frame } else { &mut copies[self.node] };
+                for plane in self.planes.iter().filter(|plane| plane.stored || !last) {
+                    write(&mut target.stores[plane.surface], block, compression, &mut self.writes);
+                }
+            }
+            self.ports.receiver.take(wires, from);
+            self.composes.pop_front();
+            self.items += 1;
+            if let Some(to) = on {
+                self.send(wires, card, to, block);
+            }
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Sends blocks that have been read.
+    fn send_read(&mut self, wires: &mut Wires, card: &Card) -> Tick {
+        let mut did = Tick::Starved;
+        let Some(&Step { send: Some((to, _)), .. }) = self.steps.front() else { return did };
+        while let Some(&Asked { block, needs }) = self.sends.front() {
+            if !self.misses.reached(needs) {
+                return did.or(Tick::Memory);
+            }
+            if !self.ports.sender.can_send(wires, to) {
+                return did.or(Tick::Blocked);
+            }
+            self.send(wires, card, to, block);
+            self.sends.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Asks memory for the next blocks, of each run in turn.
+    fn ask(&mut self, card: &Card) -> bool {
+        let mut moved = false;
+        let most = self.config.misses as usize;
+        while self.reads.is_empty() {
+            let (send, compose) = (
+                !self.to_send.is_empty() && self.sends.len() < most,
+                !self.to_compose.is_empty() && self.composes.len() < most,
+            );
+            if !send && !compose {
+                break;
+            }
+            let composes = if send && compose { self.turn } else { compose };
+            self.turn = !composes;
+            let run = if composes { &mut self.to_compose } else { &mut self.to_send };
+            let Some(block) = run.next() else { break };
+            let copy = &card.copies[self.node];
+            let mut count = 0;
+            for plane in &self.planes {
+                if let Some((address, bytes)) = copy.stores[plane.surface].stored(block) {
+                    count += requests(address, bytes, &mut self.reads);
+                }
+            }
+            let asked = Asked { block, needs: self.misses.issued().wrapping_add(count) };
+            if composes { &mut self.composes } else { &mut self.sends }.push_back(asked);
+            moved = true;
+        }
+        moved
+    }
+
+    /// Memory's answers, and requests to it; true if anything moved.
+    fn exchange(&mut self, wires: &mut Wires) -> bool {
+        let memory = &self.ports.memory;
+        let mut moved = false;
+        while let Some(tag) = memory.answer(wires) {
+            self.misses.answer(tag);
+            moved = true;
+        }
+        while let Some(&Operation { address, bytes }) = self.writes.front() {
+            if !memory.can_send(wires) {
+                return moved;
+            }
+            memory.write(wires, address, bytes);
+            self.writes.pop_front();
+            moved = true;
+        }
+        while let Some(&Operation { address, bytes }) = self.reads.front() {
+            if self.misses.room() == 0 || !memory.can_send(wires) {
+                return moved;
+            }
+            let tag = self.misses.issue();
+            memory.read(wires, address, bytes, tag);
+            self.reads.pop_front();
+            moved = true;
+        }
+        moved
+    }
+}
+
+/// Samples of a block that lie on the pass's area.
+fn samples(pass: &PassState, block: u32) -> u32 {
+    let (x, y) = (block % pass.blocks_across * BLOCK, block / pass.blocks_across * BLOCK);
+    let inside = |at: u32, size: u32| size.saturating_sub(at).min(BLOCK);
+    inside(x, pass.pass.width) * inside(y, pass.pass.height) * pass.pass.samples
+}
+
+/// Writes a block.
+fn write(store: &mut Store, block: u32, compression: Compression, writes: &mut VecDeque<Operation>) {
+    let bytes = compression.bytes(store, block);
+    store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+    requests(store.address(block), bytes, writes);
+}
+
+impl Unit<Card> for Compose {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Memory, and the network.
+        let mut did = Tick::moved_or(self.exchange(wires), Tick::Starved);
+        did = did.or(Tick::moved_or(self.ports.sender.poll(wires), Tick::Starved));
+        self.ports.receiver.poll(wires);
+
+        // 2. A pass that is drawn.
+        let Some(piece) = wires.front(&self.ports.start) else { return did };
+        if !self.active {
+            self.begin(card);
+            self.since = wires.now();
+            did = Tick::Moved;
+        }
+
+        // 3. What has come is composed, what has been read is sent, and more is read.
+        did = did.or(self.compose(wires, card));
+        did = did.or(self.send_read(wires, card));
+        did = did.or(Tick::moved_or(self.ask(card), Tick::Starved));
+
+        // 4. The next step.
+        let left =
+            !self.to_send.is_empty() || !self.to_compose.is_empty() || !self.sends.is_empty() || !self.composes.is_empty();
+        if !left && self.steps.pop_front().is_some() {
+            self.begin_step();
+            did = Tick::Moved;
+        }
+
+        // 5. All done.
+        if !left && self.steps.is_empty() && self.writes.is_empty() {
+            if !wires.try_push(&self.ports.done, Ack { slot: piece.slot, kind: Kind::DATA }) {
+                return did.or(Tick::Blocked);
+            }
+            wires.take(&self.ports.start);
+            self.active = false;
+            self.counts.cycles += wires.now() - self.since;
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        let asked = self.sends.len() + self.composes.len() + self.writes.len() + usize::from(self.active);
+        asked as u64 + u64::from(self.misses.in_flight()) + self.ports.receiver.resident()
+    }
+}

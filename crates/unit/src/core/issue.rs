@@ -1,0 +1,509 @@
+//! What a core does between its dealings with other units: warps issue, wait for their latencies, and reach the ends of their
+//! steps.
+//!
+//! Other units see nothing of this until a warp comes to the end of its step, and it is known how long that takes at least. So a
+//! core sleeps until then, or until a warp comes to it, and catches up with the cycles gone by in one go. That is exact, and costs
+//! the host half of a tick every cycle.
+
+use num::{Cycle, NEVER};
+use work::{Class, RequestKind};
+
+use super::{CoreConfig, Scheduling};
+
+/// Most warps of a core.
+pub(super) const PLACES: usize = 64;
+
+/// Cycles that the wheel of latencies holds: more than the longest latency.
+const WHEEL: u64 = 64;
+
+/// Most instructions of a run: its latencies fit 16 bits.
+const LONGEST_RUN: u32 = 256;
+
+/// Most cycles after a run that are told apart, for the same reason. Only a bound is made of them.
+const MOST_AFTER: i32 = 16_383;
+
+/// What does not change between the core's dealings with others.
+#[derive(Clone, Debug)]
+pub(super) struct Fixed {
+    /// Warp instructions issued a cycle.
+    issue: u32,
+    /// Instructions of a class that its lanes take in a cycle in which they take any,
+    room: [u32; Class::COUNT],
+    /// and cycles until they take the next. One of both is 1: a warp is as wide as some of the lanes, or several times as wide.
+    interval: [Cycle; Class::COUNT],
+    /// Cycles from a warp's instruction to its next, by class.
+    latency: [u32; Class::COUNT],
+    scheduling: Scheduling,
+    /// When the warp of each place was taken in, in order.
+    age: [u64; PLACES],
+}
+
+impl Fixed {
+    pub(super) fn new(config: &CoreConfig) -> Fixed {
+        let lanes = [config.float_lanes, config.integer_lanes, config.special_lanes, config.control_lanes];
+        let width = config.warp_width;
+        assert!(
+            width.is_power_of_two() && lanes.iter().all(|lanes| lanes.is_power_of_two()),
+            "lanes take warps without remainder"
+        );
+        Fixed {
+            issue: config.issue,
+            room: lanes.map(|lanes| (lanes / width).max(1)),
+            interval: lanes.map(|lanes| Cycle::from((width / lanes).max(1))),
+            latency: [config.float_latency, config.integer_latency, config.special_latency, config.control_latency],
+            scheduling: config.scheduling,
+            age: [0; PLACES],
+        }
+    }
+
+    /// A place is taken by a warp, as the youngest.
+    pub(super) fn take(&mut self, place: u32, born: u64) {
+        self.age[place as usize] = born;
+    }
+}
+
+/// The set bits of a mask, lowest first.
+#[inline(always)]
+pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        (mask != 0).then(|| {
+            let bit = mask.trailing_zeros();
+            mask &= mask - 1;
+            bit
+        })
+    })
+}
+
+/// A count of instructions of a class as a number, so that the largest of four is the class with most, and of these the first.
+#[inline(always)]
+fn key(class: usize, left: u32) -> u32 {
+    left << 2 | (3 - class as u32)
+}
+
+/// The class of a step's next instruction, if any is left: the one it has most of. Costs name no order, and this spreads the rarer
+/// classes over the step.
+#[inline(always)]
+fn next_class(keys: &[u32; Class::COUNT]) -> Option<usize> {
+    let most = keys[0].max(keys[1]).max(keys[2].max(keys[3]));
+    (most > 3).then_some(3 - (most & 3) as usize)
+}
+
+/// The lowest `count` bits of a set, or all if there are fewer.
+#[inline(always)]
+fn lowest(set: u64, count: u32) -> u64 {
+    let without = |set: u64| set & set.wrapping_sub(1);
+    match count {
+        1 => set ^ without(set),
+        4 => set ^ without(without(without(without(set)))),
+        _ => set ^ (0..count).fold(set, |rest, _| without(rest)),
+    }
+}
+
+/// The warps of a core between the beginnings and the ends of their steps. Sets of places are masks.
+///
+/// A warp's instructions come in runs of one class, of which only the length is counted down: which class comes next is asked at
+/// the end of a run. Whole sets of warps are taken from a cycle at once.
+#[derive(Clone, Debug)]
+pub(super) struct Issue {
+    /// The cycles before this one are done.
+    at: Cycle,
+    /// No warp comes to the end of its step before this.
+    quiet_until: Cycle,
+    /// The class of each place's run, where one is at work.
+    class: [u8; PLACES],
+    /// Instructions left of each place's run,
+    run: [i16; PLACES],
+    /// the latency of each,
+    latency: [i16; PLACES],
+    /// and cycles from its end, the last latency included, to the step's last instruction: what both make is how long the step
+    /// takes at least. The most there is where a warp is not at work.
+    after: [i16; PLACES],
+    /// Instructions left of each place's step after its run, by class, as [`key`].
+    left: [[u32; Class::COUNT]; PLACES],
+    /// `after` without its bound.
+    rest: [i32; PLACES],
+    /// Where the instructions of a step have an order, by place what is left of them after the run, the next one last.
+    orders: Vec<Vec<(Class, u32)>>,
+    /// Places whose run is the last instruction of their step.
+    last: u64,
+    /// Places that can issue.
+    ready: u64,
+    /// Places whose run is of a class.
+    next_is: [u64; Class::COUNT],
+    /// Places whose step ends with a barrier, or with the warp; the others end with a request.
+    ends_in_barrier: u64,
+    ends_in_end: u64,
+    /// Places at the end of their step that ask the texture unit, are done, or wait for their group.
+    pub(super) asking: u64,
+    pub(super) finished: u64,
+    pub(super) barrier: u64,
+    /// Places that become ready at a cycle, modulo the wheel; and the cycles with any, a bit each.
+    wheel: [u64; WHEEL as usize],
+    turning: u64,
+    /// When each class's lanes are free.
+    free_at: [Cycle; Class::COUNT],
+    /// Where round robin goes on, modulo the places.
+    next: u32,
+    /// Warp instructions issued by class.
+    pub(super) issued: [u64; Class::COUNT],
+}
+
+impl Issue {
+    pub(super) fn new() -> Issue {
+        Issue {
+            at: 0,
+            quiet_until: NEVER,
+            class: [0; PLACES],
+            run: [0; PLACES],
+            latency: [0; PLACES],
+            after: [i16::MAX; PLACES],
+            left: [[0; Class::COUNT]; PLACES],
+            rest: [0; PLACES],
+            orders: Vec::new(),
+            last: 0,
+            ready: 0,
+            next_is: [0; Class::COUNT],
+            ends_in_barrier: 0,
+            ends_in_end: 0,
+            asking: 0,
+            finished: 0,
+            barrier: 0,
+            wheel: [0; WHEEL as usize],
+            turning: 0,
+            free_at: [0; Class::COUNT],
+            next: 0,
+            issued: [0; Class::COUNT],
+        }
+    }
+
+    /// A warp begins a step of so many instructions, and what comes then. It can issue in the next cycle that is done. Where the
+    /// instructions have an order they come in it, and are as many.
+    pub(super) fn enter(
+        &mut self,
+        fixed: &Fixed,
+        place: u32,
+        instructions: [u32; Class::COUNT],
+        then: RequestKind,
+        order: &[(Class, u32)],
+    ) {
+        let bit = 1_u64 << place;
+        let mark = |set: u64, on: bool| set & !bit | if on { bit } else { 0 };
+        self.ends_in_barrier = mark(self.ends_in_barrier, then == RequestKind::Barrier);
+        self.ends_in_end = mark(self.ends_in_end, then == RequestKind::End);
+        let place = place as usize;
+        // Most first, and of equals the first: the last instruction is of the last class there is.
+        let (mut cycles, mut last) = (0_u32, 0);
+        for class in 0..Class::COUNT {
+            let count = instructions[class].min(u32::MAX >> 2);
+            self.left[place][class] = key(class, count);
+            self.issued[class] += u64::from(count);
+            cycles = cycles.saturating_add(count.saturating_mul(fixed.latency[class]));
+            last = if count > 0 { fixed.latency[class] } else { last };
+        }
+        if let Some(&(class, _)) = order.last() {
+            last = fixed.latency[class as usize];
+            self.orders.resize_with(PLACES, Vec::new);
+            self.orders[place].extend(order.iter().rev());
+        }
+        let cycles = (cycles - last).min(i32::MAX as u32);
+        self.rest[place] = cycles as i32;
+        if self.begin_run(fixed, place) {
+            self.ready |= bit;
+            self.quiet_until = self.quiet_until.min(self.at + Cycle::from(cycles));
+        } else {
+            self.end(bit);
+        }
+    }
+
+    /// The next run of a place's step, of the class that it has most of: as many as issue before it has more of another. The last
+    /// instruction of the step is a run of its own. False if there is none left.
+    fn begin_run(&mut self, fixed: &Fixed, place: usize) -> bool {
+        let bit = 1_u64 << place;
+        self.last &= !bit;
+        if let Some(next) = self.orders.get_mut(place).and_then(Vec::pop) {
+            self.begin_in_order(fixed, place, next);
+            return true;
+        }
+        let left = &mut self.left[place];
+        let Some(class) = next_class(left) else {
+            self.run[place] = 0;
+            self.after[place] = i16::MAX;
+            return false;
+        };
+        let most = std::mem::replace(&mut left[class], 0);
+        let other = left[0].max(left[1]).max(left[2].max(left[3]));
+        let latency = fixed.latency[class];
+        let (mut run, count) = ((most - other).div_ceil(4), most >> 2);
+        self.latency[place] = latency as i16;
+        if other <= 3 && count == 1 {
+            // Its end is not a matter of latencies to come.
+            self.last |= bit;
+            self.after[place] = i16::MAX - latency as i16;
+            run = 1;
+        } else {
+            // Without others the run is all but the last.
+            run = run.min(if other <= 3 { count - 1 } else { count }).min(LONGEST_RUN);
+            self.rest[place] = self.rest[place].saturating_sub((run * latency) as i32);
+            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i16;
+        }
+        left[class] = most - (run << 2);
+        self.run[place] = run as i16;
+        self.class[place] = class as u8;
+        self.next_is[class] |= bit;
+        true
+    }
+
+    /// [`Issue::begin_run`] of the next instructions in order.
+    #[cold]
+    fn begin_in_order(&mut self, fixed: &Fixed, place: usize, (class, count): (Class, u32)) {
+        let bit = 1_u64 << place;
+        let order = &mut self.orders[place];
+        let latency = fixed.latency[class as usize];
+        let class = class as usize;
+        self.left[place] = [0; Class::COUNT];
+        self.latency[place] = latency as i16;
+        let run = if order.is_empty() && count == 1 {
+            self.last |= bit;
+            self.after[place] = i16::MAX - latency as i16;
+            1
+        } else {
+            let run = if order.is_empty() { count - 1 } else { count }.min(LONGEST_RUN);
+            if run < count {
+                order.push((Class::ALL[class], count - run));
+            }
+            self.rest[place] = self.rest[place].saturating_sub((run * latency) as i32);
+            self.after[place] = self.rest[place].clamp(-MOST_AFTER, MOST_AFTER) as i16;
+            run
+        };
+        self.run[place] = run as i16;
+        self.class[place] = class as u8;
+        self.next_is[class] |= bit;
+    }
+
+    /// All instructions of a step are issued. What follows does not wait for the last one's latency: costs count what it
+    /// produces as part of the request.
+    #[inline(always)]
+    fn end(&mut self, bit: u64) {
+        self.barrier |= bit & self.ends_in_barrier;
+        self.finished |= bit & self.ends_in_end;
+        self.asking |= bit & !self.ends_in_barrier & !self.ends_in_end;
+    }
+
+    /// Whether a warp waits at the end of its step.
+    #[inline(always)]
+    pub(super) fn any_ended(&self) -> bool {
+        self.asking | self.finished | self.barrier != 0
+    }
+
+    /// The place whose turn it is among candidates.
+    #[inline(always)]
+    pub(super) fn choose(&self, fixed: &Fixed, candidates: u64) -> u32 {
+        match fixed.scheduling {
+            Scheduling::RoundRobin => (candidates.rotate_right(self.next).trailing_zeros() + self.next) % 64,
+            Scheduling::Oldest => {
+                bits(candidates).min_by_key(|&place| fixed.age[place as usize]).expect("there are candidates")
+            }
+        }
+    }
+
+    /// The class of the first of some places at work, and which of them are of it. A loop over classes would look at all four, of
+    /// which one is there most of the time.
+    #[inline(always)]
+    fn of_class(&self, places: u64) -> (usize, u64) {
+        let class = usize::from(self.class[places.trailing_zeros() as usize % PLACES]) % Class::COUNT;
+        (class, places & self.next_is[class])
+    }
+
+    /// Of the places that are ready, those that issue in a cycle, one after another in their turn: as many as schedulers and lanes
+    /// take. A warp issues in order: one whose next instruction finds no free lane waits.
+    #[inline(always)]
+    fn chosen(&mut self, fixed: &Fixed, now: Cycle) -> u64 {
+        if fixed.scheduling == Scheduling::Oldest {
+            return self.oldest(fixed, now);
+        }
+        // Turns go round from `next`. A place issues if its turn comes before its class's room and all room are spent by those
+        // before it; those that find their own class's room spent take none. So these are the first of each class, and the first
+        // of those.
+        let mut turns = 0;
+        let mut left = self.ready;
+        while left != 0 {
+            let (class, ready) = self.of_class(left);
+            left ^= ready;
+            if self.free_at[class] <= now {
+                let ready = ready.rotate_right(self.next);
+                let all = fixed.room[class] >= fixed.issue;
+                turns |= if all { ready } else { lowest(ready, fixed.room[class]) };
+            }
+        }
+        let turns = lowest(turns, fixed.issue);
+        let chosen = turns.rotate_left(self.next);
+        // The turn after the last: none leaves it where it is.
+        self.next = (self.next + 64 - turns.leading_zeros()) % 64;
+        chosen
+    }
+
+    /// [`Issue::chosen`] of those that have been in the core longest.
+    #[inline(never)]
+    fn oldest(&self, fixed: &Fixed, now: Cycle) -> u64 {
+        let mut room = fixed.room;
+        let (mut left, mut chosen) = (fixed.issue, 0);
+        let mut open: u64 =
+            (0..Class::COUNT).filter(|&class| self.free_at[class] <= now).fold(0, |open, class| open | self.next_is[class]);
+        open &= self.ready;
+        while open != 0 && left > 0 {
+            let bit = 1 << self.choose(fixed, open);
+            chosen |= bit;
+            open &= !bit;
+            left -= 1;
+            for class in 0..Class::COUNT {
+                if self.next_is[class] & bit != 0 {
+                    room[class] -= 1;
+                    open &= if room[class] == 0 { !self.next_is[class] } else { u64::MAX };
+                }
+            }
+        }
+        chosen
+    }
+
+    /// One cycle: warps whose latency is over are ready, and schedulers and lanes issue what they take. Returns whether any was
+    /// issued.
+    #[inline(always)]
+    fn step(&mut self, fixed: &Fixed, now: Cycle) -> bool {
+        let slot = now % WHEEL;
+        self.ready |= std::mem::take(&mut self.wheel[slot as usize]);
+        self.turning &= !(1 << slot);
+
+        let chosen = self.chosen(fixed, now);
+        self.ready &= !chosen;
+        let mut left = chosen;
+        while left != 0 {
+            let (class, mut places) = self.of_class(left);
+            left ^= places;
+            self.free_at[class] = now + fixed.interval[class];
+            let (mut going, mut done) = (places, 0);
+            while places != 0 {
+                let place = places.trailing_zeros() as usize % PLACES;
+                places &= places - 1;
+                self.run[place] -= 1;
+                done |= u64::from(self.run[place] == 0) << place;
+            }
+            if done != 0 {
+                going &= !self.end_runs(fixed, class, done);
+            }
+            // Instructions are taken as dependent.
+            let slot = (now + Cycle::from(fixed.latency[class])) % WHEEL;
+            self.wheel[slot as usize] |= going;
+            self.turning |= u64::from(going != 0) << slot;
+        }
+        chosen != 0
+    }
+
+    /// Runs of a class are done: the next begin. Returns the places whose steps are done too.
+    #[inline(never)]
+    fn end_runs(&mut self, fixed: &Fixed, class: usize, done: u64) -> u64 {
+        self.next_is[class] &= !done;
+        let mut ended = 0;
+        for place in bits(done) {
+            if !self.begin_run(fixed, place as usize) {
+                ended |= 1 << place;
+            }
+        }
+        self.end(ended);
+        ended
+    }
+
+    /// The first cycle from `from` on, with all before it done, in which a warp may issue or become ready; [`NEVER`] if none will
+    /// by itself.
+    #[inline(always)]
+    fn next(&self, from: Cycle) -> Cycle {
+        let ahead = self.turning.rotate_right((from % WHEEL) as u32);
+        if ahead & 1 != 0 {
+            return from;
+        }
+        let mut next = if ahead == 0 { NEVER } else { from + u64::from(ahead.trailing_zeros()) };
+        let mut left = self.ready;
+        while left != 0 {
+            let (class, ready) = self.of_class(left);
+            left ^= ready;
+            next = next.min(self.free_at[class].max(from));
+        }
+        next
+    }
+
+    /// The next cycle in which a warp may issue or become ready; [`NEVER`] if none will by itself.
+    pub(super) fn next_event(&self) -> Cycle {
+        self.next(self.at)
+    }
+
+    /// Does the cycles before `until`. Returns the cycle after the last of them in which any warp issued, 0 if none did; in those
+    /// before the last, no warp comes to the end of its step.
+    // Not inlined: the core calls it for the cycles gone by and for its own, and both have to fit the host's instruction cache.
+    #[inline(never)]
+    pub(super) fn advance(&mut self, fixed: &Fixed, until: Cycle) -> Cycle {
+        let mut issued = 0;
+        while self.at < until {
+            self.at = self.next(self.at).min(until);
+            if self.at < until {
+                let any = self.step(fixed, self.at);
+                self.at += 1;
+                issued = if any { self.at } else { issued };
+            }
+        }
+        issued
+    }
+
+    /// A cycle before which no warp comes to the end of its step, all up to now being done; [`NEVER`] if none is at work.
+    #[inline(always)]
+    pub(super) fn quiet_until(&mut self, fixed: &Fixed) -> Cycle {
+        if self.quiet_until <= self.at {
+            // Who has more than one instruction left waits for the latencies of all but the last.
+            let mut least = i16::MAX;
+            for place in 0..PLACES {
+                least = least.min(self.run[place] * self.latency[place] + self.after[place]);
+            }
+            let mut until = if least == i16::MAX { NEVER } else { self.at + least.max(0) as Cycle };
+            if self.last != 0 {
+                until = until.min(self.next_last(fixed));
+            }
+            // Nothing ends without issuing.
+            self.quiet_until = until.max(self.next(self.at));
+        }
+        self.quiet_until
+    }
+
+    /// A cycle before which no warp issues the last instruction of its step, if any has come so far.
+    #[inline(never)]
+    fn next_last(&self, fixed: &Fixed) -> Cycle {
+        let soonest = self.next_of_wheel(self.last);
+        if self.last & self.ready == 0 {
+            return self.at.saturating_add(soonest);
+        }
+        if fixed.scheduling != Scheduling::RoundRobin {
+            return self.at;
+        }
+        // Those that can issue do in turn. The first of them comes after all before it whose lanes are never spent: these are not
+        // passed over, and take all there is to issue.
+        let first = (self.last & self.ready).rotate_right(self.next).trailing_zeros();
+        let mut open = 0;
+        for class in 0..Class::COUNT {
+            let never_spent = fixed.room[class] >= fixed.issue && fixed.interval[class] == 1;
+            open |= if never_spent { self.next_is[class] } else { 0 };
+        }
+        let before = (self.ready & open).rotate_right(self.next) & ((1 << first) - 1);
+        self.at + soonest.min(Cycle::from(before.count_ones() / fixed.issue))
+    }
+
+    /// Cycles until the first of some places becomes ready.
+    #[inline(always)]
+    fn next_of_wheel(&self, places: u64) -> Cycle {
+        let mut ahead = self.turning.rotate_right((self.at % WHEEL) as u32);
+        while ahead != 0 {
+            let wait = Cycle::from(ahead.trailing_zeros());
+            if self.wheel[((self.at + wait) % WHEEL) as usize] & places != 0 {
+                return wait;
+            }
+            ahead &= ahead - 1;
+        }
+        NEVER
+    }
+}

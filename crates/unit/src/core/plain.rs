@@ -1,0 +1,219 @@
+//! The rules of issue as they are told, one instruction after another, and [`Issue`] against them.
+
+use proptest::prelude::*;
+
+use super::issue::{Fixed, Issue, PLACES};
+use super::{CoreConfig, Scheduling};
+use num::Cycle;
+use work::{Class, RequestKind};
+
+/// A step at work.
+#[derive(Clone)]
+struct Work {
+    left: [u32; Class::COUNT],
+    /// Classes of its instructions where they have an order, the next one last.
+    order: Vec<usize>,
+    then: RequestKind,
+    /// When its next instruction can be issued.
+    at: Cycle,
+    born: u64,
+}
+
+/// Places at the ends of their steps: with a request, with the warp, with a barrier.
+type Ended = (u64, u64, u64);
+
+/// A core that looks at every instruction in every cycle.
+struct Plain {
+    config: CoreConfig,
+    work: [Option<Work>; PLACES],
+    /// When each class's lanes are free, in cycles times lanes.
+    free_at: [u64; Class::COUNT],
+    next: usize,
+    ended: Ended,
+}
+
+impl Plain {
+    /// The class that comes next: without an order, of which a step has most, of equals the first.
+    fn class(Work { left, order, .. }: &Work) -> usize {
+        if let Some(&class) = order.last() {
+            return class;
+        }
+        (0..Class::COUNT).fold(0, |most, class| if left[class] > left[most] { class } else { most })
+    }
+
+    fn enter(&mut self, place: usize, work: Work) {
+        if work.left == [0; Class::COUNT] {
+            self.end(place, work.then);
+        } else {
+            self.work[place] = Some(work);
+        }
+    }
+
+    fn end(&mut self, place: usize, then: RequestKind) {
+        let set = match then {
+            RequestKind::End => &mut self.ended.1,
+            RequestKind::Barrier => &mut self.ended.2,
+            _ => &mut self.ended.0,
+        };
+        *set |= 1 << place;
+    }
+
+    /// Issues in a cycle. Returns how many.
+    fn cycle(&mut self, now: Cycle) -> u32 {
+        let c = &self.config;
+        let lanes = [c.float_lanes, c.integer_lanes, c.special_lanes, c.control_lanes].map(u64::from);
+        let latency = [c.float_latency, c.integer_latency, c.special_latency, c.control_latency];
+        let (width, issue) = (u64::from(c.warp_width), c.issue);
+        let mut issued = 0;
+        while issued < issue {
+            // 1. Whose turn it is of those that can issue and find a lane.
+            let can = |place: &usize| {
+                self.work[*place].as_ref().is_some_and(|work| {
+                    let class = Plain::class(work);
+                    work.at <= now && self.free_at[class] < (now + 1) * lanes[class]
+                })
+            };
+            let chosen = match self.config.scheduling {
+                Scheduling::RoundRobin => (0..PLACES).map(|ahead| (self.next + ahead) % PLACES).find(can),
+                Scheduling::Oldest => {
+                    (0..PLACES).filter(can).min_by_key(|&place| self.work[place].as_ref().map(|work| work.born))
+                }
+            };
+            let Some(place) = chosen else { break };
+            // 2. It issues.
+            self.next = place + 1;
+            issued += 1;
+            let Some(work) = &mut self.work[place] else { break };
+            let class = Plain::class(work);
+            work.order.pop();
+            self.free_at[class] = self.free_at[class].max(now * lanes[class]) + width;
+            work.left[class] -= 1;
+            work.at = now + u64::from(latency[class]);
+            if work.left == [0; Class::COUNT] {
+                let then = work.then;
+                self.work[place] = None;
+                self.end(place, then);
+            }
+        }
+        issued
+    }
+}
+
+/// A configuration of all that issue depends on.
+fn config() -> impl Strategy<Value = CoreConfig> {
+    // From an eighth of the width to eight times as many.
+    let lanes = || 0..7_u32;
+    let latency = || prop_oneof![1..8_u32, 1..64_u32];
+    (3..7_u32, 1..9_u32, (lanes(), lanes(), lanes(), lanes()), (latency(), latency(), latency(), latency()), any::<bool>())
+        .prop_map(|(width, issue, lanes, latency, oldest)| CoreConfig {
+            warp_width: 1 << width,
+            issue,
+            float_lanes: 1 << (width + lanes.0 - 3),
+            integer_lanes: 1 << (width + lanes.1 - 3),
+            special_lanes: 1 << (width + lanes.2 - 3),
+            control_lanes: 1 << (width + lanes.3 - 3),
+            float_latency: latency.0,
+            integer_latency: latency.1,
+            special_latency: latency.2,
+            control_latency: latency.3,
+            scheduling: if oldest { Scheduling::Oldest } else { Scheduling::RoundRobin },
+            ..CoreConfig::default()
+        })
+}
+
+/// When a warp comes, as cycles after the one before it; which place it would like; before or after the issue of the cycle; its
+/// step; whether that has an order, and which.
+type Arrival = (u64, usize, bool, [u32; Class::COUNT], u8, Option<u64>);
+
+fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
+    let wait = prop_oneof![4 => Just(0_u64), 2 => 0..3_u64, 1 => 0..200_u64];
+    // Mostly of one class, as shaders are, and some longer than a run may be.
+    let instructions =
+        (prop_oneof![4 => 0..4_u32, 4 => 0..40_u32, 1 => 200..300_u32], 0..3_u32, 0..5_u32, 0..2_u32, 0..Class::COUNT)
+            .prop_map(|(a, b, c, d, turn)| {
+                let mut counts = [a, b, c, d];
+                counts.rotate_right(turn);
+                counts
+            });
+    proptest::collection::vec(
+        (wait, 0..PLACES, any::<bool>(), instructions, 0..3_u8, proptest::option::of(any::<u64>())),
+        1..70,
+    )
+}
+
+/// So many instructions of each class in some order, as classes of single ones.
+fn in_some_order(counts: [u32; Class::COUNT], order: u64) -> Vec<usize> {
+    let (mut left, mut state, mut classes) = (counts, order, Vec::new());
+    while left != [0; Class::COUNT] {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        // Runs of some length, and single ones.
+        let class = (state >> 40) as usize % Class::COUNT;
+        let run = left[class].min(1 + (state >> 50) as u32 % 8);
+        left[class] -= run;
+        classes.extend(std::iter::repeat_n(class, run as usize));
+    }
+    classes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Every step ends in the cycle in which it ends by the rules, whether the core looks in every cycle, or only when it must:
+    /// when a warp comes and when a step might end. What it issues in a cycle is as much.
+    #[test]
+    fn issue_in_sets_and_runs_is_issue_one_by_one(config in config(), arrivals in arrivals(), looks in any::<bool>()) {
+        let mut fixed = Fixed::new(&config);
+        let mut issue = Issue::new();
+        let mut plain = Plain { config, work: std::array::from_fn(|_| None), free_at: [0; Class::COUNT], next: 0, ended: (0, 0, 0) };
+        let mut arrivals = arrivals.into_iter().peekable();
+        let (mut now, mut since, mut born, mut held) = (0, 0, 0, 0_u64);
+        let mut asked = [0; Class::COUNT];
+        while arrivals.peek().is_some() || held != 0 {
+            let mut come = [Vec::new(), Vec::new()];
+            while held != u64::MAX
+                && let Some((_, place, after, counts, then, order)) = arrivals.next_if(|&(wait, ..)| since + wait <= now)
+            {
+                let free = (0..PLACES).map(|ahead| (place + ahead) % PLACES).find(|place| held >> place & 1 == 0);
+                let place = free.expect("not all are held");
+                held |= 1 << place;
+                let then = [RequestKind::Texture, RequestKind::End, RequestKind::Barrier][usize::from(then)];
+                come[usize::from(after)].push((place, counts, then, order));
+                since = now;
+            }
+            let must = come.iter().any(|come| !come.is_empty()) || issue.quiet_until(&fixed) <= now;
+            let ticks = must || looks;
+            for (after, come) in come.into_iter().enumerate() {
+                if after == 0 && ticks {
+                    issue.advance(&fixed, now);
+                }
+                if after == 1 {
+                    let issued = plain.cycle(now);
+                    if ticks {
+                        prop_assert_eq!(issue.advance(&fixed, now + 1) == now + 1, issued > 0, "issue in cycle {}", now);
+                    }
+                }
+                for (place, counts, then, order) in come {
+                    fixed.take(place as u32, born);
+                    let order = order.map_or(Vec::new(), |order| in_some_order(counts, order));
+                    let runs: Vec<(Class, u32)> =
+                        order.chunk_by(|a, b| a == b).map(|run| (Class::ALL[run[0]], run.len() as u32)).collect();
+                    issue.enter(&fixed, place as u32, counts, then, &runs);
+                    let at = now + after as u64;
+                    let order = order.into_iter().rev().collect();
+                    plain.enter(place, Work { left: counts, order, then, at, born });
+                    born += 1;
+                    for class in 0..Class::COUNT {
+                        asked[class] += u64::from(counts[class]);
+                    }
+                }
+            }
+            let ended = (issue.asking, issue.finished, issue.barrier);
+            prop_assert_eq!(ended, plain.ended, "ends in cycle {}", now);
+            held &= !(ended.0 | ended.1 | ended.2);
+            (issue.asking, issue.finished, issue.barrier) = (0, 0, 0);
+            plain.ended = (0, 0, 0);
+            now += 1;
+        }
+        prop_assert_eq!(issue.issued, asked);
+    }
+}

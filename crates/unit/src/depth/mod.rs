@@ -1,0 +1,523 @@
+//! Depth and stencil, one unit a pipeline: the early tests of quads on their way to the cores and the late tests of those that come
+//! back, through one Z cache. The tests are applied for real to the machine's own depth buffer, in the order of arrival.
+
+mod depths;
+mod questions;
+
+use std::collections::VecDeque;
+
+use super::apply::Touching;
+use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::card::{Ahead, Card, Group, Work};
+use super::compression::Compression;
+use super::copies::{Stamps, own};
+use super::frame::Frame;
+use super::tags::CacheCounts;
+use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
+use super::traverse::{HierarchicalUpdate, fragments};
+use crate::knob::Allowed;
+use depths::{Tested, bounds};
+use mem::MemoryPort;
+use num::Cycle;
+use questions::Questions;
+use sim::{In, Out, Tick, Unit, Wires};
+
+pub(super) use depths::{test_ahead, test_group};
+pub use questions::QuestionPorts;
+
+crate::knobs! {
+    /// Depth and stencil tests, early and late.
+    pub struct DepthConfig {
+        /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
+        early: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
+        /// Quads tested a cycle, early and late together.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini ZSTENCILTEST StampsPerCycle = 1; modern ROPs test 4 times as fast as they blend"],
+        /// Blocks of 8x8 pixels that the Z cache holds.
+        cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
+        /// Ways of the Z cache.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ZCacheWays = 4"],
+        /// Requests to memory in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        /// Groups of quads between lookup and test, for the early and for the late tests each.
+        fifo: u32 ["groups", Allowed::Range(1, 4096), "ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
+        /// Cycles from lookup to test where the block is in the cache.
+        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
+        /// Whether blocks are compressed as they leave the cache.
+        compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
+        /// Cycles from here to interpolation.
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "wires"],
+        /// Groups of quads queued before interpolation.
+        output_queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZTestedStampQueueSize = 32"],
+    }
+}
+
+/// Ports of the depth unit.
+pub struct DepthPorts {
+    /// Quads from traversal, and to interpolation; none: this unit tests only what is shaded.
+    pub early: Option<TestPorts>,
+    /// Shaded quads to be tested, and to the colour unit; none: this unit tests only what is not yet shaded.
+    pub late: Option<TestPorts>,
+    /// Questions of pipelines that draw here and own nothing, if there are any.
+    pub questions: Option<QuestionPorts>,
+    /// New bounds, to hierarchical Z, and when it is told of them.
+    pub updates: Option<(Out<DepthBounds>, HierarchicalUpdate)>,
+    /// The colour unit has seen the end of the pass.
+    pub end: In<Ack>,
+    /// The cache is written back, to the command processor.
+    pub ack: Out<Ack>,
+}
+
+/// The way of quads through a test.
+pub struct TestPorts {
+    /// To be tested.
+    pub input: In<GroupToken>,
+    /// Tested.
+    pub output: Out<GroupToken>,
+}
+
+stats::counters! {
+    /// What the early test is told ahead.
+    pub struct DepthCounts {
+        /// Samples of blocks that hierarchical Z has accepted, and that fail when they are tested: none, if its bounds hold.
+        accepted_failed: "samples",
+    }
+}
+
+/// A group between lookup and test.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    token: GroupToken,
+    /// The block's place in the cache; none: nothing is tested.
+    line: Option<u32>,
+    from: Cycle,
+}
+
+/// The depth unit. Its items are quads tested.
+pub struct Depth {
+    config: DepthConfig,
+    pipeline: u8,
+    ports: DepthPorts,
+    cache: BlockCache,
+    early: VecDeque<Entry>,
+    late: VecDeque<Entry>,
+    questions: Option<Box<Questions>>,
+    /// Quads on their way to the cores and back to their late test. (Groups may be parted on the way.)
+    away: u32,
+    /// The end of a tile is under way: nothing of the next is looked up.
+    ending: bool,
+    /// Of that tile all is written back.
+    ended: bool,
+    /// When the testers are free, in cycles times `quads_per_cycle`.
+    free_at: u64,
+    /// Bounds to be sent.
+    bounds: VecDeque<DepthBounds>,
+    told: DepthCounts,
+    items: u64,
+}
+
+impl Depth {
+    /// An empty one, for one pipeline.
+    pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
+        let compression = Compression { enabled: config.compression };
+        Depth {
+            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
+            early: VecDeque::with_capacity(config.fifo as usize),
+            late: VecDeque::with_capacity(config.fifo as usize),
+            questions: ports.questions.take().map(|ports| Box::new(Questions::new(ports))),
+            away: 0,
+            ending: false,
+            ended: false,
+            free_at: 0,
+            bounds: VecDeque::with_capacity(4),
+            told: DepthCounts::default(),
+            items: 0,
+            config,
+            pipeline,
+            ports,
+        }
+    }
+
+    /// What the cache's tags count.
+    pub fn cache(&self) -> CacheCounts {
+        self.cache.cache()
+    }
+
+    /// What the cache moved.
+    pub fn counts(&self) -> BlockCounts {
+        self.cache.counts()
+    }
+
+    /// What came of what it was told ahead.
+    pub fn told(&self) -> DepthCounts {
+        self.told
+    }
+
+    /// Whether hierarchical Z is told of new bounds then.
+    #[inline(always)]
+    fn tells(&self, when: HierarchicalUpdate) -> bool {
+        self.ports.updates.as_ref().is_some_and(|&(_, update)| update == when)
+    }
+
+    /// Takes note that a block has been used of which this unit was not told; gives the bounds of a block that it would have told
+    /// hierarchical Z of for that.
+    #[must_use]
+    pub(super) fn visit(
+        &mut self,
+        frame: &mut Frame,
+        at: (usize, u32),
+        written: bool,
+        pass: u32,
+        memory: &mut Touching,
+    ) -> Option<DepthBounds> {
+        let left = self.cache.visit(frame, at, written, memory);
+        match left.filter(|_| self.tells(HierarchicalUpdate::Eviction)) {
+            Some((surface, block)) => Some(bounds(&frame.stores[surface], block, pass)),
+            None if written && self.tells(HierarchicalUpdate::Write) => Some(bounds(&frame.stores[at.0], at.1, pass)),
+            None => None,
+        }
+    }
+
+    /// Looks a group's block up; `Ok(None)` where nothing is tested.
+    #[inline(always)]
+    fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
+        let Card { groups, work, pass, frame, copies, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let group = &groups[usize::from(self.pipeline)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let Some(pass) = pass else { return Ok(None) };
+        let (surface, pass_number) = (pass.depth, pass.number);
+        let (Some(state), Some(surface)) = (&work.depth, surface) else { return Ok(None) };
+        if state.is_idle() {
+            return Ok(None);
+        }
+        // Bounds of a block that leaves must find room.
+        if self.bounds.len() >= 3 {
+            return Err(Tick::Blocked);
+        }
+        let mut left = None;
+        let quads = match group.ahead {
+            // What passes whatever is there, and stays as it is, need not be looked up.
+            Ahead::Passes => return Ok(None),
+            Ahead::Writes => written(work, group, frame.stores[surface].surface.samples),
+            Ahead::Nothing => Quads::ANY,
+        };
+        let place = self.cache.pin(frame, surface, group.block, quads, &mut left)?;
+        if let Some((surface, block)) = left
+            && self.tells(HierarchicalUpdate::Eviction)
+        {
+            self.bounds.push_back(bounds(&frame.stores[surface], block, pass_number));
+        }
+        Ok(Some(place as u32))
+    }
+
+    /// Tests a group for real; returns the quads that are still alive.
+    // Not inlined: the early and the late test share it, and the host's instruction cache is small.
+    #[inline(never)]
+    fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
+        let Card { groups, work, pass, frame, copies, funnel, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let group = &mut groups[usize::from(self.pipeline)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let pass = pass.as_ref().expect("quads are tested in a pass");
+        let (Some(state), Some(surface)) = (&work.depth, pass.depth) else { return token.quads };
+        let store = &mut frame.stores[surface];
+        let Tested { alive, failed_fragments, failed_samples } = test_group(state, work, group, pass, store, late);
+        if late {
+            funnel.fragments_late_failed += u64::from(failed_fragments);
+        }
+        if group.ahead == Ahead::Writes {
+            self.told.accepted_failed += u64::from(failed_samples);
+        }
+        let written = state.writes_depth() || state.writes_stencil();
+        self.cache.release(line as usize, written);
+        if written && self.tells(HierarchicalUpdate::Write) {
+            self.bounds.push_back(bounds(store, group.block, pass.number));
+        }
+        self.items += u64::from(token.quads);
+        alive
+    }
+
+    /// Tests what is ready at the head of one of the queues.
+    #[inline(always)]
+    fn drain(&mut self, wires: &mut Wires, card: &mut Card, late: bool) -> Tick {
+        let mut did = Tick::Starved;
+        let rate = u64::from(self.config.quads_per_cycle);
+        loop {
+            let queue = if late { &self.late } else { &self.early };
+            let Some(&entry) = queue.front() else { return did };
+            if entry.from > wires.now() {
+                wires.sleep_until(entry.from);
+                return did.or(Tick::Working);
+            }
+            if entry.token.kind == Kind::TILE && !late {
+                let done = self.end_tile(card, entry.token);
+                if !self.ended {
+                    return did.or(done);
+                }
+            }
+            if let Some(line) = entry.line
+                && !self.cache.ready(line as usize)
+            {
+                return did.or(Tick::Memory);
+            }
+            // The testers are at work on what came before.
+            if self.free_at >= (wires.now() + 1) * rate {
+                wires.sleep_until(self.free_at / rate);
+                return did.or(Tick::Working);
+            }
+            if self.bounds.len() >= 3 {
+                return did.or(Tick::Blocked);
+            }
+            let ports = if late { &self.ports.late } else { &self.ports.early };
+            let Some(TestPorts { output, .. }) = ports else { return did };
+            if !wires.can_push(output) {
+                return did.or(Tick::Blocked);
+            }
+            if entry.token.kind == Kind::DATA {
+                self.free_at = self.free_at.max(wires.now() * rate) + u64::from(entry.token.quads.max(1));
+            }
+            if late {
+                self.late.pop_front()
+            } else {
+                self.early.pop_front()
+            };
+            did = Tick::Moved;
+            let mut token = entry.token;
+            if token.kind != Kind::DATA {
+                if token.kind == Kind::TILE {
+                    (self.ending, self.ended) = (false, false);
+                }
+                wires.push_sized(output, token, bytes::MARK);
+                continue;
+            }
+            let before = token.quads;
+            if let Some(line) = entry.line {
+                token.quads = self.test(card, token, line, late);
+            }
+            let ports = if late { &self.ports.late } else { &self.ports.early };
+            let Some(TestPorts { output, .. }) = ports else { return did };
+            let pipeline = usize::from(self.pipeline);
+            if late {
+                // The colour unit counts groups to keep their order, so an empty one goes on too.
+                if self.ports.early.is_some() {
+                    self.away -= u32::from(card.groups[pipeline][token.group].count);
+                } else {
+                    token.quads = drop_discarded(card, pipeline, token);
+                }
+                wires.push_sized(output, token, u32::from(token.quads).max(1) * bytes::QUAD);
+                continue;
+            }
+            if entry.line.is_some() {
+                card.funnel.quads_early_culled += u64::from(before - token.quads);
+            }
+            let group = card.groups[pipeline][token.group];
+            let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+            if work.draw.fragment.is_none() {
+                // Depth and stencil only: done.
+                let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
+                card.funnel.fragments_written += u64::from(written);
+                if let Some(copy) = card.copies.get_mut(pipeline) {
+                    mark(work, &group, &mut copy.stamps, false);
+                }
+                card.groups[pipeline].remove(token.group);
+            } else if token.quads == 0 {
+                card.groups[pipeline].remove(token.group);
+            } else {
+                wires.push_sized(output, token, u32::from(token.quads) * bytes::QUAD);
+            }
+        }
+    }
+
+    /// Takes the token at the head of an input.
+    #[inline(always)]
+    fn take(&mut self, wires: &mut Wires, late: bool) {
+        let ports = if late { &self.ports.late } else { &self.ports.early };
+        if let Some(ports) = ports {
+            wires.pop(&ports.input);
+        }
+    }
+
+    /// Looks up what comes from traversal.
+    #[inline(always)]
+    fn accept_early(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = self.config.quads_per_cycle;
+        while let Some(token) = self.ports.early.as_ref().and_then(|ports| wires.front(&ports.input)) {
+            if self.early.len() as u32 == self.config.fifo {
+                return did.or(Tick::Blocked);
+            }
+            let mut line = None;
+            if self.ending {
+                return did.or(Tick::Blocked);
+            }
+            self.ending = token.kind == Kind::TILE;
+            if token.kind == Kind::DATA {
+                if budget == 0 {
+                    return Tick::Moved;
+                }
+                let group = &card.groups[usize::from(self.pipeline)][token.group];
+                if card.work(group.slot).early {
+                    // Quads that are tested late come before this one in API order, and have yet to be.
+                    if self.away > 0 {
+                        return did.or(Tick::Blocked);
+                    }
+                    line = match self.look_up(card, token) {
+                        Ok(line) => line,
+                        Err(stall) => return did.or(stall),
+                    };
+                } else {
+                    self.away += u32::from(group.count);
+                }
+                budget = budget.saturating_sub(u32::from(token.quads));
+            }
+            self.early.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            self.take(wires, false);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Looks up what comes back from the cores.
+    #[inline(always)]
+    fn accept_late(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut budget = self.config.quads_per_cycle;
+        while let Some(token) = self.ports.late.as_ref().and_then(|ports| wires.front(&ports.input)) {
+            if self.late.len() as u32 == self.config.fifo {
+                return did.or(Tick::Blocked);
+            }
+            if budget == 0 {
+                return Tick::Moved;
+            }
+            let line = if token.quads == 0 {
+                None
+            } else {
+                match self.look_up(card, token) {
+                    Ok(line) => line,
+                    Err(stall) => return did.or(stall),
+                }
+            };
+            budget = budget.saturating_sub(u32::from(token.quads).max(1));
+            self.late.push_back(Entry { token, line, from: wires.now() + Cycle::from(self.config.latency) });
+            self.take(wires, true);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Ends a tile: writes back what is wanted of it once its last quads are tested, and forgets the rest.
+    #[cold]
+    fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
+        if self.ended || self.away > 0 || !self.late.is_empty() {
+            return Tick::Starved;
+        }
+        let Card { frame, copies, pass, .. } = card;
+        let frame = own(frame, copies, self.pipeline);
+        let pass = pass.as_ref().expect("tiles are drawn in a pass");
+        // More of the pass follows: all of it is needed again.
+        let keep = token.group != 0 || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
+        let did = self.cache.flush_tile(frame, |_| keep);
+        self.ended = did != Tick::Moved && self.cache.flushed();
+        did
+    }
+
+    /// Ends the pass: writes the cache back, then reports.
+    #[cold]
+    fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
+        let Card { frame, copies, pass, .. } = card;
+        // Copies are composed by their depths, stored or not.
+        let composed = copies.len() > 1;
+        let frame = own(frame, copies, self.pipeline);
+        let pass = pass.as_ref().expect("a pass is ending");
+        let keep = composed || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
+        let did = self.cache.flush(frame, |_| keep);
+        if did == Tick::Moved || !self.cache.flushed() {
+            return did;
+        }
+        if !wires.try_push(&self.ports.ack, ack) {
+            return Tick::Blocked;
+        }
+        wires.pop(&self.ports.end);
+        Tick::Moved
+    }
+}
+
+/// What a group that passes writes of its block.
+fn written(work: &Work, group: &Group, samples: u32) -> Quads {
+    let all = u16::MAX >> (16 - 4 * samples.clamp(1, 4));
+    let mut quads = Quads::default();
+    for quad in &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)] {
+        let bit = 1 << quad.position;
+        if quad.coverage == all { quads.whole |= bit } else { quads.part |= bit }
+    }
+    quads
+}
+
+/// Leaves in the stamps of a copy who has written a group's samples.
+#[cold]
+pub(super) fn mark(work: &Work, group: &Group, stamps: &mut Stamps, colors: bool) {
+    let primitive = work.segment.triangles[group.triangle as usize].primitive;
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    for (&live, quad) in group.live.iter().zip(quads) {
+        stamps.mark(group.block, quad.position, live, work.marks, primitive, colors);
+    }
+}
+
+/// Drops what the shader has discarded of quads whose test comes before the shader in API order; gives the quads still alive.
+fn drop_discarded(card: &mut Card, pipeline: usize, token: GroupToken) -> u8 {
+    let Card { groups, work, funnel, .. } = card;
+    let group = &mut groups[pipeline][token.group];
+    let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+    if !work.early || work.draw.fragment.is_none() {
+        return token.quads;
+    }
+    let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
+    let mut alive = 0;
+    for (live, quad) in group.live.iter_mut().zip(quads) {
+        let before = fragments(*live);
+        *live &= quad.kept;
+        funnel.fragments_discarded += u64::from(before - fragments(*live));
+        alive += u8::from(*live != 0);
+    }
+    alive
+}
+
+impl Unit<Card> for Depth {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Memory: blocks come, requests go.
+        let mut did = Tick::moved_or(self.cache.exchange(wires), Tick::Starved);
+
+        // 2. Hierarchical Z is told.
+        while let Some(&update) = self.bounds.front() {
+            if !self.ports.updates.as_ref().is_none_or(|(updates, _)| wires.try_push(updates, update)) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.bounds.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 3. Test, late before early: what is nearer the end makes room.
+        did = did.or(self.drain(wires, card, true));
+        did = did.or(self.answer(wires, card));
+        did = did.or(self.drain(wires, card, false));
+
+        // 4. Look the next ones up.
+        did = did.or(self.accept_late(wires, card));
+        did = did.or(self.take_questions(wires, card));
+        did = did.or(self.accept_early(wires, card));
+
+        // 5. The end of the pass.
+        did.or(self.end(wires, card))
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        let questions = self.questions.as_ref().map_or(0, |questions| questions.resident());
+        (self.early.len() + self.late.len() + self.bounds.len() + questions) as u64 + self.cache.resident()
+    }
+}

@@ -1,0 +1,444 @@
+//! Fragment dispatch, one unit a pipeline: packs quads into warps for the pipeline's cores, and puts what they have shaded back
+//! into order.
+
+use std::collections::VecDeque;
+
+use super::card::{Card, Fault};
+use super::network::{Sender, SenderCounts};
+use super::sorting::SortCounts;
+use super::token::{GroupToken, Kind, WarpToken, bytes};
+use super::traverse::fragments;
+use super::warp::{Item, Program};
+use crate::knob::Allowed;
+use num::{Cycle, prefetch};
+use sim::{Gate, In, Out, Tick, Unit, Wires};
+use work::QUAD_SHADED;
+
+crate::knobs! {
+    /// Packing of quads into warps, and their order after shading.
+    pub struct DispatchConfig {
+        /// Quads packed a cycle.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini FRAGMENTSHADER InputsPerCycle = 4 (stamps)"],
+        /// Warps between packing and leaving in order.
+        reorder: u32 ["warps", Allowed::Range(1, 1024), "ATTILA bGPU.ini ShadedStampQueueSize = 640 stamps, 80 warps of 8"],
+        /// Cycles without a further quad after which a warp is started though it is not full.
+        patience: u32 ["cycles", Allowed::Range(1, 4096), "short against a texture access, so that little is lost at the end of work"],
+        /// Warps queued before each core.
+        queue: u32 ["warps", Allowed::Range(2, 256), "two: one arriving, one waiting"],
+        /// Cycles from here to a core.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "loading of input registers begins as the warp arrives"],
+        /// Quads sent on to the ROP a cycle.
+        output_quads: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini FRAGMENTSHADER OutputsPerCycle = 4 (stamps)"],
+        /// Cycles from here to the ROP.
+        output_latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini FRAGMENTSHADER OutputLatency = 11"],
+        /// Groups of quads queued before the ROP.
+        output_queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini COLORWRITE InputQueueSize = 8, FetchQueueSize in the ROP"],
+    }
+}
+
+/// Ports of fragment dispatch.
+pub struct DispatchPorts {
+    /// Interpolated quads.
+    pub input: In<GroupToken>,
+    /// To each core of the pipeline.
+    pub cores: Vec<Out<WarpToken>>,
+    /// Shaded warps from each core.
+    pub shaded: Vec<In<WarpToken>>,
+    /// Where shaded quads go.
+    pub output: Outlet,
+    /// Where it is told what the network makes it wait for.
+    pub gate: Gate,
+}
+
+/// Where shaded quads go.
+pub enum Outlet {
+    /// To the pipeline's own ROP.
+    Own {
+        /// Quads to be tested after shading, to the depth unit.
+        late: Out<GroupToken>,
+        /// Other quads, to the colour unit.
+        color: Out<GroupToken>,
+    },
+    /// To the ROPs that own their pixels, where all tests are made.
+    Owners(Sender<GroupToken>),
+}
+
+/// What leaves in order.
+#[derive(Clone, Copy, Debug)]
+enum Entry {
+    Warp(u32),
+    /// A mark, or quads that need no shading.
+    Token(GroupToken),
+}
+
+/// Fragment dispatch. Its items are quads.
+pub struct Dispatch {
+    config: DispatchConfig,
+    pipeline: u8,
+    /// Quads a warp holds.
+    quads: u32,
+    ports: DispatchPorts,
+    /// The warp being packed.
+    open: Option<u32>,
+    /// When the open warp is started even if it is not full.
+    start_at: Cycle,
+    order: VecDeque<Entry>,
+    /// Groups of the warp at the head that have left.
+    left: usize,
+    /// ROPs that the mark at hand has still to be sent to.
+    pending: u64,
+    sequence: u32,
+    sorting: SortCounts,
+    core: usize,
+    items: u64,
+}
+
+impl Dispatch {
+    /// An empty one, for one pipeline with warps of `width` invocations.
+    pub fn new(config: DispatchConfig, pipeline: u8, width: u32, ports: DispatchPorts) -> Dispatch {
+        let order = VecDeque::with_capacity(config.reorder as usize + 4);
+        Dispatch {
+            config,
+            pipeline,
+            quads: width / 4,
+            ports,
+            open: None,
+            start_at: 0,
+            order,
+            left: 0,
+            pending: 0,
+            sequence: 0,
+            sorting: SortCounts::default(),
+            core: 0,
+            items: 0,
+        }
+    }
+
+    /// What it has sent over the network.
+    pub fn sorting(&self) -> SortCounts {
+        self.sorting
+    }
+
+    /// What it has waited for at the network, where it sends over one.
+    pub fn waits(&self) -> SenderCounts {
+        match &self.ports.output {
+            Outlet::Own { .. } => SenderCounts::default(),
+            Outlet::Owners(network) => network.counts(),
+        }
+    }
+
+    /// Sends a mark on; false while it has still to wait.
+    fn send_mark(&mut self, wires: &mut Wires, mark: GroupToken) -> bool {
+        match &mut self.ports.output {
+            Outlet::Own { color, .. } => {
+                if !wires.can_push(color) {
+                    return false;
+                }
+                wires.push_sized(color, GroupToken { sequence: self.sequence, ..mark }, bytes::MARK);
+                self.sequence = self.sequence.wrapping_add(1);
+                true
+            }
+            Outlet::Owners(network) => {
+                if self.pending == 0 {
+                    self.pending = u64::MAX >> (64 - network.receivers());
+                }
+                let mut left = self.pending;
+                while left != 0 {
+                    let to = left.trailing_zeros() as usize;
+                    left &= left - 1;
+                    if network.can_send(wires, to) {
+                        network.send(wires, to, mark, bytes::MARK);
+                        self.pending &= !(1 << to);
+                        self.sorting.marks += 1;
+                    }
+                }
+                self.pending == 0
+            }
+        }
+    }
+
+    /// Sends quads on; false while they have to wait. Of quads that were shaded, what the shader discarded is dropped.
+    #[inline(always)]
+    fn send(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> bool {
+        let Card { groups, work, funnel, pass, frame, .. } = card;
+        let group = &mut groups[usize::from(token.pool)][token.group];
+        let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+        let room = match &mut self.ports.output {
+            Outlet::Own { late, color } => wires.can_push(if work.early { color } else { late }),
+            Outlet::Owners(network) => network.can_send(wires, usize::from(token.pool)),
+        };
+        if !room {
+            return false;
+        }
+        let tile = &work.segment.tiles[group.tile as usize];
+        let quads = &tile.quads[group.first as usize..];
+        // The host is asked for the colours that will be blended in some cycles. No part of the model.
+        let surface = pass.as_ref().and_then(|pass| pass.color.first().copied().flatten());
+        if let (Some(surface), Some(first)) = (surface, quads.first()) {
+            prefetch(&frame.stores[surface].quad(group.block, first.position)[0]);
+            if let Some(word) = tile.payload.get(first.payload as usize) {
+                prefetch(word);
+            }
+        }
+        // A test that comes before the shader in API order is made before what the shader discards is dropped, wherever it is made.
+        let tested_there = work.early && work.depth.is_some() && matches!(self.ports.output, Outlet::Owners(_));
+        let keeps = work.draw.fragment.is_some() && !tested_there;
+        let (mut come, mut alive) = (0, 0);
+        for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
+            come += u32::from(*live != 0);
+            if keeps {
+                let shaded = fragments(*live);
+                *live &= quad.kept;
+                funnel.fragments_discarded += u64::from(shaded - fragments(*live));
+            }
+            alive += u8::from(*live != 0);
+        }
+        let count = u32::from(group.count);
+        let token = GroupToken { quads: alive, ..token };
+        match &mut self.ports.output {
+            Outlet::Own { late, color } => {
+                let output = if work.early { color } else { late };
+                wires.push_sized(output, GroupToken { sequence: self.sequence, ..token }, count * bytes::QUAD);
+                self.sequence = self.sequence.wrapping_add(1);
+            }
+            Outlet::Owners(network) => {
+                // Quads that an early test has thrown away are not among them.
+                let size = come * (bytes::FRAGMENT_QUAD + 4 * u32::from(work.draw.payload_words));
+                network.send(wires, usize::from(token.pool), token, size);
+                self.sorting.sorted_items += u64::from(come);
+                self.sorting.sent += u64::from(come);
+                self.sorting.copy(come, size, token.pool != self.pipeline);
+            }
+        }
+        true
+    }
+
+    /// Sends the groups of the head of the order on, if it is shaded.
+    fn drain(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        if let Outlet::Owners(network) = &mut self.ports.output
+            && network.poll(wires)
+        {
+            did = Tick::Moved;
+        }
+        while let Some(&entry) = self.order.front() {
+            let index = match entry {
+                Entry::Token(token) => {
+                    let sent =
+                        if token.kind == Kind::DATA { self.send(wires, card, token) } else { self.send_mark(wires, token) };
+                    if !sent {
+                        return did.or(Tick::Blocked);
+                    }
+                    self.order.pop_front();
+                    did = Tick::Moved;
+                    continue;
+                }
+                Entry::Warp(index) => index,
+            };
+            let pipeline = usize::from(self.pipeline);
+            if !card.warps[pipeline][index].done {
+                return did;
+            }
+            while let Some(&token) = card.warps[pipeline][index].groups.get(self.left) {
+                let sent = if token.kind == Kind::DATA { self.send(wires, card, token) } else { self.send_mark(wires, token) };
+                if !sent {
+                    return did.or(Tick::Blocked);
+                }
+                self.left += 1;
+                did = Tick::Moved;
+            }
+            self.left = 0;
+            card.warps[pipeline].remove(index);
+            self.order.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Starts the open warp on the next core that has room; false if none has.
+    fn start(&mut self, wires: &mut Wires, card: &mut Card) -> bool {
+        let Some(index) = self.open else { return true };
+        for _ in 0..self.ports.cores.len() {
+            let core = &self.ports.cores[self.core];
+            self.core = (self.core + 1) % self.ports.cores.len();
+            if wires.can_push(core) {
+                let pipeline = usize::from(self.pipeline);
+                let mut warp = std::mem::take(&mut card.warps[pipeline][index]);
+                let work = card.work(warp.slot);
+                warp.merge(|item| &work.segment.tiles[item.source as usize].costs);
+                card.warps[pipeline][index] = warp;
+                wires.push(core, WarpToken { warp: index });
+                self.open = None;
+                return true;
+            }
+        }
+        false
+    }
+}
+
+impl Dispatch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let pipeline = usize::from(self.pipeline);
+        let mut did = Tick::Starved;
+
+        // 1. Note what the cores have shaded.
+        for shaded in &self.ports.shaded {
+            while let Some(token) = wires.pop(shaded) {
+                card.warps[pipeline][token.warp].done = true;
+                did = Tick::Moved;
+            }
+        }
+
+        // 2. What is shaded leaves in order.
+        did = did.or(self.drain(wires, card));
+
+        // 3. Pack quads.
+        let mut budget = self.config.quads_per_cycle;
+        loop {
+            // A full warp is started at once.
+            if let Some(open) = self.open
+                && card.warps[pipeline][open].items.len() as u32 == self.quads
+            {
+                if !self.start(wires, card) {
+                    return did.or(Tick::Blocked);
+                }
+                did = Tick::Moved;
+            }
+            let Some(token) = wires.front(&self.ports.input) else { break };
+            if token.kind != Kind::DATA {
+                // A fence comes after all that came before it; the end of a number does not hold up the packing of the next.
+                if token.kind == Kind::END
+                    && let Some(open) = self.open
+                {
+                    card.warps[pipeline][open].groups.push(token);
+                } else {
+                    if !self.start(wires, card) {
+                        return did.or(Tick::Blocked);
+                    }
+                    if self.order.len() >= 2 * self.config.reorder as usize {
+                        return did.or(Tick::Blocked);
+                    }
+                    self.order.push_back(Entry::Token(token));
+                }
+                wires.pop(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
+            let group = card.groups[usize::from(token.pool)][token.group];
+            if let Some(open) = self.open
+                && card.warps[pipeline][open].slot != group.slot
+            {
+                // A warp runs one program with one state.
+                if !self.start(wires, card) {
+                    return did.or(Tick::Blocked);
+                }
+                did = Tick::Moved;
+            }
+            if budget == 0 {
+                return Tick::Moved;
+            }
+            let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
+            if work.draw.fragment.is_none() {
+                // Nothing to be shaded.
+                if self.order.len() >= 2 * self.config.reorder as usize {
+                    return did.or(Tick::Blocked);
+                }
+                budget = budget.saturating_sub(u32::from(token.quads));
+                self.order.push_back(Entry::Token(token));
+                wires.pop(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
+            let open = match self.open {
+                Some(open) => open,
+                None => {
+                    if self.order.len() >= self.config.reorder as usize {
+                        return did.or(Tick::Blocked);
+                    }
+                    let registers = work.draw.fragment.map_or(0, |shape| shape.registers);
+                    let open = card.warps[pipeline].insert(Program::Fragment, group.slot, registers);
+                    self.order.push_back(Entry::Warp(open));
+                    self.open = Some(open);
+                    open
+                }
+            };
+
+            // As many quads as the cycle and the warp can take; if it is not all, the group is parted in two.
+            let warp = &mut card.warps[pipeline][open];
+            let room = self.quads - warp.items.len() as u32;
+            let mut taken = 0;
+            let mut packed = 0;
+            let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..];
+            for (&live, quad) in group.live[..usize::from(group.count)].iter().zip(quads) {
+                if live != 0 {
+                    if packed == room || packed == budget {
+                        break;
+                    }
+                    if quad.flags & QUAD_SHADED == 0 {
+                        let block = group.block;
+                        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across);
+                        let (x, y) = (block % across, block / across);
+                        card.fault.get_or_insert(Fault::Visibility { draw: work.draw.number, x, y });
+                        return Tick::Blocked;
+                    }
+                    warp.items.push(Item { source: group.tile, request: quad.first_request, cost: quad.cost });
+                    let shaded = u64::from(fragments(live));
+                    card.funnel.quads_shaded += 1;
+                    card.funnel.fragments_shaded += shaded;
+                    card.funnel.helper_fragments += 4 - shaded;
+                    packed += 1;
+                }
+                taken += 1;
+            }
+            self.items += u64::from(packed);
+            budget -= packed;
+            let rest = usize::from(group.count) - taken;
+            if rest == 0 {
+                warp.groups.push(token);
+                wires.pop(&self.ports.input);
+            } else if taken > 0 {
+                let mut head = group;
+                head.count = taken as u8;
+                let groups = &mut card.groups[usize::from(token.pool)];
+                warp.groups.push(GroupToken { group: groups.insert(head), ..token });
+                let tail = &mut groups[token.group];
+                tail.count = rest as u8;
+                tail.first += taken as u32;
+                tail.live.copy_within(taken.., 0);
+                tail.live[rest..].fill(0);
+            }
+            self.start_at = wires.now() + Cycle::from(self.config.patience);
+            did = Tick::Moved;
+        }
+
+        // 4. Nothing more has come: in time the open warp is started as it is.
+        if self.open.is_some() {
+            if self.start_at > wires.now() {
+                wires.sleep_until(self.start_at);
+            } else if self.start(wires, card) {
+                did = Tick::Moved;
+            } else {
+                did = did.or(Tick::Blocked);
+            }
+        }
+        did
+    }
+}
+
+impl Unit<Card> for Dispatch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        if let Outlet::Owners(network) = &self.ports.output {
+            wires.tell(&self.ports.gate, network.waits() as u8);
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.order.len() as u64
+    }
+}

@@ -1,0 +1,294 @@
+//! The machine's own surfaces: what its ROPs have written, in the order in which quads reached them.
+//!
+//! A surface is stored in blocks of 8x8 pixels, row by row, each contiguous: that is what a ROP cache line holds and what a codec
+//! sees. In a block lie 16 quads row by row; in a quad sample after sample, in a sample word after word, and last the four
+//! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
+
+use super::copies::Stamps;
+use super::same::Drawn;
+use gfx::format::Format;
+use work::{BLOCK, Surface, SurfaceKey};
+
+/// A surface and its codes.
+#[derive(Clone, Debug)]
+pub struct Store {
+    /// Its name, shape and address.
+    pub surface: Surface,
+    /// Its codes, block after block.
+    pub codes: Vec<u32>,
+    /// What each block takes in memory.
+    pub blocks: Vec<BlockState>,
+    /// Blocks across.
+    pub across: u32,
+    /// Words a texel: 1, 2 or 4.
+    pub words: u32,
+    /// Words a block.
+    pub block_words: u32,
+    /// How its tiles came to be, where a machine remembers that.
+    pub drawn: Drawn,
+    /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
+    pub offset: u64,
+}
+
+/// How a block lies in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockState {
+    /// Not at all: a flag says that it holds the clear value.
+    Cleared,
+    /// As this many bytes: its size where it is not compressed.
+    Stored(u16),
+    /// Of a copy: as this many bytes where the surface itself lies; the copy has none of its own yet.
+    Shared(u16),
+}
+
+impl Store {
+    /// A surface of zeros, raw in memory.
+    pub fn new(surface: Surface) -> Store {
+        let across = surface.width.div_ceil(BLOCK);
+        let down = surface.height.div_ceil(BLOCK);
+        let words = surface.format.block_bytes().div_ceil(4);
+        let block_words = BLOCK * BLOCK * surface.samples * words;
+        let blocks = (across * down) as usize;
+        let mut store = Store {
+            surface,
+            codes: vec![0; blocks * block_words as usize],
+            blocks: Vec::new(),
+            across,
+            words,
+            block_words,
+            drawn: Drawn::default(),
+            offset: 0,
+        };
+        store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
+        store
+    }
+
+    /// Bytes that a block takes in memory when it is not compressed.
+    #[inline(always)]
+    pub fn block_bytes(&self) -> u32 {
+        BLOCK * BLOCK * self.surface.samples * self.surface.format.block_bytes()
+    }
+
+    /// Address of a block.
+    #[inline(always)]
+    pub fn address(&self, block: u32) -> u64 {
+        self.surface.address + self.offset + u64::from(block) * u64::from(self.block_bytes())
+    }
+
+    /// Bytes of a block in memory and their address; none where a flag says what it holds.
+    #[inline(always)]
+    pub fn stored(&self, block: u32) -> Option<(u64, u32)> {
+        match self.blocks[block as usize] {
+            BlockState::Cleared => None,
+            BlockState::Stored(bytes) => Some((self.address(block), u32::from(bytes))),
+            BlockState::Shared(bytes) => Some((self.address(block) - self.offset, u32::from(bytes))),
+        }
+    }
+
+    /// The codes of a block.
+    #[inline(always)]
+    pub fn block(&self, block: u32) -> &[u32] {
+        &self.codes[block as usize * self.block_words as usize..][..self.block_words as usize]
+    }
+
+    /// The codes of the quad at a position (`x + 4 y` in quads) of a block.
+    #[inline(always)]
+    pub fn quad_mut(&mut self, block: u32, position: u8) -> &mut [u32] {
+        let quad_words = (self.block_words / 16) as usize;
+        &mut self.codes[block as usize * self.block_words as usize + usize::from(position) * quad_words..][..quad_words]
+    }
+
+    /// The codes of the quad at a position of a block, to look at.
+    #[inline(always)]
+    pub fn quad(&self, block: u32, position: u8) -> &[u32] {
+        let quad_words = (self.block_words / 16) as usize;
+        &self.codes[block as usize * self.block_words as usize + usize::from(position) * quad_words..][..quad_words]
+    }
+
+    /// Something other than a ROP has written the surface: all of it lies in memory as it is.
+    pub fn in_memory(&mut self) {
+        let full = BlockState::Stored(self.block_bytes() as u16);
+        self.blocks.fill(full);
+        self.drawn.forget();
+    }
+
+    /// Sets all texels to one code.
+    pub fn clear(&mut self, code: [u32; 4]) {
+        if self.words == 1 {
+            self.codes.fill(code[0]);
+        } else {
+            for texels in self.codes.chunks_exact_mut(4 * self.words as usize) {
+                for (run, word) in texels.chunks_exact_mut(4).zip(code) {
+                    run.fill(word);
+                }
+            }
+        }
+    }
+
+    /// Sets the bits of all texels' first two words that `mask` selects.
+    pub fn clear_masked(&mut self, code: [u32; 2], mask: [u32; 2]) {
+        for texels in self.codes.chunks_exact_mut(4 * self.words as usize) {
+            for (w, run) in texels.chunks_exact_mut(4).enumerate() {
+                for word in run {
+                    *word = *word & !mask[w] | code[w] & mask[w];
+                }
+            }
+        }
+    }
+
+    /// Index in `codes` of word 0 of a texel.
+    fn index(&self, x: u32, y: u32, sample: u32) -> usize {
+        let block = (y / BLOCK) * self.across + x / BLOCK;
+        let quad = (y % BLOCK / 2) * 4 + x % BLOCK / 2;
+        let texel = (quad * self.surface.samples + sample) * self.words * 4 + (y % 2 * 2 + x % 2);
+        (block * self.block_words + texel) as usize
+    }
+
+    /// Whether texels are single words, one to a pixel: then a row of a block is four pairs of words.
+    fn is_plain(&self) -> bool {
+        self.surface.samples == 1 && self.surface.format.block_bytes() == 4
+    }
+
+    /// For a plain surface where in its block each of a row's eight words is.
+    fn row(y: u32) -> [usize; 8] {
+        let y = (y % BLOCK) as usize;
+        std::array::from_fn(|x| (y / 2 * 4 + x / 2) * 4 + y % 2 * 2 + x % 2)
+    }
+
+    /// Takes the texels from bytes laid out as in [`Contents`](work::Contents); false if their number is wrong.
+    #[must_use]
+    pub fn load(&mut self, bytes: &[u8]) -> bool {
+        let Surface { width, height, samples, .. } = self.surface;
+        let size = self.surface.format.block_bytes() as usize;
+        if bytes.len() != width as usize * height as usize * samples as usize * size {
+            return false;
+        }
+        if self.is_plain() {
+            for (y, row) in (0..).zip(bytes.chunks_exact(width as usize * 4)) {
+                let places = Store::row(y);
+                let blocks = self.codes.chunks_exact_mut(64).skip((y / BLOCK * self.across) as usize);
+                for (run, block) in row.chunks(32).zip(blocks) {
+                    for (texel, &place) in run.chunks_exact(4).zip(&places) {
+                        block[place] = u32::from_le_bytes([texel[0], texel[1], texel[2], texel[3]]);
+                    }
+                }
+            }
+            return true;
+        }
+        let mut texels = bytes.chunks_exact(size);
+        for y in 0..height {
+            for x in 0..width {
+                for sample in 0..samples {
+                    let at = self.index(x, y, sample);
+                    let texel = texels.next().expect("as many as counted");
+                    for (w, part) in texel.chunks(4).enumerate() {
+                        let mut word = [0; 4];
+                        word[..part.len()].copy_from_slice(part);
+                        self.codes[at + 4 * w] = u32::from_le_bytes(word);
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    /// The texels as bytes laid out as in [`Contents`](work::Contents).
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let Surface { width, height, samples, .. } = self.surface;
+        let size = self.surface.format.block_bytes() as usize;
+        if self.is_plain() {
+            let mut bytes = vec![0; width as usize * height as usize * 4];
+            for (y, row) in (0..).zip(bytes.chunks_exact_mut(width as usize * 4)) {
+                let places = Store::row(y);
+                let blocks = self.codes.chunks_exact(64).skip((y / BLOCK * self.across) as usize);
+                for (run, block) in row.chunks_mut(32).zip(blocks) {
+                    for (texel, &place) in run.chunks_exact_mut(4).zip(&places) {
+                        texel.copy_from_slice(&block[place].to_le_bytes());
+                    }
+                }
+            }
+            return bytes;
+        }
+        let mut bytes = Vec::with_capacity(width as usize * height as usize * samples as usize * size);
+        for y in 0..height {
+            for x in 0..width {
+                for sample in 0..samples {
+                    let at = self.index(x, y, sample);
+                    for (w, start) in (0..size).step_by(4).enumerate() {
+                        bytes.extend_from_slice(&self.codes[at + 4 * w].to_le_bytes()[..4.min(size - start)]);
+                    }
+                }
+            }
+        }
+        bytes
+    }
+
+    /// Number of the texels that differ between two pictures of this surface, as [`Store::to_bytes`] gives them.
+    pub fn differing(&self, own: &[u8], reference: &[u8]) -> u64 {
+        let size = (self.surface.format.block_bytes() * self.surface.samples) as usize;
+        if own.len() != reference.len() {
+            return u64::from(self.surface.width) * u64::from(self.surface.height);
+        }
+        if own == reference {
+            return 0;
+        }
+        own.chunks_exact(size).zip(reference.chunks_exact(size)).filter(|(a, b)| a != b).count() as u64
+    }
+}
+
+/// All surfaces that the machine has seen.
+#[derive(Clone, Debug, Default)]
+pub struct Frame {
+    /// The surfaces.
+    pub stores: Vec<Store>,
+    /// Of a pipeline's copies of a pass's attachments, who wrote each sample; else empty.
+    pub stamps: Stamps,
+}
+
+impl Frame {
+    /// The index of a surface of that name, if there is one.
+    pub fn find(&self, key: SurfaceKey) -> Option<usize> {
+        self.stores.iter().position(|store| store.surface.key == key)
+    }
+
+    /// The index of a surface; made of zeros where it is new or has changed its shape.
+    pub fn surface(&mut self, surface: &Surface) -> usize {
+        match self.find(surface.key) {
+            Some(index) => {
+                let known = &self.stores[index].surface;
+                let shape = |s: &Surface| (s.format, s.width, s.height, s.samples);
+                if shape(known) != shape(surface) {
+                    self.stores[index] = Store::new(*surface);
+                }
+                let store = &mut self.stores[index];
+                if store.surface.address != surface.address {
+                    store.surface.address = surface.address;
+                    store.drawn.forget();
+                }
+                index
+            }
+            None => {
+                self.stores.push(Store::new(*surface));
+                self.stores.len() - 1
+            }
+        }
+    }
+
+    /// Makes one surface the copy of another, if the other is known.
+    pub fn copy(&mut self, from: SurfaceKey, to: SurfaceKey) {
+        let (Some(from), Some(to)) = (self.find(from), self.find(to)) else { return };
+        if from != to {
+            let codes = self.stores[from].codes.clone();
+            let target = &mut self.stores[to];
+            if codes.len() == target.codes.len() {
+                target.codes = codes;
+                target.in_memory();
+            }
+        }
+    }
+}
+
+/// Whether a format's codes keep stencil in the same word as depth, in the top byte.
+pub fn packs_stencil(format: Format) -> bool {
+    matches!(format, Format::Depth24PlusStencil8)
+}

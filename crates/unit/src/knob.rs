@@ -1,0 +1,243 @@
+//! Declaring knobs: a unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
+//! and source. The reader, the messages, the resolved text and the documentation all come from that declaration.
+
+use std::fmt;
+
+/// What values a knob takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Allowed {
+    /// Whole numbers from the first to the second.
+    Range(u64, u64),
+    /// Powers of two from the first to the second.
+    PowerOfTwo(u64, u64),
+    /// `true` or `false`.
+    Switch,
+    /// One of these names, in quotes.
+    Choice(&'static [&'static str]),
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Allowed::Range(low, high) => write!(f, "a whole number from {low} to {high}"),
+            Allowed::PowerOfTwo(low, high) => write!(f, "a power of two from {low} to {high}"),
+            Allowed::Switch => write!(f, "true or false"),
+            Allowed::Choice(names) => {
+                write!(f, "one of ")?;
+                for (i, name) in names.iter().enumerate() {
+                    write!(f, "{}\"{name}\"", if i == 0 { "" } else { ", " })?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// What one knob is.
+#[derive(Clone, Copy, Debug)]
+pub struct Knob {
+    /// Its key in its section.
+    pub name: &'static str,
+    /// What it does.
+    pub meaning: &'static str,
+    /// What its value counts.
+    pub unit: &'static str,
+    /// Which values it takes.
+    pub allowed: Allowed,
+    /// Where the baseline's value comes from.
+    pub source: &'static str,
+}
+
+/// The value of a knob as written: what all configuration texts are made of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Setting {
+    /// A whole number.
+    Number(u64),
+    /// A truth value.
+    Switch(bool),
+    /// A name in quotes.
+    Name(String),
+}
+
+impl fmt::Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Setting::Number(value) => write!(f, "{value}"),
+            Setting::Switch(value) => write!(f, "{value}"),
+            Setting::Name(name) => write!(f, "\"{name}\""),
+        }
+    }
+}
+
+/// A type that a knob can have.
+pub trait Value: Sized {
+    /// From what is written, which [`Allowed::admits`] has let through.
+    fn from_setting(setting: &Setting) -> Option<Self>;
+
+    /// As it is written.
+    fn to_setting(&self) -> Setting;
+}
+
+impl Value for u32 {
+    fn from_setting(setting: &Setting) -> Option<u32> {
+        match setting {
+            Setting::Number(value) => u32::try_from(*value).ok(),
+            _ => None,
+        }
+    }
+
+    fn to_setting(&self) -> Setting {
+        Setting::Number(u64::from(*self))
+    }
+}
+
+impl Value for bool {
+    fn from_setting(setting: &Setting) -> Option<bool> {
+        match setting {
+            Setting::Switch(value) => Some(*value),
+            _ => None,
+        }
+    }
+
+    fn to_setting(&self) -> Setting {
+        Setting::Switch(*self)
+    }
+}
+
+impl Allowed {
+    /// Whether a value is one of those allowed.
+    pub fn admits(&self, setting: &Setting) -> bool {
+        match (self, setting) {
+            (Allowed::Range(low, high), Setting::Number(value)) => (low..=high).contains(&value),
+            (Allowed::PowerOfTwo(low, high), Setting::Number(value)) => {
+                value.is_power_of_two() && (low..=high).contains(&value)
+            }
+            (Allowed::Switch, Setting::Switch(_)) => true,
+            (Allowed::Choice(names), Setting::Name(name)) => names.contains(&name.as_str()),
+            _ => false,
+        }
+    }
+}
+
+/// A group of knobs under one path of a configuration.
+pub trait Section {
+    /// The knobs, in order.
+    fn knobs(&self) -> &'static [Knob];
+
+    /// What the section configures.
+    fn about(&self) -> &'static str;
+
+    /// Sets one; false when there is no such knob or it does not take this value.
+    fn set(&mut self, name: &str, setting: &Setting) -> bool;
+
+    /// Reads one.
+    fn get(&self, name: &str) -> Option<Setting>;
+}
+
+/// Declares an enumeration that a knob chooses from, with the names used in configurations.
+#[macro_export]
+macro_rules! choices {
+    ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[doc = $doc:literal])+ $variant:ident $text:literal),* $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        $vis enum $name { #[default] $($(#[doc = $doc])+ $variant,)* }
+
+        impl $name {
+            /// The names, in order.
+            pub const NAMES: &'static [&'static str] = &[$($text),*];
+
+            /// Its name.
+            pub const fn name(self) -> &'static str {
+                match self { $($name::$variant => $text,)* }
+            }
+        }
+
+        impl $crate::knob::Value for $name {
+            fn from_setting(setting: &$crate::knob::Setting) -> Option<Self> {
+                match setting {
+                    $($crate::knob::Setting::Name(name) if name == $text => Some($name::$variant),)*
+                    _ => None,
+                }
+            }
+
+            fn to_setting(&self) -> $crate::knob::Setting {
+                $crate::knob::Setting::Name(self.name().to_owned())
+            }
+        }
+    };
+}
+
+/// Declares a section of knobs:
+///
+/// ```
+/// fillrate::knobs! {
+///     /// A unit that counts.
+///     pub struct CounterConfig {
+///         /// Items counted a cycle.
+///         rate: u32 ["items/cycle", fillrate::unit::knob::Allowed::Range(1, 8), "made up"],
+///     }
+/// }
+/// use fillrate::unit::knob::{Section, Setting};
+/// let mut config = CounterConfig::default();
+/// assert!(config.set("rate", &Setting::Number(3)) && config.rate == 3);
+/// assert!(!config.set("rate", &Setting::Number(9)) && !config.set("speed", &Setting::Number(3)));
+/// ```
+#[macro_export]
+macro_rules! knobs {
+    ($(#[doc = $about:literal])+ $vis:vis struct $name:ident {
+        $($(#[doc = $doc:literal])+ $field:ident: $type:ty [$unit:expr, $allowed:expr, $source:expr]),* $(,)?
+    }) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Debug, Default, PartialEq)]
+        $vis struct $name {
+            $($(#[doc = $doc])+ pub $field: $type,)*
+        }
+
+        impl $name {
+            /// The declarations.
+            pub const KNOBS: &'static [$crate::knob::Knob] = &[
+                $($crate::knob::Knob {
+                    name: stringify!($field),
+                    meaning: concat!($($doc),+).trim_ascii(),
+                    unit: $unit,
+                    allowed: $allowed,
+                    source: $source,
+                },)*
+            ];
+        }
+
+        impl $crate::knob::Section for $name {
+            fn knobs(&self) -> &'static [$crate::knob::Knob] {
+                Self::KNOBS
+            }
+
+            fn about(&self) -> &'static str {
+                concat!($($about),+).trim_ascii()
+            }
+
+            fn set(&mut self, name: &str, setting: &$crate::knob::Setting) -> bool {
+                use $crate::knob::Value;
+                let Some(knob) = Self::KNOBS.iter().find(|knob| knob.name == name) else { return false };
+                if !knob.allowed.admits(setting) {
+                    return false;
+                }
+                match name {
+                    $(stringify!($field) => match <$type as Value>::from_setting(setting) {
+                        Some(value) => self.$field = value,
+                        None => return false,
+                    },)*
+                    _ => return false,
+                }
+                true
+            }
+
+            fn get(&self, name: &str) -> Option<$crate::knob::Setting> {
+                use $crate::knob::Value;
+                match name {
+                    $(stringify!($field) => Some(self.$field.to_setting()),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}

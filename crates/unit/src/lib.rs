@@ -1,0 +1,56 @@
+//! Floor 3: the units of a graphics card. Each file is one unit: configuration, state, counters, and a `tick` that reads as
+//! numbered sentences, its stages last to first. WHEN things happen is here; WHAT they compute is in [`gfx`](gfx).
+//!
+//! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
+//! which machine it is part of; a machine lists its units in data-flow order (see [`machine`](machine)).
+
+pub mod knob;
+
+pub mod apply;
+pub mod assembly;
+pub mod bin;
+pub mod block_cache;
+pub mod card;
+pub mod clears;
+pub mod clip;
+pub mod color;
+pub mod command;
+pub mod compose;
+pub mod compression;
+pub mod compute;
+pub mod copies;
+pub mod core;
+pub mod deal;
+pub mod depth;
+pub mod dispatch;
+pub mod distribute;
+pub mod early;
+pub mod fetch;
+pub mod frame;
+pub mod gather;
+pub mod hide;
+pub mod index_runs;
+pub mod interleave;
+pub mod interpolate;
+pub mod misses;
+pub mod network;
+pub mod order;
+pub mod phase;
+pub mod resolve;
+pub mod route;
+pub mod same;
+pub mod scanout;
+pub mod setup;
+pub mod sorting;
+pub mod stream;
+pub mod tags;
+pub mod texture;
+pub mod tile_fetch;
+pub mod token;
+pub mod traverse;
+pub mod warp;
+
+pub use card::{Card, Fault};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,200 @@
+//! The resolve unit: turns the samples of a finished attachment into pixels, block after block.
+
+use std::collections::VecDeque;
+
+use super::card::Card;
+use super::frame::{BlockState, Frame};
+use super::misses::Misses;
+use super::token::{Ack, Kind, Piece};
+use crate::knob::Allowed;
+use gfx::rop;
+use mem::{self, MemoryPort};
+use num::Cycle;
+use sim::{In, Out, Tick, Unit, Wires};
+
+crate::knobs! {
+    /// Resolving of multisampled attachments.
+    pub struct ResolveConfig {
+        /// Cycles a block of 8x8 pixels takes.
+        block_cycles: u32 ["cycles/block", Allowed::Range(1, 256), "16 pixels of four samples a cycle"],
+        /// Requests to memory in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+    }
+}
+
+/// A transfer to come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Operation {
+    pub(super) address: u64,
+    pub(super) bytes: u32,
+}
+
+/// The resolve unit. Its items are blocks.
+pub struct Resolve {
+    config: ResolveConfig,
+    /// Colour attachments by location.
+    input: In<Piece>,
+    output: Out<Ack>,
+    memory: MemoryPort,
+    misses: Misses,
+    /// Reads and writes waiting for the port.
+    reads: VecDeque<Operation>,
+    writes: VecDeque<Operation>,
+    /// Next block to be read and to be resolved.
+    asked: u32,
+    /// What each block asked for needs.
+    waiting: VecDeque<u32>,
+    resolved: u32,
+    free_at: Cycle,
+    items: u64,
+}
+
+impl Resolve {
+    /// An idle one.
+    pub fn new(config: ResolveConfig, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Resolve {
+        Resolve {
+            misses: Misses::new(config.misses),
+            reads: VecDeque::new(),
+            writes: VecDeque::new(),
+            asked: 0,
+            waiting: VecDeque::new(),
+            resolved: 0,
+            free_at: 0,
+            items: 0,
+            config,
+            input,
+            output,
+            memory,
+        }
+    }
+}
+
+/// Cuts a run of bytes into requests.
+pub(super) fn requests(address: u64, bytes: u32, queue: &mut VecDeque<Operation>) -> u32 {
+    let before = queue.len();
+    queue.extend(mem::requests(address, bytes).map(|(address, bytes)| Operation { address, bytes }));
+    (queue.len() - before) as u32
+}
+
+/// Resolves a block of one surface into another.
+fn resolve_block(frame: &mut Frame, from: usize, to: usize, block: u32) {
+    if from == to {
+        return;
+    }
+    let (low, high) = frame.stores.split_at_mut(from.max(to));
+    let (source, target) = if from < to { (&low[from], &mut high[0]) } else { (&high[0], &mut low[to]) };
+    let format = target.surface.format;
+    let samples = source.surface.samples as usize;
+    let words = target.words as usize;
+    for position in 0..16_u8 {
+        let quad = &source.block(block)[usize::from(position) * 4 * words * samples..][..4 * words * samples];
+        let resolved = target.quad_mut(block, position);
+        for p in 0..4 {
+            // A pixel's samples lie apart in the run of its quad.
+            let mut texels = [0; 16];
+            let mut pixel = [0; 4];
+            for s in 0..samples {
+                for w in 0..words {
+                    texels[s * words + w] = quad[(s * words + w) * 4 + p];
+                }
+            }
+            rop::resolve(format, &texels[..samples * words], &mut pixel[..words]);
+            for w in 0..words {
+                resolved[4 * w + p] = pixel[w];
+            }
+        }
+    }
+}
+
+impl Unit<Card> for Resolve {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+
+        // 1. Memory.
+        while let Some(tag) = self.memory.answer(wires) {
+            self.misses.answer(tag);
+            did = Tick::Moved;
+        }
+        while let Some(&Operation { address, bytes }) = self.writes.front() {
+            if !self.memory.can_send(wires) {
+                return did.or(Tick::Blocked);
+            }
+            self.memory.write(wires, address, bytes);
+            self.writes.pop_front();
+            did = Tick::Moved;
+        }
+        while let Some(&Operation { address, bytes }) = self.reads.front() {
+            if self.misses.room() == 0 || !self.memory.can_send(wires) {
+                break;
+            }
+            let tag = self.misses.issue();
+            self.memory.read(wires, address, bytes, tag);
+            self.reads.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 2. The attachment at hand.
+        let Some(piece) = wires.front(&self.input) else { return did };
+        let Card { pass, frame, .. } = card;
+        let pass = pass.as_ref().expect("a pass is ending");
+        let location = usize::from(piece.slot);
+        let target = pass.pass.color[location].and_then(|attachment| attachment.resolve);
+        let (Some(from), Some(target)) = (pass.color[location], target) else {
+            wires.pop(&self.input);
+            return Tick::Moved;
+        };
+        let to = frame.surface(&target);
+        let blocks = frame.stores[from].blocks.len() as u32;
+
+        // 3. Resolve the next block whose samples are there.
+        if let Some(&needs) = self.waiting.front() {
+            if !self.misses.reached(needs) {
+                did = did.or(Tick::Memory);
+            } else if self.free_at > wires.now() {
+                wires.sleep_until(self.free_at);
+                did = did.or(Tick::Working);
+            } else {
+                let block = self.resolved;
+                resolve_block(frame, from, to, block);
+                let store = &mut frame.stores[to];
+                let bytes = store.block_bytes();
+                store.blocks[block as usize] = BlockState::Stored(bytes as u16);
+                requests(store.address(block), bytes, &mut self.writes);
+                self.waiting.pop_front();
+                self.resolved += 1;
+                self.items += 1;
+                self.free_at = wires.now() + Cycle::from(self.config.block_cycles);
+                did = Tick::Moved;
+            }
+        }
+
+        // 4. Ask for the samples of the next.
+        while self.asked < blocks && self.reads.is_empty() && self.waiting.len() < self.config.misses as usize {
+            let store = &frame.stores[from];
+            let stored = store.stored(self.asked);
+            let count = stored.map_or(0, |(address, bytes)| requests(address, bytes, &mut self.reads));
+            self.waiting.push_back(self.misses.issued().wrapping_add(count));
+            self.asked += 1;
+            did = Tick::Moved;
+        }
+
+        // 5. All done.
+        if self.resolved == blocks && self.writes.is_empty() {
+            if !wires.try_push(&self.output, Ack { slot: piece.slot, kind: Kind::DATA }) {
+                return did.or(Tick::Blocked);
+            }
+            wires.pop(&self.input);
+            (self.asked, self.resolved) = (0, 0);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.waiting.len() as u64 + u64::from(self.misses.in_flight())
+    }
+}

@@ -1,0 +1,358 @@
+//! What every way of sorting counts, whatever it sorts: primitives before geometry, triangles before rasterisation, or quads before
+//! the ROPs.
+
+use std::collections::VecDeque;
+
+use super::card::Work;
+use super::network::Receiver;
+use super::token::{Kind, TriangleToken};
+use crate::knob::Allowed;
+use gfx::state::Compare;
+use num::Cycle;
+use sim::{Gate, Tick, Wires};
+use work::Quad;
+
+stats::counters! {
+    /// What sorting costs.
+    pub struct SortCounts {
+        /// Items that were sorted: primitives, triangles or quads, by the sort class; those that nobody needs included.
+        sorted_items: "items",
+        /// Items sent to at least one receiver.
+        sent: "items",
+        /// Items sent, each copy counted.
+        redistributed_items: "items",
+        /// Their bytes.
+        redistributed_bytes: "bytes",
+        /// Of the items, those that went to another pipeline than that of the unit which sent them (by its number, modulo the pipelines).
+        foreign_items: "items",
+        /// Their bytes.
+        foreign_bytes: "bytes",
+        /// Sort-first: bytes if scenes are kept in memory, three numbers of vertices a primitive.
+        retained_bytes: "bytes",
+        /// Sort-first: bytes if they are not, three vertices with all attributes.
+        immediate_bytes: "bytes",
+        /// Marks sent so that receivers can restore the order.
+        marks: "marks",
+    }
+}
+
+impl SortCounts {
+    /// A copy was sent.
+    #[inline(always)]
+    pub fn copy(&mut self, items: u32, bytes: u32, foreign: bool) {
+        self.redistributed_items += u64::from(items);
+        self.redistributed_bytes += u64::from(bytes);
+        if foreign {
+            self.foreign_items += u64::from(items);
+            self.foreign_bytes += u64::from(bytes);
+        }
+    }
+}
+
+stats::counters! {
+    /// What restoring the order costs.
+    pub struct OrderCounts {
+        /// Cycles in which something had come and none of it was next in order, summed over those who restore it.
+        order_waiting_cycles: "cycles",
+    }
+}
+
+/// What a unit at an end of the network waits for: the state of a [`Gate`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Waits {
+    /// For nothing, or nothing of the network.
+    #[default]
+    Open,
+    /// For something to come.
+    Nothing,
+    /// For what is next in order; others have come.
+    Order,
+    /// For the network to take what is to be sent.
+    Network,
+    /// For a place at the receiver of what is to be sent.
+    Place,
+    /// For data from memory.
+    Memory,
+}
+
+impl Waits {
+    /// What a unit waits for that takes in its pipeline's work, by what it did in a cycle.
+    #[inline(always)]
+    pub fn of_front(did: Tick) -> Waits {
+        match did {
+            Tick::Starved => Waits::Nothing,
+            Tick::Memory => Waits::Memory,
+            _ => Waits::Open,
+        }
+    }
+}
+
+/// Counts the cycles in which what has come waits for its turn, and tells them.
+#[derive(Debug, Default)]
+pub struct OrderClock {
+    gate: Gate,
+    state: Waits,
+    since: Option<Cycle>,
+    counts: OrderCounts,
+}
+
+impl OrderClock {
+    /// One that tells those at a gate.
+    pub fn new(gate: Gate) -> OrderClock {
+        OrderClock { gate, ..OrderClock::default() }
+    }
+
+    /// A tick begins: whatever was, is over.
+    #[inline(always)]
+    pub fn begin(&mut self, now: Cycle) {
+        self.state = Waits::Open;
+        if let Some(since) = self.since.take() {
+            self.counts.order_waiting_cycles += now - since;
+        }
+    }
+
+    /// From now on, until the next tick, there is nothing that may be taken, whether or not something is `here`. It is `counted` if
+    /// that is not for want of more from a sender whose turn it is.
+    #[inline(always)]
+    pub fn wait(&mut self, now: Cycle, here: bool, counted: bool) {
+        self.state = if here { Waits::Order } else { Waits::Nothing };
+        self.since = (here && counted).then_some(now);
+    }
+
+    /// The tick is over.
+    #[inline(always)]
+    pub fn end(&mut self, wires: &mut Wires) {
+        wires.tell(&self.gate, self.state as u8);
+    }
+
+    /// What was counted.
+    pub fn counts(&self) -> OrderCounts {
+        self.counts
+    }
+}
+
+/// How long each pipeline has waited, at the ends of passes, for the others to end theirs.
+#[derive(Clone, Debug, Default)]
+pub struct PassWaits {
+    /// When each reported last.
+    ended: Vec<Cycle>,
+    waited: Vec<u64>,
+}
+
+impl PassWaits {
+    /// Of so many pipelines.
+    pub fn new(pipelines: usize) -> PassWaits {
+        PassWaits { ended: vec![0; pipelines], waited: vec![0; pipelines] }
+    }
+
+    /// A unit has ended its part of the pass, perhaps as the last one; numbers of units go round the pipelines.
+    pub fn ended(&mut self, unit: usize, now: Cycle, last: bool) {
+        let pipeline = unit % self.ended.len();
+        self.ended[pipeline] = now;
+        if last {
+            for (waited, ended) in self.waited.iter_mut().zip(&self.ended) {
+                *waited += now - ended;
+            }
+        }
+    }
+
+    /// Cycles by pipeline.
+    pub fn waited(&self) -> &[u64] {
+        &self.waited
+    }
+}
+
+crate::choices! {
+    /// Where API order is kept.
+    pub enum Keep {
+        /// Everywhere.
+        Always "always",
+        /// Among quads of opaque draws, whose depth decides, it is not: they reach the ROP as they come.
+        WhereNeeded "where-needed",
+        /// Nowhere: everything is taken as it comes, lists of tiles are written so, and frame buffers are composed without the numbers
+        /// of primitives, which shows what keeping the order is for.
+        Never "never",
+    }
+}
+
+crate::choices! {
+    /// Early depth tests in pipelines that do not own the pixels they draw.
+    pub enum EarlyTest {
+        /// None: every covered quad is shaded.
+        None "none",
+        /// Against a copy of the depths, one in each pipeline, which knows what that pipeline has drawn.
+        Local "local",
+        /// Against the owner's depths, which are asked for.
+        Remote "remote",
+    }
+}
+
+crate::knobs! {
+    /// API order, where it is restored, and what can be known ahead of it.
+    pub struct OrderConfig {
+        /// Where API order is kept.
+        keep: Keep ["", Allowed::Choice(Keep::NAMES),
+            "APIs demand it; where-needed is for sort-last-fragment (Molnar et al. 1994), never for no real card"],
+        /// Early depth tests where the pixels have another owner: sort-last-fragment.
+        early: EarlyTest ["", Allowed::Choice(EarlyTest::NAMES),
+            "Molnar et al. 1994 have none; the others show what an early test is worth there"],
+        /// Groups of quads that wait for the depths of their early test.
+        early_queue: u32 ["groups", Allowed::Range(1, 4096), "covers a question and its answer"],
+        /// Remote early tests: cycles that a question takes to the owner of its pixels, and an answer back.
+        early_latency: u32 ["cycles", Allowed::Range(1, 1024), "as network.link_latency"],
+        /// Remote early tests: bytes a cycle of each way between two pipelines, there and back.
+        early_bytes: u32 ["bytes/cycle", Allowed::Range(1, 65536), "the depths of four quads, one sample a pixel"],
+    }
+}
+
+/// Sequence numbers that have ended, of which all before the first that has not are known by it.
+#[derive(Debug, Default)]
+pub struct Ended {
+    /// The first that has not ended.
+    first: u32,
+    /// Whether it and those after it have.
+    after: VecDeque<bool>,
+}
+
+impl Ended {
+    /// A number has ended.
+    pub fn note(&mut self, sequence: u32) {
+        let place = sequence.wrapping_sub(self.first) as usize;
+        if self.after.len() <= place {
+            self.after.resize(place + 1, false);
+        }
+        self.after[place] = true;
+        while self.after.front() == Some(&true) {
+            self.after.pop_front();
+            self.first = self.first.wrapping_add(1);
+        }
+    }
+
+    /// Whether all before a number have.
+    pub fn before(&self, sequence: u32) -> bool {
+        self.first.wrapping_sub(sequence) as i32 >= 0
+    }
+
+    /// Whether a token may be taken where no order is kept: a fence waits for all before it.
+    pub fn takes(&self, kind: Kind, sequence: u32) -> bool {
+        !kind.is_fence() || self.before(sequence)
+    }
+}
+
+/// Takes what several senders send in the order of its sequence numbers, or as it comes where no order is kept.
+#[derive(Debug)]
+pub struct Merge {
+    keep: Keep,
+    /// A single sender sends in order, and may tell no ends.
+    alone: bool,
+    /// The sequence number that is being taken, and who sends it, once it is known.
+    sequence: u32,
+    current: Option<usize>,
+    /// What has ended, where no order is kept.
+    ended: Ended,
+    clock: OrderClock,
+}
+
+impl Merge {
+    /// One at the beginning of the order, which tells at a gate what it waits for.
+    pub fn new(keep: Keep, gate: Gate, input: &Receiver<TriangleToken>) -> Merge {
+        let alone = input.senders() == 1;
+        // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.
+        let keep = if alone { Keep::Always } else { keep };
+        let (ended, clock) = (Ended::default(), OrderClock::new(gate));
+        Merge { keep, alone, sequence: 0, current: alone.then_some(0), ended, clock }
+    }
+
+    /// A tick of its unit begins.
+    #[inline(always)]
+    pub fn begin(&mut self, now: Cycle) {
+        self.clock.begin(now);
+    }
+
+    /// It is over.
+    #[inline(always)]
+    pub fn end(&mut self, wires: &mut Wires) {
+        self.clock.end(wires);
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> OrderCounts {
+        self.clock.counts()
+    }
+
+    /// The next token in order and who sends it, if it is here. It stays the next one until it is taken.
+    #[inline(always)]
+    pub fn next(&mut self, wires: &mut Wires, input: &Receiver<TriangleToken>) -> Option<(usize, TriangleToken)> {
+        if let Some(from) = self.current {
+            let Some(token) = input.front(wires, from) else {
+                let here = !self.alone && input.find(wires, |_| true).is_some();
+                self.clock.wait(wires.now(), here, false);
+                return None;
+            };
+            return Some((from, token));
+        }
+        let sought = |token: &TriangleToken| match self.keep {
+            Keep::Never => self.ended.takes(token.kind, token.sequence),
+            _ => token.sequence == self.sequence,
+        };
+        let found = input.find(wires, sought);
+        if let Some((from, _)) = found {
+            self.current = Some(from);
+        } else {
+            let here = input.find(wires, |_| true).is_some();
+            self.clock.wait(wires.now(), here, true);
+        }
+        found
+    }
+
+    /// Takes a token that is the next of its sender; one that ends its sequence number opens the next.
+    #[inline(always)]
+    pub fn take(&mut self, wires: &mut Wires, input: &mut Receiver<TriangleToken>, from: usize, token: TriangleToken) {
+        input.take(wires, from);
+        if token.kind != Kind::DATA {
+            if self.keep == Keep::Never {
+                self.ended.note(token.sequence);
+            }
+            self.sequence = self.sequence.wrapping_add(1);
+        } else if self.keep != Keep::Never {
+            return;
+        }
+        self.current = self.alone.then_some(0);
+    }
+}
+
+/// What draws must have in common for their quads to reach the ROP in any order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Opaque {
+    /// Whether it is the lesser depth that wins.
+    less: bool,
+    /// The targets that are written with it, a bit each.
+    targets: u32,
+}
+
+/// Whether quads of a draw may reach the ROP in any order among those of draws of the same kind: what is nearer wins with all that it
+/// writes, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
+pub fn any_order(work: &Work) -> Option<Opaque> {
+    let depth = work.depth.as_ref().filter(|depth| depth.writes_depth() && !depth.uses_stencil())?;
+    let less = match depth.compare() {
+        Compare::Less | Compare::LessEqual => true,
+        Compare::Greater | Compare::GreaterEqual => false,
+        _ => return None,
+    };
+    // What is discarded after an early test leaves its depth, and not its colours.
+    let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
+    let early = work.early && work.draw.fragment.is_some();
+    if early && work.segment.tiles.iter().any(|tile| tile.quads.iter().any(discards)) {
+        return None;
+    }
+    let mut targets = 0;
+    for (n, (color, target)) in work.colors.iter().zip(&work.draw.targets).enumerate() {
+        let (Some(color), Some(target)) = (color, target) else { continue };
+        if color.reads() {
+            return None;
+        }
+        targets |= u32::from(!color.is_idle() && target.payload.is_some()) << n;
+    }
+    Some(Opaque { less, targets })
+}

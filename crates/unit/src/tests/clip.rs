@@ -1,0 +1,80 @@
+//! Clip and cull: the rate of tests, and what holds the clipper.
+
+use std::sync::Arc;
+
+use super::kit::{FREE, Sink, Source, settle};
+use super::scenery::{card, draw, primitive};
+use crate::Card;
+use crate::clip::{Clip, ClipConfig};
+use crate::token::{Kind, Run};
+use num::Cycle;
+use sim::{Link, One, Unit, Wiring};
+use work::{Funnel, Outcome, Primitive, Segment};
+
+sim::circuit! {
+    struct ClipCircuit for Card {
+        source: One<Source<Run>>,
+        clip: One<Clip>,
+        sink: One<Sink<Run>>,
+    }
+}
+
+/// When runs of survivors leave, with their first and number.
+type Runs = Vec<(Cycle, (u32, u32))>;
+
+/// What leaves a clipper of two primitives a cycle in so many runs, and what it has counted.
+fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
+    let count = primitives.len() as u32;
+    settle(
+        || {
+            let mut wiring = Wiring::new();
+            let (a, b, c) = (wiring.unit("source", 0), wiring.unit("clip", 0), wiring.unit("sink", 0));
+            let (output, into) = wiring.channel("in", 0, FREE, a, b);
+            let (out, input) = wiring.channel("out", 0, Link::items(64, 1, 1), b, c);
+            let mut card = card(1);
+            let segment = Segment { primitives: primitives.to_vec(), ..Segment::default() };
+            card.install(0, Arc::new(segment), Arc::new(draw()), 0);
+            let items = vec![(0, Run { slot: 0, kind: Kind::DATA, sequence: 0, first: 0, count })];
+            let config = ClipConfig { primitives_per_cycle: 2, clip_cycles: 7, latency: 1, queue: 64, ..ClipConfig::default() };
+            let (source, sink) = (One(Source::new(items, output)), One(Sink::new(input)));
+            (ClipCircuit::new(wiring, source, One(Clip::new(config, true, into, out)), sink), card)
+        },
+        |c, _| c.clip.items() == u64::from(count) && c.sink.got.len() == runs,
+        |c, card| (c.sink.log(|run| (run.first, run.count)), card.funnel),
+    )
+}
+
+#[test]
+fn so_many_are_tested_a_cycle_and_one_that_is_cut_holds_the_unit() {
+    let kinds = [
+        primitive(0, 0, 1, false, Outcome::Drawn),
+        primitive(0, 1, 0, false, Outcome::Backface),
+        primitive(0, 1, 2, true, Outcome::Drawn),
+        primitive(0, 3, 1, false, Outcome::Drawn),
+        primitive(0, 4, 0, false, Outcome::Frustum),
+        primitive(0, 4, 0, false, Outcome::Degenerate),
+    ];
+    let (log, funnel) = clipped(&kinds, 3);
+    // Cycle 1: one survivor, one culled. Cycle 2: the cut one, which holds the unit to 9. Then the rest.
+    assert_eq!(log, vec![(2, (0, 1)), (3, (1, 2)), (10, (3, 1))]);
+    assert_eq!((funnel.culled_backface, funnel.culled_frustum, funnel.culled_degenerate, funnel.clipped), (1, 1, 1, 1));
+}
+
+#[test]
+fn what_is_cut_away_holds_the_unit_and_is_not_drawn() {
+    let outside = |cut_away| Primitive { cut_away, ..primitive(0, 0, 0, false, Outcome::Frustum) };
+    for (cut_away, at) in [(false, 2), (true, 9)] {
+        let kinds = [outside(cut_away), primitive(0, 0, 1, false, Outcome::Drawn)];
+        let (log, funnel) = clipped(&kinds, 1);
+        assert_eq!((log, funnel.culled_frustum, funnel.clipped), (vec![(at, (0, 1))], 1, 0));
+    }
+}
+
+#[test]
+fn what_is_culled_takes_its_turn() {
+    // Seven culled primitives, two a cycle, before the one that is drawn: tested in cycle 4 with the last of them.
+    let mut kinds = vec![primitive(0, 0, 0, false, Outcome::Scissor); 7];
+    kinds.push(primitive(0, 0, 1, false, Outcome::Drawn));
+    let (log, funnel) = clipped(&kinds, 1);
+    assert_eq!((log, funnel.culled_scissor), (vec![(5, (0, 1))], 7));
+}

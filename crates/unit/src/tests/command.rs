@@ -1,0 +1,417 @@
+//! The command processor: what a command takes, slots, clears, transfers, the order of events.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::kit::{Echo, FREE, memory, port, round_trip, settle, write_time};
+use super::scenery::{attachment, card, draw, pass, surface};
+use crate::Card;
+use crate::command::{Command, CommandConfig, CommandPorts, CullChoice};
+use crate::token::{Ack, Kind, Piece};
+use gfx::format::Format;
+use mem::{ClientCounts, Ideal};
+use num::Cycle;
+use sim::{Circuit, Clock, Gate, In, One, Out, Tick, Unit, Wires, Wiring, run};
+use work::*;
+
+/// Stands for everything between the command processor and the ROPs: reports fences so many cycles after they came, that of a pass
+/// from the colour and the depth units.
+struct Pipeline {
+    got: Vec<(Cycle, Kind)>,
+    after: Cycle,
+    held: VecDeque<(Cycle, Piece)>,
+    /// Pipelines that have reported the fence at hand.
+    reported: usize,
+    input: In<Piece>,
+    /// To the colour units' and the depth units' reports, a pipeline each.
+    color: Vec<Out<Ack>>,
+    depth: Vec<Out<Ack>>,
+}
+
+impl Unit<Card> for Pipeline {
+    fn tick(&mut self, wires: &mut Wires, _: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        while let Some(piece) = wires.pop(&self.input) {
+            self.got.push((wires.now(), piece.kind));
+            if piece.kind.is_fence() {
+                self.held.push_back((wires.now() + self.after, piece));
+            }
+            did = Tick::Moved;
+        }
+        while let Some(&(at, Piece { slot, kind })) = self.held.front() {
+            if at > wires.now() {
+                wires.sleep_until(at);
+                return did.or(Tick::Working);
+            }
+            // The second pipeline is 5 cycles behind the first.
+            let number = self.reported;
+            wires.push(&self.color[number], Ack { slot, kind });
+            if kind == Kind::PASS {
+                wires.push(&self.depth[number], Ack { slot, kind });
+            }
+            if number + 1 < self.color.len() {
+                self.reported += 1;
+                self.held[0].0 = wires.now() + 5;
+                did = Tick::Moved;
+                continue;
+            }
+            self.reported = 0;
+            self.held.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.got.len() as u64
+    }
+
+    fn resident(&self) -> u64 {
+        self.held.len() as u64
+    }
+}
+
+sim::circuit! {
+    struct CommandCircuit for Card {
+        command: One<Command>,
+        pipeline: One<Pipeline>,
+        compute: One<Echo<Piece, Ack>>,
+        resolve: One<Echo<Piece, Ack>>,
+        scanout: One<Echo<Piece, Ack>>,
+        ideal: Option<Ideal>,
+    }
+}
+
+const CONFIG: CommandConfig = CommandConfig {
+    command_cycles: 8,
+    segments: 8,
+    workgroup_runs: 2,
+    copy_misses: 16,
+    barrier_cycles: 50,
+    skip_empty_passes: true,
+    cull: CullChoice::None,
+    cull_cycles: 5,
+};
+
+/// How the card clears, whether it shows frames, and its pipelines.
+#[derive(Clone, Copy)]
+struct Features {
+    fast_clear: bool,
+    scanout: bool,
+    pipelines: usize,
+}
+
+const PLAIN: Features = Features { fast_clear: true, scanout: false, pipelines: 1 };
+
+/// Cycles that each of the other units takes here from a command to its answer.
+const REPLY: Cycle = 30;
+
+fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCircuit, Card) {
+    let mut wiring = Wiring::new();
+    let ids = ["command", "pipeline", "compute", "resolve", "scanout"].map(|name| wiring.unit(name, 0));
+    let mut plan = memory(&mut wiring);
+    let (fetch, at_fetch) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
+    let acks = (0..2 * of.pipelines).map(|index| wiring.channel("acks", index, FREE, ids[1], ids[0]));
+    let (mut color, acks): (Vec<_>, Vec<_>) = acks.unzip();
+    let depth = color.split_off(of.pipelines);
+    let mut outputs = Vec::new();
+    let mut inputs = Vec::new();
+    let mut echoes = Vec::new();
+    for (index, &id) in ids[2..].iter().enumerate() {
+        let (to, input) = wiring.channel("tasks", index, FREE, ids[0], id);
+        let (output, from) = wiring.channel("answers", index, FREE, id, ids[0]);
+        outputs.push(to);
+        inputs.push(from);
+        echoes.push(One(Echo::answering(REPLY, |Piece { slot, kind }, _| Ack { slot, kind }, input, output)));
+    }
+    let mut outputs = outputs.into_iter();
+    let mut inputs = inputs.into_iter();
+    let mut next = || (outputs.next().expect("three"), inputs.next().expect("three"));
+    let ((compute, computed), (resolve, resolved), (scanout, scanned)) = (next(), next(), next());
+    let ports = CommandPorts {
+        fetch,
+        compute,
+        computed,
+        resolve,
+        resolved,
+        scanout,
+        scanned,
+        compose: Vec::new(),
+        composed: Vec::new(),
+        acks,
+        memory: port(&mut plan, &mut wiring, ids[0]),
+        work: Gate::default(),
+    };
+    let mut card = card(1);
+    card.events.extend(events.iter().cloned());
+    card.closed = true;
+    // The pipelines together clear 4 blocks a cycle by flag.
+    let command = Command::new(config.clone(), of.pipelines as u32, (of.fast_clear, 4), of.scanout, ports);
+    let held = VecDeque::new();
+    let pipeline = Pipeline { got: Vec::new(), after: REPLY, held, reported: 0, input: at_fetch, color, depth };
+    let mut echoes = echoes.into_iter();
+    let mut next = || echoes.next().expect("three");
+    let (compute, resolve, scanout) = (next(), next(), next());
+    let ideal = plan.build(&mut wiring).ideal;
+    (CommandCircuit::new(wiring, One(command), One(pipeline), compute, resolve, scanout, ideal), card)
+}
+
+/// What the command processor has done.
+#[derive(Debug, PartialEq)]
+struct Commanded {
+    /// When pieces came to vertex fetch.
+    pieces: Vec<(Cycle, Kind)>,
+    /// When runs of workgroups, attachments to be resolved, and frames to be shown came to their units.
+    compute: Vec<Cycle>,
+    resolve: Vec<Cycle>,
+    scanout: Vec<Cycle>,
+    /// The cycle after the one in which the frame was over.
+    over: Cycle,
+    memory: ClientCounts,
+}
+
+/// Runs events, the last of which ends a frame.
+fn commanded(config: &CommandConfig, of: Features, events: &[Event]) -> Commanded {
+    // Writes may still be on their way when the command processor is done.
+    let written = settle(
+        || circuit(config, of, events),
+        |c, _| c.command.frame_over() && c.wires().resident() == 0,
+        |c, _| c.ideal.as_ref().unwrap().counts()[0],
+    );
+    settle(
+        || circuit(config, of, events),
+        |c, _| c.command.frame_over(),
+        |c, card| {
+            assert!(card.events.is_empty() && card.work.iter().all(Option::is_none));
+            assert_eq!(c.command.items(), events.len() as u64);
+            Commanded {
+                pieces: c.pipeline.got.clone(),
+                compute: c.compute.times(),
+                resolve: c.resolve.times(),
+                scanout: c.scanout.times(),
+                over: c.wires().now(),
+                memory: written,
+            }
+        },
+    )
+}
+
+/// A pass over 16 blocks, with that load.
+fn begin(load: Load, resolve: bool) -> Event {
+    let target = surface(1, Format::Rgba8Unorm, 16, 1);
+    let resolve = resolve.then(|| surface(2, Format::Rgba8Unorm, 16, 1));
+    Event::BeginPass(Arc::new(pass(vec![Some(Attachment { load, resolve, ..attachment(target) })], None)))
+}
+
+fn draws(segments: usize) -> Vec<Event> {
+    let mut events = vec![Event::Draw(Arc::new(draw()))];
+    events.extend((0..segments).map(|_| Event::Segment(Arc::new(Segment::default()))));
+    events
+}
+
+/// A frame that shows the surface of the passes here.
+fn end() -> Event {
+    let shown = Some(surface(1, Format::Rgba8Unorm, 16, 1));
+    Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: true })
+}
+
+/// A pass with so many segments of one draw, and the end of the frame.
+fn frame(load: Load, resolve: bool, segments: usize) -> Vec<Event> {
+    [vec![begin(load, resolve)], draws(segments), vec![Event::EndPass, end()]].concat()
+}
+
+#[test]
+fn commands_take_their_cycles() {
+    // The pass begins in cycle 0, is decoded by 8 and has nothing to clear: the draw is read in 9 and takes no time; segments in 10, 18
+    // and 26, the end of the pass in 34. What each brings is sent a cycle later, and is a cycle on the way.
+    let got = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 3));
+    let times = [(12, Kind::DATA), (12, Kind::SEGMENT), (20, Kind::DATA), (20, Kind::SEGMENT), (28, Kind::DATA)];
+    assert_eq!(got.pieces[..5], times);
+    assert_eq!(got.pieces[5..], [(28, Kind::SEGMENT), (36, Kind::PASS)]);
+    // The pipeline reports the end in 36 + 30, seen a cycle later; a cycle to find nothing to be resolved; then the barrier. The frame
+    // ends in the cycle after it.
+    let ended = 36 + REPLY + 1;
+    assert_eq!(got.over, ended + 1 + 50 + 1);
+    // Without a barrier the next event is read in the cycle after.
+    let none = CommandConfig { barrier_cycles: 0, ..CONFIG };
+    assert_eq!(commanded(&none, PLAIN, &frame(Load::Load, false, 3)).over, ended + 1 + 1 + 1);
+}
+
+#[test]
+fn a_segment_needs_a_slot() {
+    // One slot: the second segment is read when the first, which came to the pipeline in cycle 12, is reported: seen in 12 + 30 + 1.
+    let one = CommandConfig { segments: 1, ..CONFIG };
+    let got = commanded(&one, PLAIN, &frame(Load::Load, false, 3));
+    let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+    let turn = REPLY + 1 + 2;
+    assert_eq!(data, [12, 12 + turn, 12 + 2 * turn]);
+    // All pipelines must have reported it; the second does so 5 cycles later.
+    let two = Features { pipelines: 2, ..PLAIN };
+    let got = commanded(&one, two, &frame(Load::Load, false, 3));
+    let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
+    assert_eq!(data, [12, 12 + turn + 5, 12 + 2 * (turn + 5)]);
+}
+
+#[test]
+fn clears_set_flags_or_write_memory() {
+    let clear = Load::Clear([0; 4]);
+    // Sixteen flags at four a cycle: 4 cycles more before the draw.
+    let got = commanded(&CONFIG, PLAIN, &frame(clear, false, 1));
+    assert_eq!((got.pieces[0].0, got.memory.write_bytes), (12 + 4, 0));
+    // Sixteen blocks of 256 bytes: begun in cycle 8, the first sent in 9; when the last is sent, a cycle to see that, and the draw.
+    let slow = Features { fast_clear: false, ..PLAIN };
+    let got = commanded(&CONFIG, slow, &frame(clear, false, 1));
+    let done = 9 + write_time(15, 256);
+    assert_eq!((got.pieces[0].0, got.memory.write_bytes), (done + 1 + 1 + 1 + 2, 16 * 256));
+}
+
+#[test]
+fn attachments_are_resolved_when_the_pass_is_over() {
+    let got = commanded(&CONFIG, PLAIN, &frame(Load::Load, true, 1));
+    let plain = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 1));
+    // The end of the pass came in 20 to the pipeline and is seen in 20 + 30 + 1; the resolve is asked for a cycle later, and a cycle
+    // on the way; its answer takes as long as any. That much later the pass is over.
+    assert_eq!(got.resolve, [20 + REPLY + 1 + 1 + 1]);
+    assert_eq!(got.over, plain.over + 1 + REPLY + 1);
+}
+
+#[test]
+fn a_frame_is_shown_before_it_is_over() {
+    let shown = commanded(&CONFIG, Features { scanout: true, ..PLAIN }, &frame(Load::Load, false, 1));
+    let plain = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 1));
+    // Asked for in the cycle in which the frame would be over; a cycle on the way, and one back. (The command takes 8 cycles, which
+    // are over by then.)
+    assert_eq!(shown.scanout, [plain.over - 1 + 1]);
+    assert_eq!(shown.over, plain.over + 1 + REPLY + 1);
+}
+
+fn transfer(from: Option<u64>, to: Option<u64>, bytes: u64) -> Event {
+    Event::Transfer(Transfer { kind: TransferKind::Copy, from, to, bytes, surfaces: None })
+}
+
+#[test]
+fn transfers_read_and_write_as_fast_as_the_port_goes() {
+    let over = |config: &CommandConfig, from, to, bytes| {
+        let got = commanded(config, PLAIN, &[transfer(from, to, bytes), end()]);
+        (got.over, got.memory.read_bytes, got.memory.write_bytes)
+    };
+    // Decoded by cycle 8. Four reads go out in it; their answers come 4 cycles apart, each is written in the cycle in which it comes.
+    // The frame ends in the cycle after the last.
+    let read = |n: Cycle| 8 + round_trip(256) + 4 * n;
+    assert_eq!(over(&CONFIG, Some(1 << 20), Some(2 << 20), 1024), (read(3) + 1 + 1, 1024, 1024));
+    // One read at a time, each behind the write before it.
+    let one = CommandConfig { copy_misses: 1, ..CONFIG };
+    let last = 8 + 4 * round_trip(256) + 3 * write_time(1, 256);
+    assert_eq!(over(&one, Some(1 << 20), Some(2 << 20), 1024), (last + 1 + 1, 1024, 1024));
+    // Only written, or only read.
+    assert_eq!(over(&CONFIG, None, Some(2 << 20), 1024), (8 + write_time(3, 256) + 1 + 1, 0, 1024));
+    assert_eq!(over(&CONFIG, Some(1 << 20), None, 1024), (read(3) + 1 + 1, 1024, 0));
+    // A run that does not begin at a multiple of 256 takes one request more, of as many bytes in all: no more time.
+    assert_eq!(over(&CONFIG, Some((1 << 20) + 156), None, 1024), (read(3) + 1 + 1, 1024, 0));
+}
+
+#[test]
+fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
+    let dispatch = Dispatch {
+        number: 0,
+        label: String::new(),
+        shape: ShaderShape::default(),
+        groups: 3,
+        invocations: 32,
+        shared_bytes: 0,
+    };
+    let groups = || Event::Groups(Arc::new(Groups::default()));
+    let events =
+        [vec![Event::Dispatch(Arc::new(dispatch)), groups(), groups(), groups()], frame(Load::Load, false, 1)].concat();
+    let got = commanded(&CONFIG, PLAIN, &events);
+    // The dispatch is read in cycle 0, runs in 8 and 16, sent a cycle later and a cycle on the way. There are two places: the third run
+    // is read when the first is done: 10 + 30 + 1.
+    let third = 10 + REPLY + 1;
+    assert_eq!(got.compute, [10, 18, third + 2]);
+    // The pass begins when the third is done, and goes on as it does from cycle 0.
+    let pass = third + 2 + REPLY + 1;
+    assert_eq!(got.pieces[0], (pass + 12, Kind::DATA));
+}
+
+#[test]
+fn events_out_of_order_are_refused_by_number() {
+    let segment = || Event::Segment(Arc::new(Segment::default()));
+    let cases: [(Vec<Event>, &str); 6] = [
+        (draws(0), "event 0 of the work comes where it cannot: outside a pass"),
+        (vec![Event::EndPass], "event 0 of the work comes where it cannot: outside a pass"),
+        (vec![begin(Load::Load, false), segment()], "event 1 of the work comes where it cannot: a segment without a draw"),
+        (vec![begin(Load::Load, false), end()], "event 1 of the work comes where it cannot: inside a pass"),
+        (
+            vec![Event::Groups(Arc::new(Groups::default()))],
+            "event 0 of the work comes where it cannot: workgroups without a dispatch",
+        ),
+        (
+            vec![Event::Contents(Contents { surface: surface(1, Format::Rgba8Unorm, 16, 1), bytes: vec![0; 5].into() })],
+            "event 0 of the work comes where it cannot: contents of a surface have the wrong number of bytes",
+        ),
+    ];
+    for (events, text) in cases {
+        for clock in [Clock::EveryCycle, Clock::SkipIdle] {
+            let (mut circuit, mut card) = circuit(&CONFIG, PLAIN, &events);
+            let _ = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
+            assert_eq!(card.fault.map(|fault| fault.to_string()).as_deref(), Some(text));
+        }
+    }
+}
+
+#[test]
+fn passes_without_draws_only_clear() {
+    let clear = Load::Clear([0; 4]);
+    let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass, end()];
+    // Read in cycle 0 and decoded by 8; sixteen flags at four a cycle; a cycle to find nothing more to be cleared, and the frame's end.
+    let got = commanded(&CONFIG, PLAIN, &empty(clear, false));
+    assert_eq!((got.pieces.len(), got.over), (0, 8 + 4 + 1 + 1));
+    assert_eq!(commanded(&CONFIG, PLAIN, &empty(Load::Load, false)).over, 8 + 1 + 1);
+    // In memory: as with draws, and then the end of the frame instead of the draw.
+    let slow = Features { fast_clear: false, ..PLAIN };
+    let got = commanded(&CONFIG, slow, &empty(clear, false));
+    assert_eq!((got.memory.write_bytes, got.over), (16 * 256, 9 + write_time(15, 256) + 1 + 1 + 1));
+    // Pipelines hear of the pass where it is not skipped, and where samples have to be resolved.
+    let all = CommandConfig { skip_empty_passes: false, ..CONFIG };
+    let heard = commanded(&all, PLAIN, &empty(clear, false));
+    assert_eq!(heard.pieces.len(), 1);
+    assert!(heard.over > got.over);
+    let resolved = commanded(&CONFIG, PLAIN, &empty(clear, true));
+    assert_eq!((resolved.pieces.len(), resolved.resolve.len()), (1, 1));
+}
+
+#[test]
+fn tests_of_bounds_take_their_time_one_by_one() {
+    let tested = |tests, cull_cycles| {
+        let culling = Culling { tests, draws: 1, instances: 3, primitives: 12, vertices: 36 };
+        let drawn = Event::Draw(Arc::new(Draw { culling, ..draw() }));
+        let mut events = vec![begin(Load::Load, false), drawn];
+        events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass, end()]);
+        let config = CommandConfig { cull_cycles, ..CONFIG };
+        let counts = settle(
+            || circuit(&config, PLAIN, &events),
+            |c, _| c.command.frame_over(),
+            |c, _| {
+                let counts = c.command.counts();
+                [
+                    counts.bounds_tested,
+                    counts.draws_culled,
+                    counts.instances_culled,
+                    counts.primitives_culled,
+                    counts.vertices_culled,
+                ]
+            },
+        );
+        assert_eq!(counts, [tests, 1, 3, 12, 36]);
+        commanded(&config, PLAIN, &events).pieces[0].0
+    };
+    let untested = tested(0, 5);
+    assert_eq!(tested(1, 0), untested);
+    assert_eq!(tested(7, 0), untested);
+    for (tests, cycles) in [(1, 1), (1, 5), (2, 5), (40, 3), (3, 300)] {
+        // A draw that is not tested costs the cycle in which it is read; the tests begin in it.
+        assert_eq!(tested(tests, cycles), untested + tests * u64::from(cycles) - 1, "{tests} tests of {cycles} cycles");
+    }
+    // More of them than units may wake in vain, which is 10,000 times here.
+    assert_eq!(tested(20_000, 8), untested + 160_000 - 1);
+}

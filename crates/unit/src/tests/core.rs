@@ -1,0 +1,332 @@
+//! Cores: issue by class, latency, registers, barriers, requests.
+
+use std::sync::Arc;
+
+use super::kit::{Echo, FREE, Sink, Source, settle};
+use super::scenery::{card, draw, step, warp};
+use crate::card::{Card, ComputeWork, Fault};
+use crate::core::{Core, CoreConfig, CorePorts, Scheduling};
+use crate::token::WarpToken;
+use crate::warp::Program;
+use num::Cycle;
+use sim::{Clock, One, Unit, Wiring, run};
+use work::*;
+
+sim::circuit! {
+    struct CoreCircuit for Card {
+        vertices: One<Source<WarpToken>>,
+        groups: One<Source<WarpToken>>,
+        fragments: One<Source<WarpToken>>,
+        core: One<Core>,
+        texture: One<Echo<WarpToken>>,
+        vertices_shaded: One<Sink<WarpToken>>,
+        groups_done: One<Sink<WarpToken>>,
+        fragments_shaded: One<Sink<WarpToken>>,
+    }
+}
+
+fn config() -> CoreConfig {
+    CoreConfig {
+        per_pipeline: 1,
+        unified: true,
+        warp_width: 32,
+        warps: 8,
+        registers: 65_536,
+        shared_bytes: 16_384,
+        issue: 1,
+        float_lanes: 32,
+        integer_lanes: 32,
+        special_lanes: 8,
+        control_lanes: 32,
+        float_latency: 6,
+        integer_latency: 6,
+        special_latency: 20,
+        control_latency: 8,
+        scheduling: Scheduling::RoundRobin,
+        output_queue: 8,
+        ..CoreConfig::default()
+    }
+}
+
+/// A warp for a core.
+#[derive(Clone)]
+struct Work {
+    program: Program,
+    steps: Vec<Step>,
+    registers: u32,
+    /// Its workgroup, that group's warps, and its workgroup memory.
+    group: (u32, u32, u32),
+}
+
+impl Work {
+    fn fragments(steps: &[Step]) -> Work {
+        Work { program: Program::Fragment, steps: steps.to_vec(), registers: 16, group: (0, 1, 0) }
+    }
+
+    /// A warp of a workgroup of so many.
+    fn of_group(steps: &[Step], number: u32, siblings: u32, shared: u32) -> Work {
+        Work { program: Program::Compute, steps: steps.to_vec(), registers: 16, group: (number, siblings, shared) }
+    }
+}
+
+/// Cycles that the texture unit takes here.
+const TEXTURE: Cycle = 30;
+
+fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
+    let mut wiring = Wiring::new();
+    let names = ["vertices", "groups", "fragments", "core", "texture", "vertices_shaded", "groups_done", "fragments_shaded"];
+    let ids = names.map(|name| wiring.unit(name, 0));
+    let mut ends = Vec::new();
+    let mut inputs = Vec::new();
+    for (index, (from, to)) in [(0, 5), (1, 6), (2, 7)].into_iter().enumerate() {
+        let (output, input) = wiring.channel("in", index, FREE, ids[from], ids[3]);
+        let (out, got) = wiring.channel("out", index, FREE, ids[3], ids[to]);
+        ends.push((input, out));
+        inputs.push((output, got));
+    }
+    let (ask, asked) = wiring.channel("ask", 0, FREE, ids[3], ids[4]);
+    let (answer, answered) = wiring.channel("answer", 0, FREE, ids[4], ids[3]);
+    let mut card = card(1);
+    card.install(0, Arc::new(Segment::default()), Arc::new(draw()), 0);
+    let dispatch =
+        Dispatch { number: 7, label: String::new(), shape: ShaderShape::default(), groups: 1, invocations: 1, shared_bytes: 0 };
+    card.compute[0] = Some(ComputeWork { dispatch: Arc::new(dispatch), groups: Arc::new(Groups::default()) });
+    let mut tokens = [Vec::new(), Vec::new(), Vec::new()];
+    for work in work {
+        let costs = CostTable::from(vec![Cost::from(work.steps.clone())]);
+        let index = warp(&mut card, work.program, 1, work.registers, &costs);
+        let warp = &mut card.warps[0][index];
+        (warp.number, warp.siblings, warp.shared_bytes) = work.group;
+        let to = match work.program {
+            Program::Vertex => 0,
+            Program::Compute => 1,
+            Program::Fragment => 2,
+        };
+        tokens[to].push((0, WarpToken { warp: index }));
+    }
+    let mut ends = ends.into_iter();
+    let mut next = || ends.next();
+    let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered) };
+    let [vertices, groups, fragments] = tokens;
+    let mut inputs = inputs.into_iter();
+    let mut of = |items| {
+        let (output, got) = inputs.next().expect("three of them");
+        (One(Source::new(items, output)), One(Sink::new(got)))
+    };
+    let (vertices, vertices_shaded) = of(vertices);
+    let (groups, groups_done) = of(groups);
+    let (fragments, fragments_shaded) = of(fragments);
+    let core = One(Core::new(config.clone(), 0, ports));
+    let place = |token: WarpToken, card: &mut Card| WarpToken { warp: card.warps[0][token.warp].place };
+    let texture = One(Echo::answering(TEXTURE, place, asked, answer));
+    (CoreCircuit::new(wiring, vertices, groups, fragments, core, texture, vertices_shaded, groups_done, fragments_shaded), card)
+}
+
+/// When warps of vertices, workgroups and fragments leave.
+fn run_all(config: &CoreConfig, work: &[Work]) -> [Vec<(Cycle, u32)>; 3] {
+    let sinks =
+        |c: &CoreCircuit| [c.vertices_shaded.0.log(number), c.groups_done.0.log(number), c.fragments_shaded.0.log(number)];
+    settle(
+        || circuit(config, work),
+        |c, _| c.core.resident() == 0 && sinks(c).iter().map(Vec::len).sum::<usize>() == work.len(),
+        |c, card| {
+            let asked: u64 = work.iter().flat_map(|work| &work.steps).flat_map(|step| step.instructions).map(u64::from).sum();
+            assert_eq!(c.core.items(), asked, "every instruction is issued once");
+            assert_eq!(card.warps[0].len(), c.fragments_shaded.got.len(), "fragments are given up where they are put in order");
+            sinks(c)
+        },
+    )
+}
+
+fn number(token: &WarpToken) -> u32 {
+    token.warp
+}
+
+/// Instructions of each class, then the end.
+fn to_the_end(instructions: [u32; 4]) -> [Step; 1] {
+    [step(instructions, RequestKind::End)]
+}
+
+/// When the last of `warps` warps of fragments issues its last instruction, counted from the core's first issue.
+fn shade(config: &CoreConfig, warps: usize, instructions: [u32; 4], registers: u32) -> Cycle {
+    let work = vec![Work { registers, ..Work::fragments(&to_the_end(instructions)) }; warps];
+    // Taken in cycle 1, first issue in cycle 2, sent on in the cycle after the last, a cycle on the way.
+    run_all(config, &work)[2].last().unwrap().0 - 2 - 1 - 1
+}
+
+#[test]
+fn one_warp_is_bound_by_latency_and_many_by_issue() {
+    // The last instruction issues after all latencies but its own.
+    assert_eq!(shade(&config(), 1, [10, 0, 0, 0], 16), 9 * 6);
+    assert_eq!(shade(&config(), 1, [0, 10, 0, 0], 16), 9 * 6);
+    assert_eq!(shade(&config(), 1, [0, 0, 10, 0], 16), 9 * 20);
+    assert_eq!(shade(&config(), 1, [0, 0, 0, 10], 16), 9 * 8);
+    // Six warps hide six cycles of latency, eight more than that: one instruction a cycle.
+    assert_eq!(shade(&config(), 6, [10, 0, 0, 0], 16), 6 * 10 - 1);
+    assert_eq!(shade(&config(), 8, [10, 0, 0, 0], 16), 8 * 10 - 1);
+    // Five do not: the last begins 4 cycles after the first, and waits like it.
+    assert_eq!(shade(&config(), 5, [10, 0, 0, 0], 16), 4 + 9 * 6);
+    // Classes share the schedulers.
+    assert_eq!(shade(&config(), 8, [5, 5, 0, 0], 16), 8 * 10 - 1);
+}
+
+#[test]
+fn lanes_bound_each_class() {
+    // Half as many lanes take twice as long; a quarter for transcendentals.
+    assert_eq!(shade(&CoreConfig { float_lanes: 16, ..config() }, 8, [10, 0, 0, 0], 16), 2 * (8 * 10 - 1));
+    assert_eq!(shade(&config(), 8, [0, 0, 10, 0], 16), 4 * (8 * 10 - 1));
+    assert_eq!(shade(&CoreConfig { integer_lanes: 8, ..config() }, 8, [0, 10, 0, 0], 16), 4 * (8 * 10 - 1));
+    assert_eq!(shade(&CoreConfig { control_lanes: 16, ..config() }, 8, [0, 0, 0, 10], 16), 2 * (8 * 10 - 1));
+    // Two instructions a cycle need lanes for two.
+    let two = CoreConfig { issue: 2, warps: 16, ..config() };
+    assert_eq!(shade(&two, 16, [10, 0, 0, 0], 16), 160 - 1);
+    assert_eq!(shade(&CoreConfig { float_lanes: 64, ..two }, 16, [10, 0, 0, 0], 16), 160 / 2 - 1);
+}
+
+#[test]
+fn registers_bound_the_warps_in_flight() {
+    // 1024 registers are two warps of 32 invocations of 16. The second issues its tenth instruction in cycle 1 + 54; a warp that ends
+    // in t leaves in t + 1, and the next issues for the first time in t + 2: four pairs, 56 cycles from one to the next.
+    let config = CoreConfig { registers: 1024, ..config() };
+    assert_eq!(shade(&config, 8, [10, 0, 0, 0], 16), 1 + 54 + 3 * 56);
+    // One that asks for more than there is runs alone.
+    assert_eq!(shade(&config, 3, [10, 0, 0, 0], 64), 54 + 2 * 56);
+}
+
+#[test]
+fn a_warp_issues_in_order_the_class_it_has_most_of() {
+    // Four single-precision instructions and two transcendental ones, of which a warp takes the lanes for 4 cycles: F F F S F S, and
+    // of equals the first. Alone it waits for latencies: 6 + 6 + 6 + 20 + 6.
+    assert_eq!(shade(&config(), 1, [4, 0, 2, 0], 16), 3 * 6 + 20 + 6);
+    // Of two warps the second, a cycle behind, finds the lanes taken for 3 cycles more at its first S, though they would take its F.
+    assert_eq!(shade(&config(), 2, [4, 0, 2, 0], 16), 3 * 6 + 4 + 20 + 6);
+}
+
+#[test]
+fn schedulers_go_round_or_keep_to_the_oldest() {
+    let work = vec![Work::fragments(&to_the_end([10, 0, 0, 0])); 2];
+    let ends = |scheduling| {
+        let config = CoreConfig { scheduling, float_latency: 1, ..config() };
+        run_all(&config, &work)[2].iter().map(|&(at, warp)| (at - 4, warp)).collect::<Vec<_>>()
+    };
+    assert_eq!(ends(Scheduling::RoundRobin), [(18, 0), (19, 1)]);
+    assert_eq!(ends(Scheduling::Oldest), [(9, 0), (19, 1)]);
+}
+
+#[test]
+fn a_request_is_waited_for_and_others_go_on() {
+    // Two instructions, in cycles 2 and 8; the request goes out in 8 and is back two channels and 30 cycles later: in 40. The last
+    // instruction is issued in that cycle. A second warp does all this a cycle later.
+    let steps = [step([2, 0, 0, 0], RequestKind::Texture), step([1, 0, 0, 0], RequestKind::End)];
+    let work = vec![Work::fragments(&steps); 2];
+    let back = 8 + 1 + TEXTURE + 1;
+    assert_eq!(run_all(&config(), &work)[2], [(back + 2, 0), (back + 3, 1)]);
+    // A step without instructions asks as soon as the warp is in, in cycle 2.
+    let steps = [step([0; 4], RequestKind::Load), step([1, 0, 0, 0], RequestKind::End)];
+    assert_eq!(run_all(&config(), &[Work::fragments(&steps)])[2], [(2 + 1 + TEXTURE + 1 + 2, 0)]);
+}
+
+#[test]
+fn a_barrier_holds_the_warps_of_a_group() {
+    let steps = |before| [step([before, 0, 0, 0], RequestKind::Barrier), step([1, 0, 0, 0], RequestKind::End)];
+    // The ninth instruction of the second warp is issued in 3 + 48; the others of its group go on with it in the cycle after. A warp
+    // of another group, which issues its third in 4 + 12 and waits for nobody, is long gone.
+    let group = |before, number, siblings| Work::of_group(&steps(before), number, siblings, 0);
+    let work = [group(3, 1, 2), group(9, 1, 2), group(3, 2, 1)];
+    assert_eq!(run_all(&config(), &work)[1], [(16 + 1 + 2, 2), (52 + 2, 1), (53 + 2, 1)]);
+    // A warp that ends does not hold the others up.
+    let work = [Work::of_group(&to_the_end([1, 0, 0, 0]), 1, 2, 0), group(3, 1, 2)];
+    assert_eq!(run_all(&config(), &work)[1], [(2 + 2, 1), (3 + 12 + 1 + 2, 1)]);
+}
+
+#[test]
+fn a_workgroup_comes_whole() {
+    // Three places, groups of two: the second group comes when two places are free. Its warps issue their tenth instructions in
+    // 58 + 54 and a cycle later.
+    let group = |number| Work::of_group(&to_the_end([10, 0, 0, 0]), number, 2, 0);
+    let work = [group(1), group(1), group(2), group(2)];
+    let config = CoreConfig { warps: 3, ..config() };
+    assert_eq!(run_all(&config, &work)[1], [(56 + 2, 1), (57 + 2, 1), (58 + 54 + 2, 2), (59 + 54 + 2, 2)]);
+}
+
+#[test]
+fn workgroup_memory_is_held_until_the_whole_group_is_done() {
+    // The first warp ends after one instruction, the second after ten: in 3 + 54, and leaves a cycle later. Only then is there
+    // memory for the second group, whose warps issue for the first time in 59 and 60.
+    let group = |number, count| Work::of_group(&to_the_end([count, 0, 0, 0]), number, 2, 10_000);
+    let work = [group(1, 1), group(1, 10), group(2, 1), group(2, 1)];
+    assert_eq!(run_all(&config(), &work)[1], [(2 + 2, 1), (57 + 2, 1), (59 + 2, 2), (60 + 2, 2)]);
+}
+
+#[test]
+fn vertices_come_before_workgroups_and_fragments() {
+    // One place. A warp of one instruction is taken in t, issues in t + 1, leaves in t + 2, in which the next is taken.
+    let of = |program| Work { program, ..Work::fragments(&to_the_end([1, 0, 0, 0])) };
+    let work = [of(Program::Fragment), of(Program::Compute), of(Program::Vertex)];
+    let config = CoreConfig { warps: 1, ..config() };
+    let [vertices, groups, fragments] = run_all(&config, &work);
+    assert_eq!((vertices[0].0, groups[0].0, fragments[0].0), (3 + 1, 5 + 1, 7 + 1));
+}
+
+/// When the warps of a workgroup leave a core that has a place for one.
+fn in_turns(steps: &[&[Step]]) -> Vec<Cycle> {
+    let group = |steps: &&[Step]| Work::of_group(steps, 1, 3, 0);
+    let work: Vec<Work> = steps.iter().map(group).collect();
+    let times = |config: &CoreConfig| run_all(config, &work)[1].iter().map(|&(at, _)| at).collect::<Vec<_>>();
+    let one = times(&CoreConfig { warps: 1, ..config() });
+    // With registers for one it is the same. One that asks for more than there is runs alone.
+    assert_eq!(times(&CoreConfig { registers: 512, ..config() }), one);
+    assert_eq!(times(&CoreConfig { registers: 500, ..config() }), one);
+    one
+}
+
+#[test]
+fn warps_of_a_workgroup_that_is_larger_than_the_core_run_in_turns() {
+    // Without a barrier they come one after another: taken in t, issued in t + 1, gone in t + 2, in which the next is taken.
+    let end = to_the_end([1, 0, 0, 0]);
+    assert_eq!(in_turns(&[&end, &end, &end]), [4, 6, 8]);
+    // At a barrier a warp makes place in the cycle of its last instruction. The third does in 4, and all may go on.
+    let barrier = step([1, 0, 0, 0], RequestKind::Barrier);
+    let once = [barrier, end[0]];
+    assert_eq!(in_turns(&[&once, &once, &once]), [7, 9, 11]);
+    let twice = [barrier, barrier, end[0]];
+    assert_eq!(in_turns(&[&twice, &twice, &twice]), [10, 12, 14]);
+    // One that ends does not hold the others up: it has left in 3, they meet in 5.
+    assert_eq!(in_turns(&[&end, &once, &once]), [4, 8, 10]);
+    // It may be the last of all, which finds the others at the barrier: it ends in 4, leaves in 5, and they go on in that cycle.
+    assert_eq!(in_turns(&[&once, &once, &end]), [6, 8, 10]);
+    // A request is answered to the place that the warp has then.
+    let asks = [barrier, step([1, 0, 0, 0], RequestKind::Load), end[0]];
+    let (first, each) = (5 + 1 + TEXTURE + 1 + 2, 1 + 1 + TEXTURE + 1 + 1);
+    assert_eq!(in_turns(&[&asks, &asks, &asks]), [first, first + each, first + 2 * each]);
+}
+
+#[test]
+fn a_workgroup_in_turns_has_the_core_for_itself() {
+    // Two places. The group of three comes when the two of one warp each have left, and the one behind it when it has.
+    let steps = [step([1, 0, 0, 0], RequestKind::Barrier), step([1, 0, 0, 0], RequestKind::End)];
+    let group = |number, siblings, shared| Work::of_group(&steps, number, siblings, shared);
+    let mut work = vec![group(1, 1, 8_000), group(2, 1, 8_000)];
+    work.extend(vec![group(3, 3, 16_000); 3]);
+    work.push(group(4, 1, 16_000));
+    let config = CoreConfig { warps: 2, ..config() };
+    let order: Vec<u32> = run_all(&config, &work)[1].iter().map(|&(_, number)| number).collect();
+    assert_eq!(order, [1, 2, 3, 3, 3, 4]);
+}
+
+#[test]
+fn a_workgroup_whose_memory_does_not_fit_is_refused_by_name() {
+    let work = vec![Work::of_group(&to_the_end([1, 0, 0, 0]), 1, 2, 16_385); 2];
+    for clock in [Clock::EveryCycle, Clock::SkipIdle] {
+        let (mut circuit, mut card) = circuit(&config(), &work);
+        // Nothing can move after it: the machine looks for the fault before it looks for what is stuck.
+        let ran = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
+        let fault = card.fault.unwrap_or_else(|| panic!("{clock:?}: {ran:?}"));
+        assert!(matches!(fault, Fault::Resources { dispatch: 7, .. }));
+        assert_eq!(
+            fault.to_string(),
+            "dispatch 7: workgroup memory asks for 16385, and a core of this machine has 16384 (configuration key \
+             core.shared_bytes)"
+        );
+    }
+}

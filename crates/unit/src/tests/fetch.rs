@@ -1,0 +1,281 @@
+//! Vertex fetch: indices, reuse, attributes, batches.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::scenery::{card, draw};
+use crate::Card;
+use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts};
+use crate::tags::CacheCounts;
+use crate::token::{Kind, Piece, VertexBatch, WarpToken};
+use gfx::state::StepMode;
+use mem::Ideal;
+use num::Cycle;
+use sim::{Gate, One, Unit, Wiring};
+use work::*;
+
+sim::circuit! {
+    struct FetchCircuit for Card {
+        source: One<Source<Piece>>,
+        fetch: One<Fetch>,
+        core: Vec<Sink<WarpToken>>,
+        batches: One<Sink<VertexBatch>>,
+        retired: One<Source<WarpToken>>,
+        ideal: Option<Ideal>,
+    }
+}
+
+fn config() -> FetchConfig {
+    FetchConfig {
+        patience: 16,
+        indices_per_cycle: 2,
+        index_lines: 16,
+        reuse: 16,
+        lookups_per_cycle: 1,
+        skip_attributes: true,
+        cache_lines: 16,
+        cache_ways: 16,
+        misses: 64,
+        batches: 64,
+        latency: 1,
+        queue: 64,
+    }
+}
+
+/// Cycles from the request for a line to its answer.
+const MISS: Cycle = round_trip(LINE as u32);
+
+/// Vertices of a batch.
+const WIDTH: u32 = 4;
+
+/// What vertex fetch has done.
+#[derive(Debug, PartialEq)]
+struct Fetched {
+    /// When batches came to each core.
+    warps: Vec<Vec<Cycle>>,
+    /// When batches were announced: number, end in the stream, vertices.
+    batches: Vec<(Cycle, (u32, u32, u32))>,
+    cache: CacheCounts,
+    shaded: u64,
+    requests: u64,
+}
+
+/// Fetches the vertices of segments with so many cores to send them to, and retires batches at those cycles.
+fn fetched(
+    config: &FetchConfig,
+    cores: usize,
+    attributes: &[AttributeFetch],
+    segments: &[Segment],
+    retired: &[Cycle],
+) -> Fetched {
+    let mark = (0, Piece { slot: 0, kind: Kind::SEGMENT });
+    settle(
+        || {
+            let mut wiring = Wiring::new();
+            let ids = [wiring.unit("source", 0), wiring.unit("fetch", 0)];
+            let core_ids = wiring.bank("core", cores);
+            let ends = [wiring.unit("batches", 0), wiring.unit("retired", 0)];
+            let mut plan = memory(&mut wiring);
+            let (output, input) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
+            let (mut to_cores, mut core) = (Vec::new(), Vec::new());
+            for (index, &id) in core_ids.iter().enumerate() {
+                let (to, from) = wiring.channel("warps", index, FREE, ids[1], id);
+                to_cores.push((0, to));
+                core.push(Sink::new(from));
+            }
+            let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], ends[0]);
+            let (retire, from_assembly) = wiring.channel("retired", 0, FREE, ends[1], ids[1]);
+            let ports = FetchPorts {
+                input: FetchInput::Segments(input),
+                cores: to_cores,
+                batches: announce,
+                retired: from_assembly,
+                index: port(&mut plan, &mut wiring, ids[1]),
+                vertex: port(&mut plan, &mut wiring, ids[1]),
+                gate: Gate::default(),
+            };
+            let mut card = card(1);
+            let draw = Arc::new(Draw { attributes: attributes.to_vec(), ..draw() });
+            let mut pieces = Vec::new();
+            for (slot, segment) in segments.iter().enumerate() {
+                card.install(slot as u16, Arc::new(segment.clone()), draw.clone(), 0);
+                pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));
+            }
+            pieces.push(mark);
+            let done = retired.iter().enumerate().map(|(n, &at)| (at, WarpToken { warp: n as u32 })).collect();
+            let ideal = plan.build(&mut wiring).ideal;
+            let circuit = FetchCircuit::new(
+                wiring,
+                One(Source::new(pieces, output)),
+                One(Fetch::new(config.clone(), WIDTH, ports)),
+                core,
+                One(Sink::new(announced)),
+                One(Source::new(done, retire)),
+                ideal,
+            );
+            (circuit, card)
+        },
+        |c, _| c.batches.got.last().is_some_and(|(_, batch)| batch.kind == Kind::SEGMENT),
+        |c, card| {
+            assert_eq!(c.fetch.items(), card.funnel.vertices_in);
+            let batches = c.batches.log(|batch| (batch.number, batch.stream_end, batch.vertices));
+            Fetched {
+                warps: c.core.iter().map(Sink::times).collect(),
+                batches: batches[..batches.len() - 1].to_vec(),
+                cache: c.fetch.cache(),
+                shaded: card.funnel.vertices_shaded,
+                requests: c.ideal.as_ref().unwrap().counts().iter().map(|count| count.requests).sum(),
+            }
+        },
+    )
+}
+
+/// A segment that reads a stream of vertices, all of which have the same cost; `base` is the index of vertex 0.
+fn reading(stream: Vec<u32>, base: u32) -> Segment {
+    let count = stream.iter().filter(|&&vertex| vertex != u32::MAX).max().map_or(0, |&last| last + 1);
+    let vertices = (0..count).map(|index| Vertex { index: base + index, instance: 0, cost: 0, first_request: 0 }).collect();
+    let costs = CostTable::from(vec![Cost::from(vec![Step { instructions: [1, 0, 0, 0], then: RequestKind::End }])]);
+    Segment { stream, vertices, costs, ..Segment::default() }
+}
+
+/// A segment of so many vertices, none of them twice.
+fn fresh(count: u32) -> Segment {
+    reading((0..count).collect(), 0)
+}
+
+#[test]
+fn batches_fill_as_fast_as_indices_are_read() {
+    // The first indices are read in cycle 1; batch k is full when 4 (k + 1) of them are, starts in the next cycle, and is a cycle on
+    // the way. A segment ends with a batch of what is left, of nothing if need be.
+    for (rate, times) in [(1, [6, 10]), (2, [4, 6]), (4, [3, 4]), (8, [3, 3])] {
+        let config = FetchConfig { indices_per_cycle: rate, ..config() };
+        let got = fetched(&config, 1, &[], &[fresh(8)], &[]);
+        assert_eq!(got.warps, [times.to_vec()], "{rate} a cycle");
+        assert_eq!(got.batches, [(times[0], (0, 4, 4)), (times[1], (1, 8, 4)), (times[1], (2, 8, 0))]);
+    }
+    let got = fetched(&config(), 1, &[], &[fresh(6)], &[]);
+    assert_eq!((got.warps, got.batches), (vec![vec![4, 5]], vec![(4, (0, 4, 4)), (5, (1, 6, 2))]));
+    // Cores take turns.
+    assert_eq!(fetched(&config(), 2, &[], &[fresh(12)], &[]).warps, [vec![4, 8], vec![6]]);
+}
+
+#[test]
+fn a_vertex_is_shaded_once_while_it_is_among_the_last_few() {
+    // A strip as a list: 12 indices, 6 vertices. Read two a cycle: the fourth vertex comes in cycle 3, the sixth in cycle 6.
+    let strip = vec![0, 1, 2, 1, 2, 3, 2, 3, 4, 3, 4, 5];
+    let got = fetched(&config(), 1, &[], &[reading(strip.clone(), 0)], &[]);
+    assert_eq!((got.shaded, got.warps), (6, vec![vec![5, 8]]));
+    // Without reuse all twelve are shaded: one batch in two cycles.
+    let none = FetchConfig { reuse: 0, ..config() };
+    let got = fetched(&none, 1, &[], &[reading(strip, 0)], &[]);
+    assert_eq!((got.shaded, got.warps), (12, vec![vec![4, 6, 8]]));
+    // What an earlier segment of the draw has shaded counts too; a restart is read and is no vertex.
+    let got = fetched(&config(), 1, &[], &[fresh(4), reading(vec![0, 1, u32::MAX, 2, 3], 2)], &[]);
+    assert_eq!(got.shaded, 4 + 2);
+}
+
+/// Vertices shaded with a FIFO of so many, by the definition.
+fn fifo(stream: &[u32], places: usize) -> u64 {
+    let (mut held, mut shaded) = (VecDeque::new(), 0);
+    for vertex in stream {
+        if !held.contains(vertex) {
+            shaded += 1;
+            held.push_back(*vertex);
+            if held.len() > places {
+                held.pop_front();
+            }
+        }
+    }
+    shaded
+}
+
+#[test]
+fn reuse_on_a_grid_is_that_of_a_fifo() {
+    let (width, height) = (10, 10);
+    let mut stream = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let (a, b) = (y * (width + 1) + x, (y + 1) * (width + 1) + x);
+            stream.extend([a, b, a + 1, a + 1, b, b + 1]);
+        }
+    }
+    let shaded = |reuse| {
+        let config = FetchConfig { reuse, indices_per_cycle: 32, batches: 1024, ..config() };
+        fetched(&config, 1, &[], &[reading(stream.clone(), 0)], &[]).shaded
+    };
+    for places in 0..26 {
+        assert_eq!(shaded(places), fifo(&stream, places as usize), "a FIFO of {places}");
+    }
+    // Two rows fit: every vertex once. Half of that: the two rows of vertices of each row of squares.
+    assert_eq!(shaded(2 * (width + 1)), u64::from((width + 1) * (height + 1)));
+    assert_eq!(shaded(width), u64::from(2 * (width + 1) * height));
+}
+
+#[test]
+fn indices_come_from_memory_line_by_line() {
+    // 32 indices of 4 bytes are two lines. Both are asked for in cycle 1 and here a miss later.
+    let segment = Segment { index_address: Some(1 << 20), index_bytes: 4, ..fresh(32) };
+    let first = 1 + MISS;
+    let got = fetched(&config(), 1, &[], std::slice::from_ref(&segment), &[]);
+    assert_eq!(got.warps, [(0..8).map(|k| first + 1 + 2 * k + 2).collect::<Vec<_>>()]);
+    assert_eq!(got.requests, 2);
+    // With a buffer of one line the second is asked for in the cycle after the last index of the first was read.
+    let short = FetchConfig { index_lines: 1, ..config() };
+    let second = first + 8 + MISS;
+    let times = (0..4).map(|k| first + 1 + 2 * k + 2).chain((0..4).map(|k| second + 1 + 2 * k + 2));
+    assert_eq!(fetched(&short, 1, &[], &[segment], &[]).warps, [times.collect::<Vec<_>>()]);
+    // Only two indices of 2 bytes lie in the line where these begin.
+    let segment = Segment { index_address: Some((1 << 20) + 60), index_bytes: 2, ..fresh(4) };
+    assert_eq!(fetched(&short, 1, &[], &[segment], &[]).warps, [vec![first + 1 + MISS + 2]]);
+}
+
+const ATTRIBUTE: AttributeFetch = AttributeFetch { address: 1 << 22, stride: 32, step: StepMode::Vertex, bytes: 32 };
+
+#[test]
+fn attributes_come_from_memory_through_a_cache() {
+    // Two vertices share a line. One line is looked up a cycle: those of batch 0 in cycles 1 and 2, of batch 1 in 3 and 4. A batch
+    // starts when its last line is here.
+    let fast = FetchConfig { indices_per_cycle: 4, ..config() };
+    let got = fetched(&fast, 1, &[ATTRIBUTE], &[fresh(8)], &[]);
+    assert_eq!((got.warps, got.requests, got.cache.misses), (vec![vec![2 + MISS + 1, 4 + MISS + 1]], 4, 4));
+    // The first is announced to assembly as soon as it is full, the second when the first has gone.
+    assert_eq!(got.batches[..2], [(4, (0, 4, 4)), (2 + MISS + 1, (1, 8, 4))]);
+    // Two lookups a cycle: all four lines are asked for in cycles 1 and 2, and the port brings one a cycle.
+    let two = FetchConfig { lookups_per_cycle: 2, ..fast.clone() };
+    assert_eq!(fetched(&two, 1, &[ATTRIBUTE], &[fresh(8)], &[]).warps, [[1 + MISS + 1 + 1, 1 + MISS + 3 + 1]]);
+    // One miss at a time: each line is asked for when the one before is here.
+    let one = FetchConfig { misses: 1, ..fast.clone() };
+    assert_eq!(fetched(&one, 1, &[ATTRIBUTE], &[fresh(8)], &[]).warps, [[1 + 2 * MISS + 1, 1 + 4 * MISS + 1]]);
+    // The same vertices again, without reuse: their lines are there or on their way, and nothing more is asked for.
+    let again = FetchConfig { reuse: 0, ..fast.clone() };
+    let got = fetched(&again, 1, &[ATTRIBUTE], &[fresh(8), fresh(8)], &[]);
+    assert_eq!((got.warps, got.requests), (vec![vec![57, 59, 59, 59]], 4));
+    // An attribute over two lines takes two lookups: four vertices, eight lines, the last in cycle 8.
+    let wide = AttributeFetch { stride: 128, bytes: 100, ..ATTRIBUTE };
+    assert_eq!(fetched(&fast, 1, &[wide], &[fresh(4)], &[]).warps, [[8 + MISS + 1]]);
+    // That of an instance is the same line for all vertices.
+    let instance = AttributeFetch { step: StepMode::Instance, ..ATTRIBUTE };
+    let got = fetched(&fast, 1, &[instance], &[fresh(8)], &[]);
+    assert_eq!((got.warps, got.requests), (vec![vec![1 + MISS + 1; 2]], 1));
+}
+
+#[test]
+fn a_line_that_was_evicted_is_fetched_again() {
+    // A line a vertex; vertices 0, 1, 2 and 0 again.
+    let attribute = AttributeFetch { stride: 64, ..ATTRIBUTE };
+    let misses = |lines| {
+        let config = FetchConfig { reuse: 0, cache_lines: lines, cache_ways: lines, ..config() };
+        let got = fetched(&config, 1, &[attribute], &[reading(vec![0, 1, 2, 0], 0)], &[]);
+        (got.cache.misses, got.cache.evictions, got.requests)
+    };
+    assert_eq!(misses(4), (3, 0, 3));
+    assert_eq!(misses(2), (4, 2, 4));
+}
+
+#[test]
+fn batches_in_flight_are_bounded() {
+    // One at a time: the second is read when the first, which assembly gives back in cycle 100, is seen a cycle later.
+    let one = FetchConfig { batches: 1, ..config() };
+    assert_eq!(fetched(&one, 1, &[], &[fresh(8)], &[100, 200]).warps, [[4, 101 + 1 + 2]]);
+}

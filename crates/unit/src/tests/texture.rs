@@ -1,0 +1,203 @@
+//! Texture units: hits and misses, the rate of filters by mode, the FIFO that covers the latency of misses.
+
+use std::sync::Arc;
+
+use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
+use super::scenery::{card, draw, step, warp};
+use crate::Card;
+use crate::tags::CacheCounts;
+use crate::texture::{Texture, TextureConfig, TextureCounts};
+use crate::token::WarpToken;
+use crate::warp::Program;
+use mem::Ideal;
+use num::Cycle;
+use sim::{Circuit, One, Unit, Wiring};
+use work::*;
+
+sim::circuit! {
+    struct TextureCircuit for Card {
+        source: One<Source<WarpToken>>,
+        texture: One<Texture>,
+        sink: One<Sink<WarpToken>>,
+        ideal: Option<Ideal>,
+    }
+}
+
+fn config() -> TextureConfig {
+    TextureConfig {
+        quads_per_cycle: 16,
+        lookups_per_cycle: 32,
+        filters_per_cycle: 8,
+        skip_levels: true,
+        cache_lines: 1024,
+        cache_ways: 1024,
+        misses: 256,
+        fifo: 256,
+        latency: 20,
+        queue: 16,
+    }
+}
+
+/// Cycles from the request for a line to its answer.
+const MISS: Cycle = round_trip(LINE as u32);
+
+/// What the unit has done.
+#[derive(Debug, PartialEq)]
+struct Textured {
+    /// When warps were answered.
+    times: Vec<Cycle>,
+    cache: CacheCounts,
+    counts: TextureCounts,
+    read: u64,
+    written: u64,
+    requests: u64,
+}
+
+/// A warp: its quads, each a list of lines, and the operations of each.
+type Quads = (Vec<Vec<u32>>, u8);
+
+/// Answers warps that are all there from the beginning.
+fn textured(config: &TextureConfig, kind: RequestKind, warps: &[Quads]) -> Textured {
+    let from: Vec<_> = warps.iter().map(|warp| (0, warp.clone())).collect();
+    textured_from(config, kind, &from)
+}
+
+/// The same for warps that come at their cycles.
+fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Quads)]) -> Textured {
+    settle(
+        || {
+            let mut wiring = Wiring::new();
+            let ids = ["source", "texture", "sink"].map(|name| wiring.unit(name, 0));
+            let mut plan = memory(&mut wiring);
+            let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+            let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+            let costs = CostTable::from(vec![Cost::from(vec![step([0; 4], kind), step([1, 0, 0, 0], RequestKind::End)])]);
+            let mut tile = TileWork { costs: costs.clone(), ..TileWork::default() };
+            let mut card = card(1);
+            let mut items = Vec::new();
+            for (at, (quads, operations)) in warps {
+                let index = warp(&mut card, Program::Fragment, quads.len() as u32, 16, &costs);
+                card.warps[0][index].place = index;
+                for (item, lines) in card.warps[0][index].items.iter_mut().zip(quads) {
+                    item.request = tile.requests.len() as u32;
+                    let first_line = tile.lines.len() as u32;
+                    tile.requests.push(Request { first_line, lines: lines.len() as u8, operations: *operations });
+                    tile.lines.extend(lines);
+                }
+                items.push((*at, WarpToken { warp: index }));
+            }
+            card.install(0, Arc::new(Segment { tiles: vec![tile], ..Segment::default() }), Arc::new(draw()), 0);
+            let memory = port(&mut plan, &mut wiring, ids[1]);
+            let ideal = plan.build(&mut wiring).ideal;
+            let unit = One(Texture::new(config.clone(), 0, input, out, memory));
+            (TextureCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(got)), ideal), card)
+        },
+        |c, _| c.sink.got.len() == warps.len() && c.texture.resident() == 0 && c.wires().resident() == 0,
+        |c, _| {
+            let memory = c.ideal.as_ref().unwrap().counts()[0];
+            let order: Vec<_> = c.sink.got.iter().map(|(_, token)| token.warp).collect();
+            assert_eq!(order, (0..warps.len() as u32).collect::<Vec<_>>(), "answers come in order");
+            Textured {
+                times: c.sink.times(),
+                cache: c.texture.cache(),
+                counts: c.texture.counts(),
+                read: memory.read_bytes,
+                written: memory.write_bytes,
+                requests: memory.requests,
+            }
+        },
+    )
+}
+
+#[test]
+fn a_hit_takes_the_latency_and_a_miss_the_memory() {
+    // Addressed in cycle 1; the line is asked for in that cycle and is here a miss later; then filtered, and a cycle on the way.
+    let one = |lines: &[u32]| (vec![lines.to_vec()], 4);
+    let got = textured(&config(), RequestKind::Texture, &[one(&[5])]);
+    assert_eq!((got.times, got.cache.misses, got.read), (vec![1 + MISS + 1], 1, LINE));
+    // A second warp, long after: a hit. One that comes while the line is on its way counts as a hit too, and waits for it.
+    let late = [(0, one(&[5])), (10, one(&[5])), (200, one(&[5])), (200, one(&[5, 6]))];
+    let got = textured_from(&config(), RequestKind::Texture, &late);
+    assert_eq!(got.times, [56, 56, 201 + 20 + 1, 201 + MISS + 1]);
+    assert_eq!((got.cache.hits, got.cache.misses, got.counts.quads), (3, 2, 4));
+    // A miss shorter than the latency is covered by it.
+    let slow = TextureConfig { latency: 100, ..config() };
+    assert_eq!(textured(&slow, RequestKind::Texture, &[one(&[5])]).times, [1 + 100 + 1]);
+}
+
+#[test]
+fn lines_are_looked_up_at_their_rate() {
+    // Eight quads of four lines each, two of them lines of the quad before. One lookup a cycle: the last of 32 in cycle 32, by which
+    // time its line, which is new, is asked for.
+    let quads: Vec<Vec<u32>> = (0..8).map(|quad| (0..4).map(|line| 2 * quad + line).collect()).collect();
+    let warp = [(quads, 4)];
+    for (lookups, last) in [(1, 32), (4, 8), (8, 4), (32, 1)] {
+        let config = TextureConfig { lookups_per_cycle: lookups, ..config() };
+        let got = textured(&config, RequestKind::Texture, &warp);
+        // Eighteen lines are asked for; eight requests a cycle are what the port takes, and a line a cycle what it brings back.
+        let sent = last.max(18_u64.div_ceil(8));
+        let brought = (1 + 2 + 50 + 17 + 2).max(sent + MISS);
+        assert_eq!((got.times, got.cache.accesses, got.cache.misses), (vec![brought + 1], 32, 18), "{lookups} lookups");
+    }
+    // Two quads a cycle: the last in cycle 4, with lines that are there.
+    let two = TextureConfig { quads_per_cycle: 2, filters_per_cycle: 64, ..config() };
+    let same = (vec![vec![3]; 8], 4);
+    let got = textured_from(&two, RequestKind::Texture, &[(0, same.clone()), (200, same)]);
+    assert_eq!(got.times[1], 204 + 20 + 1);
+}
+
+#[test]
+fn filters_work_at_their_rate_by_mode() {
+    // Warps of eight quads with all lines there: 4 operations a quad are bilinear, 8 trilinear, 64 sixteen-fold anisotropic. At 8 a
+    // cycle entry k is begun (k operations) / 8 cycles after the first.
+    let warp = |operations| (vec![vec![3]; 8], operations);
+    for operations in [4_u8, 8, 64, 12] {
+        let got =
+            textured_from(&config(), RequestKind::Texture, &[(0, warp(4)), (200, warp(operations)), (200, warp(operations))]);
+        let begun = |entry: u64| 201 + 20 + entry * u64::from(operations) / 8;
+        assert_eq!(got.times[1..], [begun(7) + 1, begun(15) + 1], "{operations} operations");
+        assert_eq!(got.counts.operations, 8 * (4 + 2 * u64::from(operations)));
+    }
+}
+
+#[test]
+fn the_fifo_covers_the_latency_as_far_as_it_goes() {
+    // A quad a cycle, each with a line of its own. With places for all that are asked for during a miss, nothing is lost; with fewer
+    // places D, a quad can be addressed when the one D before it leaves: D quads in the time of a miss.
+    let warps: Vec<_> = (0..160).map(|line| (vec![vec![line]], 1)).collect();
+    for places in [1, 8, 40, 54, 55, 128] {
+        for (fifo, misses) in [(places, 256), (256, places)] {
+            let config = TextureConfig { quads_per_cycle: 1, fifo, misses, ..config() };
+            let got = textured(&config, RequestKind::Texture, &warps);
+            let (last, places) = (159, u64::from(places));
+            let addressed = if places >= MISS { 1 + last } else { 1 + last % places + last / places * MISS };
+            assert_eq!(*got.times.last().unwrap(), addressed + MISS + 1, "{fifo} places, {misses} misses");
+        }
+    }
+}
+
+#[test]
+fn stores_and_atomics_take_the_same_way() {
+    // A store is answered after the latency: nothing comes back. Its bytes are those of the words that it moves.
+    let warp = [(vec![vec![1, 2]], 16)];
+    let got = textured(&config(), RequestKind::Store, &warp);
+    assert_eq!((got.times, got.written, got.read, got.counts.accesses), (vec![1 + 20 + 1], 64, 0, 1));
+    // An atomic is done in memory, each time anew.
+    let got = textured(&config(), RequestKind::Atomic, &[warp[0].clone(), warp[0].clone()]);
+    assert_eq!((got.requests, got.written, got.cache.accesses), (4, 16, 0));
+    assert_eq!(got.times, [1 + MISS + 1, 1 + MISS + 1]);
+    // A load goes through the cache and takes no filter.
+    let got = textured(&config(), RequestKind::Load, &[(vec![vec![7]; 8], 4)]);
+    assert_eq!((got.times, got.counts.operations, got.counts.accesses), (vec![1 + MISS + 1], 0, 8));
+}
+
+#[test]
+fn the_least_recently_used_line_of_a_set_goes() {
+    // Lines 0, 1, 2, 0 in turn: a cache of two lines has lost line 0.
+    let warps: Vec<_> = [0, 1, 2, 0].map(|line| (vec![vec![line]], 1)).to_vec();
+    let misses = |lines| {
+        let config = TextureConfig { cache_lines: lines, cache_ways: lines, ..config() };
+        textured(&config, RequestKind::Texture, &warps).cache.misses
+    };
+    assert_eq!((misses(2), misses(4)), (4, 3));
+}

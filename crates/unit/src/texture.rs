@@ -1,0 +1,350 @@
+//! A texture unit, one a core: addresses, a first-level cache of 64-byte lines, a FIFO that covers the latency of misses, and
+//! filters. Loads, stores and atomics of shaders take the same way.
+
+use std::collections::VecDeque;
+
+use super::apply::{Touch, Touching};
+use super::card::Card;
+use super::misses::Misses;
+use super::tags::{CacheCounts, Tags};
+use super::token::WarpToken;
+use super::warp::{Item, Program, Warp, costs};
+use crate::knob::Allowed;
+use mem::MemoryPort;
+use num::Cycle;
+use sim::{In, Out, Tick, Unit, Wires};
+use work::{LINE, Request, RequestKind};
+
+crate::knobs! {
+    /// A texture unit.
+    pub struct TextureConfig {
+        /// Quads addressed a cycle.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels a cycle and quad pipe; 8 texels a cycle an SM of 2014"],
+        /// Lines looked up in the cache a cycle.
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
+        /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
+        filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
+        /// Whether a sample between two levels asks for the second only where that has a weight.
+        skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
+        /// 64-byte lines of the first-level cache; a multiple of its ways, or fewer than they are.
+        cache_lines: u32 ["lines", Allowed::Range(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
+        /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
+        /// Misses in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory at half a miss a cycle"],
+        /// Quads between address and filter.
+        fifo: u32 ["quads", Allowed::Range(1, 4096), "ATTILA bGPU.ini TextureAccessQueue = 256"],
+        /// Cycles from address to filter where all lines are in the cache.
+        latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini AddressALULatency + FilterALULatency = 10, and the cache"],
+        /// Warps queued before the unit.
+        queue: u32 ["warps", Allowed::Range(2, 256), "ATTILA bGPU.ini TextureRequestQueueSize = 512 texels"],
+    }
+}
+
+/// A quad on its way through the latency-covering FIFO.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// It can be filtered when all misses before this number are back,
+    needs: u32,
+    /// and not before this cycle.
+    from: Cycle,
+    /// Filter operations.
+    operations: u32,
+    /// The place of the warp to be answered after it, if it is the warp's last.
+    answer: Option<u32>,
+}
+
+/// Where the unit is in the warp at the head of its input.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    item: usize,
+    line: u32,
+    needs: Option<u32>,
+}
+
+stats::counters! {
+    /// What a texture unit counts.
+    pub struct TextureCounts {
+        /// Quads with a texture request.
+        quads: "quads",
+        /// Bilinear filter operations.
+        operations: "operations",
+        /// Requests of buffer loads, stores and atomics.
+        accesses: "requests",
+    }
+}
+
+/// A texture unit. Its items are requests of quads.
+pub struct Texture {
+    config: TextureConfig,
+    cluster: usize,
+    input: In<WarpToken>,
+    output: Out<WarpToken>,
+    memory: MemoryPort,
+    tags: Tags<u32>,
+    misses: Misses,
+    fifo: VecDeque<Entry>,
+    place: Place,
+    /// When the filters are free, in cycles times their rate.
+    free_at: u64,
+    /// The pass or dispatch that the cache's contents belong to.
+    epoch: u32,
+    items: u64,
+    counts: TextureCounts,
+}
+
+impl Texture {
+    /// An empty one, serving warps of a cluster.
+    pub fn new(
+        config: TextureConfig,
+        cluster: usize,
+        input: In<WarpToken>,
+        output: Out<WarpToken>,
+        memory: MemoryPort,
+    ) -> Texture {
+        Texture {
+            cluster,
+            input,
+            output,
+            memory,
+            tags: Tags::new(config.cache_lines, config.cache_ways),
+            misses: Misses::new(config.misses),
+            fifo: VecDeque::with_capacity(config.fifo as usize),
+            place: Place::default(),
+            free_at: 0,
+            epoch: 0,
+            items: 0,
+            counts: TextureCounts::default(),
+            config,
+        }
+    }
+
+    /// What it has done.
+    pub fn counts(&self) -> TextureCounts {
+        self.counts
+    }
+
+    /// What its cache has done.
+    pub fn cache(&self) -> CacheCounts {
+        self.tags.counts()
+    }
+
+    /// Has a line looked up without any time: it is in the cache then, and nothing is counted.
+    pub(super) fn visit(&mut self, line: u32, epoch: u32, memory: &mut Touching) {
+        if self.epoch != epoch {
+            self.epoch = epoch;
+            self.tags.clear();
+        }
+        let (key, counts) = (u64::from(line), self.tags.counts());
+        if self.tags.find(key).is_none() {
+            memory.push(Touch { address: key * LINE, bytes: LINE as u32, write: false });
+            if let Some(place) = self.tags.victim(key, |_| true) {
+                self.tags.replace(place, key, self.misses.frontier());
+            }
+        }
+        self.tags.recount(counts);
+    }
+
+    /// An item's request and the lines of it that are left from `line` on.
+    #[inline(always)]
+    fn request<'a>(card: &'a Card, warp: &Warp, item: &Item, line: u32) -> (&'a Request, &'a [u32]) {
+        let (requests, lines) = match warp.program {
+            Program::Fragment => {
+                let tile = &card.work(warp.slot).segment.tiles[item.source as usize];
+                (&tile.requests, &tile.lines)
+            }
+            Program::Vertex => {
+                let segment = &card.work(warp.slot).segment;
+                (&segment.requests, &segment.lines)
+            }
+            Program::Compute => {
+                let groups = &card.compute(warp.slot).groups;
+                (&groups.requests, &groups.lines)
+            }
+        };
+        let request = &requests[item.request as usize];
+        (request, &lines[(request.first_line + line) as usize..(request.first_line + u32::from(request.lines)) as usize])
+    }
+
+    /// Filters entries whose lines are there, in order.
+    #[inline(always)]
+    fn filter(&mut self, wires: &mut Wires) -> Tick {
+        let mut did = Tick::Starved;
+        let rate = u64::from(self.config.filters_per_cycle);
+        let now = wires.now();
+        while let Some(entry) = self.fifo.front() {
+            if !self.misses.reached(entry.needs) {
+                return did.or(Tick::Memory);
+            }
+            if entry.from > now {
+                wires.sleep_until(entry.from);
+                return did.or(Tick::Working);
+            }
+            if self.free_at >= (now + 1) * rate {
+                wires.sleep_until(self.free_at / rate);
+                return did.or(Tick::Working);
+            }
+            if let Some(place) = entry.answer
+                && !wires.try_push(&self.output, WarpToken { warp: place })
+            {
+                return did.or(Tick::Blocked);
+            }
+            self.free_at = self.free_at.max(now * rate) + u64::from(entry.operations);
+            self.fifo.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Looks lines up for the warp at the head of the input, quad after quad.
+    #[inline(always)]
+    fn address(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut quads = self.config.quads_per_cycle;
+        let mut lookups = self.config.lookups_per_cycle;
+        while let Some(token) = wires.front(&self.input) {
+            // What an earlier pass or dispatch has written is not in the cache any more.
+            if self.epoch != card.epoch {
+                self.epoch = card.epoch;
+                self.tags.clear();
+            }
+            let items = card.warps[self.cluster][token.warp].items.len();
+            while self.place.item < items {
+                let warp = &card.warps[self.cluster][token.warp];
+                let item = warp.items[self.place.item];
+                let last = self.place.item + 1 == items;
+                let kind = warp.then(self.place.item, || &costs(card, warp.program, warp.slot, &item)[item.cost]);
+                if !kind.has_request() {
+                    if !last {
+                        self.place.item += 1;
+                        continue;
+                    }
+                    // The answer still goes out behind the requests of the others.
+                    if self.fifo.len() as u32 == self.config.fifo {
+                        return did.or(Tick::Blocked);
+                    }
+                    let place = warp.place;
+                    self.enter(wires.now(), None, 0, Some(place));
+                    did = Tick::Moved;
+                    continue;
+                }
+                if self.fifo.len() as u32 == self.config.fifo {
+                    return did.or(Tick::Blocked);
+                }
+                if quads == 0 {
+                    return Tick::Moved;
+                }
+                let (request, lines) = Self::request(card, warp, &item, self.place.line);
+                for &line in lines {
+                    if lookups == 0 {
+                        return Tick::Moved;
+                    }
+                    match kind {
+                        RequestKind::Texture | RequestKind::Load => {
+                            if let Some(place) = self.tags.find(u64::from(line)) {
+                                // A line still on its way is waited for like a miss of one's own.
+                                let needs = *self.tags.data(place);
+                                if !self.misses.reached(needs) {
+                                    self.place.needs = self.misses.later(self.place.needs, needs);
+                                }
+                            } else {
+                                if self.misses.room() == 0 {
+                                    return did.or(Tick::Memory);
+                                }
+                                if !self.memory.can_send(wires) {
+                                    return did.or(Tick::Blocked);
+                                }
+                                let tag = self.misses.issue();
+                                self.memory.read(wires, u64::from(line) * LINE, LINE as u32, tag);
+                                self.place.needs = Some(self.misses.issued());
+                                let place = self.tags.victim(u64::from(line), |_| true).expect("any line may go");
+                                self.tags.replace(place, u64::from(line), self.misses.issued());
+                            }
+                        }
+                        RequestKind::Store => {
+                            if !self.memory.can_send(wires) {
+                                return did.or(Tick::Blocked);
+                            }
+                            self.memory.write(wires, u64::from(line) * LINE, stored_bytes(request));
+                        }
+                        _ => {
+                            if self.misses.room() == 0 {
+                                return did.or(Tick::Memory);
+                            }
+                            if !self.memory.can_send(wires) {
+                                return did.or(Tick::Blocked);
+                            }
+                            let tag = self.misses.issue();
+                            self.memory.atomic(wires, u64::from(line) * LINE, 4, tag);
+                            self.place.needs = Some(self.misses.issued());
+                        }
+                    }
+                    lookups -= 1;
+                    self.place.line += 1;
+                    did = Tick::Moved;
+                }
+                quads -= 1;
+                let operations = match kind {
+                    RequestKind::Texture => {
+                        self.counts.quads += 1;
+                        self.counts.operations += u64::from(request.operations);
+                        u32::from(request.operations)
+                    }
+                    _ => {
+                        self.counts.accesses += 1;
+                        0
+                    }
+                };
+                self.items += 1;
+                let (needs, place) = (self.place.needs, warp.place);
+                // The part goes on to its next request, for the step after this one.
+                card.warps[self.cluster][token.warp].items[self.place.item].request += 1;
+                self.enter(wires.now(), needs, operations, last.then_some(place));
+                did = Tick::Moved;
+            }
+            self.place = Place::default();
+            wires.pop(&self.input);
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// An entry goes into the FIFO, and the next part of the warp is at hand.
+    #[inline(always)]
+    fn enter(&mut self, now: Cycle, needs: Option<u32>, operations: u32, answer: Option<u32>) {
+        let needs = needs.unwrap_or(self.misses.frontier());
+        self.fifo.push_back(Entry { needs, from: now + Cycle::from(self.config.latency), operations, answer });
+        self.place = Place { item: self.place.item + 1, line: 0, needs: None };
+    }
+}
+
+/// Bytes that a store writes into each of its lines.
+pub(super) fn stored_bytes(request: &Request) -> u32 {
+    (u32::from(request.operations) * 4 / u32::from(request.lines).max(1)).clamp(4, 64)
+}
+
+impl Unit<Card> for Texture {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+
+        // 1. Lines that have come.
+        while let Some(tag) = self.memory.answer(wires) {
+            self.misses.answer(tag);
+            did = Tick::Moved;
+        }
+
+        // 2. Filter what is complete; it leaves in order.
+        did = did.or(self.filter(wires));
+
+        // 3. Address the next quads.
+        did.or(self.address(wires, card))
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.fifo.len() as u64 + u64::from(self.misses.in_flight())
+    }
+}

@@ -1,0 +1,192 @@
+//! Reading of tiles, one unit a pipeline of a binning machine: reads the list of a tile and its triangles from memory, and sends the
+//! triangles to setup in the list's order.
+
+use std::collections::VecDeque;
+
+use super::bin::BinConfig;
+use super::card::Card;
+use super::misses::Misses;
+use super::sorting::Waits;
+use super::token::{Kind, TileToken, TriangleToken};
+use mem::{MemoryPort, requests};
+use sim::{Gate, In, Out, Tick, Unit, Wires};
+
+/// Ports of tile reading.
+pub struct TileFetchPorts {
+    /// Tiles and fences.
+    pub input: In<TileToken>,
+    /// All lists are read, to binning.
+    pub read: Out<TileToken>,
+    /// Triangles, to setup.
+    pub output: Out<TriangleToken>,
+    /// Memory.
+    pub memory: MemoryPort,
+    /// Where it is told what it waits for.
+    pub gate: Gate,
+}
+
+/// A triangle whose bytes are on their way, or a mark.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    token: TriangleToken,
+    needs: u32,
+}
+
+/// Tile reading. Its items are triangles.
+pub struct TileFetch {
+    config: BinConfig,
+    ports: TileFetchPorts,
+    misses: Misses,
+    /// The next entry of the tile at hand, the bytes of its list before that entry, and the chunks of the list requested.
+    next: usize,
+    offset: u64,
+    chunks: usize,
+    /// Requests to be sent: address and bytes.
+    requests: VecDeque<(u64, u32)>,
+    fifo: VecDeque<Entry>,
+    items: u64,
+}
+
+impl TileFetch {
+    /// An idle one.
+    pub fn new(config: BinConfig, ports: TileFetchPorts) -> TileFetch {
+        TileFetch {
+            misses: Misses::new(config.misses),
+            next: 0,
+            offset: 0,
+            chunks: 0,
+            requests: VecDeque::new(),
+            fifo: VecDeque::with_capacity(config.fifo as usize + 1),
+            items: 0,
+            config,
+            ports,
+        }
+    }
+
+    /// Requests bytes; gives how many.
+    fn request(&mut self, address: u64, bytes: u32) -> u64 {
+        self.requests.extend(requests(address, bytes));
+        u64::from(bytes)
+    }
+
+    /// Reads the tile at hand as far as there is room.
+    fn read(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        loop {
+            let Some(TileToken { tile, slot, kind }) = wires.front(&self.ports.input) else { return did };
+            if self.fifo.len() >= self.config.fifo as usize {
+                return did.or(Tick::Blocked);
+            }
+            if !self.requests.is_empty() {
+                return did.or(Tick::Memory);
+            }
+            let needs = self.misses.issued();
+            // 1. A fence goes on behind the triangles before it; the last token of a round only says that all is read.
+            if kind == Kind::END {
+                if !wires.try_push(&self.ports.read, TileToken { tile, slot, kind }) {
+                    return did.or(Tick::Blocked);
+                }
+                wires.take(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
+            if kind != Kind::DATA {
+                let token = TriangleToken { slot, kind, sequence: 0, triangle: 0 };
+                self.fifo.push_back(Entry { token, needs });
+                wires.take(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            }
+            // 2. The end of the tile.
+            let Some(&entry) = card.bins[tile as usize].entries.get(self.next) else {
+                let token = TriangleToken { slot, kind: Kind::TILE, sequence: tile, triangle: 0 };
+                self.fifo.push_back(Entry { token, needs });
+                (self.next, self.offset, self.chunks) = (0, 0, 0);
+                wires.take(&self.ports.input);
+                did = Tick::Moved;
+                continue;
+            };
+            // 3. A triangle: the chunk of the list that names it, and its own bytes.
+            let list = &card.bins[tile as usize];
+            let end = self.offset + u64::from(entry.bytes);
+            let mut bytes = 0;
+            while self.chunks < list.chunks.len() && (self.chunks as u64) * super::bin::CHUNK < end {
+                let chunk = list.chunks[self.chunks];
+                let length = (list.bytes - self.chunks as u64 * super::bin::CHUNK).min(super::bin::CHUNK);
+                bytes += self.request(chunk, length as u32);
+                self.chunks += 1;
+            }
+            bytes += self.request(entry.address, self.config.triangle_bytes);
+            card.bins[tile as usize].read_bytes += bytes;
+            self.offset = end;
+            self.next += 1;
+            let needs = self.misses.issued().wrapping_add(self.requests.len() as u32);
+            let token = TriangleToken { slot: entry.slot, kind: Kind::DATA, sequence: tile, triangle: entry.triangle };
+            self.fifo.push_back(Entry { token, needs });
+            did = Tick::Moved;
+        }
+    }
+}
+
+impl TileFetch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Memory.
+        let mut did = Tick::Starved;
+        while let Some(tag) = self.ports.memory.answer(wires) {
+            self.misses.answer(tag);
+            did = Tick::Moved;
+        }
+
+        // 2. Triangles that are here go on.
+        while let Some(&Entry { token, needs }) = self.fifo.front() {
+            if !self.misses.reached(needs) {
+                did = did.or(Tick::Memory);
+                break;
+            }
+            if !wires.try_push(&self.ports.output, token) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.items += u64::from(token.kind == Kind::DATA);
+            self.fifo.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 3. Requests go to memory, and the next are made.
+        loop {
+            while let Some(&(address, bytes)) = self.requests.front() {
+                if self.misses.room() == 0 {
+                    return did.or(Tick::Memory);
+                }
+                if !self.ports.memory.can_send(wires) {
+                    return did.or(Tick::Blocked);
+                }
+                let tag = self.misses.issue();
+                self.ports.memory.read(wires, address, bytes, tag);
+                self.requests.pop_front();
+                did = Tick::Moved;
+            }
+            let read = self.read(wires, card);
+            did = did.or(read);
+            if self.requests.is_empty() {
+                return did;
+            }
+        }
+    }
+}
+
+impl Unit<Card> for TileFetch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        (self.fifo.len() + self.requests.len() + self.next) as u64 + u64::from(self.misses.in_flight())
+    }
+}

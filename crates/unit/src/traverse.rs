@@ -1,0 +1,542 @@
+//! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
+//! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
+
+use super::card::{Ahead, Card, Group, PassState, Work};
+use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
+use crate::knob::Allowed;
+use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
+use num::prefetch;
+use sim::{In, Out, Tick, Unit, Wires};
+use work::{BLOCK, Block, End, Quad, TILE, Triangle};
+
+crate::choices! {
+    /// When the hierarchical Z buffer learns of new depths.
+    pub enum HierarchicalUpdate {
+        /// When a block leaves the Z cache.
+        Eviction "eviction",
+        /// At every write.
+        Write "write",
+    }
+}
+
+crate::knobs! {
+    /// Traversal of triangles in blocks of 8x8 pixels.
+    pub struct TraverseConfig {
+        /// Blocks with coverage a cycle.
+        blocks_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 8), "ATTILA bGPU.ini GenWidth x GenHeight = 8 x 8 a cycle"],
+        /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
+        /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
+        tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
+        /// Quads sent on a cycle.
+        quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
+        /// Cycles from here to the early depth test.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "ATTILA bGPU.ini HZAccessLatency = 5, HZUpdateLatency = 4"],
+        /// Groups of quads queued before the early depth test.
+        queue: u32 ["groups", Allowed::Range(2, 4096), "ATTILA bGPU.ini EarlyZQueueSize = 256 stamps"],
+        /// Whether blocks are tested against the hierarchical Z buffer.
+        hierarchical_z: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableHZ = FALSE"],
+        /// Whether blocks that are certain to pass are passed on the strength of it. What is then written whole is not read from
+        /// memory, nor is what is not written at all.
+        hierarchical_accept: bool ["", Allowed::Switch, "ATI's HyperZ of 2002 on; off where a card has one bound a block"],
+        /// When the hierarchical Z buffer learns of new depths.
+        hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "ATTILA updates it from the Z cache's evicted lines"],
+        /// Cycles from the ROP to the hierarchical Z buffer.
+        hierarchical_latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini HZUpdateLatency = 4"],
+        /// Updates queued before the hierarchical Z buffer.
+        hierarchical_queue: u32 ["updates", Allowed::Range(2, 1024), "enough never to hold up the ROP"],
+    }
+}
+
+/// Where a rasteriser finds blocks, and whose they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Territory {
+    /// In the tiles that its pipeline owns.
+    Tiles,
+    /// On the whole screen; each block belongs to the pipeline that owns its tile.
+    Screen,
+    /// On the whole screen, all of which is its pipeline's own.
+    Copy,
+    /// In one tile after the other of so many blocks across; each triangle comes with the number of the tile.
+    Bins(u32),
+}
+
+/// Bounds on the stored depths of a block, as ordered keys.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    min: u32,
+    max: u32,
+}
+
+/// The hierarchical Z buffer: a bound each way, kept while the writes of the pass cannot break it.
+#[derive(Debug, Default)]
+struct HierarchicalZ {
+    bounds: Vec<Bounds>,
+    /// Whether no write of this pass can have raised a depth above `max`, or lowered it below `min`.
+    max_valid: bool,
+    min_valid: bool,
+    /// Bounds on what a block holds once all that went through here is tested, where blocks are accepted; else none. Only the
+    /// beginning of a pass narrows them.
+    outer: Vec<Bounds>,
+}
+
+stats::counters! {
+    /// What is found out beside what hierarchical Z throws away.
+    pub struct TraverseCounts {
+        /// Triangles that end here, since all of their bounds hold no sample of them: where geometry does not find that out.
+        ended: "triangles",
+        /// Blocks tested for them.
+        blocks_in_vain: "blocks",
+        /// Blocks covered whole: their edges need no test.
+        whole: "blocks",
+        /// Blocks certain to pass the early test.
+        accepted: "blocks",
+        /// Of these, those that are not written.
+        unwritten: "blocks",
+    }
+}
+
+/// Where in the triangle at hand the unit is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    /// A triangle is at hand.
+    active: bool,
+    slot: u16,
+    sequence: u32,
+    triangle: u32,
+    /// Visit, block in it, quad in it.
+    visit: u32,
+    block: u32,
+    quad: u32,
+    /// Whether the block has been tested, and what is known of it then.
+    tested: bool,
+    ahead: Ahead,
+    /// Blocks of the bounding box still to be found empty.
+    empty: u32,
+}
+
+/// Traversal. Its items are quads with coverage, those culled included.
+pub struct Traverse {
+    config: TraverseConfig,
+    pipeline: u8,
+    territory: Territory,
+    input: In<TriangleToken>,
+    updates: Option<In<DepthBounds>>,
+    output: Out<GroupToken>,
+    place: Place,
+    hierarchical: HierarchicalZ,
+    /// The pass that `hierarchical` belongs to.
+    pass: u32,
+    counts: TraverseCounts,
+    items: u64,
+}
+
+/// Pixels of a quad with a sample covered.
+#[inline(always)]
+pub fn fragments(coverage: u16) -> u32 {
+    // The numbers of bits of 0 to 15, in four bits each: the plain target has no instruction that counts them.
+    const BITS: u64 = 0x4332_3221_3221_2110;
+    let pixels = (coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15;
+    (BITS >> (4 * pixels)) as u32 & 15
+}
+
+impl Traverse {
+    /// An empty one, for one pipeline. Without `updates` its hierarchical Z buffer knows only how the pass began.
+    pub fn new(
+        config: TraverseConfig,
+        pipeline: u8,
+        territory: Territory,
+        input: In<TriangleToken>,
+        updates: Option<In<DepthBounds>>,
+        output: Out<GroupToken>,
+    ) -> Traverse {
+        Traverse {
+            config,
+            pipeline,
+            territory,
+            input,
+            updates,
+            output,
+            place: Place::default(),
+            hierarchical: HierarchicalZ::default(),
+            pass: u32::MAX,
+            counts: TraverseCounts::default(),
+            items: 0,
+        }
+    }
+
+    /// Where it finds blocks.
+    pub(super) fn territory(&self) -> Territory {
+        self.territory
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> TraverseCounts {
+        self.counts
+    }
+
+    /// Whether this unit traverses what a pipeline owns.
+    #[inline(always)]
+    fn enters(&self, owner: u8) -> bool {
+        self.territory != Territory::Tiles || owner == self.pipeline
+    }
+
+    /// Whether this unit, which has its triangle for one tile, traverses a block.
+    #[inline(always)]
+    fn in_bin(&self, card: &Card, x: u32, y: u32) -> bool {
+        let Territory::Bins(side) = self.territory else { return true };
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        y / side * across + x / side == self.place.sequence
+    }
+
+    /// The visit of a triangle that its tile is in. Visits are in the order of tiles, and a tile to be drawn is no larger than those.
+    fn visit_of_bin(&self, card: &Card, work: &Work, triangle: &Triangle, number: u32, side: u32) -> u32 {
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
+        let visits = work.visits(triangle);
+        let at = |visit: &work::Visit| {
+            let tile = &work.segment.tiles[visit.tile as usize];
+            (u32::from(tile.y), u32::from(tile.x))
+        };
+        visits.partition_point(|visit| at(visit) < (y, x)) as u32
+    }
+
+    /// Of a triangle's visits the one that its tile is in, if it is there.
+    fn bin_visits<'a>(&self, card: &Card, work: &'a Work, triangle: &Triangle) -> &'a [work::Visit] {
+        let visits = work.visits(triangle);
+        if self.past_bin(card, work, triangle) { &[] } else { &visits[self.place.visit as usize..][..1] }
+    }
+
+    /// Whether the visit at hand is no longer that of the tile that the triangle came for.
+    fn past_bin(&self, card: &Card, work: &Work, triangle: &Triangle) -> bool {
+        let Territory::Bins(side) = self.territory else { return false };
+        let Some(visit) = work.visits(triangle).get(self.place.visit as usize) else { return true };
+        let across = card.pass.as_ref().map_or(1, |pass| pass.blocks_across).div_ceil(side);
+        let number = self.place.sequence;
+        let (x, y) = (number % across * side * BLOCK / TILE, number / across * side * BLOCK / TILE);
+        let tile = &work.segment.tiles[visit.tile as usize];
+        (u32::from(tile.x), u32::from(tile.y)) != (x, y)
+    }
+
+    /// Makes the hierarchical Z buffer that of the current pass.
+    #[cold]
+    fn begin_pass(&mut self, pass: &PassState) {
+        self.pass = pass.number;
+        let Some(start) = pass.depth_start else { return };
+        let hierarchical = &mut self.hierarchical;
+        // Who finds all that is drawn in a block, and before any other unit does, knows how far its depths can go.
+        if self.config.hierarchical_z
+            && self.config.hierarchical_accept
+            && matches!(self.territory, Territory::Tiles | Territory::Copy)
+        {
+            let (min, max) = start.bounds.unwrap_or((0, u32::MAX));
+            hierarchical.outer.clear();
+            hierarchical.outer.resize(pass.blocks, Bounds { min, max });
+        }
+        if let Some((min, max)) = start.bounds {
+            hierarchical.bounds.clear();
+            hierarchical.bounds.resize(pass.blocks, Bounds { min, max });
+            (hierarchical.max_valid, hierarchical.min_valid) = (true, true);
+        }
+    }
+
+    /// Takes note of a draw of which a triangle comes; `drawn`: it covers samples.
+    pub(super) fn note(&mut self, pass: Option<&PassState>, work: &Work, drawn: bool) {
+        if let Some(pass) = pass.filter(|pass| pass.number != self.pass) {
+            self.begin_pass(pass);
+        }
+        if let Some(state) = &work.depth
+            && state.writes_depth()
+            && drawn
+        {
+            let (raises, lowers) = may_raise_lower(state.compare());
+            self.hierarchical.max_valid &= !raises;
+            self.hierarchical.min_valid &= !lowers;
+        }
+    }
+
+    /// Takes note of a block that is drawn without this unit; whether hierarchical Z hides it.
+    pub(super) fn passes_by(&mut self, work: &Work, triangle: &Triangle, block: &Block, number: u32) -> bool {
+        let hidden = self.hidden(work, triangle, u32::from(block.x), u32::from(block.y), number);
+        if !hidden && !self.hierarchical.outer.is_empty() {
+            let counts = self.counts;
+            self.look_ahead(work, triangle, block, number);
+            self.counts = counts;
+        }
+        hidden
+    }
+
+    /// Learns what a block's depths are.
+    pub(super) fn learn(&mut self, update: DepthBounds) {
+        if update.pass == self.pass
+            && let Some(bounds) = self.hierarchical.bounds.get_mut(update.block as usize)
+        {
+            *bounds = Bounds { min: update.min, max: update.max };
+        }
+    }
+
+    /// Takes a triangle in hand.
+    fn begin(&mut self, card: &Card, token: TriangleToken) {
+        let work = card.work(token.slot);
+        let triangle = &work.segment.triangles[token.triangle as usize];
+        let drawn = triangle.end == End::Nowhere;
+        self.note(card.pass.as_ref(), work, drawn);
+        let TriangleToken { slot, sequence, triangle: number, .. } = token;
+        self.place = Place { active: true, slot, sequence, triangle: number, ..Place::default() };
+        if let Territory::Bins(side) = self.territory {
+            self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
+        }
+        self.place.empty = if drawn { self.empty_blocks(card, work, triangle) } else { self.blocks_in_vain(card, triangle) };
+        if !drawn {
+            self.counts.ended += 1;
+            self.counts.blocks_in_vain += u64::from(self.place.empty);
+        }
+    }
+
+    /// Blocks of this pipeline in the bounding box of a triangle that covers no sample; with none at all, one.
+    fn blocks_in_vain(&self, card: &Card, triangle: &Triangle) -> u32 {
+        let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+        let mine = |x: u32, y: u32| match self.territory {
+            Territory::Bins(_) => self.in_bin(card, x, y),
+            Territory::Tiles => card.interleave.owner(x, y) == self.pipeline,
+            Territory::Screen | Territory::Copy => true,
+        };
+        (y0..y1).map(|y| (x0..x1).filter(|&x| mine(x, y)).count() as u32).sum::<u32>().max(1)
+    }
+
+    /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
+    /// to be tested, one.
+    fn empty_blocks(&self, card: &Card, work: &Work, triangle: &Triangle) -> u32 {
+        let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+        let (mut inside, mut covered) = (0, 0);
+        let bins = matches!(self.territory, Territory::Bins(_));
+        let visits = if bins { self.bin_visits(card, work, triangle) } else { work.visits(triangle) };
+        for visit in visits {
+            let tile = &work.segment.tiles[visit.tile as usize];
+            let side = TILE / BLOCK;
+            let (tx, ty) = (u32::from(tile.x) * side, u32::from(tile.y) * side);
+            let (left, right) = (x0.max(tx), x1.min(tx + side));
+            let (top, bottom) = (y0.max(ty), y1.min(ty + side));
+            match work.owners.get(visit.tile as usize).filter(|_| !bins) {
+                Some(&owner) if self.enters(owner) => {
+                    inside += right.saturating_sub(left) * bottom.saturating_sub(top);
+                    covered += visit.blocks;
+                }
+                Some(_) => {}
+                // Several pipelines share the tile.
+                None => {
+                    let mine = |x: u32, y: u32| u32::from(self.in_bin(card, x, y) && self.enters(card.interleave.owner(x, y)));
+                    inside += (top..bottom).map(|y| (left..right).map(|x| mine(x, y)).sum::<u32>()).sum::<u32>();
+                    let blocks = &tile.blocks[visit.first_block as usize..][..visit.blocks as usize];
+                    covered += blocks.iter().map(|block| mine(block.x.into(), block.y.into())).sum::<u32>();
+                }
+            }
+        }
+        inside.saturating_sub(covered).max(u32::from(covered == 0))
+    }
+
+    /// Whether hierarchical Z hides a block.
+    #[inline(always)]
+    fn hidden(&self, work: &Work, triangle: &Triangle, x: u32, y: u32, number: u32) -> bool {
+        let Some(state) = work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z) else {
+            return false;
+        };
+        let Some(bounds) = self.hierarchical.bounds.get(number as usize) else { return false };
+        let (low, high) = triangle.depth.block_range((x * BLOCK) as i32, (y * BLOCK) as i32, BLOCK as i32);
+        let key = |depth: f32| depth_key(work.depth_format, state.code(depth));
+        let min = if self.hierarchical.min_valid { bounds.min } else { 0 };
+        let max = if self.hierarchical.max_valid { bounds.max } else { u32::MAX };
+        culls(state.compare(), key(low), key(high), min, max)
+    }
+
+    /// What is certain of the early test of a block that is drawn; notes how far its depths can go then.
+    // Off by default, and not to be in the way.
+    #[inline(never)]
+    fn look_ahead(&mut self, work: &Work, triangle: &Triangle, block: &Block, number: u32) -> Ahead {
+        let Some(outer) = self.hierarchical.outer.get_mut(number as usize) else { return Ahead::Nothing };
+        let Some(state) = &work.depth else { return Ahead::Nothing };
+        let before = *outer;
+        let (x, y) = (u32::from(block.x) * BLOCK, u32::from(block.y) * BLOCK);
+        let (low, high) = triangle.depth.block_range(x as i32, y as i32, BLOCK as i32);
+        let key = |depth: f32| depth_key(work.depth_format, state.code(depth));
+        let (low, high) = (key(low), key(high));
+        if state.writes_depth() {
+            // A shader's depth can be anywhere.
+            let plane = work.draw.depth_words == 0;
+            outer.min = if plane { outer.min.min(low) } else { 0 };
+            outer.max = if plane { outer.max.max(high) } else { u32::MAX };
+        }
+        let early = work.early && work.draw.hierarchical_z && !state.uses_stencil() && !state.is_idle();
+        if !early || !accepts(state.compare(), low, high, before.min, before.max) {
+            return Ahead::Nothing;
+        }
+        self.counts.accepted += 1;
+        if !state.writes_depth() {
+            self.counts.unwritten += 1;
+            return Ahead::Passes;
+        }
+        // Stencils are kept, and so they are read.
+        if work.depth_format.has_stencil() { Ahead::Nothing } else { Ahead::Writes }
+    }
+}
+
+impl Unit<Card> for Traverse {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut moved = false;
+
+        // 1. The hierarchical Z buffer learns what the ROP has written. Both bounds may be late; where writes of this pass could
+        //    have broken one, it is not used.
+        while let Some(update) = self.updates.as_ref().and_then(|updates| wires.pop(updates)) {
+            self.learn(update);
+            moved = true;
+        }
+
+        let mut blocks = self.config.blocks_per_cycle;
+        let mut quads = self.config.quads_per_cycle;
+        let mut tests = self.config.tests_per_cycle;
+        // Tests that covered blocks leave: the testers run ahead with them and find empty blocks.
+        let mut spare = tests.saturating_sub(blocks);
+        loop {
+            // 2. The next triangle.
+            if !self.place.active {
+                let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
+                if token.kind != Kind::DATA {
+                    let TriangleToken { slot, sequence, kind, .. } = token;
+                    let fence = GroupToken { group: u32::from(slot), sequence, kind, quads: 0, pool: self.pipeline };
+                    if !wires.can_push(&self.output) {
+                        return Tick::moved_or(moved, Tick::Blocked);
+                    }
+                    wires.push_sized(&self.output, fence, bytes::MARK);
+                    wires.pop(&self.input);
+                    moved = true;
+                    continue;
+                }
+                wires.pop(&self.input);
+                self.begin(card, token);
+                moved = true;
+            }
+            let ahead = self.place.empty.min(spare).min(tests);
+            self.place.empty -= ahead;
+            spare -= ahead;
+            tests -= ahead;
+            moved |= ahead > 0;
+
+            // 3. The next block of this pipeline.
+            let work = card.work[usize::from(self.place.slot)].as_ref().expect("a triangle's segment is in flight");
+            let triangle = &work.segment.triangles[self.place.triangle as usize];
+            let visits = work.visits(triangle);
+            let at_end = self.territory != Territory::Tiles && self.past_bin(card, work, triangle);
+            let Some(visit) = visits.get(self.place.visit as usize).filter(|_| !at_end) else {
+                // 4. All covered blocks are done; what is left of the empty ones takes all tests.
+                let found = self.place.empty.min(tests);
+                self.place.empty -= found;
+                tests -= found;
+                moved = true;
+                if self.place.empty > 0 {
+                    return Tick::Moved;
+                }
+                self.place.active = false;
+                continue;
+            };
+            let bins = matches!(self.territory, Territory::Bins(_));
+            let whole = work.owners.get(visit.tile as usize).filter(|_| !bins);
+            if self.place.block == visit.blocks || whole.is_some_and(|&owner| !self.enters(owner)) {
+                self.place.visit += 1;
+                self.place.block = 0;
+                continue;
+            }
+            let tile = &work.segment.tiles[visit.tile as usize];
+            let block = &tile.blocks[(visit.first_block + self.place.block) as usize];
+            let (x, y) = (u32::from(block.x), u32::from(block.y));
+            if whole.is_none() && !(self.in_bin(card, x, y) && (bins || self.enters(card.interleave.owner(x, y)))) {
+                self.place.block += 1;
+                continue;
+            }
+            let number = y * card.pass.as_ref().map_or(0, |pass| pass.blocks_across) + x;
+
+            // 5. Test it, once.
+            if !self.place.tested {
+                if blocks == 0 || tests == 0 {
+                    return Tick::Moved;
+                }
+                blocks -= 1;
+                tests -= 1;
+                moved = true;
+                self.items += u64::from(block.quads);
+                self.counts.whole += u64::from(block.full);
+                let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+                let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
+                let hidden = self.hidden(work, triangle, x, y, number);
+                if card.interleave.is_balanced() {
+                    card.interleave.note(y, block.quads.into());
+                }
+                let funnel = &mut card.funnel;
+                funnel.tiles_visited += 1;
+                funnel.quads_rasterized += u64::from(block.quads);
+                funnel.fragments_covered += covered;
+                if hidden {
+                    funnel.tiles_hiz_culled += 1;
+                    funnel.quads_early_culled += u64::from(block.quads);
+                    self.place.block += 1;
+                    continue;
+                }
+                self.place.tested = true;
+                if !self.hierarchical.outer.is_empty() {
+                    self.place.ahead = self.look_ahead(work, triangle, block, number);
+                }
+            }
+
+            // 6. Send its quads on, four at a time.
+            let count = (u32::from(block.quads) - self.place.quad).min(4);
+            if quads < count {
+                // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
+                if quads < self.config.quads_per_cycle {
+                    return Tick::Moved;
+                }
+            }
+            if !wires.can_push(&self.output) {
+                return Tick::moved_or(moved, Tick::Blocked);
+            }
+            quads = quads.saturating_sub(count);
+            let first = block.first_quad + self.place.quad;
+            let mut live = [0; 4];
+            for (live, quad) in live.iter_mut().zip(&tile.quads[first as usize..][..count as usize]) {
+                *live = quad.coverage;
+            }
+            let group = Group {
+                slot: self.place.slot,
+                count: count as u8,
+                triangle: self.place.triangle,
+                tile: visit.tile,
+                first,
+                block: number,
+                live,
+                ahead: self.place.ahead,
+            };
+            // The host is asked for the depths that will be tested in some cycles. No part of the model.
+            if let Some(surface) = card.pass.as_ref().and_then(|pass| pass.depth) {
+                prefetch(&card.frame.stores[surface].quad(number, tile.quads[first as usize].position)[0]);
+            }
+            let last = self.place.quad + count == u32::from(block.quads);
+            let pool = if self.territory == Territory::Screen { card.interleave.owner(x, y) } else { self.pipeline };
+            let index = card.groups[usize::from(pool)].insert(group);
+            let sequence = self.place.sequence;
+            let token = GroupToken { group: index, sequence, kind: Kind::DATA, quads: count as u8, pool };
+            wires.push_sized(&self.output, token, count * bytes::QUAD);
+            moved = true;
+            self.place.quad += count;
+            if last {
+                self.place.quad = 0;
+                self.place.tested = false;
+                self.place.block += 1;
+            }
+        }
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.place.active)
+    }
+}

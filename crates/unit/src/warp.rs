@@ -1,0 +1,292 @@
+//! Warps: invocations that run in lockstep. A warp is too large for a token, so it lies here and tokens carry its number.
+
+use super::card::Card;
+use super::token::GroupToken;
+use work::{Class, Cost, CostId, CostTable, Point, RequestKind, Step};
+
+/// Most invocations of a warp.
+pub const MAX_WIDTH: u32 = 64;
+
+crate::choices! {
+    /// What a warp executes where its parts take different paths, and in which order.
+    pub enum Execution {
+        /// Step by step the most that any part needs, class by class, in no order.
+        Longest "longest",
+        /// Every instruction that a part needs, once for all parts that need it at the time; in no order.
+        Lockstep "lockstep",
+        /// The same, in the order of the program.
+        InOrder "in-order",
+    }
+}
+
+/// What a warp runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Program {
+    /// Quads of fragments.
+    #[default]
+    Fragment,
+    /// Vertices.
+    Vertex,
+    /// Invocations of a workgroup.
+    Compute,
+}
+
+impl Program {
+    /// In the order in which a core takes their warps in: vertices first, since fragments wait for them.
+    pub const ALL: [Program; 3] = [Program::Vertex, Program::Compute, Program::Fragment];
+}
+
+/// What has a cost of its own in a warp: a quad, a vertex, or four invocations of a workgroup.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Item {
+    /// Where its cost and requests are: of a quad the tile in its segment; else 0.
+    pub source: u32,
+    /// Its next memory request.
+    pub request: u32,
+    /// Its cost.
+    pub cost: CostId,
+}
+
+/// A warp.
+#[derive(Clone, Debug, Default)]
+pub struct Warp {
+    /// What it runs.
+    pub program: Program,
+    /// Slot of its segment or workgroups.
+    pub slot: u16,
+    /// Registers of one invocation.
+    pub registers: u32,
+    /// Its parts.
+    pub items: Vec<Item>,
+    /// How its parts' paths become what it executes.
+    pub execution: Execution,
+    /// What it executes.
+    pub steps: Vec<Step>,
+    /// Which parts make the request of each step, where paths are followed; else none, and the parts' own steps tell.
+    takes: Vec<u64>,
+    /// The instructions of all steps in order, and where those of each step end; none where they have no order.
+    runs: Vec<(Class, u32)>,
+    run_ends: Vec<u32>,
+    /// The step it is in.
+    pub step: u32,
+    /// Whether all parts take the same path.
+    pub uniform: bool,
+    /// Groups of quads, of a fragment warp, in order.
+    pub groups: Vec<GroupToken>,
+    /// Whether it has been shaded.
+    pub done: bool,
+    /// Its place in its core.
+    pub place: u32,
+    /// Vertex batch, or workgroup.
+    pub number: u32,
+    /// Warps of its workgroup.
+    pub siblings: u32,
+    /// Bytes of workgroup memory of its group.
+    pub shared_bytes: u32,
+}
+
+impl Warp {
+    /// Merges the paths of the parts into the steps that the warp executes, once all parts are in.
+    ///
+    /// By [`Execution::Longest`], parts that differ run in lockstep as far as they agree in what a step ends with, which is exact
+    /// for loops of different length and for early exits; a branch whose two sides both run is counted as the longer side
+    /// (deliberate deviation: its costs name no reconvergence points). The others follow the parts' paths, if they are recorded.
+    pub fn merge<'a>(&mut self, table: impl Fn(&Item) -> &'a CostTable) {
+        self.step = 0;
+        self.steps.clear();
+        self.takes.clear();
+        self.runs.clear();
+        self.run_ends.clear();
+        self.uniform = true;
+        if self.execution != Execution::Longest && self.follow(&table) {
+            return;
+        }
+        let Some(first) = self.items.first() else { return };
+        let cost: &Cost = &table(first)[first.cost];
+        self.steps.extend_from_slice(&cost.steps);
+        let mut last = (first.source, first.cost);
+        for at in 1..self.items.len() {
+            let item = self.items[at];
+            if (item.source, item.cost) == last {
+                continue;
+            }
+            last = (item.source, item.cost);
+            let other = &table(&item)[item.cost];
+            if self.uniform && other.steps == self.steps {
+                continue;
+            }
+            self.uniform = false;
+            for (k, step) in other.steps.iter().enumerate() {
+                match self.steps.get_mut(k) {
+                    Some(mine) => {
+                        for class in 0..Class::COUNT {
+                            mine.instructions[class] = mine.instructions[class].max(step.instructions[class]);
+                        }
+                        if mine.then == RequestKind::End {
+                            mine.then = step.then;
+                        }
+                    }
+                    None => self.steps.push(*step),
+                }
+            }
+        }
+    }
+}
+
+impl Warp {
+    /// Follows the paths of the parts through the program: those that have got least far go on, so that parts meet again where
+    /// branches end and loops are left. False where a path was not recorded.
+    #[cold]
+    fn follow<'a>(&mut self, table: &impl Fn(&Item) -> &'a CostTable) -> bool {
+        let mut paths: Vec<(&CostTable, &[Point])> = Vec::with_capacity(self.items.len());
+        for item in &self.items {
+            let table = table(item);
+            let path = table[item.cost].path.as_slice();
+            if path.is_empty() {
+                return false;
+            }
+            paths.push((table, path));
+        }
+        self.uniform = false;
+        let mut instructions = [0; Class::COUNT];
+        let at = |(table, path): &(&CostTable, &[Point])| path.first().map(|point| table.spans[point.span as usize].at);
+        while let Some(least) = paths.iter().filter_map(at).min() {
+            let (mut takes, mut then, mut begun) = (0, RequestKind::End, false);
+            for (part, entry) in paths.iter_mut().enumerate() {
+                let (table, path) = *entry;
+                if at(entry) != Some(least) {
+                    continue;
+                }
+                if !begun {
+                    for &(class, count) in &table.spans[path[0].span as usize].runs {
+                        instructions[class as usize] += count;
+                        self.run(class, count);
+                    }
+                    begun = true;
+                }
+                if path[0].then != RequestKind::End {
+                    then = path[0].then;
+                    takes |= 1_u64 << part;
+                }
+                entry.1 = &path[1..];
+            }
+            if then != RequestKind::End {
+                self.end_step(std::mem::take(&mut instructions), then, takes);
+            }
+        }
+        self.end_step(instructions, RequestKind::End, 0);
+        true
+    }
+
+    /// So many instructions of a class come next, where order counts.
+    fn run(&mut self, class: Class, count: u32) {
+        if self.execution != Execution::InOrder {
+            return;
+        }
+        let begin = self.run_ends.last().map_or(0, |&end| end as usize);
+        match self.runs[begin..].last_mut() {
+            Some((last, sum)) if *last == class => *sum += count,
+            _ => self.runs.push((class, count)),
+        }
+    }
+
+    fn end_step(&mut self, instructions: [u32; Class::COUNT], then: RequestKind, takes: u64) {
+        self.steps.push(Step { instructions, then });
+        self.takes.push(takes);
+        self.run_ends.push(self.runs.len() as u32);
+    }
+
+    /// The instructions of a step in order; none where they have no order.
+    pub fn order(&self, step: u32) -> &[(Class, u32)] {
+        let step = step as usize;
+        let Some(&end) = self.run_ends.get(step) else { return &[] };
+        let begin = if step == 0 { 0 } else { self.run_ends[step - 1] };
+        &self.runs[begin as usize..end as usize]
+    }
+
+    /// What the current step ends with for a part, whose own cost that is.
+    #[inline(always)]
+    pub fn then<'a>(&self, part: usize, cost: impl FnOnce() -> &'a Cost) -> RequestKind {
+        let step = self.step as usize;
+        if self.uniform {
+            return self.steps[step].then;
+        }
+        match self.takes.get(step) {
+            Some(takes) if takes >> part & 1 != 0 => self.steps[step].then,
+            Some(_) => RequestKind::End,
+            None => cost().steps.get(step).map_or(RequestKind::End, |step| step.then),
+        }
+    }
+}
+
+/// The cost table that an item's cost is in.
+#[inline(always)]
+pub fn costs<'a>(card: &'a Card, program: Program, slot: u16, item: &Item) -> &'a CostTable {
+    match program {
+        Program::Fragment => &card.work(slot).segment.tiles[item.source as usize].costs,
+        Program::Vertex => &card.work(slot).segment.costs,
+        Program::Compute => &card.compute(slot).groups.costs,
+    }
+}
+
+/// The warps of a cluster of cores.
+#[derive(Clone, Debug, Default)]
+pub struct Warps {
+    execution: Execution,
+    warps: Vec<Warp>,
+    free: Vec<u32>,
+}
+
+impl Warps {
+    /// None, of a cluster that executes warps so.
+    pub fn new(execution: Execution) -> Warps {
+        Warps { execution, ..Warps::default() }
+    }
+
+    /// An empty warp. What it holds keeps its memory from use to use.
+    pub fn insert(&mut self, program: Program, slot: u16, registers: u32) -> u32 {
+        let index = self.free.pop().unwrap_or_else(|| {
+            self.warps.push(Warp::default());
+            (self.warps.len() - 1) as u32
+        });
+        let warp = &mut self.warps[index as usize];
+        warp.items.clear();
+        warp.groups.clear();
+        warp.steps.clear();
+        (warp.program, warp.slot, warp.registers) = (program, slot, registers);
+        warp.execution = self.execution;
+        (warp.step, warp.done, warp.number, warp.siblings, warp.shared_bytes) = (0, false, 0, 1, 0);
+        index
+    }
+
+    /// Gives a warp up.
+    pub fn remove(&mut self, index: u32) {
+        self.free.push(index);
+    }
+
+    /// Warps held.
+    pub fn len(&self) -> usize {
+        self.warps.len() - self.free.len()
+    }
+
+    /// Whether none is held.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl std::ops::Index<u32> for Warps {
+    type Output = Warp;
+
+    #[inline(always)]
+    fn index(&self, index: u32) -> &Warp {
+        &self.warps[index as usize]
+    }
+}
+
+impl std::ops::IndexMut<u32> for Warps {
+    #[inline(always)]
+    fn index_mut(&mut self, index: u32) -> &mut Warp {
+        &mut self.warps[index as usize]
+    }
+}

@@ -1,0 +1,391 @@
+//! Profiles of render passes.
+
+use std::sync::Arc;
+
+use super::caches::{BLOCK_CACHES, Caches, shaded_vertices};
+use super::lines::{Lines, Place};
+use super::shader::asking;
+use super::touch::{BUNDLE, FLAT, Touch, Toucher, Touches};
+use super::{AttachmentProfile, Cell, DrawProfile, PhaseProfile, REUSE, WINDOW, Window};
+use crate::{
+    Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Surface, TILE,
+    TileWork, Triangle, Vertex, Visit,
+};
+use gfx::state::{StencilFace, StepMode};
+
+/// A pass of which not all is known yet.
+#[derive(Debug)]
+pub(super) struct OpenPass {
+    phase: PhaseProfile,
+    /// When each block was put in the caches, those of covered blocks and those of shaded ones.
+    caches: Caches,
+    memory: Memory,
+    lines: Lines,
+    /// Shaded quads so far, and how often they have gone on in another tile.
+    shaded: u32,
+    visits: u32,
+    tile: [u16; 2],
+}
+
+/// Where a pass and its draw have what they touch.
+#[derive(Debug, Default)]
+struct Memory {
+    /// Blocks across, and the address and bytes of the first block of each colour attachment, and of depth.
+    across: u64,
+    color: Vec<Option<(u64, u64)>>,
+    depth: Option<(u64, u64)>,
+    /// Streams of attributes: address, stride, and whether by instance.
+    streams: Vec<(u64, u64, bool)>,
+    /// Colour targets that the draw writes, whether it tests depth or stencil, and whether it may write them.
+    written: Vec<u8>,
+    tests: bool,
+    /// Words of a shaded quad's payload.
+    payload: usize,
+    writes_depth: bool,
+    /// Blocks can be hidden.
+    hides: bool,
+    /// What the requests of the segment's costs ask, tile by tile and cost by cost; and where each cost's begin and end.
+    kinds: Vec<RequestKind>,
+    costs: Vec<[u32; 2]>,
+    /// Where each tile's costs begin.
+    tiles: Vec<u32>,
+}
+
+fn texel_bytes(surface: &Surface) -> u64 {
+    u64::from(surface.format.block_bytes()) * u64::from(surface.samples)
+}
+
+impl OpenPass {
+    pub fn new(pass: &Pass) -> OpenPass {
+        let profile = |attachment: &Attachment, clears: bool| {
+            let resolved = |to: &Surface| u64::from(to.width) * u64::from(to.height) * texel_bytes(to);
+            AttachmentProfile {
+                block_bytes: 64 * texel_bytes(&attachment.surface),
+                multisampled: attachment.surface.samples > 1,
+                loads: !clears,
+                resolved: attachment.resolve.as_ref().map_or(0, resolved),
+            }
+        };
+        let clears = |load: Load| matches!(load, Load::Clear(_));
+        let depth = pass.depth.as_ref().map(|a| {
+            let format = a.surface.format;
+            let whole = (clears(a.load) || !format.has_depth()) && (clears(a.stencil_load) || !format.has_stencil());
+            profile(a, whole)
+        });
+        let place = |attachment: &Attachment| (attachment.surface.address, 64 * texel_bytes(&attachment.surface));
+        OpenPass {
+            phase: PhaseProfile::Pass {
+                number: pass.number,
+                label: pass.label.clone(),
+                size: [pass.width, pass.height],
+                draws: Vec::new(),
+                windows: Vec::new(),
+                cells: Vec::new(),
+                color: pass.color.iter().flatten().map(|a| profile(a, clears(a.load))).collect(),
+                depth,
+                blocks: [0; 2],
+                block_misses: [[0; BLOCK_CACHES.len()]; 2],
+                lines: Box::default(),
+            },
+            lines: Lines::default(),
+            shaded: 0,
+            visits: 0,
+            tile: [u16::MAX; 2],
+            caches: Caches::new(pass),
+            memory: Memory {
+                across: u64::from(pass.width.div_ceil(BLOCK)),
+                color: pass.color.iter().map(|a| a.as_ref().map(place)).collect(),
+                depth: pass.depth.as_ref().map(place),
+                ..Memory::default()
+            },
+        }
+    }
+
+    pub fn draw(&mut self, draw: &Arc<Draw>) {
+        let PhaseProfile::Pass { draws, .. } = &mut self.phase else { return };
+        let written = || draw.targets.iter().flatten().filter(|target| target.write_mask != 0);
+        let line = |a: &AttributeFetch| if a.stride == 0 { 0 } else { a.stride.min(LINE).max(u64::from(a.bytes)) };
+        // Attributes that lie between each other are one stream of lines.
+        let streams = &mut self.memory.streams;
+        streams.clear();
+        for attribute in draw.attributes.iter().filter(|a| a.stride > 0) {
+            let same =
+                |&&(at, stride, _): &&(u64, u64, bool)| stride == attribute.stride && at.abs_diff(attribute.address) < stride;
+            if streams.iter().find(same).is_none() {
+                streams.push((attribute.address, attribute.stride, attribute.step == StepMode::Instance));
+            }
+        }
+        let targets = (0..).zip(&draw.targets).filter(|(_, target)| target.as_ref().is_some_and(|t| t.write_mask != 0));
+        self.memory.written = targets.map(|(at, _)| at).collect();
+        self.memory.writes_depth = draw.depth_stencil.is_some_and(|state| {
+            let keeps = StencilFace::default();
+            state.depth_write || state.stencil_front != keeps || state.stencil_back != keeps
+        });
+        self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && draw.depth_stencil.is_some();
+        self.memory.payload = usize::from(draw.payload_words);
+        self.memory.tests = draw.depth_stencil.is_some();
+        draws.push(DrawProfile {
+            number: draw.number,
+            attributes: draw.attributes.len() as u64,
+            vertex_bytes: streams.iter().map(|s| s.1).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
+            registers: [draw.vertex.registers, draw.fragment.map_or(0, |shape| shape.registers)],
+            varyings: draw.fragment.map_or(0, |shape| u64::from(shape.inputs)),
+            depth: draw.depth_stencil.is_some(),
+            early: draw.early,
+            targets: written().count() as u64,
+            blended: written().filter(|target| target.blend.is_some()).count() as u64,
+            ..DrawProfile::default()
+        });
+    }
+
+    pub fn segment(&mut self, segment: &Segment, touches: &mut Touches) {
+        let PhaseProfile::Pass { draws, windows, cells, .. } = &mut self.phase else { return };
+        let number = draws.len().saturating_sub(1) as u32;
+        let Some(draw) = draws.last_mut() else { return };
+        draw.segments += 1;
+        draw.indices += segment.stream.len() as u64;
+        draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
+        for (shaded, size) in draw.shaded_vertices.iter_mut().zip(REUSE) {
+            *shaded += shaded_vertices(segment, size);
+        }
+        for vertex in &segment.vertices {
+            draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
+        }
+        segment.tiles.iter().for_each(|tile| draw.fragment.add_tile(tile));
+        self.memory.vertices(segment, touches);
+        self.memory.learn(segment);
+        draw.primitives += segment.primitives.len() as u64;
+        draw.clipped += segment.primitives.iter().filter(|primitive| primitive.clipped).count() as u64;
+
+        let mut open = Window { draw: number, primitives: 0, end: cells.len() as u32 };
+        let (mut first, mut drawn, mut groups) = (cells.len(), 0, 0);
+        for primitive in &segment.primitives {
+            open.primitives += 1;
+            let triangles = &segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
+            for triangle in triangles.iter().filter(|triangle| triangle.visits > 0) {
+                drawn += 1;
+                draw.triangles += 1;
+                draw.visits += u64::from(triangle.visits);
+                for visit in &segment.visits[triangle.first_visit as usize..][..triangle.visits as usize] {
+                    let tile = &segment.tiles[visit.tile as usize];
+                    let at = match cells[first..].iter().position(|cell| cell.tile == [tile.x, tile.y]) {
+                        Some(at) => first + at,
+                        None => {
+                            cells.push(Cell { tile: [tile.x, tile.y], ..Cell::default() });
+                            cells.len() - 1
+                        }
+                    };
+                    let before = cells[at].groups;
+                    if self.tile != [tile.x, tile.y] {
+                        self.tile = [tile.x, tile.y];
+                        self.visits += 1;
+                    }
+                    let mut followed = Followed { lines: &mut self.lines, touches, memory: &self.memory, visit: self.visits };
+                    draw.quads += cells[at].add(triangle, tile, visit, &mut self.caches, &mut self.shaded, &mut followed);
+                    groups += cells[at].groups - before;
+                }
+            }
+            if drawn >= WINDOW[0] || open.primitives >= WINDOW[1] || groups >= WINDOW[2] {
+                open.end = cells.len() as u32;
+                windows.push(open);
+                (first, drawn, groups, open.primitives) = (cells.len(), 0, 0, 0);
+            }
+        }
+        if open.primitives > 0 {
+            windows.push(Window { end: cells.len() as u32, ..open });
+        }
+    }
+
+    /// The whole, resolved.
+    pub fn end(mut self, touches: &mut Touches, resolves: &[(Surface, Surface)]) -> PhaseProfile {
+        for (from, to) in resolves {
+            let [read, written] = [from, to].map(|surface| 64 * texel_bytes(surface));
+            // Only blocks that were drawn are read.
+            for (block, touched) in (0..).zip(self.caches.blocks[1].touched()) {
+                let line = ((from.address + block * read) / LINE) as u32;
+                if touched && touches.follows(line) {
+                    touches.push(Touch { line, by: Toucher::Resolve, ..Touch::default() });
+                }
+                touches.run(to.address + block * written, written, written, Toucher::Write);
+            }
+        }
+        if let PhaseProfile::Pass { blocks, block_misses, lines, .. } = &mut self.phase {
+            **lines = self.lines.end();
+            for (at, caches) in self.caches.blocks.iter().enumerate() {
+                (blocks[at], block_misses[at]) = (caches.distinct, caches.misses.map(u64::from));
+            }
+        }
+        self.phase
+    }
+}
+
+impl Memory {
+    /// What vertices touch.
+    fn vertices(&self, segment: &Segment, touches: &mut Touches) {
+        if let Some(address) = segment.index_address {
+            touches.run(address, segment.stream.len() as u64 * u64::from(segment.index_bytes), 1, Toucher::Vertex);
+        }
+        let touch = |line: u32| Touch { line, by: Toucher::Vertex, ..Touch::default() };
+        for (vertex, asked) in segment.vertices.iter().map(|vertex| (vertex, segment.costs[vertex.cost].requests())) {
+            for &(address, stride, instanced) in &self.streams {
+                let Vertex { index, instance, .. } = *vertex;
+                let line = ((address + u64::from(if instanced { instance } else { index }) * stride) / LINE) as u32;
+                if touches.follows(line) {
+                    touches.push_once(touch(line));
+                }
+            }
+            for request in &segment.requests[vertex.first_request as usize..][..asked] {
+                for &line in &segment.lines[request.first_line as usize..][..usize::from(request.lines)] {
+                    if touches.follows(line) {
+                        touches.push_once(touch(line));
+                    }
+                }
+            }
+        }
+    }
+
+    /// What the costs of a segment's tiles ask.
+    fn learn(&mut self, segment: &Segment) {
+        self.kinds.clear();
+        self.costs.clear();
+        self.tiles.clear();
+        for tile in &segment.tiles {
+            self.tiles.push(self.costs.len() as u32);
+            for cost in &tile.costs.costs {
+                let begin = self.kinds.len() as u32;
+                self.kinds.extend(asking(cost).map(|step| step.then));
+                self.costs.push([begin, self.kinds.len() as u32]);
+            }
+        }
+    }
+
+    /// A block is touched by depth test or ROP.
+    #[inline(always)]
+    fn block(&self, at: (u64, u64), [x, y]: [u16; 2], touch: Touch, touches: &mut Touches) {
+        let block = u64::from(y) * self.across + u64::from(x);
+        let line = ((at.0 + block * at.1) / LINE) as u32;
+        if touches.follows(line) {
+            touches.push(Touch { line, ..touch });
+        }
+    }
+}
+
+/// Blocks along the edge of a screen tile.
+const EDGE: u16 = (TILE / BLOCK) as u16;
+
+/// What is followed of a segment's lines and blocks.
+struct Followed<'p> {
+    lines: &'p mut Lines,
+    touches: &'p mut Touches,
+    memory: &'p Memory,
+    visit: u32,
+}
+
+impl Followed<'_> {
+    /// A quad's requests.
+    #[inline(always)]
+    fn quad(&mut self, tile: &TileWork, quad: &Quad, [begin, end]: [u32; 2], bundle: u32) {
+        let requests = &tile.requests[quad.first_request as usize..][..(end - begin) as usize];
+        for (step, request) in requests.iter().enumerate() {
+            for &line in &tile.lines[request.first_line as usize..][..usize::from(request.lines)] {
+                let counted = Lines::follows(line);
+                if counted || self.touches.follows(line) {
+                    self.line(line, counted, tile, begin as usize, step, bundle);
+                }
+            }
+        }
+    }
+
+    fn line(&mut self, line: u32, counted: bool, tile: &TileWork, begin: usize, step: usize, bundle: u32) {
+        match self.memory.kinds[begin + step] {
+            RequestKind::Texture | RequestKind::Load => {
+                let request = step.min(usize::from(u8::MAX)) as u8;
+                let tile = u32::from(tile.y) << 16 | u32::from(tile.x);
+                let class = self.lines.look_up(line, Place { bundle, tile, visit: self.visit, request }, counted);
+                if let Some(class) = class.filter(|_| self.touches.follows(line)) {
+                    self.touches.push(Touch { line, class, by: Toucher::Texture, ..Touch::default() });
+                }
+            }
+            _ if self.touches.follows(line) => self.touches.push_once(Touch { line, by: Toucher::Store, ..Touch::default() }),
+            _ => {}
+        }
+    }
+
+    /// A block's colours are written.
+    fn colors(&mut self, tile: &TileWork, block: &Block, near: u8) {
+        let mut flat = None;
+        for &target in &self.memory.written {
+            let Some((address, bytes)) = self.memory.color.get(usize::from(target)).copied().flatten() else { continue };
+            let at = address + (u64::from(block.y) * self.memory.across + u64::from(block.x)) * bytes;
+            let line = (at / LINE) as u32;
+            if self.touches.follows(line) {
+                let flat = *flat.get_or_insert_with(|| self.flat(tile, block));
+                let step = target | if flat { FLAT } else { 0 };
+                self.touches.push(Touch { line, near, step, by: Toucher::Color, ..Touch::default() });
+            }
+        }
+    }
+
+    /// Whether what is drawn into a block is of one colour.
+    fn flat(&self, tile: &TileWork, block: &Block) -> bool {
+        let words = |quad: &Quad| &tile.payload[quad.payload as usize..][..self.memory.payload];
+        let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+        let mut shaded = quads.iter().filter(|quad| quad.flags & QUAD_SHADED != 0);
+        let Some(first) = shaded.next().map(words) else { return false };
+        let one = |words: &[u32]| words.chunks_exact(4).zip(first.chunks_exact(4)).all(|(w, f)| w.iter().all(|w| *w == f[0]));
+        block.full && one(first) && shaded.all(|quad| one(words(quad)))
+    }
+}
+
+impl Cell {
+    /// Adds the blocks of a triangle; their quads.
+    fn add(
+        &mut self,
+        triangle: &Triangle,
+        tile: &TileWork,
+        visit: &Visit,
+        caches: &mut Caches,
+        shaded: &mut u32,
+        followed: &mut Followed,
+    ) -> u64 {
+        let memory = followed.memory;
+        let [x0, y0, x1, y1] = triangle.bounds;
+        let span = |a: u16, b: u16, at: u16| u32::from(b.min((at + 1) * EDGE).saturating_sub(a.max(at * EDGE)));
+        self.triangles += 1;
+        self.tested += span(x0, x1, tile.x) * span(y0, y1, tile.y);
+        let costs = &memory.costs[memory.tiles[visit.tile as usize] as usize..];
+        let mut all = 0;
+        for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
+            let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+            self.blocks += 1;
+            all += u64::from(block.quads);
+            // What early tests hide whole, hierarchical Z throws away.
+            if memory.hides && quads.iter().all(|quad| quad.flags & QUAD_SHADED == 0) {
+                continue;
+            }
+            self.seen += 1;
+            self.groups += u32::from(block.quads).div_ceil(4);
+            let near = caches.blocks[0].touch(block.x, block.y);
+            if let Some(depth) = memory.depth.filter(|_| memory.tests && near > 0) {
+                // The depths of a triangle are a plane.
+                let step = u8::from(memory.writes_depth) | if block.full { FLAT } else { 0 };
+                let touch = Touch { near, step, by: Toucher::Depth, ..Touch::default() };
+                memory.block(depth, [block.x, block.y], touch, followed.touches);
+            }
+            let before = self.shaded;
+            for quad in quads.iter().filter(|quad| quad.flags & QUAD_SHADED != 0) {
+                followed.quad(tile, quad, costs[usize::from(quad.cost)], *shaded / BUNDLE);
+                self.shaded += 1;
+                *shaded += 1;
+            }
+            if self.shaded > before {
+                self.pins += 1;
+                let near = caches.blocks[1].touch(block.x, block.y);
+                if near > 0 {
+                    followed.colors(tile, block, near);
+                }
+            }
+        }
+        all
+    }
+}

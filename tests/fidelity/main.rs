@@ -1,4 +1,0 @@
-//! Estimates of cycles, and what the model's own shortcuts cost.
-
-mod estimates;
-mod shortcuts;

@@ -1,0 +1,153 @@
+//! Estimates against the cycles that they stand for.
+
+use std::ops::Range;
+use std::path::Path;
+
+use fillrate::import;
+use fillrate::machine::Config;
+use fillrate::run::replay::{Fidelity, Options, Replay, replay};
+use fillrate::run::sampled::Sampling;
+use fillrate::sim::Clock;
+use fillrate::trace::Trace;
+use fillrate::work::Funnel;
+
+fn run(trace: &str, fidelity: Fidelity, changes: &[&str]) -> Replay {
+    frames(trace, fidelity, changes, 0..u32::MAX)
+}
+
+fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>) -> Replay {
+    let trace =
+        Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(trace)).expect("a trace of the repository");
+    let mut config = Config::built_in("baseline").expect("it is built in");
+    for change in changes {
+        config.set(change).expect("a knob");
+    }
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames, watch: None };
+    replay(&trace, &options, &|_| ()).expect("a replay")
+}
+
+fn cycles(replay: &Replay) -> f64 {
+    replay.total.number("cycles").expect("cycles")
+}
+
+#[test]
+fn functional_runs_count_as_the_card_does() {
+    for (scene, change) in [("cube", "depth.early=false"), ("town.zip", "command.cull=draws")] {
+        let both = [Fidelity::Functional, Fidelity::Cycle].map(|fidelity| run(scene, fidelity, &[change]));
+        for name in Funnel::NAMES.iter().filter(|name| **name != "tiles_hiz_culled") {
+            let [functional, cycle] = [0, 1].map(|at: usize| both[at].total.number(&format!("funnel.{name}")));
+            assert_eq!(functional, cycle, "{change}: {name}");
+        }
+    }
+}
+
+#[test]
+fn bounds_are_near_the_cycles_that_they_stand_for() {
+    // `docs/fidelity.md` has all scenes, and why some are further off.
+    let scenes = [
+        ("cube", 0.06),
+        ("corridor", 0.03),
+        ("layers", 0.03),
+        ("sprites", 0.03),
+        ("triangle", 0.03),
+        ("panel.zip", 0.04),
+        ("spokes-msaa", 0.12),
+        ("town.zip", 0.12),
+        ("viewer.zip", 0.11),
+    ];
+    for (trace, allowed) in scenes {
+        let (bound, cycle) = (run(trace, Fidelity::Bound, &[]), run(trace, Fidelity::Cycle, &[]));
+        let error = cycles(&bound) / cycles(&cycle) - 1.0;
+        assert!(error.abs() < allowed, "{trace}: {} for {}", cycles(&bound), cycles(&cycle));
+        for (bound, cycle) in bound.frames.iter().zip(&cycle.frames) {
+            let kinds = |phases: &[(unit::phase::Phase, u64)]| phases.iter().map(|p| p.0.kind).collect::<Vec<_>>();
+            assert_eq!(kinds(&bound.phases), kinds(&cycle.phases), "{trace}");
+            assert_eq!(bound.shown, cycle.shown, "{trace}: the picture is that of the trace");
+        }
+    }
+}
+
+/// Recorded wgpu traces for which it is known how far a bound may be off.
+const RECORDED: [(&str, f64); 5] =
+    [("cube-mips", 0.05), ("skybox-knot", 0.05), ("msaa-thin", 0.05), ("stencil-mirror", 0.05), ("triangle", 0.05)];
+
+#[test]
+fn bounds_are_near_the_cycles_of_recorded_traces() {
+    let Some(root) = std::env::var_os("FILLRATE_PEERS") else {
+        return eprintln!("left out: FILLRATE_PEERS is not set, so there are no recorded traces to estimate");
+    };
+    for (name, allowed) in RECORDED {
+        let path = Path::new(&root).join("wgpu").join(name);
+        if !path.is_dir() {
+            eprintln!("left out: there is no {}", path.display());
+            continue;
+        }
+        let trace = import::open(path.join("trace")).expect("a recorded trace");
+        let config = Config::built_in("baseline").expect("it is built in");
+        let run = |fidelity| {
+            let options =
+                Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+            cycles(&replay(&trace, &options, &|_| ()).expect("a replay"))
+        };
+        let (bound, cycle) = (run(Fidelity::Bound), run(Fidelity::Cycle));
+        eprintln!("wgpu/{name}: {cycle} cycles, told as {bound} ({:+.1} %)", 100.0 * (bound / cycle - 1.0));
+        assert!((bound / cycle - 1.0).abs() < allowed, "{name}: {bound} for {cycle}");
+    }
+}
+
+#[test]
+fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
+    let base = cycles(&run("corridor", Fidelity::Bound, &[]));
+    let with = |change: &str| cycles(&run("corridor", Fidelity::Bound, &[change]));
+    let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.0.limit).collect::<Vec<_>>();
+    assert!(limit(&run("corridor", Fidelity::Bound, &[])).contains(&"core"));
+    // Half the rate of issue takes twice the pass; twice the triangles a cycle takes nothing off.
+    assert!(with("core.issue=2") > 1.6 * base);
+    assert!((with("setup.triangles_per_cycle=2") / base - 1.0).abs() < 0.01);
+    assert!(with("pipelines=8") < 0.75 * base);
+}
+
+#[test]
+fn a_class_whose_rates_are_not_known_is_refused() {
+    let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
+    let config = Config::built_in("sort-first").expect("it is built in");
+    let options = Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1, watch: None };
+    let error = replay(&trace, &options, &|_| ()).expect_err("not known").to_string();
+    assert!(error.contains("sort-first") && error.contains("cycle"), "{error}");
+}
+
+#[test]
+fn some_frames_stand_for_all() {
+    let whole = frames("flight.zip", Fidelity::Cycle, &[], 0..24);
+    let sampling = Sampling { samples: 4, seed: 3, warm_up: 1 };
+    let some = frames("flight.zip", Fidelity::Sampled(sampling), &[], 0..24);
+    let margin = some.total.number("sampled.margins.cycles").expect("a margin");
+    let (told, truth) = (cycles(&some), cycles(&whole));
+    assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
+    assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
+    // Those simulated count what they count in the whole sequence, but for what warming leaves.
+    assert_eq!(some.frames.len(), 4);
+    for frame in &some.frames {
+        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
+        assert_eq!(frame.shown, same.shown, "frame {}", frame.number);
+        let n = |frame: &fillrate::run::replay::Frame| frame.tree.number("cycles").expect("cycles");
+        assert!((n(frame) / n(same) - 1.0).abs() < 0.03, "frame {}: {} for {}", frame.number, n(frame), n(same));
+    }
+    // Counters that do not depend on time are told to a few per cent, too.
+    for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
+        let n = |replay: &Replay| replay.total.number(path).expect(path);
+        assert!((n(&some) / n(&whole) - 1.0).abs() < 0.1, "{path}: {} for {}", n(&some), n(&whole));
+    }
+}
+
+#[test]
+fn sampling_without_an_interval_is_refused() {
+    let refused = |fidelity| {
+        let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
+        let config = Config::built_in("baseline").expect("it is built in");
+        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+        replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
+    };
+    assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));
+    assert!(refused(Fidelity::Sampled(Sampling::default())).contains("1 frames are too few"));
+}

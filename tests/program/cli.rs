@@ -1,0 +1,317 @@
+//! The command line, as scripts use it: files, exit codes, messages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+
+fn fillrate() -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("fillrate"));
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+/// Runs and answers exit code, standard output, standard error.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = fillrate().args(arguments).output().expect("the program starts");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+    (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
+}
+
+/// Runs bad input: exit code 2, one `error:`, no panic; answers the message.
+fn refused(arguments: &[&str]) -> String {
+    let (code, _, message) = run(arguments);
+    assert_eq!(code, 2, "{arguments:?}: {message}");
+    assert!(message.starts_with("error:"), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+    message
+}
+
+/// A copy of the triangle trace, to be damaged.
+fn damaged(folder: &Path, change: impl FnOnce(&Path, String) -> String) -> String {
+    for entry in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("the trace is there") {
+        let path = entry.expect("an entry").path();
+        fs::copy(&path, folder.join(path.file_name().expect("a name"))).expect("a copy");
+    }
+    let file = folder.join("trace.ron");
+    let text = change(folder, fs::read_to_string(&file).expect("text"));
+    fs::write(&file, text).expect("written");
+    folder.display().to_string()
+}
+
+fn blob_of(folder: &Path, extension: &str) -> PathBuf {
+    let mut found: Vec<PathBuf> = fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    found.sort();
+    found.into_iter().find(|p| p.extension().is_some_and(|e| e == extension)).expect("a blob")
+}
+
+#[test]
+fn replay_leaves_image_statistics_and_configuration() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let (code, report, message) = run(&["replay", "traces/triangle", "--config", "tiny", "--out", &folder]);
+    assert_eq!(code, 0, "{message}");
+    for part in ["triangles set up", "Busiest:", "DRAM", "frames a second"] {
+        assert!(report.contains(part), "no `{part}` in\n{report}");
+    }
+    let image = image::open(out.path().join("frame-0000.png")).expect("a picture");
+    assert!(image.width() > 0);
+    let text = fs::read_to_string(out.path().join("stats.json")).expect("statistics");
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert!(json["total"]["cycles"].as_u64().expect("cycles") > 1000);
+    assert_eq!(json["frames"].as_array().expect("frames").len(), 1);
+    assert_eq!(json["total"]["sort"]["wrong_pixels"], 0);
+    assert_eq!(fs::read_to_string(out.path().join("stats.csv")).expect("a table").lines().count(), 2);
+    let config = out.path().join("config.ron").display().to_string();
+    let (code, _, message) = run(&["replay", "traces/triangle", "--config", &config]);
+    assert_eq!(code, 0, "the resolved configuration can be used again: {message}");
+}
+
+#[test]
+fn threads_and_clocks_change_no_byte() {
+    let mut seen: Option<Vec<Vec<u8>>> = None;
+    for (threads, clock) in [("1", "skip-idle"), ("2", "skip-idle"), ("8", "every-cycle")] {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().display().to_string();
+        let (code, _, message) =
+            run(&["replay", "traces/cube", "--config", "tiny", "--threads", threads, "--clock", clock, "--out", &folder]);
+        assert_eq!(code, 0, "{message}");
+        let files = ["frame-0000.png", "stats.json", "stats.csv", "config.ron"]
+            .map(|name| fs::read(out.path().join(name)).expect("a file"))
+            .to_vec();
+        match &seen {
+            None => seen = Some(files),
+            Some(first) => assert!(*first == files, "{threads} threads, {clock}: other bytes"),
+        }
+    }
+}
+
+#[test]
+fn frames_have_the_numbers_of_the_trace() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let (code, _, message) =
+        run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "1..3", "--out", &folder]);
+    assert_eq!(code, 0, "{message}");
+    let there = |n: u32| out.path().join(format!("frame-{n:04}.png")).exists();
+    assert_eq!([0, 1, 2, 3].map(there), [false, true, true, false]);
+    assert!(refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91"));
+}
+
+#[test]
+fn each_fidelity_says_what_it_expects_to_be_off_by() {
+    for (fidelity, more, says) in [
+        ("functional", &[][..], "counted, not timed"),
+        ("bound", &[], "estimated from counts and rates: off by"),
+        ("sampled", &["--samples", "2"], "What is estimated"),
+        ("cycle", &[], "nothing estimated"),
+    ] {
+        let (code, text, message) = run(&[&["replay", "traces/particles", "--fidelity", fidelity], more].concat());
+        assert_eq!(code, 0, "{message}");
+        assert!(text.contains(says), "{fidelity}: {text}");
+    }
+}
+
+#[test]
+fn help_shows_an_example_each() {
+    for command in ["replay", "import", "inspect", "configs", "compare"] {
+        let (code, text, _) = run(&[command, "--help"]);
+        assert_eq!(code, 0);
+        assert!(text.contains("Example") && text.contains(&format!("fillrate {command}")), "{text}");
+    }
+}
+
+#[test]
+fn configs_lists_and_prints() {
+    let (_, list, _) = run(&["configs"]);
+    for (name, _) in machine::config::BUILT_IN {
+        assert!(list.lines().any(|line| line.split_whitespace().next() == Some(name)), "{name} in\n{list}");
+        let (code, text, _) = run(&["configs", name]);
+        assert_eq!(code, 0);
+        assert!(text.contains("pipelines"), "{text}");
+    }
+}
+
+#[test]
+fn a_machine_is_drawn_from_itself() {
+    let classes = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
+    for class in classes {
+        let (code, dot, message) = run(&["configs", class, "--draw"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(dot.starts_with("digraph") && dot.contains("label=\"setup x4\", shape=box3d"), "{dot}");
+        assert_eq!(dot.matches('{').count(), dot.matches('}').count());
+        assert_eq!(run(&["configs", class, "--draw", "dot"]).1, dot, "the same again");
+        let (code, svg, _) = run(&["configs", class, "--draw", "svg"]);
+        assert_eq!(code, 0);
+        assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"), "{svg}");
+        assert!(svg.contains(&format!(">{class}, 4 pipelines<")) && svg.contains("traverse x4"), "{svg}");
+        assert_eq!(run(&["configs", class, "--draw=svg"]).1, svg, "the same again");
+        // What only this class has.
+        let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4", "compose x4"];
+        let place = classes.iter().position(|c| *c == class);
+        assert!(svg.contains(own[place.expect("a class")]) && dot.contains(own[place.expect("a class")]));
+        assert!(!svg.contains("router"));
+    }
+    // It is the machine that is drawn, knobs and all.
+    let (_, svg, _) =
+        run(&["configs", "sort-first", "--set", "network.topology=ring", "--set", "pipelines=3", "--draw", "svg"]);
+    assert!(svg.contains("router x3") && svg.contains("route x3"), "{svg}");
+    assert!(refused(&["configs", "--draw"]).contains("NAME"));
+    assert!(refused(&["configs", "tiny", "--draw", "jpeg"]).contains("jpeg"));
+    assert!(refused(&["configs", "tiny", "--set", "pipelines=99", "--draw"]).contains("pipelines"));
+}
+
+#[test]
+fn a_replay_tells_what_sorting_cost() {
+    let sections = |changes: &[&str]| {
+        let (code, report, message) = run(&[&["replay", "traces/triangle"], changes].concat());
+        assert_eq!(code, 0, "{message}");
+        let section = report.split("What sorting cost\n").nth(1).unwrap_or_else(|| panic!("{report}"));
+        let section = section.split("\n\n").next().unwrap_or_default();
+        section.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
+    };
+    for (class, what, own) in [
+        ("sort-first", "primitives sorted 1", "to another pipeline"),
+        ("sort-middle", "triangles sorted 1", "to another pipeline"),
+        ("sort-middle-binned", "triangles sorted 1", "partial renders 0"),
+        ("sort-last-fragment", "quads sorted", "to another pipeline"),
+        ("sort-last-image", "samples sorted", "passes needing order 0"),
+    ] {
+        let lines = sections(&["--config", class]);
+        assert_eq!(lines[0], format!("{class}, 4 pipelines"));
+        let wanted =
+            [what, "overlap", own, "load imbalance", "waiting for the order", "busiest link of the network", "wrong pixels 0"];
+        for part in wanted {
+            assert!(lines.iter().any(|line| line.contains(part)), "{part}: {lines:#?}");
+        }
+        assert!(lines.iter().any(|line| line.contains(" from ") && line.contains("sorted[")), "the hot spot: {lines:#?}");
+    }
+    // One pipeline: whatever is sent stays in it.
+    let lines = sections(&["--set", "pipelines=1", "--set", "geometry_units=1"]);
+    assert_eq!(lines[0], "sort-middle, 1 pipeline");
+    assert!(lines.contains(&"to another pipeline 0 0.0 %; 0 B".to_owned()), "{lines:#?}");
+}
+
+#[test]
+fn wrong_knobs_are_refused_with_key_value_and_range() {
+    let message = refused(&["replay", "traces/triangle", "--set", "pipelines=0"]);
+    assert!(message.contains("pipelines") && message.contains('0'), "{message}");
+    let message = refused(&["replay", "traces/triangle", "--set", "setup.nonsense=1"]);
+    assert!(message.contains("setup.nonsense"), "{message}");
+    let message = refused(&["replay", "traces/triangle", "--config", "no-such-card"]);
+    assert!(message.contains("no-such-card") && message.contains("baseline"), "{message}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("mine.ron");
+    fs::write(&file, "(\n    extends: \"baseline\",\n    pipelnes: 2,\n)\n").expect("written");
+    let message = refused(&["replay", "traces/triangle", "--config", &file.display().to_string()]);
+    assert!(message.contains("mine.ron") && message.contains("pipelnes"), "{message}");
+}
+
+#[test]
+fn damaged_traces_are_refused_with_file_place_and_reason() {
+    let folder = || tempfile::tempdir().expect("a folder");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text[..text.len() / 2].to_owned());
+    assert!(refused(&["replay", &trace]).contains("trace.ron"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |folder, text| {
+        fs::remove_file(blob_of(folder, "bin")).expect("removed");
+        text
+    });
+    assert!(refused(&["replay", &trace]).contains(".bin"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |folder, text| {
+        let blob = blob_of(folder, "bin");
+        let mut bytes = fs::read(&blob).expect("bytes");
+        bytes[0] ^= 1;
+        fs::write(blob, bytes).expect("written");
+        text
+    });
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("hash") && message.contains(".bin"), "{message}");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("vertices: 3", "vertices: 3000", 1));
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("command") && message.contains("3000"), "{message}");
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("version: 1", "version: 99", 1));
+    assert!(refused(&["replay", &trace]).contains("99"));
+
+    let f = folder();
+    let trace = damaged(f.path(), |_, text| text.replacen("Draw(", "Drow(", 1));
+    let message = refused(&["replay", &trace]);
+    assert!(message.contains("Drow"), "{message}");
+
+    assert!(refused(&["replay", "no/such/trace"]).contains("no/such/trace"));
+    assert!(refused(&["inspect", "Cargo.toml"]).contains("Cargo.toml"));
+}
+
+#[test]
+fn compare_tells_equal_from_different() {
+    let out = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let black = image::RgbaImage::from_pixel(4, 4, image::Rgba([0, 0, 0, 255]));
+    let mut other = black.clone();
+    other.put_pixel(1, 2, image::Rgba([9, 0, 0, 255]));
+    black.save(path("a.png")).expect("saved");
+    other.save(path("b.png")).expect("saved");
+    assert_eq!(run(&["compare", &path("a.png"), &path("a.png")]).0, 0);
+    let (code, text, _) = run(&["compare", &path("a.png"), &path("b.png"), "--difference", &path("d.png")]);
+    assert_eq!(code, 1);
+    assert!(text.contains("1 off by more than 2"), "{text}");
+    assert!(out.path().join("d.png").exists());
+    assert_eq!(run(&["compare", &path("a.png"), &path("b.png"), "--allow", "10"]).0, 0);
+    fs::write(path("a.json"), r#"{"total":{"cycles":1}}"#).expect("written");
+    fs::write(path("b.json"), r#"{"total":{"cycles":2}}"#).expect("written");
+    let (code, text, _) = run(&["compare", &path("a.json"), &path("b.json")]);
+    assert_eq!(code, 1);
+    assert!(text.contains("total.cycles"), "{text}");
+}
+
+#[test]
+fn inspect_and_import_round_trip() {
+    let out = tempfile::tempdir().expect("a folder");
+    let copy = out.path().join("copy").display().to_string();
+    assert_eq!(run(&["import", "traces/triangle", "--out", &copy]).0, 0);
+    let (_, a, _) = run(&["inspect", "traces/triangle", "--json"]);
+    let (_, b, _) = run(&["inspect", &copy, "--json"]);
+    assert_eq!(a, b);
+    assert!(refused(&["import", "traces/triangle", "--out", &copy]).contains("not empty"));
+}
+
+#[test]
+fn accuracy_lists_its_targets_and_fails_with_a_fault() {
+    let (code, list, _) = run(&["accuracy", "--list"]);
+    assert_eq!(code, 0);
+    for part in ["B. Rasterisation and numbers\n", "  fill-rules ", "  plane-codec ", "bound: ", "fault: "] {
+        assert!(list.contains(part), "no `{part}` in\n{list}");
+    }
+    let (code, text, message) = run(&["accuracy", "integer-shift", "--size", "small", "--seed", "3,4"]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.starts_with("target ") && text.contains("seed 4, size small\n") && text.ends_with("2 of 2 hold\n"), "{text}");
+    let (code, text, _) = run(&["accuracy", "integer-shift", "--size", "small", "--json", "--faulty"]);
+    assert_eq!(code, 1);
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((&json["verdict"], &json["targets"][0]["target"]), (&"fail".into(), &"integer-shift".into()));
+    assert_eq!(json["targets"][0]["rows"][0]["allowed"], 0.0);
+    assert!(refused(&["accuracy", "integershift"]).contains("integer-shift is the nearest"));
+}
+
+#[test]
+fn a_reader_who_goes_away_is_no_error() {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_fillrate"))
+        .args(["inspect", "traces/cube", "--commands"])
+        .stdout(writer)
+        .stderr(std::process::Stdio::piped())
+        .output()
+        .expect("the program runs");
+    assert_eq!(output.status.code(), Some(141));
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}

@@ -1,0 +1,234 @@
+//! Images: against references that another renderer made, and the machine's own against the renderer's, bit for bit.
+//!
+//! References are Mesa 22.3.6 lavapipe's (`tests/references`, `crates/import/tests/import/*/ref*.png`, and the visible wgpu traces where
+//! `FILLRATE_PEERS` names the folder that holds `wgpu/`). A failure leaves the image and its difference from the reference in
+//! the folder for temporary files of the build (`target/tmp`), and names both. Run with `--nocapture` for the table.
+
+use std::path::{Path, PathBuf};
+
+use fillrate::import;
+use fillrate::machine::Config;
+use fillrate::report::compare;
+use fillrate::report::picture::picture;
+use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
+use fillrate::sim::Clock;
+use fillrate::work::Funnel;
+use image::RgbaImage;
+
+/// What an image may differ from its reference: pixels with a channel off by more than 2, and the least PSNR in dB.
+type Limit = (u64, f64);
+
+/// The limits by image, from the table of `docs/images.md`, which says for each what remains and why. Some room is left, so that a
+/// change of arithmetic that is nothing but rounding does not fail here.
+fn limits() -> Vec<(String, Limit)> {
+    let page = std::fs::read_to_string(here("docs/images.md")).expect("the page");
+    let rows = page.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| image "));
+    let limits: Vec<_> = rows
+        .map(|line| {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            let number = |cell: usize| cells[cell].parse::<f64>().unwrap_or_else(|error| panic!("{line}: {error}"));
+            let (wrong, psnr) = (number(3), number(5));
+            (cells[1].to_owned(), ((wrong * 1.1) as u64 + 3, psnr - 0.5))
+        })
+        .collect();
+    assert!(limits.len() > 20, "{} rows in the table", limits.len());
+    limits
+}
+
+/// A trace with the reference of some of its frames.
+struct Case {
+    name: String,
+    trace: PathBuf,
+    /// The reference of the n-th frame shown, where there is one.
+    references: Vec<PathBuf>,
+}
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.expect("an entry").path()).collect();
+    paths.sort();
+    paths
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().expect("a name").to_string_lossy().into_owned()
+}
+
+/// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for
+/// `tests/machine/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/same_tiles.rs`,
+/// which compares those of machines with the renderer's; the town, for many small draws of which most are out of view, and the
+/// viewer, for what is bound and not read, show nothing that other scenes do not.
+fn scenes() -> Vec<Case> {
+    let references = entries(&here("tests/references"));
+    entries(&here("traces"))
+        .into_iter()
+        .filter(|trace| !["flight", "panel", "town", "viewer"].contains(&stem(trace).as_str()))
+        .map(|trace| {
+            let name = stem(&trace);
+            let start = format!("{name}-");
+            let own = |path: &&PathBuf| stem(path).strip_prefix(&start).is_some_and(|frame| frame.parse::<u32>().is_ok());
+            let references: Vec<PathBuf> = references.iter().filter(own).cloned().collect();
+            assert!(!references.is_empty(), "{name} has no reference in tests/references");
+            Case { name, trace, references }
+        })
+        .collect()
+}
+
+/// The programs recorded for the tests of the importer.
+fn fixtures() -> Vec<Case> {
+    let names = ["culling", "deferred", "formats", "window"];
+    names
+        .into_iter()
+        .map(|name| {
+            let trace = here("crates/import/tests/import").join(name);
+            let is_reference = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "png");
+            let references = entries(&trace).into_iter().filter(is_reference).collect();
+            Case { name: name.into(), references, trace }
+        })
+        .collect()
+}
+
+/// The visible wgpu traces, where they are.
+fn peers() -> Vec<Case> {
+    let Some(root) = std::env::var_os("FILLRATE_PEERS") else {
+        eprintln!("left out: FILLRATE_PEERS is not set, so there are no recorded wgpu traces to compare");
+        return Vec::new();
+    };
+    let folders = entries(&Path::new(&root).join("wgpu")).into_iter().filter(|path| path.is_dir());
+    let cases: Vec<Case> = folders
+        .map(|trace| {
+            let name = format!("wgpu/{}", stem(&trace));
+            Case { name, references: vec![trace.join("ref.png")], trace }
+        })
+        .collect();
+    assert!(!cases.is_empty(), "no traces in FILLRATE_PEERS/wgpu");
+    cases
+}
+
+/// A built-in configuration, with room for the largest workgroups of the programs: `tiny` has too few warps and registers for them.
+fn config(name: &str) -> Config {
+    let mut config = Config::built_in(name).expect("a built-in configuration");
+    if name == "tiny" {
+        config.set("core.warps=32").expect("a setting");
+        config.set("core.registers=65536").expect("a setting");
+        config.check().expect("a valid configuration");
+    }
+    config
+}
+
+fn run(case: &Case, fidelity: Fidelity, config: Config) -> Replay {
+    let trace = import::open(&case.trace).unwrap_or_else(|error| panic!("{error}"));
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+    replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{}: {error:#}", case.name))
+}
+
+fn image_of(case: &Case, frame: &Frame) -> RgbaImage {
+    let (surface, bytes) = frame.shown.as_ref().unwrap_or_else(|| panic!("{} shows nothing", case.name));
+    picture(surface, bytes).unwrap_or_else(|error| panic!("{}: {error}", case.name))
+}
+
+/// Compares the frames of a replay with the references; what is beyond the limits.
+fn differences(case: &Case, replay: &Replay, limits: &[(String, Limit)]) -> Vec<String> {
+    let mut failures = Vec::new();
+    // A trace that shows several frames but has one reference is compared at its last.
+    let skip = replay.frames.len().saturating_sub(case.references.len());
+    assert_eq!(replay.frames.len() - skip, case.references.len(), "{}: frames with references", case.name);
+    for (frame, path) in replay.frames[skip..].iter().zip(&case.references) {
+        let ours = image_of(case, frame);
+        let reference = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgba8();
+        let d = compare::images(&ours, &reference).unwrap_or_else(|error| panic!("{}: {error}", case.name));
+        let name = format!("{}-{:04}", case.name, frame.number);
+        let numbers = format!(
+            "{name:<25} {:>8} pixels, {:>6} off by more than {} ({:.4} %), at most {:>3}, PSNR {:.2} dB",
+            d.pixels,
+            d.off,
+            compare::TOLERANCE,
+            100.0 * d.off_share(),
+            d.largest,
+            d.psnr
+        );
+        println!("{numbers}");
+        let limit = limits.iter().find(|(image, _)| *image == name);
+        let &(_, (off, psnr)) = limit.unwrap_or_else(|| panic!("{name} is not in the table of docs/images.md"));
+        if d.off as u64 > off || d.psnr < psnr {
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+            let file = name.replace('/', "-");
+            let (image, difference) = (folder.join(format!("{file}.png")), folder.join(format!("{file}-difference.png")));
+            ours.save(&image).expect("a file for the image");
+            d.picture.save(&difference).expect("a file for the difference");
+            let files = [image.display(), difference.display()];
+            failures.push(format!(
+                "{numbers}\n  allowed: {off} pixels, {psnr} dB; the image is {}, the difference {}",
+                files[0], files[1]
+            ));
+        }
+    }
+    failures
+}
+
+fn compare_all(cases: &[Case]) {
+    let limits = limits();
+    let replayed = |case| run(case, Fidelity::Functional, config("baseline"));
+    let failures: Vec<String> = cases.iter().flat_map(|case| differences(case, &replayed(case), &limits)).collect();
+    assert!(failures.is_empty(), "images beyond their limits:\n{}", failures.join("\n"));
+}
+
+/// Counters that depend on the machine: how long it keeps shaded vertices, and what it finds hidden ahead of tests.
+const OF_MACHINES: [&str; 2] = ["vertices_shaded", "tiles_hiz_culled"];
+
+/// The card's own image is the renderer's on every machine, and so are its counters.
+fn machines_agree(cases: &[Case]) {
+    for case in cases {
+        let functional = run(case, Fidelity::Functional, config("baseline"));
+        for card in ["baseline", "tiny"] {
+            let cycle = run(case, Fidelity::Cycle, config(card));
+            assert_eq!(cycle.frames.len(), functional.frames.len(), "{} on {card}: frames", case.name);
+            for (a, b) in functional.frames.iter().zip(&cycle.frames) {
+                assert_eq!(a.number, b.number, "{} on {card}", case.name);
+                let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
+                assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
+            }
+            for name in Funnel::NAMES.iter().filter(|name| !OF_MACHINES.contains(name)) {
+                let count = |replay: &Replay| replay.total.number(&format!("funnel.{name}"));
+                assert_eq!(count(&functional), count(&cycle), "{} on {card}: {name}", case.name);
+            }
+            let json = cycle.total.json();
+            let wrong = json.pointer("/sort/wrong_pixels").and_then(serde_json::Value::as_u64);
+            assert_eq!(wrong, Some(0), "{} on {card}: wrong pixels", case.name);
+        }
+    }
+}
+
+#[test]
+fn scenes_are_near_their_references() {
+    compare_all(&scenes());
+}
+
+#[test]
+fn fixtures_are_near_their_references() {
+    compare_all(&fixtures());
+}
+
+#[test]
+fn visible_traces_are_near_their_references() {
+    compare_all(&peers());
+}
+
+#[test]
+fn machines_draw_the_scenes_as_the_renderer_does() {
+    machines_agree(&scenes());
+}
+
+#[test]
+fn machines_draw_the_fixtures_as_the_renderer_does() {
+    machines_agree(&fixtures());
+}
+
+#[test]
+fn machines_draw_the_visible_traces_as_the_renderer_does() {
+    machines_agree(&peers());
+}

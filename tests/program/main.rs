@@ -1,0 +1,9 @@
+//! The program as scripts and readers use it: its command line, pictures, pages, accuracy targets.
+
+mod accuracy;
+mod cli;
+mod floors;
+mod images;
+mod pages;
+mod recorded_scenes;
+mod workloads;

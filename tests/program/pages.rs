@@ -1,0 +1,64 @@
+//! Generated pages are up to date, and explain every statistic that a replay leaves.
+
+use std::fs;
+use std::path::Path;
+
+use fillrate::machine::Config;
+use fillrate::machine::config::SortClass;
+use fillrate::report::{limits, pages};
+use fillrate::run::replay::{Fidelity, Options, replay};
+use fillrate::sim::Clock;
+use fillrate::trace::Trace;
+
+fn check(name: &str, expected: &str) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
+    if std::env::var_os("FILLRATE_BLESS").is_some() {
+        fs::write(&path, expected).expect("the page can be written");
+    }
+    let text = fs::read_to_string(&path).unwrap_or_default();
+    assert!(text == expected, "docs/{name} is stale: FILLRATE_BLESS=1 cargo test --test program pages writes it anew");
+}
+
+#[test]
+fn statistics_page_is_up_to_date() {
+    check("statistics.md", &pages::statistics());
+}
+
+#[test]
+fn configuration_page_is_up_to_date() {
+    check("configuration.md", &pages::configuration().expect("the baseline is sound"));
+}
+
+#[test]
+fn limits_page_is_up_to_date() {
+    check("limits.md", &limits::page());
+}
+
+#[test]
+fn every_statistic_of_a_replay_is_explained() {
+    let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("the trace is there");
+    let classes = SortClass::NAMES.iter().map(|class| ("baseline", Some(format!("sort={class}"))));
+    for (config, class) in [("tiny", None), ("baseline", None)].into_iter().chain(classes) {
+        let mut machine = Config::built_in(config).expect("built in");
+        if let Some(class) = &class {
+            let early = if class.ends_with("fragment") { "order.early=local" } else { "order.early=none" };
+            for change in [class.as_str(), early, "bin.hide=true", "network.topology=crossbar"] {
+                machine.set(change).expect("a knob");
+            }
+        }
+        let options =
+            Options { config: machine, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+        let done = replay(&trace, &options, &|_| ()).expect("the replay runs");
+        let mut unexplained = Vec::new();
+        let mut seen = 0;
+        done.total.leaves(&mut |path, _| {
+            seen += 1;
+            if !pages::explains(path) {
+                unexplained.push(path.to_owned());
+            }
+        });
+        assert!(seen > 200, "{seen} statistics");
+        assert!(unexplained.is_empty(), "{config} {class:?}: not in docs/statistics.md: {unexplained:#?}");
+    }
+    assert!(!pages::explains("units.setup[0].nonsense") && !pages::explains("setup[0].busy"));
+}

@@ -1,9 +1,0 @@
-//! Traces: written, read, checked, damaged, and those that the repository keeps.
-
-mod check;
-mod fuzz;
-mod oracle;
-mod read;
-mod recorded_scenes;
-mod workloads;
-mod write;
