@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod cli;
+mod commands;
 mod floors;
 mod images;
 mod pages;
