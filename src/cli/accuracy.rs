@@ -12,7 +12,7 @@ use crate::accuracy::{self, Outcome, Setting, Size, Target};
     args_conflicts_with_subcommands = true,
     after_help = "Examples:\n  fillrate accuracy\n  fillrate accuracy oracle --size large\n  \
 fillrate accuracy fill-rules depth --seed 1,2,3 --json\n  \
-fillrate accuracy --seed 1,2,3 --size small,standard --markdown > docs/accuracy.md\n\n\
+fillrate accuracy --seed 1,2,3 --size small,standard --markdown > docs/data/accuracy.md\n\n\
 Exit code 1 where a target does not hold."
 )]
 pub struct Arguments {
@@ -27,7 +27,7 @@ pub struct Arguments {
     /// As JSON, when all is done
     #[arg(long, conflicts_with = "markdown")]
     json: bool,
-    /// As the page docs/accuracy.md, when all is done
+    /// As the page docs/data/accuracy.md, when all is done
     #[arg(long)]
     markdown: bool,
     /// Where random numbers begin; several make several runs

@@ -11,7 +11,7 @@ use crate::trace::{self, Trace};
 /// How far a trace is trusted.
 #[derive(clap::Args)]
 pub struct Reading {
-    /// Raise a limit on what a trace may ask for (docs/limits.md lists them); may be repeated
+    /// Raise a limit on what a trace may ask for (docs/data/limits.md lists them); may be repeated
     #[arg(long = "limit", value_name = "NAME=VALUE")]
     limits: Vec<String>,
     /// Read files of the trace that symbolic links lead to

@@ -1,4 +1,4 @@
-//! `docs/limits.md`: what an untrusted trace may ask for, with the table of limits from its declarations.
+//! `docs/data/limits.md`: what an untrusted trace may ask for, with the table of limits from its declarations.
 
 use super::summary::grouped;
 use crate::num::Limits;

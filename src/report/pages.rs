@@ -176,7 +176,7 @@ pub fn explains(path: &str) -> bool {
     })
 }
 
-/// `docs/statistics.md`
+/// `docs/data/statistics.md`
 pub fn statistics() -> String {
     let mut text = String::from(
         "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
@@ -192,7 +192,7 @@ pub fn statistics() -> String {
     text
 }
 
-/// `docs/configuration.md`
+/// `docs/data/configuration.md`
 ///
 /// # Errors
 /// If the built-in baseline is wrong.

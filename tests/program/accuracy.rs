@@ -31,14 +31,14 @@ fn an_unknown_target_is_named_with_the_nearest() {
 
 #[test]
 fn the_page_has_every_target_and_no_failure() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/accuracy.md");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data/accuracy.md");
     let page = std::fs::read_to_string(path).expect("the page is there");
     let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
     for target in accuracy::targets() {
         let about = format!("### {} {}. Bound: {}. The fault", target.id, target.what, target.bound);
         assert!(
             page.contains(&about),
-            "{} is not in docs/accuracy.md as it is now: the page says how to write it anew",
+            "{} is not in docs/data/accuracy.md as it is now: the page says how to write it anew",
             target.id
         );
     }

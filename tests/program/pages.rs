@@ -11,12 +11,12 @@ use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 
 fn check(name: &str, expected: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data").join(name);
     if std::env::var_os("FILLRATE_BLESS").is_some() {
         fs::write(&path, expected).expect("the page can be written");
     }
     let text = fs::read_to_string(&path).unwrap_or_default();
-    assert!(text == expected, "docs/{name} is stale: FILLRATE_BLESS=1 cargo test --test program pages writes it anew");
+    assert!(text == expected, "docs/data/{name} is stale: FILLRATE_BLESS=1 cargo test --test program pages writes it anew");
 }
 
 #[test]
@@ -58,7 +58,7 @@ fn every_statistic_of_a_replay_is_explained() {
             }
         });
         assert!(seen > 200, "{seen} statistics");
-        assert!(unexplained.is_empty(), "{config} {class:?}: not in docs/statistics.md: {unexplained:#?}");
+        assert!(unexplained.is_empty(), "{config} {class:?}: not in docs/data/statistics.md: {unexplained:#?}");
     }
     assert!(!pages::explains("units.setup[0].nonsense") && !pages::explains("setup[0].busy"));
 }
