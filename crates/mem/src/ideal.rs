@@ -94,7 +94,7 @@ impl<C> Unit<C> for Ideal {
             for step in 0..self.inputs.len() {
                 let client = (self.turn + step) % self.inputs.len();
                 if self.free_at >= end {
-                    // Whoever comes finds the memory taken until then.
+                    // Requests that arrive find the memory occupied until then.
                     if self.inputs.iter().any(|input| wires.can_pop(input)) {
                         wires.sleep_until(self.free_at / rate);
                         did = did.or(Tick::Working);

@@ -65,7 +65,8 @@ pub(super) struct Slot {
 /// The state of a channel. The ring lies in the slab of [`Wires`](super::Wires).
 ///
 /// The two questions that units ask most are answered by one comparison each: an item can be popped from `poppable` on and
-/// pushed from `pushable` on. Both are kept up to date by whoever pushes or pops; [`NEVER`] means that it takes the other end.
+/// pushed from `pushable` on. Each push and each pop updates both; [`NEVER`] means that only the other end can
+/// change it.
 ///
 /// Whether the width counts items or bytes is one rule: an item takes `cost` of what the link carries in a cycle. Pushes and pops
 /// choose by arithmetic and not by branches, which no host could foresee for a hundred channels.

@@ -48,7 +48,7 @@ fn a_hundred_megabytes_cost_no_copies() {
             let blob = format!("{index}.bin");
             let data = trace.data(&Data { blob: blob.clone(), offset: 10, size: 1000 }).unwrap();
             assert!(data.iter().all(|&byte| byte == index));
-            // A range of the blob is a range of the same memory, whoever asks.
+            // A range of the blob is a range of the same memory in every call.
             let whole = trace.blob(&blob).unwrap();
             assert_eq!((whole.len(), data.as_ptr()), (SIZE, whole[10..].as_ptr()));
             let shared = trace.shared(&blob).unwrap();

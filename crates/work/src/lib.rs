@@ -142,8 +142,8 @@ pub enum Event {
     Draw(Arc<Draw>),
     /// A piece of the current draw.
     Segment(Arc<Segment>),
-    /// A piece of the current draw that is drawn at once and without any time, where a run simulates only some pieces of a frame. No
-    /// render leaves such.
+    /// A piece of the current draw for functional warming: it changes pixels, caches and hierarchical Z and takes no cycles, where a run
+    /// simulates only some frames. Rendering makes none of these.
     Applied(Arc<Segment>),
     /// The render pass ends: attachments are stored and resolved.
     EndPass,
