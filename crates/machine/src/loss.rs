@@ -8,6 +8,7 @@
 //! that add up to N x T.
 
 use super::config::SortClass;
+use super::parts::{Parts, Stage};
 use sim::{GateCounts, STATES};
 use stats::Cycles;
 use unit::network::SenderCounts;
@@ -87,19 +88,16 @@ pub(super) struct Frame<'a> {
     pub waits: &'a Waits,
 }
 
-/// Stages of a pipeline before the network, where fragments are sorted; in other classes behind it.
-const GEOMETRY: &[&str] = &["gather", "fetch", "assembly", "clip", "distribute"];
-const PIXELS: &[&str] = &["setup", "traverse", "early", "hide", "interpolate", "dispatch", "core", "texture"];
-const ROPS: &[&str] = &["order", "depth", "color"];
-
 /// The stages of a class's pipelines.
 fn stages(class: SortClass) -> impl Iterator<Item = &'static str> {
-    let front: &[&str] = match class {
-        SortClass::First | SortClass::LastFragment | SortClass::LastImage => GEOMETRY,
-        SortClass::MiddleBinned => &["tile_fetch"],
-        SortClass::Middle => &[],
-    };
-    front.iter().chain(PIXELS).chain(ROPS).copied()
+    let own = matches!(class, SortClass::First | SortClass::LastFragment | SortClass::LastImage);
+    let front = Parts::stages(Stage::Geometry).filter(move |_| own);
+    front.chain(Parts::stages(Stage::Pixels)).chain(Parts::stages(Stage::Rop))
+}
+
+/// Whether a bank is of a stage.
+fn is_of(stage: Stage, bank: &str) -> bool {
+    Parts::stages(stage).any(|name| name == bank)
 }
 
 /// A part of a number.
@@ -167,7 +165,7 @@ impl Frame<'_> {
                 let (all, vertices) = self.waits.instructions[unit.number];
                 part(busy, vertices, all)
             }
-            SortClass::First if GEOMETRY.contains(&stage) || stage == "setup" => busy,
+            SortClass::First if is_of(Stage::Geometry, stage) || stage == "setup" => busy,
             SortClass::Middle | SortClass::MiddleBinned if matches!(stage, "tile_fetch" | "setup") => busy,
             _ => 0,
         };
@@ -228,7 +226,7 @@ impl Frame<'_> {
         loss.network += rest.take(&all, of_pipeline(&waits.composing));
         // 4. Before a network that sorts fragments, its own sender told. Receivers have no place left as they keep order, or others
         //    send more.
-        let behind = self.class != SortClass::LastFragment || ROPS.contains(&stage);
+        let behind = self.class != SortClass::LastFragment || is_of(Stage::Rop, stage);
         loss.network += rest.take(&[For::Network], u64::MAX);
         loss.order += rest.take(&[For::Place], mean(waits.order.iter().copied()));
         loss.imbalance += rest.take(&[For::Place], u64::MAX);

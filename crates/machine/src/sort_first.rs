@@ -13,15 +13,16 @@ use unit::traverse::Territory;
 pub(super) fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        routers: pipelines,
-        network: Some((pipelines, pipelines)),
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        ..Shape::default()
+        deal: 1,
+        route: pipelines,
+        gather: pipelines,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let primitives = machine.route(batches);

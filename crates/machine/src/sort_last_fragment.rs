@@ -15,16 +15,16 @@ use unit::sorting::EarlyTest;
 pub(super) fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        network: Some((pipelines, pipelines)),
-        orders: pipelines,
-        earlies: if config.order.early == EarlyTest::None { 0 } else { pipelines },
-        ..Shape::default()
+        deal: 1,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        order: pipelines,
+        early: if config.order.early == EarlyTest::None { 0 } else { pipelines },
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let runs = batches.into_iter().map(FetchInput::Runs).collect();

@@ -14,15 +14,15 @@ use unit::traverse::Territory;
 pub(super) fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        network: Some((pipelines, pipelines)),
-        composers: pipelines,
-        ..Shape::default()
+        deal: 1,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        compose: pipelines,
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let runs = batches.into_iter().map(FetchInput::Runs).collect();

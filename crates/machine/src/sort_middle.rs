@@ -14,14 +14,8 @@ use unit::traverse::Territory;
 pub(super) fn build(config: &Config) -> Result<Built, String> {
     let geometry = config.card.geometry_units as usize;
     let pipelines = config.card.pipelines as usize;
-    let shape = Shape {
-        fronts: 1,
-        clippers: geometry,
-        distributors: geometry,
-        network: Some((geometry, pipelines)),
-        ..Shape::default()
-    };
-    let mut machine = Builder::new(config, shape)?;
+    let shape = Shape { fetch: 1, assembly: 1, clip: geometry, distribute: geometry, ..Shape::of(config) };
+    let mut machine = Builder::new(config, shape, (geometry, pipelines))?;
     let segments = machine.command();
     let primitives = machine.vertices(vec![FetchInput::Segments(segments)], Mode::Segments);
     let triangles = machine.clip_and_distribute(primitives);

@@ -15,16 +15,16 @@ use work::BLOCK;
 pub(super) fn build(config: &Config) -> Result<Built, String> {
     let (geometry, pipelines) = (config.card.geometry_units as usize, config.card.pipelines as usize);
     let shape = Shape {
-        fronts: 1,
-        clippers: geometry,
-        distributors: geometry,
-        network: Some((geometry, 1)),
-        bins: 1,
-        tile_fetches: pipelines,
-        hides: if config.bin.hide { pipelines } else { 0 },
-        ..Shape::default()
+        fetch: 1,
+        assembly: 1,
+        clip: geometry,
+        distribute: geometry,
+        bin: 1,
+        tile_fetch: pipelines,
+        hide: if config.bin.hide { pipelines } else { 0 },
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (geometry, 1))?;
     let segments = machine.command();
     let primitives = machine.vertices(vec![FetchInput::Segments(segments)], Mode::Segments);
     let triangles = machine.clip_and_distribute(primitives);

@@ -14,7 +14,7 @@ pub struct Declaration {
 }
 
 /// A set of counters declared by [`counters!`](crate::counters).
-pub trait Group: Copy + Default {
+pub trait Group: Copy + Default + 'static {
     /// The counters, in the order of their declaration.
     const DECLARATIONS: &'static [Declaration];
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::apply::Touching;
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
 use super::copies::own;
@@ -14,9 +14,9 @@ use super::token::{Ack, GroupToken, Kind};
 use super::traverse::fragments;
 use crate::knob::Allowed;
 use gfx::rop::composes_over;
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
 use work::{Quad, Target};
 
 crate::knobs! {
@@ -431,5 +431,10 @@ impl Unit<Card> for Color {
 
     fn resident(&self) -> u64 {
         self.fifo.len() as u64 + self.cache.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("color"), |unit| unit.cache.cache());
+        groups.group(ROP.named("color"), |unit| unit.cache.counts());
     }
 }

@@ -17,7 +17,7 @@ use gfx::hierarchical::depth_key;
 use gfx::texel;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{Gate, In, Out, Tick, Unit, Wires};
+use sim::{Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
 use work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
 
 crate::choices! {
@@ -725,5 +725,10 @@ impl Unit<Card> for Command {
 
     fn resident(&self) -> u64 {
         (self.reports.len() - self.free.len() + self.pieces.len()) as u64 + self.stream.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let about = "Passes and draws, and what of them the command processor has left out.";
+        groups.group(Heading::new("command", about), |unit| unit.counts);
     }
 }

@@ -29,14 +29,14 @@
 
 use std::collections::VecDeque;
 
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
 use super::depth::test_ahead;
-use super::tags::CacheCounts;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;
+use mem::CACHES;
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 
 stats::counters! {
     /// What early tests in pipelines that own no pixels do.
@@ -142,10 +142,10 @@ impl Early {
         self.counts
     }
 
-    /// What the cache of the copy counts, if there is one: its tags, and what it moved.
-    pub fn cache(&self) -> Option<(CacheCounts, BlockCounts)> {
+    /// The cache of the copy, if there is one.
+    fn copy(&self) -> Option<&BlockCache> {
         match &self.known {
-            Known::Copy(cache) => Some((cache.cache(), cache.counts())),
+            Known::Copy(cache) => Some(cache),
             Known::Owners { .. } => None,
         }
     }
@@ -314,5 +314,12 @@ impl Unit<Card> for Early {
     fn resident(&self) -> u64 {
         let requests = if let Known::Copy(cache) = &self.known { cache.resident() } else { 0 };
         self.entries.len() as u64 + requests
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.");
+        groups.group(heading, |unit| unit.counts);
+        groups.group_if(CACHES.named("early"), |unit| Some(unit.copy()?.cache()));
+        groups.group_if(ROP.named("early"), |unit| Some(unit.copy()?.counts()));
     }
 }

@@ -6,34 +6,15 @@ mod front;
 mod pixels;
 
 use super::config::{Config, SortClass};
-use super::parts::Parts;
-use mem::{MemoryPlan, MemoryPort};
-use sim::{Gate, In, Link, One, Out, Token, UnitId, Wiring};
-use unit::assembly::Assembly;
-use unit::bin::Bin;
-use unit::clip::Clip;
+pub(super) use super::parts::Shape;
+use super::parts::{Banks, Ids, Parts, Stage};
+use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits, PortShape};
+use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
-use unit::command::Command;
-use unit::compose::Compose;
-use unit::compute::Compute;
-use unit::deal::Deal;
-use unit::depth::Depth;
-use unit::dispatch::Dispatch;
-use unit::distribute::Distribute;
-use unit::early::Early;
-use unit::fetch::Fetch;
-use unit::gather::Gather;
-use unit::hide::Hide;
-use unit::interpolate::Interpolate;
-use unit::network::{CreditReturn, Names, Network, NetworkMap, NetworkPlan, Receiver, Router, Sender};
-use unit::order::Order;
+use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
-use unit::route::Route;
 use unit::scanout::Scanout;
-use unit::setup::Setup;
-use unit::tile_fetch::TileFetch;
 use unit::token::{Ack, GroupToken, Piece, WarpToken, bytes};
-use unit::traverse::Traverse;
 
 /// Both ends of channels, as they are handed out.
 pub(super) type Ends<T> = (Vec<Out<T>>, Vec<In<T>>);
@@ -51,104 +32,47 @@ pub(super) struct Built {
 /// Names of memory clients, and the number of ports of each.
 pub type Clients = Vec<(&'static str, usize)>;
 
-/// How many a machine has of the units that not every class has one of in each pipeline.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Shape {
-    /// Vertex fetch units, each with an assembly unit and a share of the cores.
-    pub fronts: usize,
-    /// Clippers.
-    pub clippers: usize,
-    /// Distribution units.
-    pub distributors: usize,
-    /// Units that deal batches.
-    pub dealers: usize,
-    /// Units that route primitives, and as many that gather them.
-    pub routers: usize,
-    /// Units that bin.
-    pub bins: usize,
-    /// Units that read tiles.
-    pub tile_fetches: usize,
-    /// Units that test depths ahead of the ROPs that own them.
-    pub earlies: usize,
-    /// Units that remove hidden surfaces.
-    pub hides: usize,
-    /// Units that restore the order at the ROP.
-    pub orders: usize,
-    /// Units that compose frame buffers.
-    pub composers: usize,
-    /// Ends of the network that sorts: senders and receivers.
-    pub network: Option<(usize, usize)>,
+impl Shape {
+    /// What each pipeline has one of in all classes, and what a machine has one of, with its cores.
+    pub(super) fn of(config: &Config) -> Shape {
+        let pipelines = config.card.pipelines as usize;
+        let cores = pipelines * config.core.per_pipeline as usize;
+        let vertex_cores = if config.core.unified { 0 } else { config.core.vertex_cores as usize };
+        Shape {
+            command: 1,
+            vertex_core: vertex_cores,
+            vertex_texture: vertex_cores,
+            setup: pipelines,
+            traverse: pipelines,
+            depth: pipelines,
+            interpolate: pipelines,
+            dispatch: pipelines,
+            compute: 1,
+            core: cores,
+            texture: cores,
+            color: pipelines,
+            resolve: 1,
+            scanout: 1,
+            ..Shape::default()
+        }
+    }
 }
 
-/// Numbers of the units.
-struct Ids {
-    command: UnitId,
-    deal: Vec<UnitId>,
-    route: Vec<UnitId>,
-    gather: Vec<UnitId>,
-    fetch: Vec<UnitId>,
-    vertex_core: Vec<UnitId>,
-    vertex_texture: Vec<UnitId>,
-    assembly: Vec<UnitId>,
-    clip: Vec<UnitId>,
-    distribute: Vec<UnitId>,
-    bin: Vec<UnitId>,
-    tile_fetch: Vec<UnitId>,
-    setup: Vec<UnitId>,
-    traverse: Vec<UnitId>,
-    early: Vec<UnitId>,
-    depth: Vec<UnitId>,
-    hide: Vec<UnitId>,
-    interpolate: Vec<UnitId>,
-    dispatch: Vec<UnitId>,
-    order: Vec<UnitId>,
-    compute: UnitId,
-    core: Vec<UnitId>,
-    texture: Vec<UnitId>,
-    color: Vec<UnitId>,
-    compose: Vec<UnitId>,
-    resolve: UnitId,
-    scanout: UnitId,
-}
-
-/// The units made so far, and ends that wait for theirs.
+/// Ends that wait for their units.
 #[derive(Default)]
-struct Made {
-    command: Option<Command>,
-    deal: Vec<Deal>,
-    route: Vec<Route>,
-    gather: Vec<Gather>,
-    fetch: Vec<Fetch>,
-    assembly: Vec<Assembly>,
-    clip: Vec<Clip>,
-    distribute: Vec<Distribute>,
-    bin: Vec<Bin>,
-    tile_fetch: Vec<TileFetch>,
-    setup: Vec<Setup>,
-    traverse: Vec<Traverse>,
-    early: Vec<Early>,
-    depth: Vec<Depth>,
-    hide: Vec<Hide>,
-    interpolate: Vec<Interpolate>,
-    dispatch: Vec<Dispatch>,
-    router: Vec<Router>,
-    credit_return: Option<CreditReturn>,
-    network: Option<NetworkMap>,
-    order: Vec<Order>,
-    compute: Option<Compute>,
-    color_ends: Vec<ColorPorts>,
-    compose: Vec<Compose>,
+struct Open {
+    color: Vec<ColorPorts>,
     /// Of each composition unit, from and to the command processor.
-    compose_commands: Vec<(In<Piece>, Out<Ack>)>,
+    compose: Vec<(In<Piece>, Out<Ack>)>,
     /// Ways of the colour caches.
     color_ways: u32,
-    resolve_ends: Option<(In<Piece>, Out<Ack>)>,
-    scanout_ends: Option<(In<Piece>, Out<Ack>)>,
+    resolve: Vec<(In<Piece>, Out<Ack>)>,
+    scanout: Vec<(In<Piece>, Out<Ack>)>,
     /// Of each core that shades vertices.
-    vertex_ends: Vec<Option<(In<WarpToken>, Out<WarpToken>)>>,
+    vertex: Vec<Option<(In<WarpToken>, Out<WarpToken>)>>,
     /// Of each core.
-    fragment_ends: Vec<(In<WarpToken>, Out<WarpToken>)>,
-    compute_ends: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    fragment: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    compute: Vec<(In<WarpToken>, Out<WarpToken>)>,
     /// To the command processor.
     color_acks: Vec<Out<Ack>>,
     depth_acks: Vec<Out<Ack>>,
@@ -160,8 +84,10 @@ pub(super) struct Builder<'a> {
     wiring: Wiring,
     memory: MemoryPlan,
     network: Option<NetworkPlan>,
+    map: Option<NetworkMap>,
     id: Ids,
-    made: Made,
+    made: Banks,
+    open: Open,
 }
 
 /// A link for groups of quads: as wide as so many quads.
@@ -173,54 +99,26 @@ fn quads(queue: u32, quads: u32, latency: u32) -> Link {
 const CONTROL: Link = Link::items(16, 4, 1);
 
 impl<'a> Builder<'a> {
-    /// Declares the units.
+    /// Declares the units; `network` has as many senders and receivers.
     ///
     /// # Errors
     /// If the memory's values do not make one.
-    pub fn new(config: &'a Config, shape: Shape) -> Result<Builder<'a>, String> {
-        let pipelines = config.card.pipelines as usize;
-        let cores = pipelines * config.core.per_pipeline as usize;
-        let vertex_cores = if config.core.unified { 0 } else { config.core.vertex_cores as usize };
-        // In the order of the machine's fields.
-        let mut w = Wiring::new();
-        let mut network = None;
-        let id = Ids {
-            command: w.unit("command", 0),
-            deal: w.bank("deal", shape.dealers),
-            route: w.bank("route", shape.routers),
-            gather: w.bank("gather", shape.routers),
-            fetch: w.bank("fetch", shape.fronts),
-            vertex_core: w.bank("vertex_core", vertex_cores),
-            vertex_texture: w.bank("vertex_texture", vertex_cores),
-            assembly: w.bank("assembly", shape.fronts),
-            clip: w.bank("clip", shape.clippers),
-            distribute: w.bank("distribute", shape.distributors),
-            bin: w.bank("bin", shape.bins),
-            tile_fetch: w.bank("tile_fetch", shape.tile_fetches),
-            setup: {
-                if let Some((senders, receivers)) = shape.network {
-                    let plan = NetworkPlan::declare(&config.network, Names::SORT, senders, receivers, &mut w)?;
-                    network = Some(plan);
-                }
-                w.bank("setup", pipelines)
-            },
-            traverse: w.bank("traverse", pipelines),
-            early: w.bank("early", shape.earlies),
-            depth: w.bank("depth", pipelines),
-            hide: w.bank("hide", shape.hides),
-            interpolate: w.bank("interpolate", pipelines),
-            dispatch: w.bank("dispatch", pipelines),
-            order: w.bank("order", shape.orders),
-            compute: w.unit("compute", 0),
-            core: w.bank("core", cores),
-            texture: w.bank("texture", cores),
-            color: w.bank("color", pipelines),
-            compose: w.bank("compose", shape.composers),
-            resolve: w.unit("resolve", 0),
-            scanout: w.unit("scanout", 0),
-        };
-        let memory = MemoryPlan::declare(config.memory()?, &mut w)?;
-        Ok(Builder { config, wiring: w, memory, network, id, made: Made::default() })
+    pub fn new(config: &'a Config, mut shape: Shape, network: (usize, usize)) -> Result<Builder<'a>, String> {
+        let network = NetworkPlan::new(&config.network, Names::SORT, network.0, network.1)?;
+        shape.router = network.routers();
+        shape.credit_return = usize::from(shape.router > 0);
+        let memory = config.memory()?;
+        let MemoryUnits { crossbar, l2, dram, ideal } = memory.units();
+        shape = Shape { crossbar, l2, dram, return_path: crossbar, ideal, ..shape };
+        let mut wiring = Wiring::new();
+        let id = Ids::declare(&shape, &mut wiring);
+        let network = network.at(id.router.clone(), id.credit_return.first().copied());
+        let (front, back) = (id.crossbar.first().or(id.ideal.first()), id.return_path.first().or(id.ideal.first()));
+        let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
+        let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
+        let memory = MemoryPlan::new(memory, ids)?;
+        let (made, open) = (Banks::default(), Open::default());
+        Ok(Builder { config, wiring, memory, network: Some(network), map: None, id, made, open })
     }
 
     /// Pipelines.
@@ -231,24 +129,11 @@ impl<'a> Builder<'a> {
     /// The units of a pipeline: those before its ROP, and those of its ROP.
     fn units(&self, pipeline: usize, before: bool, rop: bool) -> Vec<UnitId> {
         let (id, pipelines) = (&self.id, self.pipelines());
-        let front = [&id.gather, &id.fetch, &id.assembly, &id.clip, &id.distribute];
-        let pixels = [
-            &id.tile_fetch,
-            &id.setup,
-            &id.traverse,
-            &id.early,
-            &id.hide,
-            &id.interpolate,
-            &id.dispatch,
-            &id.core,
-            &id.texture,
-        ];
-        let rops = [&id.order, &id.depth, &id.color];
         // Geometry in front of the network belongs to no pipeline.
         let own = before && !matches!(self.config.card.sort, SortClass::Middle | SortClass::MiddleBinned);
-        let banks = front.into_iter().filter(|_| own).chain(pixels.into_iter().filter(|_| before));
-        let banks = banks.chain(rops.into_iter().filter(|_| rop));
-        let of = |bank: &'_ Vec<UnitId>| {
+        let stages = [(Stage::Geometry, own), (Stage::Pixels, before), (Stage::Rop, rop)];
+        let banks = stages.into_iter().filter(|&(_, of)| of).flat_map(|(stage, _)| id.of_stage(stage));
+        let of = |bank: &'_ [UnitId]| {
             let each = bank.len() / pipelines;
             bank[pipeline * each..][..each].to_vec()
         };
@@ -282,7 +167,8 @@ impl<'a> Builder<'a> {
     /// A memory port of a unit.
     fn port(&mut self, name: &'static str, index: usize, unit: UnitId) -> MemoryPort {
         let knobs = &self.config.memory;
-        self.memory.client(&mut self.wiring, name, index, unit, knobs.port_width, knobs.port_latency, knobs.port_queue)
+        let shape = PortShape { width: knobs.port_width, latency: knobs.port_latency, queue: knobs.port_queue };
+        self.memory.client(&mut self.wiring, name, index, unit, shape)
     }
 
     /// Joins units pairwise.
@@ -298,11 +184,11 @@ impl<'a> Builder<'a> {
 
     /// The network that sorts, between these units.
     fn sort_network<T: Token>(&mut self, from: &[UnitId], to: &[UnitId]) -> (Vec<Sender<T>>, Vec<Receiver<T>>) {
-        let plan = self.network.take().expect("the machine's shape has a network");
+        let plan = self.network.take().expect("a machine has one network that sorts");
         let Network { senders, receivers, routers, credit_return, map } = plan.connect(&mut self.wiring, from, to);
         self.made.router = routers;
-        self.made.credit_return = credit_return;
-        self.made.network = Some(map);
+        self.made.credit_return.extend(credit_return);
+        self.map = Some(map);
         (senders, receivers)
     }
 
@@ -315,60 +201,28 @@ impl<'a> Builder<'a> {
     /// The machine.
     pub fn finish(mut self) -> Built {
         let config = self.config;
-        let cores = self.cores();
-        let color = self.id.color.clone();
-        let ends = std::mem::take(&mut self.made.color_ends).into_iter().enumerate();
-        let colors = ends
-            .map(|(n, ports)| {
-                let config = ColorConfig { cache_ways: self.made.color_ways, ..config.color.clone() };
-                Color::new(config, n as u8, ports, self.port("color", n, color[n]))
-            })
-            .collect();
-        let (input, output) = self.made.resolve_ends.take().expect("a machine resolves");
-        let resolve = Resolve::new(config.resolve.clone(), input, output, self.port("resolve", 0, self.id.resolve));
-        let (input, output) = self.made.scanout_ends.take().expect("a machine shows frames");
-        let scanout = Scanout::new(config.scanout.clone(), input, output, self.port("scanout", 0, self.id.scanout));
-        let Builder { mut wiring, memory, made, .. } = self;
-        let memory = memory.build(&mut wiring);
-        let network = made.network;
-        let parts = Parts::new(
-            wiring,
-            One(made.command.expect("a machine has a command processor")),
-            made.deal,
-            made.route,
-            made.gather,
-            made.fetch,
-            cores.vertex_core,
-            cores.vertex_texture,
-            made.assembly,
-            made.clip,
-            made.distribute,
-            made.bin,
-            made.tile_fetch,
-            made.router,
-            made.credit_return,
-            made.setup,
-            made.traverse,
-            made.early,
-            made.depth,
-            made.hide,
-            made.interpolate,
-            made.dispatch,
-            made.order,
-            One(made.compute.expect("a machine computes")),
-            cores.core,
-            cores.texture,
-            colors,
-            made.compose,
-            One(resolve),
-            One(scanout),
-            memory.crossbar,
-            memory.l2,
-            memory.dram,
-            memory.return_path,
-            memory.ideal,
-        );
-        Built { parts, clients: memory.clients, network }
+        self.cores();
+        for (n, ports) in std::mem::take(&mut self.open.color).into_iter().enumerate() {
+            let config = ColorConfig { cache_ways: self.open.color_ways, ..config.color.clone() };
+            let memory = self.port("color", n, self.id.color[n]);
+            self.made.color.push(Color::new(config, n as u8, ports, memory));
+        }
+        for (input, output) in std::mem::take(&mut self.open.resolve) {
+            let memory = self.port("resolve", 0, self.id.resolve[0]);
+            self.made.resolve.push(Resolve::new(config.resolve.clone(), input, output, memory));
+        }
+        for (input, output) in std::mem::take(&mut self.open.scanout) {
+            let memory = self.port("scanout", 0, self.id.scanout[0]);
+            self.made.scanout.push(Scanout::new(config.scanout.clone(), input, output, memory));
+        }
+        let Builder { mut wiring, memory, map, mut made, .. } = self;
+        let Memory { crossbar, l2, dram, return_path, ideal, clients } = memory.build(&mut wiring);
+        made.crossbar.extend(crossbar);
+        made.l2.extend(l2);
+        made.dram.extend(dram);
+        made.return_path.extend(return_path);
+        made.ideal.extend(ideal);
+        Built { parts: Parts::new(wiring, made), clients, network: map }
     }
 }
 

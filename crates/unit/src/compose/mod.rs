@@ -26,7 +26,7 @@ use super::token::{Ack, Kind, Piece};
 use crate::knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::BLOCK;
 
 crate::choices! {
@@ -442,5 +442,10 @@ impl Unit<Card> for Compose {
     fn resident(&self) -> u64 {
         let asked = self.sends.len() + self.composes.len() + self.writes.len() + usize::from(self.active);
         asked as u64 + u64::from(self.misses.in_flight()) + self.ports.receiver.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new("composition.compose[i]", "Sort-last-image: what each pipeline sends and composes.");
+        groups.group(heading, |unit| unit.counts);
     }
 }

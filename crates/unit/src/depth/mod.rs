@@ -7,7 +7,7 @@ mod questions;
 use std::collections::VecDeque;
 
 use super::apply::Touching;
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
 use super::copies::{Stamps, own};
@@ -17,10 +17,10 @@ use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::traverse::{HierarchicalUpdate, fragments};
 use crate::knob::Allowed;
 use depths::{Tested, bounds};
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use questions::Questions;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
 
 pub(super) use depths::{test_ahead, test_group};
 pub use questions::QuestionPorts;
@@ -519,5 +519,11 @@ impl Unit<Card> for Depth {
     fn resident(&self) -> u64 {
         let questions = self.questions.as_ref().map_or(0, |questions| questions.resident());
         (self.early.len() + self.late.len() + self.bounds.len() + questions) as u64 + self.cache.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("depth"), |unit| unit.cache.cache());
+        groups.group(ROP.named("depth"), |unit| unit.cache.counts());
+        groups.group(ROP.named("depth"), |unit| unit.told);
     }
 }
