@@ -1,18 +1,13 @@
 //! What a run leaves behind: statistics by frame, and pictures.
 
 use super::Machine;
-use super::config::SortClass;
 use super::loss::{Frame, LossCounts, Waits};
 use mem::ClientCounts;
 use num::Cycle;
 use sim::Circuit;
 use stats::{Cycles, Group, Node, Tree};
 use unit::card::Card;
-use unit::dispatch::Dispatch;
-use unit::distribute::Distribute;
-use unit::network::SenderCounts;
 use unit::phase::Phase;
-use unit::route::Route;
 use unit::sorting::{OrderCounts, SortCounts};
 use work::{EndFrame, Funnel, Surface};
 
@@ -148,14 +143,7 @@ fn read(machine: &mut Machine) -> Reading {
     sheet.move_to(&mut tree, BEHIND_MEMORY);
     sheet.move_rest(&mut tree);
 
-    let mut sort = SortCounts::default();
-    match machine.config.card.sort {
-        SortClass::First => circuit.route.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::MiddleBinned => circuit.bin.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::Middle => circuit.distribute.iter().for_each(|unit| sort += unit.counts()),
-        SortClass::LastFragment => circuit.dispatch.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::LastImage => circuit.compose.iter().for_each(|unit| sort += unit.sorting()),
-    }
+    let sort = (machine.config.card.sort.class().sorting)(circuit);
     let mut order = OrderCounts::default();
     circuit.gather.iter().for_each(|unit| order += unit.counts());
     circuit.order.iter().for_each(|unit| order += unit.counts());
@@ -164,40 +152,21 @@ fn read(machine: &mut Machine) -> Reading {
     let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
     let waits = waits(machine);
     let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
-    let disordered = machine.card.disordered.len();
+    let disordered = machine.card.apart.disordered.len();
     Reading { tree, cycles, quads, sort, order, units, waits, disordered }
 }
 
 /// What the pipelines have waited for up to now.
 fn waits(machine: &Machine) -> Waits {
     let circuit = &machine.circuit;
-    let order = |counts: OrderCounts| counts.order_waiting_cycles;
-    let (senders, order) = match machine.config.card.sort {
-        SortClass::First => {
-            (circuit.route.iter().map(Route::waits).collect(), circuit.gather.iter().map(|unit| order(unit.counts())).collect())
-        }
-        SortClass::Middle => (
-            circuit.distribute.iter().map(Distribute::waits).collect(),
-            circuit.setup.iter().map(|unit| order(unit.counts())).collect(),
-        ),
-        SortClass::MiddleBinned => (
-            circuit.distribute.iter().map(Distribute::waits).collect(),
-            circuit.bin.iter().map(|unit| order(unit.order())).collect(),
-        ),
-        SortClass::LastFragment => (
-            circuit.dispatch.iter().map(Dispatch::waits).collect(),
-            circuit.order.iter().map(|unit| order(unit.counts())).collect(),
-        ),
-        // Composition is accounted for as a whole.
-        SortClass::LastImage => (vec![SenderCounts::default()], Vec::new()),
-    };
+    let class = machine.config.card.sort.class();
     let instructions = circuit.core.iter().map(|core| {
         let counts = core.counts();
         (counts.float + counts.integer + counts.special + counts.control, counts.vertex)
     });
     Waits {
-        senders,
-        order,
+        senders: (class.senders)(circuit),
+        order: (class.order)(circuit),
         passes: circuit.command.waits().waited().to_vec(),
         composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
         instructions: instructions.collect(),
@@ -210,7 +179,7 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
     let accounts = now.units.iter().zip(&earlier.units);
     let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
     let frame = Frame {
-        class: machine.config.card.sort,
+        class: machine.config.card.sort.class(),
         pipelines: machine.config.card.pipelines as usize,
         cycles: now.cycles - earlier.cycles,
         units: &units,
@@ -245,8 +214,8 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> 
     split.text("stage", stage.map_or("", |(stage, _)| stage));
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
-    if machine.config.card.sort == SortClass::LastImage {
-        let passes = &machine.card.disordered[earlier.disordered..now.disordered];
+    if !machine.card.apart.copies.is_empty() {
+        let passes = &machine.card.apart.disordered[earlier.disordered..now.disordered];
         leaves.count("passes_needing_order", passes.len() as u64);
         leaves.text("passes_out_of_order", &names(passes));
     }

@@ -3,16 +3,36 @@
 //! can be thrown away before it is shaded, if a knob says so.
 
 use super::build::{Builder, Built, Shape};
+use super::class::{Class, Sorted, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
+use unit::copies::Apart;
+use unit::dispatch::Dispatch;
 use unit::fetch::FetchInput;
+use unit::frame::Frame;
 use unit::sorting::EarlyTest;
+use work::Shade;
+
+/// What it is.
+pub(super) const CLASS: Class = Class {
+    sorted: Sorted::Fragments,
+    in_place: true,
+    one_place: false,
+    shade: Shade::Covered,
+    signatures: |_| false,
+    refusals: &[no_runs],
+    apart,
+    build,
+    sorting: |parts| parts.dispatch.iter().map(|unit| unit.sorting()).sum(),
+    senders: |parts| parts.dispatch.iter().map(Dispatch::waits).collect(),
+    order: |parts| parts.order.iter().map(|unit| unit.counts().order_waiting_cycles).collect(),
+};
 
 /// The machine of a configuration.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub(super) fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
         deal: 1,
@@ -33,4 +53,11 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
     let set_up = machine.setup(triangles, true);
     machine.pipelines_sorting_fragments(set_up);
     Ok(machine.finish())
+}
+
+/// A pipeline that tests against what it has drawn itself keeps that.
+fn apart(config: &Config) -> Apart {
+    let local = config.order.early == EarlyTest::Local;
+    let seen = if local { vec![Frame::default(); config.card.pipelines as usize] } else { Vec::new() };
+    Apart { seen, ..Apart::default() }
 }

@@ -2,17 +2,35 @@
 //! then tile after tile is drawn, with its colours and depths on the chip.
 
 use super::build::{Builder, Built, Shape};
+use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
+use unit::copies::Apart;
+use unit::distribute::Distribute;
 use unit::fetch::FetchInput;
 use unit::traverse::Territory;
-use work::BLOCK;
+use work::{BLOCK, Shade};
+
+/// What it is.
+pub(super) const CLASS: Class = Class {
+    sorted: Sorted::Triangles,
+    in_place: false,
+    one_place: true,
+    shade: Shade::Visible,
+    signatures: |config| config.bin.skip_same_tiles,
+    refusals: &[no_runs, no_order_where_needed, no_early_tests, tile_too_large],
+    apart: |config| Apart { same_tiles: config.bin.skip_same_tiles, ..Apart::default() },
+    build,
+    sorting: |parts| parts.bin.iter().map(|unit| unit.sorting()).sum(),
+    senders: |parts| parts.distribute.iter().map(Distribute::waits).collect(),
+    order: |parts| parts.bin.iter().map(|unit| unit.order().order_waiting_cycles).collect(),
+};
 
 /// The machine of a configuration.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub(super) fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, String> {
     let (geometry, pipelines) = (config.card.geometry_units as usize, config.card.pipelines as usize);
     let shape = Shape {
         fetch: 1,
@@ -32,4 +50,18 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
     let set_up = machine.setup(tiles, true);
     machine.pipelines_with_early_tests(set_up, Territory::Bins(config.bin.tile / BLOCK));
     Ok(machine.finish())
+}
+
+/// The caches on the chip must hold a tile.
+fn tile_too_large(config: &Config) -> Result<(), String> {
+    let blocks = (config.bin.tile / BLOCK).pow(2);
+    for (key, has) in [("depth.cache_blocks", config.depth.cache_blocks), ("color.cache_blocks", config.color.cache_blocks)] {
+        if has < blocks {
+            return Err(format!(
+                "{key} is {has}, and must be at least {blocks} to hold a tile of bin.tile = {}",
+                config.bin.tile
+            ));
+        }
+    }
+    Ok(())
 }

@@ -80,6 +80,15 @@ macro_rules! counters {
             }
         }
 
+        impl std::iter::Sum for $name {
+            fn sum<I: Iterator<Item = $name>>(counts: I) -> $name {
+                counts.fold($name::default(), |mut sum, counts| {
+                    sum += counts;
+                    sum
+                })
+            }
+        }
+
         impl $name {
             /// What was counted since `earlier`, a reading of the same counters.
             #[allow(dead_code)]

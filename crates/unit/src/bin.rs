@@ -389,7 +389,7 @@ impl Bin {
                         did = Tick::Moved;
                         continue;
                     }
-                    let known = card.same_tiles && self.known(card, tile);
+                    let known = card.apart.same_tiles && self.known(card, tile);
                     if card.bins[tile as usize].entries.is_empty() {
                         self.counts.empty_tiles += 1;
                     } else if known {

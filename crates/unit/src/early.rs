@@ -31,6 +31,7 @@ use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
+use super::copies::Apart;
 use super::depth::test_ahead;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;
@@ -170,7 +171,7 @@ impl Early {
 
     /// Asks for the depths of a group, if its draw has a test to be made with them.
     fn ask(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> Result<Wait, Tick> {
-        let Card { groups, work, pass, seen, .. } = card;
+        let Card { groups, work, pass, apart: Apart { seen, .. }, .. } = card;
         let group = &groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let Some(pass) = pass else { return Ok(Wait::Nothing) };
@@ -271,7 +272,7 @@ impl Early {
 
     /// Tests a group, or takes note of what the owner has found; gives the quads still alive.
     fn test(&mut self, card: &mut Card, token: GroupToken, wait: Wait) -> u8 {
-        let Card { groups, work, pass, seen, funnel, .. } = card;
+        let Card { groups, work, pass, apart: Apart { seen, .. }, funnel, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];

@@ -1,6 +1,5 @@
 //! From the command processor to triangles that are set up.
 
-use super::super::config::SortClass;
 use super::{Builder, CONTROL, Ends};
 use sim::{Gate, In, Link, Out};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
@@ -250,8 +249,7 @@ impl Builder<'_> {
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
         for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
-            // Where triangles are sorted this is the end of the network.
-            let gate = if config.card.sort == SortClass::Middle { self.gate(n, true, true) } else { Gate::default() };
+            let gate = if self.behind_network == from { self.gate(n, true, true) } else { Gate::default() };
             self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, gate, output));
         }
         set_up

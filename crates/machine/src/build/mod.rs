@@ -5,7 +5,8 @@ mod cores;
 mod front;
 mod pixels;
 
-use super::config::{Config, SortClass};
+use super::class::Sorted;
+use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits, PortShape};
@@ -85,6 +86,8 @@ pub(super) struct Builder<'a> {
     memory: MemoryPlan,
     network: Option<NetworkPlan>,
     map: Option<NetworkMap>,
+    /// The units at the end of the network, when it is joined.
+    behind_network: Vec<UnitId>,
     id: Ids,
     made: Banks,
     open: Open,
@@ -118,7 +121,7 @@ impl<'a> Builder<'a> {
         let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
         let memory = MemoryPlan::new(memory, ids)?;
         let (made, open) = (Banks::default(), Open::default());
-        Ok(Builder { config, wiring, memory, network: Some(network), map: None, id, made, open })
+        Ok(Builder { config, wiring, memory, network: Some(network), map: None, behind_network: Vec::new(), id, made, open })
     }
 
     /// Pipelines.
@@ -126,11 +129,16 @@ impl<'a> Builder<'a> {
         self.config.card.pipelines as usize
     }
 
+    /// What is sorted.
+    fn sorted(&self) -> Sorted {
+        self.config.card.sort.class().sorted
+    }
+
     /// The units of a pipeline: those before its ROP, and those of its ROP.
     fn units(&self, pipeline: usize, before: bool, rop: bool) -> Vec<UnitId> {
         let (id, pipelines) = (&self.id, self.pipelines());
         // Geometry in front of the network belongs to no pipeline.
-        let own = before && !matches!(self.config.card.sort, SortClass::Middle | SortClass::MiddleBinned);
+        let own = before && self.sorted().own_geometry();
         let stages = [(Stage::Geometry, own), (Stage::Pixels, before), (Stage::Rop, rop)];
         let banks = stages.into_iter().filter(|&(_, of)| of).flat_map(|(stage, _)| id.of_stage(stage));
         let of = |bank: &'_ [UnitId]| {
@@ -149,10 +157,10 @@ impl<'a> Builder<'a> {
     /// The gate of a pipeline's own front: where that is the end of all sorting before composition, its pipeline hangs on it. Whoever deals
     /// out work does too.
     fn front_gate(&mut self, pipeline: usize) -> Gate {
-        let mut units = match self.config.card.sort {
-            SortClass::LastFragment => Vec::new(),
-            SortClass::LastImage => self.units(pipeline, true, true),
-            _ => return Gate::default(),
+        let mut units = match self.sorted() {
+            Sorted::Fragments => Vec::new(),
+            Sorted::Images => self.units(pipeline, true, true),
+            Sorted::Primitives | Sorted::Triangles => return Gate::default(),
         };
         units.extend(&self.id.deal);
         self.wiring.gate(&units)
@@ -189,6 +197,7 @@ impl<'a> Builder<'a> {
         self.made.router = routers;
         self.made.credit_return.extend(credit_return);
         self.map = Some(map);
+        self.behind_network = to.to_vec();
         (senders, receivers)
     }
 
