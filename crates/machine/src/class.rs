@@ -1,6 +1,6 @@
 //! What a sort class is: a description of it in a file of its own, and a line in the list below.
 
-use super::build::Built;
+use super::blocks::Built;
 use super::config::Config;
 use super::parts::Parts;
 use unit::assembly::Deal;

@@ -1,6 +1,6 @@
 //! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
 
-mod build;
+mod blocks;
 pub mod class;
 pub mod config;
 mod loss;
@@ -19,7 +19,7 @@ pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
 
-use self::build::Built;
+use self::blocks::Built;
 use mem::{Crossbar, requests};
 use parts::Parts;
 use report::Readings;

@@ -1,7 +1,7 @@
 //! The sort-first machine: primitives are sent, before geometry, to the pipelines that own what they touch on the screen; each
 //! pipeline transforms, rasterises and shades for its part of the screen alone.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;

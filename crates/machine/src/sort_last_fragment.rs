@@ -2,7 +2,7 @@
 //! own, wherever on the screen they lie; shaded quads go through a network to the ROPs that own the pixels. What is certainly hidden there
 //! can be thrown away before it is shaded, if a knob says so.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;

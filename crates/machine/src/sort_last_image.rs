@@ -1,7 +1,7 @@
 //! The sort-last machine that sorts images: primitives are dealt to pipelines, each of which draws its own into a frame buffer of its
 //! own; when the pass is drawn, the frame buffers are composed into one.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed};
 use super::config::Config;
 use unit::assembly::{Deal, Mode};

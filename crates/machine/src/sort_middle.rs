@@ -1,7 +1,7 @@
 //! The sort-middle machine: primitives are transformed and clipped by any geometry unit, then sorted, as screen-space triangles, to
 //! the pipelines that own the pixels.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;

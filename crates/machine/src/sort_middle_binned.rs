@@ -1,7 +1,7 @@
 //! The sort-middle machine that bins: the triangles of a whole pass are sorted into lists in memory, one for each tile of the screen;
 //! then tile after tile is drawn, with its colours and depths on the chip.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
