@@ -2,24 +2,12 @@
 //! is stale; `FILLRATE_BLESS=1 cargo test --test program pages` writes them anew.
 
 use crate::machine::config::documentation;
+use crate::machine::parts::Parts;
 use crate::machine::{Config, ConfigError, LossCounts};
-use crate::mem::{ClientCounts, DramCounts, L2Counts};
-use crate::sim::ChannelCounts;
+use crate::mem::{ClientCounts, DramCounts};
+use crate::sim::{ChannelCounts, Description};
 use crate::stats::{Cycles, Declaration, Group, page};
-use crate::unit::bin::BinCounts;
-use crate::unit::block_cache::BlockCounts;
-use crate::unit::command::CommandCounts;
-use crate::unit::compose::ComposeCounts;
-use crate::unit::core::CoreCounts;
-use crate::unit::depth::DepthCounts;
-use crate::unit::early::EarlyCounts;
-use crate::unit::hide::HideCounts;
-use crate::unit::route::RouteCounts;
-use crate::unit::setup::SetupCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
-use crate::unit::tags::CacheCounts;
-use crate::unit::texture::TextureCounts;
-use crate::unit::traverse::TraverseCounts;
 use crate::work::Funnel;
 
 const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
@@ -89,6 +77,33 @@ const SORT: &[Declaration] = &[
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];
 
+/// Places in the order of the page; others follow.
+const ORDER: &[&str] = &[
+    "",
+    "funnel",
+    "phases[i]",
+    "units.NAME[i]",
+    "channels.NAME[i]",
+    "caches.NAME[i]",
+    "memory.clients.NAME",
+    "memory.dram",
+    "memory.l2[i]",
+    "rop.NAME[i]",
+    "hierarchical.traverse[i]",
+    "setup.setup[i]",
+    "shading.core[i]",
+    "shading.texture[i]",
+    "sort",
+    "sort.loss",
+    "command",
+    "binning",
+    "early.early[i]",
+    "hiding.hide[i]",
+    "routing.route[i]",
+    "composition.compose[i]",
+    "sort.network",
+];
+
 /// Places in the statistics, what they are about, and what is declared there.
 fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
     let funnel = Funnel::NAMES.iter().zip(Funnel::MEANINGS).map(|(name, meaning)| one(name, "count", meaning)).collect();
@@ -98,7 +113,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         list
     };
     let dram: Vec<Declaration> = DramCounts::DECLARATIONS.iter().copied().filter(|d| d.name != "bus_cycles").collect();
-    vec![
+    let mut places = vec![
         ("", "Time.", RUN.to_vec()),
         (
             "funnel",
@@ -108,49 +123,30 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("phases[i]", "Of a frame, in `stats.json` only: what is done one after another.", PHASE.to_vec()),
         ("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.", all(Cycles::DECLARATIONS, UNIT)),
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
-        (
-            "caches.NAME[i]",
-            "Caches: `vertex` (attributes), `position`, `texture`, `depth`, `early` (the copies of early tests), `color`, `l2`.",
-            CacheCounts::DECLARATIONS.to_vec(),
-        ),
         ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
         ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),
-        ("memory.l2[i]", "Second-level slices, beside their caches.", L2Counts::DECLARATIONS.to_vec()),
-        (
-            "rop.NAME[i]",
-            "What the depth and colour caches of the ROPs moved, and those of early tests; the last is of `depth` only.",
-            [BlockCounts::DECLARATIONS, DepthCounts::DECLARATIONS].concat(),
-        ),
-        (
-            "hierarchical.traverse[i]",
-            "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, where geometry lets them through. What hierarchical Z throws away is in the funnel.",
-            TraverseCounts::DECLARATIONS.to_vec(),
-        ),
-        ("setup.setup[i]", "What setup finds out.", SetupCounts::DECLARATIONS.to_vec()),
-        ("shading.core[i]", "Warp instructions by class.", CoreCounts::DECLARATIONS.to_vec()),
-        ("shading.texture[i]", "Texture units.", TextureCounts::DECLARATIONS.to_vec()),
         ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
         (
             "sort.loss",
             "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
             all(LOSS, LossCounts::DECLARATIONS),
         ),
-        (
-            "command",
-            "Passes and draws, and what of them the command processor has left out.",
-            CommandCounts::DECLARATIONS.to_vec(),
-        ),
-        ("binning", "Sort-middle-binned: the lists of tiles.", BinCounts::DECLARATIONS.to_vec()),
-        ("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.", EarlyCounts::DECLARATIONS.to_vec()),
-        ("hiding.hide[i]", "Hidden-surface removal, where it is on.", HideCounts::DECLARATIONS.to_vec()),
-        ("routing.route[i]", "Sort-first: pre-transformation.", RouteCounts::DECLARATIONS.to_vec()),
-        (
-            "composition.compose[i]",
-            "Sort-last-image: what each pipeline sends and composes.",
-            ComposeCounts::DECLARATIONS.to_vec(),
-        ),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
-    ]
+    ];
+    // What units count they say themselves.
+    for Description { heading, declarations } in Parts::descriptions() {
+        let counted = match places.iter_mut().find(|(path, ..)| *path == heading.path) {
+            Some((_, _, counted)) => counted,
+            None => {
+                places.push((heading.path, heading.about, Vec::new()));
+                &mut places.last_mut().expect("just pushed").2
+            }
+        };
+        let more: Vec<_> = declarations.iter().filter(|&d| !counted.contains(d)).copied().collect();
+        counted.extend(more);
+    }
+    places.sort_by_key(|(path, ..)| ORDER.iter().position(|known| known == path).unwrap_or(ORDER.len()));
+    places
 }
 
 /// Whether the page explains a statistic, given by its path in `stats.json`, such as `units.setup[2].busy`.

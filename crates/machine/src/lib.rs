@@ -1,6 +1,7 @@
 //! Floor 4: machines. A configuration says what a machine is made of; each sort class has one file that lists its units.
 
-mod build;
+mod blocks;
+pub mod class;
 pub mod config;
 mod loss;
 pub mod parts;
@@ -18,20 +19,17 @@ pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
 
-use self::build::Built;
-use self::config::SortClass;
+use self::blocks::Built;
 use mem::{Crossbar, requests};
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
 use unit::Fault;
 use unit::apply::{Keepers, Touch, Touching, apply};
-use unit::assembly::Deal;
 use unit::card::{Card, Pool};
-use unit::frame::Frame;
+use unit::copies::Apart;
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
-use unit::sorting::{EarlyTest, Keep};
 use unit::warp::Warps;
 use work::Event;
 
@@ -69,40 +67,23 @@ impl Machine {
     pub fn new(config: &Config) -> Result<Machine, ConfigError> {
         config.check()?;
         let rule = |message| ConfigError::Rule { file: config.name.clone(), message };
-        let build = match config.card.sort {
-            SortClass::First => sort_first::build,
-            SortClass::Middle => sort_middle::build,
-            SortClass::MiddleBinned => sort_middle_binned::build,
-            SortClass::LastFragment => sort_last_fragment::build,
-            SortClass::LastImage => sort_last_image::build,
-        };
-        let Built { parts: circuit, clients, network } = build(config).map_err(rule)?;
-        let pipelines = config.card.pipelines as usize;
-        let mut card = Card::new(
-            pipelines,
+        let class = config.card.sort.class();
+        let Built { parts: circuit, clients, network } = (class.build)(config).map_err(rule)?;
+        let card = Card::new(
+            config.card.pipelines as usize,
             config.command.segments as usize,
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
             config.core.execution,
+            (class.apart)(config),
         );
-        if config.card.sort == SortClass::LastImage {
-            card.copies = vec![Frame::default(); pipelines];
-            card.unnumbered = config.order.keep == Keep::Never;
-            card.chunks = pipelines > 1 && config.assembly.deal == Deal::Contiguous;
-        }
-        card.same_tiles = config.render_key().signatures;
-        if config.order.early == EarlyTest::Local {
-            card.seen = vec![Frame::default(); pipelines];
-        }
         Ok(Machine { config: config.clone(), circuit, card, clients, network })
     }
 
     /// Images that a machine has of each attachment of a pass: its frame buffer, and pipelines' copies, each with as many bytes of numbers.
     pub fn images(config: &Config) -> u64 {
-        let pipelines = u64::from(config.card.pipelines);
-        let copies = if config.card.sort == SortClass::LastImage { 2 * pipelines } else { 0 };
-        let seen = if config.order.early == EarlyTest::Local { pipelines } else { 0 };
-        1 + copies + seen
+        let Apart { copies, seen, .. } = (config.card.sort.class().apart)(config);
+        (1 + 2 * copies.len() + seen.len()) as u64
     }
 
     /// Pieces of work that a machine has at one time, those that it reads ahead among them.
@@ -148,13 +129,13 @@ impl Machine {
     ) -> Result<MachineReport, MachineError> {
         let mut readings = Readings::new(self);
         self.card.closed = false;
-        let class = self.config.card.sort;
+        let sort = self.config.card.sort;
         loop {
             // 1. There is always an event for the command processor to read, until the last.
             while !self.card.closed && self.reads_ahead() {
                 match events.next() {
-                    Some(Event::Applied(_)) if matches!(class, SortClass::MiddleBinned | SortClass::LastImage) => {
-                        return Err(Fault::AtOnce { class: class.name() }.into());
+                    Some(Event::Applied(_)) if !sort.class().in_place => {
+                        return Err(Fault::AtOnce { class: sort.name() }.into());
                     }
                     Some(event) => self.card.events.push_back(event),
                     None => self.card.closed = true,
@@ -233,7 +214,7 @@ impl Machine {
             let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass));
             matches!(edge, Some(Event::BeginPass(_)))
         };
-        events.len() < AHEAD || self.card.chunks && open()
+        events.len() < AHEAD || self.card.apart.chunks && open()
     }
 
     /// Nothing may be left inside.

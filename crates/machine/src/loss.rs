@@ -7,7 +7,8 @@
 //! network say why. Each of its cycles goes to one cause, and no cause gets more than was counted for it: the parts are whole numbers
 //! that add up to N x T.
 
-use super::config::SortClass;
+use super::class::{Class, Sorted};
+use super::parts::{Parts, Stage};
 use sim::{GateCounts, STATES};
 use stats::Cycles;
 use unit::network::SenderCounts;
@@ -78,7 +79,7 @@ impl Waits {
 
 /// A frame's accounts, and what its loss is found by.
 pub(super) struct Frame<'a> {
-    pub class: SortClass,
+    pub class: &'static Class,
     pub pipelines: usize,
     pub cycles: u64,
     /// Names of the units, and their accounts.
@@ -87,19 +88,16 @@ pub(super) struct Frame<'a> {
     pub waits: &'a Waits,
 }
 
-/// Stages of a pipeline before the network, where fragments are sorted; in other classes behind it.
-const GEOMETRY: &[&str] = &["gather", "fetch", "assembly", "clip", "distribute"];
-const PIXELS: &[&str] = &["setup", "traverse", "early", "hide", "interpolate", "dispatch", "core", "texture"];
-const ROPS: &[&str] = &["order", "depth", "color"];
-
 /// The stages of a class's pipelines.
-fn stages(class: SortClass) -> impl Iterator<Item = &'static str> {
-    let front: &[&str] = match class {
-        SortClass::First | SortClass::LastFragment | SortClass::LastImage => GEOMETRY,
-        SortClass::MiddleBinned => &["tile_fetch"],
-        SortClass::Middle => &[],
-    };
-    front.iter().chain(PIXELS).chain(ROPS).copied()
+fn stages(class: &Class) -> impl Iterator<Item = &'static str> {
+    let own = class.sorted.own_geometry();
+    let front = Parts::stages(Stage::Geometry).filter(move |_| own);
+    front.chain(Parts::stages(Stage::Pixels)).chain(Parts::stages(Stage::Rop))
+}
+
+/// Whether a bank is of a stage.
+fn is_of(stage: Stage, bank: &str) -> bool {
+    Parts::stages(stage).any(|name| name == bank)
 }
 
 /// A part of a number.
@@ -162,13 +160,13 @@ impl Frame<'_> {
     /// Of a unit's work that on copies after the first.
     fn overlap(&self, stage: &str, unit: &Busiest) -> u64 {
         let busy = unit.account.busy;
-        let copied = match self.class {
-            SortClass::First if stage == "core" => {
+        let copied = match self.class.sorted {
+            Sorted::Primitives if stage == "core" => {
                 let (all, vertices) = self.waits.instructions[unit.number];
                 part(busy, vertices, all)
             }
-            SortClass::First if GEOMETRY.contains(&stage) || stage == "setup" => busy,
-            SortClass::Middle | SortClass::MiddleBinned if matches!(stage, "tile_fetch" | "setup") => busy,
+            Sorted::Primitives if is_of(Stage::Geometry, stage) || stage == "setup" => busy,
+            Sorted::Triangles if matches!(stage, "tile_fetch" | "setup") => busy,
             _ => 0,
         };
         let copies = self.sort.redistributed_items;
@@ -228,7 +226,7 @@ impl Frame<'_> {
         loss.network += rest.take(&all, of_pipeline(&waits.composing));
         // 4. Before a network that sorts fragments, its own sender told. Receivers have no place left as they keep order, or others
         //    send more.
-        let behind = self.class != SortClass::LastFragment || ROPS.contains(&stage);
+        let behind = self.class.sorted != Sorted::Fragments || is_of(Stage::Rop, stage);
         loss.network += rest.take(&[For::Network], u64::MAX);
         loss.order += rest.take(&[For::Place], mean(waits.order.iter().copied()));
         loss.imbalance += rest.take(&[For::Place], u64::MAX);
@@ -236,8 +234,7 @@ impl Frame<'_> {
         //    and receivers without a place as long as all of them met one.
         if behind {
             let full = waits.senders.iter().map(|sender| sender.receiver).min();
-            // The one place that bins is behind no other pipeline.
-            let full = full.filter(|_| self.class != SortClass::MiddleBinned).unwrap_or(0);
+            let full = full.filter(|_| !self.class.one_place).unwrap_or(0);
             loss.network += rest.take(&[For::Nothing, For::Order], mean(waits.senders.iter().map(|sender| sender.network)));
             loss.imbalance += rest.take(&[For::Nothing], full);
         }
@@ -252,7 +249,7 @@ impl Frame<'_> {
         loss.memory += rest.take(&[For::Memory], u64::MAX);
         let fronts: Vec<Cycles> = self.bank("fetch").map(|unit| unit.account).collect();
         let front = fronts.get(pipeline).or(fronts.last()).copied().unwrap_or_default();
-        if stage != "fetch" && self.class != SortClass::LastImage {
+        if stage != "fetch" && self.class.sorted != Sorted::Images {
             loss.memory += rest.take(if fronts.len() == 1 { &[For::Nothing] } else { &[For::Open] }, front.memory);
         }
         // 8. Nothing had come to the pipeline, or it had not come as far as this unit.

@@ -30,9 +30,20 @@ use unit::texture::Texture;
 use unit::tile_fetch::TileFetch;
 use unit::traverse::Traverse;
 
+/// Which part of a pipeline a bank is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Geometry: in front of the network that sorts, and of no pipeline, or in each pipeline, as the sort class says.
+    Geometry,
+    /// Rasterisation and shading.
+    Pixels,
+    /// What owns the pixels.
+    Rop,
+}
+
 sim::circuit! {
     /// A machine: the units of all sort classes in data-flow order. A class has of each as many as its file says, and joins them.
-    pub struct Parts for Card {
+    pub struct Parts for Card, sizes Shape, numbers Ids, banks Banks, stages Stage {
         /// Reads events, hands out draws, keeps passes apart.
         command: One<Command>,
         /// Deals batches of primitives to pipelines whose geometry is their own.
@@ -40,51 +51,51 @@ sim::circuit! {
         /// Finds the bounds of primitives and sends them to the pipelines that own what they touch, where primitives are sorted.
         route: Vec<Route>,
         /// Restores their order there.
-        gather: Vec<Gather>,
+        gather: Vec<Gather> [Geometry],
         /// Reads indices, finds vertices to be shaded, fetches attributes.
-        fetch: Vec<Fetch>,
+        fetch: Vec<Fetch> [Geometry],
         /// Vertex cores, where shading is not unified.
         vertex_core: Vec<Core>,
         /// Their texture units.
         vertex_texture: Vec<Texture>,
         /// Makes primitives of shaded vertices, hands them to geometry units.
-        assembly: Vec<Assembly>,
+        assembly: Vec<Assembly> [Geometry],
         /// Clips and culls.
-        clip: Vec<Clip>,
+        clip: Vec<Clip> [Geometry],
         /// Sends each triangle to the rasterisers that own what it touches.
-        distribute: Vec<Distribute>,
+        distribute: Vec<Distribute> [Geometry],
         /// Sorts triangles into the lists of tiles,
         bin: Vec<Bin>,
         /// which are read again, tile by tile.
-        tile_fetch: Vec<TileFetch>,
+        tile_fetch: Vec<TileFetch> [Pixels],
         /// Routers of the network that sorts,
         router: Vec<Router>,
         /// and the way back of its credits.
         credit_return: Option<CreditReturn>,
         /// Restores API order, sets triangles up.
-        setup: Vec<Setup>,
+        setup: Vec<Setup> [Pixels],
         /// Finds blocks and quads, culls by hierarchical Z.
-        traverse: Vec<Traverse>,
+        traverse: Vec<Traverse> [Pixels],
         /// Early depth tests in pipelines that do not own the pixels they draw.
-        early: Vec<Early>,
+        early: Vec<Early> [Pixels],
         /// Early and late depth and stencil tests.
-        depth: Vec<Depth>,
+        depth: Vec<Depth> [Rop],
         /// Holds opaque quads of a tile back until it is known which are seen.
-        hide: Vec<Hide>,
+        hide: Vec<Hide> [Pixels],
         /// Interpolates attributes.
-        interpolate: Vec<Interpolate>,
+        interpolate: Vec<Interpolate> [Pixels],
         /// Packs quads into warps, restores their order after shading.
-        dispatch: Vec<Dispatch>,
+        dispatch: Vec<Dispatch> [Pixels],
         /// Restores API order at the ROPs, where quads are sorted.
-        order: Vec<Order>,
+        order: Vec<Order> [Rop],
         /// Makes warps of workgroups.
         compute: One<Compute>,
         /// Shader cores of all pipelines.
-        core: Vec<Core>,
+        core: Vec<Core> [Pixels],
         /// A texture unit for each core.
-        texture: Vec<Texture>,
+        texture: Vec<Texture> [Pixels],
         /// Blends into colour buffers.
-        color: Vec<Color>,
+        color: Vec<Color> [Rop],
         /// Composes the frame buffers of pipelines that draw apart from each other.
         compose: Vec<Compose>,
         /// Turns samples into pixels.

@@ -1,21 +1,14 @@
 //! What a run leaves behind: statistics by frame, and pictures.
 
 use super::Machine;
-use super::config::SortClass;
 use super::loss::{Frame, LossCounts, Waits};
 use mem::ClientCounts;
 use num::Cycle;
 use sim::Circuit;
 use stats::{Cycles, Group, Node, Tree};
 use unit::card::Card;
-use unit::dispatch::Dispatch;
-use unit::distribute::Distribute;
-use unit::early::Early;
-use unit::network::SenderCounts;
 use unit::phase::Phase;
-use unit::route::Route;
 use unit::sorting::{OrderCounts, SortCounts};
-use unit::tags::CacheCounts;
 use work::{EndFrame, Funnel, Surface};
 
 /// The picture of a frame.
@@ -99,47 +92,37 @@ impl Sums {
     }
 }
 
-/// What caches and memory have counted up to now.
-fn traffic(machine: &Machine) -> Tree {
-    let circuit = &machine.circuit;
-    let mut tree = Tree::new();
-    let caches = tree.child("caches");
-    let mut cache = |name: &str, index: usize, counts: CacheCounts| caches.element(name, index).extend(counts.tree());
-    for (index, unit) in circuit.fetch.iter().enumerate() {
-        cache("vertex", index, unit.cache());
-    }
-    for (index, unit) in circuit.route.iter().enumerate() {
-        cache("position", index, unit.cache());
-    }
-    for (index, unit) in circuit.texture.iter().chain(&circuit.vertex_texture).enumerate() {
-        cache("texture", index, unit.cache());
-    }
-    for (index, unit) in circuit.depth.iter().enumerate() {
-        cache("depth", index, unit.cache());
-    }
-    for (index, (tags, _)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
-        cache("early", index, tags);
-    }
-    for (index, unit) in circuit.color.iter().enumerate() {
-        cache("color", index, unit.cache());
-    }
-    for (index, unit) in circuit.l2.iter().enumerate() {
-        caches.element("l2", index).extend(unit.cache_counts().tree());
-    }
+/// Places in the statistics in their order: those in front of memory, and those behind. Places that stand here nowhere follow, in
+/// data-flow order.
+const BEFORE_MEMORY: &[&str] =
+    &["caches.vertex", "caches.position", "caches.texture", "caches.depth", "caches.early", "caches.color", "caches.l2"];
+const BEHIND_MEMORY: &[&str] = &[
+    "memory",
+    "rop.depth",
+    "rop.early",
+    "rop.color",
+    "hierarchical",
+    "setup",
+    "shading.core",
+    "shading.texture",
+    "command",
+    "binning",
+    "early",
+    "hiding",
+    "routing",
+    "composition",
+];
 
+/// What memory's clients and channels have counted up to now.
+fn memory(machine: &Machine) -> Tree {
+    let circuit = &machine.circuit;
     let none: &[ClientCounts] = &[];
     let clients = match (&circuit.crossbar, &circuit.ideal) {
         (Some(crossbar), _) => crossbar.counts(),
         (None, Some(ideal)) => ideal.counts(),
         (None, None) => none,
     };
-    let memory = mem::memory_tree(&machine.clients, clients, &circuit.dram, circuit.ideal.as_ref());
-    tree.child("memory").extend(memory);
-    let l2 = tree.child("memory");
-    for (index, unit) in circuit.l2.iter().enumerate() {
-        l2.element("l2", index).extend(unit.counts().tree());
-    }
-    tree
+    mem::memory_tree(&machine.clients, clients, &circuit.dram, circuit.ideal.as_ref())
 }
 
 /// What a machine has counted up to now.
@@ -154,42 +137,13 @@ fn read(machine: &mut Machine) -> Reading {
         funnel.count(name, value);
     }
     tree.extend(circuit.tree());
-    tree.extend(traffic(machine));
+    let mut sheet = circuit.sheet();
+    sheet.move_to(&mut tree, BEFORE_MEMORY);
+    tree.child("memory").extend(memory(machine));
+    sheet.move_to(&mut tree, BEHIND_MEMORY);
+    sheet.move_rest(&mut tree);
 
-    let rop = tree.child("rop");
-    for (index, unit) in circuit.depth.iter().enumerate() {
-        rop.element("depth", index).extend(unit.counts().tree());
-        rop.element("depth", index).extend(unit.told().tree());
-    }
-    for (index, (_, moved)) in circuit.early.iter().filter_map(Early::cache).enumerate() {
-        rop.element("early", index).extend(moved.tree());
-    }
-    for (index, unit) in circuit.color.iter().enumerate() {
-        rop.element("color", index).extend(unit.counts().tree());
-    }
-    let hierarchical = tree.child("hierarchical");
-    for (index, unit) in circuit.traverse.iter().enumerate() {
-        hierarchical.element("traverse", index).extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.setup.iter().enumerate() {
-        tree.child("setup").element("setup", index).extend(unit.found().tree());
-    }
-    let shading = tree.child("shading");
-    for (index, unit) in circuit.core.iter().enumerate() {
-        shading.element("core", index).extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.texture.iter().enumerate() {
-        shading.element("texture", index).extend(unit.counts().tree());
-    }
-
-    let mut sort = SortCounts::default();
-    match machine.config.card.sort {
-        SortClass::First => circuit.route.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::MiddleBinned => circuit.bin.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::Middle => circuit.distribute.iter().for_each(|unit| sort += unit.counts()),
-        SortClass::LastFragment => circuit.dispatch.iter().for_each(|unit| sort += unit.sorting()),
-        SortClass::LastImage => circuit.compose.iter().for_each(|unit| sort += unit.sorting()),
-    }
+    let sort = (machine.config.card.sort.class().sorting)(circuit);
     let mut order = OrderCounts::default();
     circuit.gather.iter().for_each(|unit| order += unit.counts());
     circuit.order.iter().for_each(|unit| order += unit.counts());
@@ -197,57 +151,22 @@ fn read(machine: &mut Machine) -> Reading {
     circuit.bin.iter().for_each(|unit| order += unit.order());
     let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
     let waits = waits(machine);
-    tree.child("command").extend(circuit.command.counts().tree());
-    for unit in &circuit.bin {
-        tree.child("binning").extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.early.iter().enumerate() {
-        tree.child("early").element("early", index).extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.hide.iter().enumerate() {
-        tree.child("hiding").element("hide", index).extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.route.iter().enumerate() {
-        tree.child("routing").element("route", index).extend(unit.counts().tree());
-    }
-    for (index, unit) in circuit.compose.iter().enumerate() {
-        tree.child("composition").element("compose", index).extend(unit.counts().tree());
-    }
     let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
-    let disordered = machine.card.disordered.len();
+    let disordered = machine.card.apart.disordered.len();
     Reading { tree, cycles, quads, sort, order, units, waits, disordered }
 }
 
 /// What the pipelines have waited for up to now.
 fn waits(machine: &Machine) -> Waits {
     let circuit = &machine.circuit;
-    let order = |counts: OrderCounts| counts.order_waiting_cycles;
-    let (senders, order) = match machine.config.card.sort {
-        SortClass::First => {
-            (circuit.route.iter().map(Route::waits).collect(), circuit.gather.iter().map(|unit| order(unit.counts())).collect())
-        }
-        SortClass::Middle => (
-            circuit.distribute.iter().map(Distribute::waits).collect(),
-            circuit.setup.iter().map(|unit| order(unit.counts())).collect(),
-        ),
-        SortClass::MiddleBinned => (
-            circuit.distribute.iter().map(Distribute::waits).collect(),
-            circuit.bin.iter().map(|unit| order(unit.order())).collect(),
-        ),
-        SortClass::LastFragment => (
-            circuit.dispatch.iter().map(Dispatch::waits).collect(),
-            circuit.order.iter().map(|unit| order(unit.counts())).collect(),
-        ),
-        // Composition is accounted for as a whole.
-        SortClass::LastImage => (vec![SenderCounts::default()], Vec::new()),
-    };
+    let class = machine.config.card.sort.class();
     let instructions = circuit.core.iter().map(|core| {
         let counts = core.counts();
         (counts.float + counts.integer + counts.special + counts.control, counts.vertex)
     });
     Waits {
-        senders,
-        order,
+        senders: (class.senders)(circuit),
+        order: (class.order)(circuit),
         passes: circuit.command.waits().waited().to_vec(),
         composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
         instructions: instructions.collect(),
@@ -260,7 +179,7 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
     let accounts = now.units.iter().zip(&earlier.units);
     let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
     let frame = Frame {
-        class: machine.config.card.sort,
+        class: machine.config.card.sort.class(),
         pipelines: machine.config.card.pipelines as usize,
         cycles: now.cycles - earlier.cycles,
         units: &units,
@@ -295,8 +214,8 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> 
     split.text("stage", stage.map_or("", |(stage, _)| stage));
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
-    if machine.config.card.sort == SortClass::LastImage {
-        let passes = &machine.card.disordered[earlier.disordered..now.disordered];
+    if !machine.card.apart.copies.is_empty() {
+        let passes = &machine.card.apart.disordered[earlier.disordered..now.disordered];
         leaves.count("passes_needing_order", passes.len() as u64);
         leaves.text("passes_out_of_order", &names(passes));
     }

@@ -1,27 +1,47 @@
 //! The sort-first machine: primitives are sent, before geometry, to the pipelines that own what they touch on the screen; each
 //! pipeline transforms, rasterises and shades for its part of the screen alone.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
+use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
+use unit::copies::Apart;
+use unit::route::Route;
 use unit::traverse::Territory;
+use work::Shade;
+
+/// What it is.
+pub(super) const CLASS: Class = Class {
+    sorted: Sorted::Primitives,
+    in_place: true,
+    one_place: false,
+    shade: Shade::Visible,
+    signatures: |_| false,
+    refusals: &[no_runs, no_order_where_needed, no_early_tests],
+    apart: |_| Apart::default(),
+    build,
+    sorting: |parts| parts.route.iter().map(|unit| unit.sorting()).sum(),
+    senders: |parts| parts.route.iter().map(Route::waits).collect(),
+    order: |parts| parts.gather.iter().map(|unit| unit.counts().order_waiting_cycles).collect(),
+};
 
 /// The machine of a configuration.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub(super) fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        routers: pipelines,
-        network: Some((pipelines, pipelines)),
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        ..Shape::default()
+        deal: 1,
+        route: pipelines,
+        gather: pipelines,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let primitives = machine.route(batches);

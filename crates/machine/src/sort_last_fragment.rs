@@ -2,29 +2,49 @@
 //! own, wherever on the screen they lie; shaded quads go through a network to the ROPs that own the pixels. What is certainly hidden there
 //! can be thrown away before it is shaded, if a knob says so.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
+use super::class::{Class, Sorted, no_runs};
 use super::config::Config;
 use unit::assembly::Mode;
+use unit::copies::Apart;
+use unit::dispatch::Dispatch;
 use unit::fetch::FetchInput;
+use unit::frame::Frame;
 use unit::sorting::EarlyTest;
+use work::Shade;
+
+/// What it is.
+pub(super) const CLASS: Class = Class {
+    sorted: Sorted::Fragments,
+    in_place: true,
+    one_place: false,
+    shade: Shade::Covered,
+    signatures: |_| false,
+    refusals: &[no_runs],
+    apart,
+    build,
+    sorting: |parts| parts.dispatch.iter().map(|unit| unit.sorting()).sum(),
+    senders: |parts| parts.dispatch.iter().map(Dispatch::waits).collect(),
+    order: |parts| parts.order.iter().map(|unit| unit.counts().order_waiting_cycles).collect(),
+};
 
 /// The machine of a configuration.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub(super) fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        network: Some((pipelines, pipelines)),
-        orders: pipelines,
-        earlies: if config.order.early == EarlyTest::None { 0 } else { pipelines },
-        ..Shape::default()
+        deal: 1,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        order: pipelines,
+        early: if config.order.early == EarlyTest::None { 0 } else { pipelines },
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let runs = batches.into_iter().map(FetchInput::Runs).collect();
@@ -33,4 +53,11 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
     let set_up = machine.setup(triangles, true);
     machine.pipelines_sorting_fragments(set_up);
     Ok(machine.finish())
+}
+
+/// A pipeline that tests against what it has drawn itself keeps that.
+fn apart(config: &Config) -> Apart {
+    let local = config.order.early == EarlyTest::Local;
+    let seen = if local { vec![Frame::default(); config.card.pipelines as usize] } else { Vec::new() };
+    Apart { seen, ..Apart::default() }
 }

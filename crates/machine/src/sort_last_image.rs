@@ -1,28 +1,50 @@
 //! The sort-last machine that sorts images: primitives are dealt to pipelines, each of which draws its own into a frame buffer of its
 //! own; when the pass is drawn, the frame buffers are composed into one.
 
-use super::build::{Builder, Built, Shape};
+use super::blocks::{Builder, Built, Shape};
+use super::class::{Class, Sorted, no_early_tests, no_order_where_needed};
 use super::config::Config;
-use unit::assembly::Mode;
+use unit::assembly::{Deal, Mode};
+use unit::copies::Apart;
 use unit::fetch::FetchInput;
+use unit::frame::Frame;
+use unit::network::SenderCounts;
+use unit::sorting::Keep;
 use unit::traverse::Territory;
+use work::Shade;
+
+/// What it is.
+pub(super) const CLASS: Class = Class {
+    sorted: Sorted::Images,
+    in_place: false,
+    one_place: false,
+    shade: Shade::Covered,
+    signatures: |_| false,
+    refusals: &[no_order_where_needed, no_early_tests],
+    apart,
+    build,
+    sorting: |parts| parts.compose.iter().map(|unit| unit.sorting()).sum(),
+    // Composition is accounted for as a whole.
+    senders: |_| vec![SenderCounts::default()],
+    order: |_| Vec::new(),
+};
 
 /// The machine of a configuration.
 ///
 /// # Errors
 /// If the memory's values do not make one.
-pub(super) fn build(config: &Config) -> Result<Built, String> {
+fn build(config: &Config) -> Result<Built, String> {
     let pipelines = config.card.pipelines as usize;
     let shape = Shape {
-        dealers: 1,
-        fronts: pipelines,
-        clippers: pipelines,
-        distributors: pipelines,
-        network: Some((pipelines, pipelines)),
-        composers: pipelines,
-        ..Shape::default()
+        deal: 1,
+        fetch: pipelines,
+        assembly: pipelines,
+        clip: pipelines,
+        distribute: pipelines,
+        compose: pipelines,
+        ..Shape::of(config)
     };
-    let mut machine = Builder::new(config, shape)?;
+    let mut machine = Builder::new(config, shape, (pipelines, pipelines))?;
     let segments = machine.command();
     let batches = machine.deal(segments);
     let runs = batches.into_iter().map(FetchInput::Runs).collect();
@@ -32,4 +54,15 @@ pub(super) fn build(config: &Config) -> Result<Built, String> {
     machine.pipelines_with_early_tests(set_up, Territory::Copy);
     machine.compose();
     Ok(machine.finish())
+}
+
+/// Each pipeline has copies of its own.
+fn apart(config: &Config) -> Apart {
+    let pipelines = config.card.pipelines as usize;
+    Apart {
+        copies: vec![Frame::default(); pipelines],
+        unnumbered: config.order.keep == Keep::Never,
+        chunks: pipelines > 1 && config.assembly.deal == Deal::Contiguous,
+        ..Apart::default()
+    }
 }

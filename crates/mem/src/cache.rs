@@ -3,9 +3,9 @@
 stats::counters! {
     /// What a cache counts.
     pub struct CacheCounts {
-        /// Lookups, one for each line that a request touches.
+        /// Lookups.
         accesses: "lookups",
-        /// Lookups that found all sectors they need, or those on their way.
+        /// Lookups that found their line, on its way included.
         hits: "lookups",
         /// Lookups that did not.
         misses: "lookups",
@@ -13,6 +13,12 @@ stats::counters! {
         evictions: "lines",
     }
 }
+
+/// Where caches of all kinds count.
+pub const CACHES: sim::Heading = sim::Heading::new(
+    "caches.NAME[i]",
+    "Caches: `vertex` (attributes), `position`, `texture`, `depth`, `early` (the copies of early tests), `color`, `l2`.",
+);
 
 /// The geometry of a cache, checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use super::cache::{Cache, CacheCounts, CacheShape, Place};
+use super::cache::{self, CACHES, Cache, CacheCounts, CacheShape};
 use super::misses::Misses;
 use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
-use sim::{Budget, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
 
 /// A slice.
 #[derive(Clone, Copy, Debug)]
@@ -172,7 +172,7 @@ impl L2Slice {
     fn fill(&mut self, wires: &mut Wires) -> Tick {
         let mut did = Tick::Idle;
         while let Some(DramAnswer { id }) = wires.pop(&self.from_dram) {
-            let (place, sectors) = (Place(id >> 8), id as u8);
+            let (place, sectors) = (cache::Place(id >> 8), id as u8);
             self.cache.fill(place, sectors);
             let valid = self.cache.valid(place);
             let (entries, ready) = (&mut self.entries, &mut self.ready);
@@ -344,5 +344,10 @@ impl<C> Unit<C> for L2Slice {
     fn resident(&self) -> u64 {
         let held = self.entries.len() - self.free.len() + self.outgoing.len();
         held as u64 + u64::from(self.misses.len())
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("l2"), |slice| slice.cache.counts());
+        groups.group(Heading::new("memory.l2[i]", "Second-level slices, beside their caches."), |slice| slice.counts);
     }
 }

@@ -18,7 +18,7 @@ mod misses;
 mod port;
 mod system;
 
-pub use cache::{Cache, CacheCounts, CacheShape, Place};
+pub use cache::{CACHES, Cache, CacheCounts, CacheShape, Place};
 pub use crossbar::{ClientCounts, Crossbar, ReturnPath};
 pub use dram::{Dram, DramConfig, DramCounts};
 pub use ideal::{Ideal, IdealConfig};
@@ -27,6 +27,6 @@ pub use misses::Misses;
 pub use port::{
     Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
 };
-pub use system::{Interleave, Memory, MemoryConfig, MemoryPlan, memory_tree};
+pub use system::{Interleave, Memory, MemoryConfig, MemoryIds, MemoryPlan, MemoryUnits, PortShape, memory_tree};
 #[cfg(test)]
 mod tests;

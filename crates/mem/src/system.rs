@@ -76,6 +76,55 @@ pub enum MemoryConfig {
     },
 }
 
+/// How many units of each kind a memory has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryUnits {
+    /// Crossbars, and as many return paths.
+    pub crossbar: usize,
+    /// Slices.
+    pub l2: usize,
+    /// DRAM channels.
+    pub dram: usize,
+    /// Ideal memories.
+    pub ideal: usize,
+}
+
+impl MemoryConfig {
+    /// Its units.
+    pub fn units(&self) -> MemoryUnits {
+        match *self {
+            MemoryConfig::Ideal(_) => MemoryUnits { crossbar: 0, l2: 0, dram: 0, ideal: 1 },
+            MemoryConfig::Dram { slices, channels, .. } => {
+                MemoryUnits { crossbar: 1, l2: slices as usize, dram: channels as usize, ideal: 0 }
+            }
+        }
+    }
+}
+
+/// Numbers of a memory's units in the wiring.
+#[derive(Debug)]
+pub struct MemoryIds {
+    /// What clients' requests go to: the crossbar, or the ideal memory.
+    pub front: UnitId,
+    /// The slices.
+    pub l2: Vec<UnitId>,
+    /// The channels.
+    pub dram: Vec<UnitId>,
+    /// What clients' answers come from: the return path, or the ideal memory.
+    pub back: UnitId,
+}
+
+/// How wide and long a client's port is.
+#[derive(Clone, Copy, Debug)]
+pub struct PortShape {
+    /// Bytes a cycle on the way out and on the way back.
+    pub width: u32,
+    /// Cycles each way.
+    pub latency: u32,
+    /// Requests and answers under way, each.
+    pub queue: u32,
+}
+
 /// Units of the memory while the machine is being wired. Declared first of all, as clients' channels lead to them:
 /// 1. [`MemoryPlan::declare`] where the memory's fields stand among the machine's fields,
 /// 2. [`MemoryPlan::client`] for each client,
@@ -87,10 +136,7 @@ pub enum MemoryConfig {
 pub struct MemoryPlan {
     config: MemoryConfig,
     interleave: Interleave,
-    crossbar: UnitId,
-    l2: Vec<UnitId>,
-    dram: Vec<UnitId>,
-    return_path: UnitId,
+    ids: MemoryIds,
     names: Vec<(&'static str, usize)>,
     requests: Vec<In<Request>>,
     answers: Vec<Out<Answer>>,
@@ -126,49 +172,59 @@ impl MemoryPlan {
     /// # Errors
     /// If the slices cannot be interleaved as asked, or the channels do not share them evenly, or a channel's values are wrong.
     pub fn declare(config: MemoryConfig, wiring: &mut Wiring) -> Result<MemoryPlan, String> {
-        let (interleave, crossbar, l2, dram, return_path);
-        match config {
+        let ids = match config.units() {
+            MemoryUnits { ideal: 1, .. } => {
+                let ideal = wiring.unit("ideal", 0);
+                MemoryIds { front: ideal, l2: Vec::new(), dram: Vec::new(), back: ideal }
+            }
+            MemoryUnits { l2, dram, .. } => MemoryIds {
+                front: wiring.unit("crossbar", 0),
+                l2: wiring.bank("l2", l2),
+                dram: wiring.bank("dram", dram),
+                back: wiring.unit("return_path", 0),
+            },
+        };
+        MemoryPlan::new(config, ids)
+    }
+
+    /// A memory whose units are declared.
+    ///
+    /// # Errors
+    /// If the slices cannot be interleaved as asked, or the channels do not share them evenly, or a channel's values are wrong.
+    pub fn new(config: MemoryConfig, ids: MemoryIds) -> Result<MemoryPlan, String> {
+        let interleave = match config {
             MemoryConfig::Ideal(ideal) => {
                 if ideal.bytes_per_cycle == 0 {
                     return Err("an ideal memory moves at least 1 byte a cycle".to_owned());
                 }
-                interleave = Interleave::new(1, REQUEST_BYTES as u32)?;
-                crossbar = wiring.unit("ideal", 0);
-                return_path = crossbar;
-                (l2, dram) = (Vec::new(), Vec::new());
+                Interleave::new(1, REQUEST_BYTES as u32)?
             }
             MemoryConfig::Dram { slices, interleave: bytes, channels, dram: timing, .. } => {
-                interleave = Interleave::new(slices, bytes)?;
+                let interleave = Interleave::new(slices, bytes)?;
                 if channels == 0 || slices % channels != 0 {
                     return Err(format!("{channels} channels do not share {slices} slices evenly"));
                 }
                 timing.check()?;
-                crossbar = wiring.unit("crossbar", 0);
-                l2 = wiring.bank("l2", slices as usize);
-                dram = wiring.bank("dram", channels as usize);
-                return_path = wiring.unit("return_path", 0);
+                interleave
             }
-        }
+        };
         let (names, requests, answers) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(MemoryPlan { config, interleave, crossbar, l2, dram, return_path, names, requests, answers })
+        Ok(MemoryPlan { config, interleave, ids, names, requests, answers })
     }
 
-    /// A port for a client. Ports of one name are one client in the statistics. `width` is bytes a cycle on the way out and on
-    /// the way back, `latency` cycles each way, `queue` requests and answers under way each.
+    /// A port for a client. Ports of one name are one client in the statistics.
     pub fn client(
         &mut self,
         wiring: &mut Wiring,
         name: &'static str,
         index: usize,
         unit: UnitId,
-        width: u32,
-        latency: u32,
-        queue: u32,
+        shape: PortShape,
     ) -> MemoryPort {
-        let link = Link::bytes(queue, width, latency);
+        let link = Link::bytes(shape.queue, shape.width, shape.latency);
         let port = self.names.len();
-        let (requests, taken) = wiring.channel("memory_requests", port, link, unit, self.crossbar);
-        let (given, answers) = wiring.channel("memory_answers", port, link, self.return_path, unit);
+        let (requests, taken) = wiring.channel("memory_requests", port, link, unit, self.ids.front);
+        let (given, answers) = wiring.channel("memory_answers", port, link, self.ids.back, unit);
         self.names.push((name, index));
         self.requests.push(taken);
         self.answers.push(given);
@@ -192,11 +248,12 @@ impl MemoryPlan {
                 let mut ports: Vec<DramPorts> = (0..channels).map(|_| DramPorts::default()).collect();
                 for slice in 0..slices as usize {
                     let channel = slice % channels as usize;
-                    let id = self.l2[slice];
-                    let (to_slice, input) = wiring.channel::<SliceRequest>("l2_requests", slice, way, self.crossbar, id);
-                    let (output, from_slice) = wiring.channel::<SliceAnswer>("l2_answers", slice, way, id, self.return_path);
-                    let (to, at_dram) = wiring.channel("dram_requests", slice, to_dram, id, self.dram[channel]);
-                    let (from_dram, from) = wiring.channel("dram_answers", slice, Link::items(8, 2, 1), self.dram[channel], id);
+                    let id = self.ids.l2[slice];
+                    let (to_slice, input) = wiring.channel::<SliceRequest>("l2_requests", slice, way, self.ids.front, id);
+                    let (output, from_slice) = wiring.channel::<SliceAnswer>("l2_answers", slice, way, id, self.ids.back);
+                    let (to, at_dram) = wiring.channel("dram_requests", slice, to_dram, id, self.ids.dram[channel]);
+                    let (from_dram, from) =
+                        wiring.channel("dram_answers", slice, Link::items(8, 2, 1), self.ids.dram[channel], id);
                     to_slices.push(to_slice);
                     from_slices.push(from_slice);
                     ports[channel].requests.push(at_dram);

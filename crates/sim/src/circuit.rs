@@ -1,14 +1,37 @@
 //! Units and wires as one machine.
 
+use super::sheet::{Counted, Description, Sheet};
 use super::unit::{Tick, Unit};
 use super::wires::Wires;
 use super::wiring::Wiring;
 use stats::Tree;
 
 /// A row of units of one kind: what a field of a [`circuit!`](crate::circuit) is. [`One`], `Vec` or `Option`.
-pub trait Bank<C> {
+pub trait Bank<C>: Sized {
+    /// What each is.
+    type Unit: Unit<C>;
+
+    /// The bank of these.
+    ///
+    /// # Panics
+    /// If it does not take so many: the machine is wrong.
+    fn of(name: &str, units: Vec<Self::Unit>) -> Self;
+
+    /// The units.
+    fn units(&self) -> &[Self::Unit];
+
     /// How many units.
     fn count(&self) -> usize;
+
+    /// Appends what each has counted beside its items.
+    fn read(&self, sheet: &mut Sheet) {
+        Counted::of::<C>().read(self.units(), sheet);
+    }
+
+    /// Appends what the units of such a bank count.
+    fn describe(list: &mut Vec<Description>) {
+        Counted::<Self::Unit>::of::<C>().describe(list);
+    }
 
     /// Ticks all; the first has number `base` in the machine.
     fn tick_all(&mut self, base: usize, wires: &mut Wires, context: &mut C);
@@ -49,6 +72,17 @@ impl<U> std::ops::DerefMut for One<U> {
 }
 
 impl<C, U: Unit<C>> Bank<C> for One<U> {
+    type Unit = U;
+
+    fn of(name: &str, units: Vec<U>) -> One<U> {
+        let [unit] = <[U; 1]>::try_from(units).unwrap_or_else(|units| panic!("a machine has one {name}, not {}", units.len()));
+        One(unit)
+    }
+
+    fn units(&self) -> &[U] {
+        std::slice::from_ref(&self.0)
+    }
+
     fn count(&self) -> usize {
         1
     }
@@ -70,6 +104,16 @@ impl<C, U: Unit<C>> Bank<C> for One<U> {
 }
 
 impl<C, U: Unit<C>> Bank<C> for Vec<U> {
+    type Unit = U;
+
+    fn of(_: &str, units: Vec<U>) -> Vec<U> {
+        units
+    }
+
+    fn units(&self) -> &[U] {
+        self
+    }
+
     fn count(&self) -> usize {
         self.len()
     }
@@ -93,6 +137,17 @@ impl<C, U: Unit<C>> Bank<C> for Vec<U> {
 }
 
 impl<C, U: Unit<C>> Bank<C> for Option<U> {
+    type Unit = U;
+
+    fn of(name: &str, mut units: Vec<U>) -> Option<U> {
+        assert!(units.len() <= 1, "a machine has one {name} at most, not {}", units.len());
+        units.pop()
+    }
+
+    fn units(&self) -> &[U] {
+        self.as_slice()
+    }
+
     fn count(&self) -> usize {
         usize::from(self.is_some())
     }
@@ -161,6 +216,15 @@ pub fn assemble(wiring: Wiring, fields: &[(&str, usize)]) -> Wires {
     wiring.finish()
 }
 
+/// For each unit the number of its field, and its place in it.
+#[doc(hidden)]
+pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
+    let places = fields.iter().enumerate().flat_map(|(field, &(_, count))| {
+        (0..count).map(move |place| (u8::try_from(field).expect("fewer than 256 fields"), place as u32))
+    });
+    places.collect()
+}
+
 /// Declares a machine as its units in data-flow order. The struct reads as the block diagram:
 ///
 /// ```
@@ -213,18 +277,56 @@ pub fn assemble(wiring: Wiring, fields: &[(&str, usize)]) -> Wires {
 /// After `for` stands the type of what all units share. A field is [`One`](crate::One) unit, a `Vec` of units or an `Option` of
 /// one. `new` takes
 /// the wiring, whose units were declared in the order of the fields, and the fields.
+///
+/// A machine that is built in several ways names four more types, which this declares from the same fields:
+///
+/// ```
+/// # use fillrate::sim::{Circuit, In, Link, One, Out, Tick, Unit, Wires, Wiring};
+/// # struct Source { output: Out<u32> }
+/// # impl Unit<()> for Source {
+/// #     fn tick(&mut self, _: &mut Wires, _: &mut ()) -> Tick { Tick::Idle }
+/// #     fn items(&self) -> u64 { 0 }
+/// #     fn resident(&self) -> u64 { 0 }
+/// # }
+/// # struct Sink { input: In<u32> }
+/// # impl Unit<()> for Sink {
+/// #     fn tick(&mut self, _: &mut Wires, _: &mut ()) -> Tick { Tick::Idle }
+/// #     fn items(&self) -> u64 { 0 }
+/// #     fn resident(&self) -> u64 { 0 }
+/// # }
+/// #[derive(Clone, Copy, PartialEq)]
+/// enum Stage { Front, Back }
+///
+/// fillrate::circuit! {
+///     /// Sources and sinks.
+///     struct Pairs for (), sizes Sizes, numbers Numbers, banks Banks, stages Stage {
+///         source: Vec<Source> [Front],
+///         sink: Vec<Sink> [Back],
+///     }
+/// }
+///
+/// let sizes = Sizes { source: 2, sink: 2 };
+/// let mut wiring = Wiring::new();
+/// let numbers = Numbers::declare(&sizes, &mut wiring);
+/// let mut banks = Banks::default();
+/// for (n, (&source, &sink)) in numbers.source.iter().zip(&numbers.sink).enumerate() {
+///     let (output, input) = wiring.channel("numbers", n, Link::items(4, 1, 3), source, sink);
+///     banks.source.push(Source { output });
+///     banks.sink.push(Sink { input });
+/// }
+/// let pairs = Pairs::new(wiring, banks);
+/// assert_eq!(pairs.wires().units().count(), 4);
+/// assert!(Pairs::stages(Stage::Back).eq(["sink"]));
+/// ```
+///
+/// `Sizes` says how many units each bank has, `Numbers` what numbers the wiring gave them, `Banks` holds the units made so far. The
+/// name in brackets is the stage that a bank belongs to, if any: a variant of the type after `stages`.
 #[macro_export]
 macro_rules! circuit {
     ($(#[$meta:meta])* $vis:vis struct $name:ident for $context:ty {
         $($(#[$doc:meta])* $field:ident: $bank:ty),* $(,)?
     }) => {
-        $(#[$meta])*
-        $vis struct $name {
-            wires: $crate::Wires,
-            /// For each unit the number of its field, and its place in it.
-            places: Box<[(u8, u32)]>,
-            $($(#[$doc])* pub $field: $bank,)*
-        }
+        $crate::circuit! { @circuit [$(#[$meta])*] $vis $name $context; $([$(#[$doc])*] $field: $bank,)* }
 
         impl $name {
             /// The machine at cycle 0.
@@ -233,11 +335,93 @@ macro_rules! circuit {
             /// If the wiring's units are not these.
             $vis fn new(wiring: $crate::Wiring, $($field: $bank),*) -> $name {
                 let fields = [$((stringify!($field), $crate::Bank::<$context>::count(&$field))),*];
-                let places = fields.iter().enumerate().flat_map(|(field, &(_, count))| {
-                    (0..count).map(move |place| (u8::try_from(field).expect("fewer than 256 fields"), place as u32))
-                });
-                $name { places: places.collect(), wires: $crate::assemble(wiring, &fields), $($field),* }
+                $name { places: $crate::places(&fields), wires: $crate::assemble(wiring, &fields), $($field),* }
             }
+        }
+    };
+
+    ($(#[$meta:meta])* $vis:vis struct $name:ident for $context:ty,
+        sizes $sizes:ident, numbers $numbers:ident, banks $banks:ident, stages $stage:ident {
+        $($(#[$doc:meta])* $field:ident: $bank:ty $([$in:ident])?),* $(,)?
+    }) => {
+        $crate::circuit! { @circuit [$(#[$meta])*] $vis $name $context; $([$(#[$doc])*] $field: $bank,)* }
+
+        /// How many units each bank has.
+        #[derive(Clone, Copy, Debug, Default)]
+        $vis struct $sizes {
+            $($(#[$doc])* pub $field: usize,)*
+        }
+
+        /// Numbers of the units in the wiring.
+        $vis struct $numbers {
+            $($(#[$doc])* pub $field: Vec<$crate::UnitId>,)*
+        }
+
+        impl $numbers {
+            /// Declares the units.
+            $vis fn declare(sizes: &$sizes, wiring: &mut $crate::Wiring) -> $numbers {
+                $numbers { $($field: wiring.bank(stringify!($field), sizes.$field),)* }
+            }
+
+            /// The banks of a stage.
+            $vis fn of_stage(&self, stage: $stage) -> impl Iterator<Item = &[$crate::UnitId]> {
+                let banks = [$((&self.$field[..], $crate::circuit!(@stage $stage $([$in])?))),*];
+                banks.into_iter().filter(move |&(_, of)| of == Some(stage)).map(|(bank, _)| bank)
+            }
+        }
+
+        /// The units made so far.
+        #[derive(Default)]
+        $vis struct $banks {
+            $($(#[$doc])* pub $field: Vec<<$bank as $crate::Bank<$context>>::Unit>,)*
+        }
+
+        impl $name {
+            /// The machine at cycle 0.
+            ///
+            /// # Panics
+            /// If the wiring's units are not these.
+            $vis fn new(wiring: $crate::Wiring, banks: $banks) -> $name {
+                let fields = [$((stringify!($field), banks.$field.len())),*];
+                $name {
+                    places: $crate::places(&fields),
+                    wires: $crate::assemble(wiring, &fields),
+                    $($field: $crate::Bank::<$context>::of(stringify!($field), banks.$field),)*
+                }
+            }
+
+            /// Names of the banks of a stage.
+            $vis fn stages(stage: $stage) -> impl Iterator<Item = &'static str> {
+                let banks = [$((stringify!($field), $crate::circuit!(@stage $stage $([$in])?))),*];
+                banks.into_iter().filter(move |&(_, of)| of == Some(stage)).map(|(name, _)| name)
+            }
+
+            /// What the units have counted beside their items.
+            $vis fn sheet(&self) -> $crate::Sheet {
+                let mut sheet = $crate::Sheet::default();
+                $($crate::Bank::<$context>::read(&self.$field, &mut sheet);)*
+                sheet
+            }
+
+            /// What they count.
+            $vis fn descriptions() -> Vec<$crate::Description> {
+                let mut list = Vec::new();
+                $(<$bank as $crate::Bank<$context>>::describe(&mut list);)*
+                list
+            }
+        }
+    };
+
+    (@stage $stage:ident [$in:ident]) => { Some($stage::$in) };
+    (@stage $stage:ident) => { None };
+
+    (@circuit [$(#[$meta:meta])*] $vis:vis $name:ident $context:ty; $([$(#[$doc:meta])*] $field:ident: $bank:ty,)*) => {
+        $(#[$meta])*
+        $vis struct $name {
+            wires: $crate::Wires,
+            /// For each unit the number of its field, and its place in it.
+            places: Box<[(u8, u32)]>,
+            $($(#[$doc])* pub $field: $bank,)*
         }
 
         impl $crate::Circuit for $name {

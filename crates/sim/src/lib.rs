@@ -57,15 +57,17 @@ mod circuit;
 mod clock;
 mod gate;
 pub mod kit;
+mod sheet;
 mod unit;
 mod wires;
 mod wiring;
 
 pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
-pub use circuit::{Bank, Circuit, One, assemble};
+pub use circuit::{Bank, Circuit, One, assemble, places};
 pub use clock::{Cause, Clock, Stuck, run};
 pub use gate::{Gate, GateCounts, STATES};
+pub use sheet::{Counted, Description, Heading, Sheet};
 pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};
 pub use wiring::Wiring;

@@ -1,6 +1,7 @@
 //! What a unit is.
 
 use super::Wires;
+use super::sheet::Counted;
 use stats::Why;
 
 /// What a unit did in a cycle. A tick of several stages is the greatest of what they did ([`Tick::or`]).
@@ -53,7 +54,7 @@ impl Tick {
 ///
 /// The context carries what is behind a token. A unit may read what belongs to the machine as a whole, and read and write
 /// what belongs to a token that it holds; anything else would bring back the order of ticks.
-pub trait Unit<C> {
+pub trait Unit<C>: Sized + 'static {
     /// One cycle: stages last to first, so that what a stage hands on makes room for the stage before it. The rules that let a
     /// unit sleep stand in the documentation of [`sim`](super).
     fn tick(&mut self, wires: &mut Wires, context: &mut C) -> Tick;
@@ -63,4 +64,7 @@ pub trait Unit<C> {
 
     /// Items inside the unit now. When a run ends it must be 0.
     fn resident(&self) -> u64;
+
+    /// Its groups of counters, beside items and cycles: each is named here and nowhere else.
+    fn counted(_: &mut Counted<Self>) {}
 }

@@ -14,7 +14,7 @@ pub struct Declaration {
 }
 
 /// A set of counters declared by [`counters!`](crate::counters).
-pub trait Group: Copy + Default {
+pub trait Group: Copy + Default + 'static {
     /// The counters, in the order of their declaration.
     const DECLARATIONS: &'static [Declaration];
 
@@ -77,6 +77,15 @@ macro_rules! counters {
         impl std::ops::AddAssign for $name {
             fn add_assign(&mut self, other: $name) {
                 $(self.$field += other.$field;)*
+            }
+        }
+
+        impl std::iter::Sum for $name {
+            fn sum<I: Iterator<Item = $name>>(counts: I) -> $name {
+                counts.fold($name::default(), |mut sum, counts| {
+                    sum += counts;
+                    sum
+                })
             }
         }
 

@@ -11,7 +11,7 @@ use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use crate::knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
-use sim::{Budget, Gate, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
 use work::{BLOCK, End, Signature, Triangle};
 
 crate::knobs! {
@@ -389,7 +389,7 @@ impl Bin {
                         did = Tick::Moved;
                         continue;
                     }
-                    let known = card.same_tiles && self.known(card, tile);
+                    let known = card.apart.same_tiles && self.known(card, tile);
                     if card.bins[tile as usize].entries.is_empty() {
                         self.counts.empty_tiles += 1;
                     } else if known {
@@ -493,5 +493,9 @@ impl Unit<Card> for Bin {
             + (self.fences.len() + self.writes.len() + self.tiles.len()) as u64
             + u64::from(self.state != State::Binning)
             + self.triangles
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(Heading::new("binning", "Sort-middle-binned: the lists of tiles."), |unit| unit.counts);
     }
 }

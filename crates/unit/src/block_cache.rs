@@ -8,8 +8,14 @@ use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use mem::{MemoryPort, requests};
-use sim::{Tick, Wires};
+use sim::{Heading, Tick, Wires};
 use work::BLOCK;
+
+/// Where the caches of the ROPs count.
+pub(crate) const ROP: Heading = Heading::new(
+    "rop.NAME[i]",
+    "What the depth and colour caches of the ROPs moved, and those of early tests; the last is of `depth` only.",
+);
 
 stats::counters! {
     /// What a ROP cache moves.

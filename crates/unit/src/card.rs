@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::copies::{self, Marks, PassOrder};
+use super::copies::{self, Apart, Marks, PassOrder};
 use super::frame::Frame;
 use super::interleave::Interleave;
 use super::phase::Phases;
@@ -322,19 +322,8 @@ pub struct Card {
     pub pass: Option<PassState>,
     /// The machine's own surfaces.
     pub frame: Frame,
-    /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
-    pub copies: Vec<Frame>,
-    /// Where pipelines test ahead of the owners of their pixels against what they have drawn themselves, each one's copy of the pass's
-    /// depths, by the same index; else none.
-    pub seen: Vec<Frame>,
-    /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
-    pub chunks: bool,
-    /// Whether copies are composed without the numbers of primitives.
-    pub unnumbered: bool,
-    /// Primitives of the pass so far, where there are copies.
-    pub primitives: u32,
-    /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
-    pub disordered: Vec<(u32, String)>,
+    /// What pipelines have for themselves, and what else the machine's sort class asks.
+    pub apart: Apart,
     /// Which pipeline owns which pixels.
     pub interleave: Interleave,
     /// The lists of tiles, by number, on a machine that bins.
@@ -347,8 +336,6 @@ pub struct Card {
     pub events: VecDeque<Event>,
     /// Whether there are no more events than these.
     pub closed: bool,
-    /// Whether tiles are looked for that are in memory already.
-    pub same_tiles: bool,
     /// Changes whenever what caches of read-only data hold may be stale.
     pub epoch: u32,
     /// Segments installed so far.
@@ -359,7 +346,14 @@ pub struct Card {
 
 impl Card {
     /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups, with cores that execute warps so.
-    pub fn new(pipelines: usize, segments: usize, runs: usize, interleave: Interleave, execution: Execution) -> Card {
+    pub fn new(
+        pipelines: usize,
+        segments: usize,
+        runs: usize,
+        interleave: Interleave,
+        execution: Execution,
+        apart: Apart,
+    ) -> Card {
         Card {
             work: vec![None; segments],
             compute: vec![None; runs],
@@ -368,19 +362,13 @@ impl Card {
             warps: vec![Warps::new(execution); pipelines + 1],
             pass: None,
             frame: Frame::default(),
-            copies: Vec::new(),
-            seen: Vec::new(),
-            chunks: false,
-            unnumbered: false,
-            primitives: 0,
-            disordered: Vec::new(),
+            apart,
             interleave,
             bins: Vec::new(),
             phases: Phases::default(),
             funnel: Funnel::default(),
             events: VecDeque::new(),
             closed: false,
-            same_tiles: false,
             epoch: 0,
             segments: 0,
             fault: None,
@@ -407,7 +395,7 @@ impl Card {
 
     /// Puts a segment into a slot.
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
-        if self.same_tiles && draw.signature.is_none() {
+        if self.apart.same_tiles && draw.signature.is_none() {
             // It may write more than its attachments.
             same::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
         }
@@ -435,7 +423,8 @@ impl Card {
             Some(ColorState::new(&state, draw.blend_constant))
         };
         let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();
-        let marks = if self.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
+        let marks =
+            if self.apart.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
         let number = self.segments;
         self.segments = number.wrapping_add(1);
         self.work[usize::from(slot)] = Some(Work {
@@ -464,18 +453,18 @@ impl Card {
         colors: &[Option<ColorState>],
     ) -> Marks {
         let Some(pass) = &mut self.pass else { return Marks::default() };
-        pass.order.unnumbered = self.unnumbered;
+        pass.order.unnumbered = self.apart.unnumbered;
         let marks = pass.order.note(draw, depth, colors);
         // Depths of fragments that are discarded after an early test stay, without their colours.
         let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
         let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
         pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
-        let first = self.primitives;
-        self.primitives = first.saturating_add(segment.primitives.len() as u32);
-        if self.primitives >= copies::MAX_PRIMITIVES {
+        let first = self.apart.primitives;
+        self.apart.primitives = first.saturating_add(segment.primitives.len() as u32);
+        if self.apart.primitives >= copies::MAX_PRIMITIVES {
             self.stop(Fault::Primitives { most: copies::MAX_PRIMITIVES });
         }
-        Marks { first, over: marks.over && self.chunks, ..marks }
+        Marks { first, over: marks.over && self.apart.chunks, ..marks }
     }
 
     /// Stops the run; the first fault stands.

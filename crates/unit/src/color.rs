@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 
 use super::apply::Touching;
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
-use super::copies::own;
+use super::copies::{Apart, own};
 use super::depth::mark;
 use super::frame::Frame;
 use super::tags::CacheCounts;
@@ -14,9 +14,9 @@ use super::token::{Ack, GroupToken, Kind};
 use super::traverse::fragments;
 use crate::knob::Allowed;
 use gfx::rop::composes_over;
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
 use work::{Quad, Target};
 
 crate::knobs! {
@@ -123,7 +123,7 @@ impl Color {
     /// Blends one group into one target.
     #[inline(always)]
     fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
-        let Card { groups, work, pass, frame, copies, .. } = card;
+        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -190,7 +190,7 @@ impl Color {
                 let group = &card.groups[pipeline][entry.token.group];
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel.fragments_written += u64::from(written);
-                if let Some(copy) = card.copies.get_mut(pipeline) {
+                if let Some(copy) = card.apart.copies.get_mut(pipeline) {
                     mark(card.work[usize::from(group.slot)].as_ref().expect("in flight"), group, &mut copy.stamps, true);
                 }
                 card.groups[pipeline].remove(entry.token.group);
@@ -204,7 +204,7 @@ impl Color {
     /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
     #[cold]
     fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
-        let Card { frame, copies, pass, .. } = card;
+        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
@@ -224,7 +224,7 @@ impl Color {
     /// Writes the cache back at the end of a pass, then passes the fence on.
     #[cold]
     fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
-        let Card { frame, copies, pass, .. } = card;
+        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("a pass is ending");
         let keep = |surface: usize| {
@@ -275,7 +275,7 @@ impl Color {
             let from = wires.now() + Cycle::from(self.config.latency);
             let mut entry = Entry { token, target: self.target, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
-                let Card { groups, work, pass, frame, copies, .. } = card;
+                let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -431,5 +431,10 @@ impl Unit<Card> for Color {
 
     fn resident(&self) -> u64 {
         self.fifo.len() as u64 + self.cache.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("color"), |unit| unit.cache.cache());
+        groups.group(ROP.named("color"), |unit| unit.cache.counts());
     }
 }

@@ -17,7 +17,7 @@ use gfx::hierarchical::depth_key;
 use gfx::texel;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{Gate, In, Out, Tick, Unit, Wires};
+use sim::{Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
 use work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
 
 crate::choices! {
@@ -277,7 +277,7 @@ impl Command {
                 let index = card.frame.surface(&attachment.surface);
                 let store = &mut card.frame.stores[index];
                 store.surface = attachment.surface;
-                if card.same_tiles {
+                if card.apart.same_tiles {
                     same::begin(store, &attachment, of, self.fast_clear);
                 }
                 clears.color(store, &attachment);
@@ -315,7 +315,7 @@ impl Command {
 
     /// Installs a pass: its surfaces, its clears.
     fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
-        let signature = if card.same_tiles && self.fast_clear { same::sign(pass) } else { None };
+        let signature = if card.apart.same_tiles && self.fast_clear { same::sign(pass) } else { None };
         let of = if signature.is_some() { Use::Signed } else { Use::Drawn };
         for target in pass.color.iter().flatten().filter_map(|attachment| attachment.resolve) {
             if let Some(index) = card.frame.find(target.key) {
@@ -329,7 +329,7 @@ impl Command {
             let key = attachment.surface.key;
             let bounds = match cleared_depths(&attachment) {
                 Some(bounds) => Some(bounds),
-                None if self.depth_known == Some(key) && card.copies.is_empty() => None,
+                None if self.depth_known == Some(key) && card.apart.copies.is_empty() => None,
                 None => {
                     Some(self.depth_cleared.filter(|(cleared, _)| *cleared == key).map_or((0, u32::MAX), |(_, bounds)| bounds))
                 }
@@ -358,27 +358,27 @@ impl Command {
             lowered: false,
         };
         if let Some(surface) = state.depth
-            && !card.seen.is_empty()
+            && !card.apart.seen.is_empty()
         {
             // Each pipeline's copy of the depths is cleared as the surface is: by flag, or in memory.
-            flags += (flags - color_flags) * card.seen.len() as u32;
+            flags += (flags - color_flags) * card.apart.seen.len() as u32;
             let address = card.frame.stores[surface].surface.address;
             let written = clears.iter().find(|&&(at, _)| at == address).copied();
-            copies::begin_seen(&card.frame, &mut card.seen, surface, written.is_some());
+            copies::begin_seen(&card.frame, &mut card.apart.seen, surface, written.is_some());
             if let Some((address, bytes)) = written {
-                clears.extend((0..card.seen.len()).map(|pipeline| (address + copies::behind(pipeline), bytes)));
+                clears.extend((0..card.apart.seen.len()).map(|pipeline| (address + copies::behind(pipeline), bytes)));
             }
         }
-        if !card.copies.is_empty() {
+        if !card.apart.copies.is_empty() {
             let cleared = |&&surface: &&usize| {
                 let address = card.frame.stores[surface].surface.address;
                 clears.iter().any(|&(at, _)| at == address)
             };
             let written: Vec<usize> = state.color.iter().flatten().chain(&state.depth).filter(cleared).copied().collect();
-            copies::begin(&card.frame, &mut card.copies, &state, &written);
-            card.primitives = 0;
+            copies::begin(&card.frame, &mut card.apart.copies, &state, &written);
+            card.apart.primitives = 0;
             // Beside the surfaces all copies are cleared; a single pipeline's is the surface.
-            let pipelines = card.copies.len();
+            let pipelines = card.apart.copies.len();
             if pipelines > 1 {
                 let own = clears.clone();
                 for pipeline in 0..pipelines {
@@ -477,7 +477,7 @@ impl Command {
             Event::Groups(groups) => {
                 let slot = self.free_runs.pop()?;
                 let (dispatch, groups) = (self.dispatch.clone()?, groups.clone());
-                if card.same_tiles {
+                if card.apart.same_tiles {
                     same::touched(card, groups.lines.iter());
                 }
                 card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups });
@@ -502,7 +502,7 @@ impl Command {
                     return None;
                 }
                 let transfer = *transfer;
-                if let (true, Some(to)) = (card.same_tiles, transfer.to) {
+                if let (true, Some(to)) = (card.apart.same_tiles, transfer.to) {
                     same::written(card, to, transfer.bytes);
                 }
                 card.phases.begin(PhaseKind::Transfers, 0, "", now);
@@ -576,8 +576,8 @@ impl Command {
                 }
                 let Some(pass) = &card.pass else { return Tick::Starved };
                 if pass.order.drawn {
-                    if pass.order.matters && card.copies.len() > 1 {
-                        card.disordered.push((pass.pass.number, pass.pass.label.clone()));
+                    if pass.order.matters && card.apart.copies.len() > 1 {
+                        card.apart.disordered.push((pass.pass.number, pass.pass.label.clone()));
                     }
                     self.state = State::Composing(0, self.ports.compose.len());
                     return Tick::Moved;
@@ -725,5 +725,10 @@ impl Unit<Card> for Command {
 
     fn resident(&self) -> u64 {
         (self.reports.len() - self.free.len() + self.pieces.len()) as u64 + self.stream.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let about = "Passes and draws, and what of them the command processor has left out.";
+        groups.group(Heading::new("command", about), |unit| unit.counts);
     }
 }

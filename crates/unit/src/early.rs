@@ -29,14 +29,15 @@
 
 use std::collections::VecDeque;
 
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
+use super::copies::Apart;
 use super::depth::test_ahead;
-use super::tags::CacheCounts;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;
+use mem::CACHES;
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 
 stats::counters! {
     /// What early tests in pipelines that own no pixels do.
@@ -142,10 +143,10 @@ impl Early {
         self.counts
     }
 
-    /// What the cache of the copy counts, if there is one: its tags, and what it moved.
-    pub fn cache(&self) -> Option<(CacheCounts, BlockCounts)> {
+    /// The cache of the copy, if there is one.
+    fn copy(&self) -> Option<&BlockCache> {
         match &self.known {
-            Known::Copy(cache) => Some((cache.cache(), cache.counts())),
+            Known::Copy(cache) => Some(cache),
             Known::Owners { .. } => None,
         }
     }
@@ -170,7 +171,7 @@ impl Early {
 
     /// Asks for the depths of a group, if its draw has a test to be made with them.
     fn ask(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> Result<Wait, Tick> {
-        let Card { groups, work, pass, seen, .. } = card;
+        let Card { groups, work, pass, apart: Apart { seen, .. }, .. } = card;
         let group = &groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let Some(pass) = pass else { return Ok(Wait::Nothing) };
@@ -271,7 +272,7 @@ impl Early {
 
     /// Tests a group, or takes note of what the owner has found; gives the quads still alive.
     fn test(&mut self, card: &mut Card, token: GroupToken, wait: Wait) -> u8 {
-        let Card { groups, work, pass, seen, funnel, .. } = card;
+        let Card { groups, work, pass, apart: Apart { seen, .. }, funnel, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
@@ -314,5 +315,12 @@ impl Unit<Card> for Early {
     fn resident(&self) -> u64 {
         let requests = if let Known::Copy(cache) = &self.known { cache.resident() } else { 0 };
         self.entries.len() as u64 + requests
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.");
+        groups.group(heading, |unit| unit.counts);
+        groups.group_if(CACHES.named("early"), |unit| Some(unit.copy()?.cache()));
+        groups.group_if(ROP.named("early"), |unit| Some(unit.copy()?.counts()));
     }
 }

@@ -13,9 +13,9 @@ use super::warp::{Item, Program};
 use crate::assembly::MAX_BATCHES;
 use crate::knob::Allowed;
 use gfx::state::StepMode;
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Gate, In, Out, Tick, Unit, Wires};
+use sim::{Counted, Gate, In, Out, Tick, Unit, Wires};
 use work::LINE;
 
 crate::knobs! {
@@ -657,5 +657,9 @@ impl Unit<Card> for Fetch {
             + u64::from(self.open)
             + u64::from(self.in_flight)
             + self.runs.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("vertex"), |unit| unit.tags.counts());
     }
 }

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use super::card::Card;
 use super::token::{GroupToken, Kind, bytes};
 use super::traverse::fragments;
-use sim::{Budget, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::BLOCK;
 
 stats::counters! {
@@ -205,5 +205,10 @@ impl Unit<Card> for Hide {
 
     fn resident(&self) -> u64 {
         self.held.len() as u64
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new("hiding.hide[i]", "Hidden-surface removal, where it is on.");
+        groups.group(heading, |unit| unit.counts);
     }
 }

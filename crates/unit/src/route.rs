@@ -14,9 +14,9 @@ use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Run, TriangleToken, bytes};
 use crate::knob::Allowed;
 use gfx::state::StepMode;
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{In, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Tick, Unit, Wires};
 use work::LINE;
 
 crate::choices! {
@@ -400,5 +400,10 @@ impl Unit<Card> for Route {
 
     fn resident(&self) -> u64 {
         self.fifo.len() as u64 + self.runs.resident() + u64::from(self.misses.in_flight())
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("position"), |unit| unit.tags.counts());
+        groups.group(Heading::new("routing.route[i]", "Sort-first: pre-transformation."), |unit| unit.counts);
     }
 }

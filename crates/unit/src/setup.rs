@@ -6,7 +6,7 @@ use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use crate::knob::Allowed;
 use num::prefetch;
-use sim::{Budget, Gate, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Gate, Heading, Out, Tick, Unit, Wires};
 use work::End;
 
 crate::knobs! {
@@ -165,5 +165,9 @@ impl Unit<Card> for Setup {
 
     fn resident(&self) -> u64 {
         self.input.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(Heading::new("setup.setup[i]", "What setup finds out."), |unit| unit.found);
     }
 }

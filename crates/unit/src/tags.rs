@@ -1,18 +1,6 @@
 //! Tags of a set-associative cache with least-recently-used replacement. Bytes live elsewhere.
 
-stats::counters! {
-    /// What a cache counts.
-    pub struct CacheCounts {
-        /// Lookups.
-        accesses: "lookups",
-        /// Lookups that found their line, on its way included.
-        hits: "lookups",
-        /// Lookups that did not.
-        misses: "lookups",
-        /// Lines that gave way to others.
-        evictions: "lines",
-    }
-}
+pub use mem::CacheCounts;
 
 /// No line.
 const EMPTY: u64 = u64::MAX;

@@ -10,9 +10,9 @@ use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::warp::{Item, Program, Warp, costs};
 use crate::knob::Allowed;
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{LINE, Request, RequestKind};
 
 crate::knobs! {
@@ -74,10 +74,21 @@ stats::counters! {
     }
 }
 
+/// Whom a texture unit serves.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TextureUser {
+    /// The cluster of its warps.
+    pub cluster: usize,
+    /// Its number among the texture units of all cores.
+    pub number: usize,
+    /// Whether its core shades nothing but vertices.
+    pub vertices: bool,
+}
+
 /// A texture unit. Its items are requests of quads.
 pub struct Texture {
     config: TextureConfig,
-    cluster: usize,
+    user: TextureUser,
     input: In<WarpToken>,
     output: Out<WarpToken>,
     memory: MemoryPort,
@@ -94,16 +105,16 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// An empty one, serving warps of a cluster.
+    /// An empty one.
     pub fn new(
         config: TextureConfig,
-        cluster: usize,
+        user: TextureUser,
         input: In<WarpToken>,
         output: Out<WarpToken>,
         memory: MemoryPort,
     ) -> Texture {
         Texture {
-            cluster,
+            user,
             input,
             output,
             memory,
@@ -208,9 +219,9 @@ impl Texture {
                 self.epoch = card.epoch;
                 self.tags.clear();
             }
-            let items = card.warps[self.cluster][token.warp].items.len();
+            let items = card.warps[self.user.cluster][token.warp].items.len();
             while self.place.item < items {
-                let warp = &card.warps[self.cluster][token.warp];
+                let warp = &card.warps[self.user.cluster][token.warp];
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
                 let kind = warp.then(self.place.item, || &costs(card, warp.program, warp.slot, &item)[item.cost]);
@@ -298,7 +309,7 @@ impl Texture {
                 self.items += 1;
                 let (needs, place) = (self.place.needs, warp.place);
                 // The part goes on to its next request, for the step after this one.
-                card.warps[self.cluster][token.warp].items[self.place.item].request += 1;
+                card.warps[self.user.cluster][token.warp].items[self.place.item].request += 1;
                 self.enter(wires.now(), needs, operations, last.then_some(place));
                 did = Tick::Moved;
             }
@@ -346,5 +357,11 @@ impl Unit<Card> for Texture {
 
     fn resident(&self) -> u64 {
         self.fifo.len() as u64 + u64::from(self.misses.in_flight())
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.numbered(CACHES.named("texture"), |unit| (unit.user.number, unit.tags.counts()));
+        let heading = Heading::new("shading.texture[i]", "Texture units.");
+        groups.group_if(heading, |unit| (!unit.user.vertices).then_some(unit.counts));
     }
 }

@@ -6,7 +6,7 @@ use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use crate::knob::Allowed;
 use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use num::prefetch;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{BLOCK, Block, End, Quad, TILE, Triangle};
 
 crate::choices! {
@@ -538,5 +538,14 @@ impl Unit<Card> for Traverse {
 
     fn resident(&self) -> u64 {
         u64::from(self.place.active)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new(
+            "hierarchical.traverse[i]",
+            "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, \
+             where geometry lets them through. What hierarchical Z throws away is in the funnel.",
+        );
+        groups.group(heading, |unit| unit.counts);
     }
 }

@@ -8,6 +8,7 @@ use crate::accuracy::machine::{config, figure, sum};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::state::{Compare, DepthStencil, Topology};
 use crate::machine::Config;
+use crate::machine::class::Sorted;
 use crate::machine::config::SortClass;
 use crate::num::Random;
 use crate::run::replay::{Fidelity, Options, replay};
@@ -75,8 +76,8 @@ impl Of {
     fn holds(self, sort: SortClass) -> bool {
         match self {
             Of::All => true,
-            Of::OneFrameBuffer => sort != SortClass::LastImage,
-            Of::OneGeometry => matches!(sort, SortClass::Middle | SortClass::MiddleBinned),
+            Of::OneFrameBuffer => sort.class().sorted != Sorted::Images,
+            Of::OneGeometry => !sort.class().sorted.own_geometry(),
         }
     }
 }

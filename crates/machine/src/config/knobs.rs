@@ -1,27 +1,10 @@
 //! Knobs of the card as a whole and of memory, and the rules between knobs.
 
 use super::Config;
+use crate::class::SortClass;
 use mem::{CacheShape, DramConfig, IdealConfig, L2Config, MemoryConfig};
-use unit::assembly::Deal;
 use unit::knob::Allowed;
-use unit::sorting::{EarlyTest, Keep};
 use unit::warp::MAX_WIDTH;
-
-unit::choices! {
-    /// Where work is sorted to the pipelines that own the pixels.
-    pub enum SortClass {
-        /// Primitives, before geometry, by bounds that a pre-transformation finds.
-        First "sort-first",
-        /// Screen-space triangles, between geometry and rasterisation, as they come.
-        Middle "sort-middle",
-        /// Screen-space triangles, into the lists of tiles, which are drawn one after the other when the pass is complete.
-        MiddleBinned "sort-middle-binned",
-        /// Shaded quads, between the cores and the ROPs.
-        LastFragment "sort-last-fragment",
-        /// Whole frame buffers, one a pipeline, when the pass is drawn.
-        LastImage "sort-last-image",
-    }
-}
 
 unit::choices! {
     /// What is behind the units' memory ports.
@@ -225,8 +208,8 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             config.color.blends_per_cycle, config.color.quads_per_cycle
         ));
     }
-    let own_geometry = matches!(config.card.sort, SortClass::First | SortClass::LastFragment | SortClass::LastImage);
-    if own_geometry && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
+    let class = config.card.sort.class();
+    if class.sorted.own_geometry() && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
         return Err(format!(
             "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
             config.core.vertex_cores,
@@ -234,39 +217,7 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             config.card.sort.name()
         ));
     }
-    if config.assembly.deal == Deal::Contiguous && config.card.sort != SortClass::LastImage {
-        return Err(format!(
-            "assembly.deal is \"contiguous\", and must be another where sort is \"{}\": only sort-last-image gives each pipeline one run \
-             of a pass",
-            config.card.sort.name()
-        ));
-    }
-    if config.order.keep == Keep::WhereNeeded && config.card.sort != SortClass::LastFragment {
-        return Err(format!(
-            "order.keep is {}, which a machine whose sort is {} does not do",
-            config.order.keep.name(),
-            config.card.sort.name()
-        ));
-    }
-    if config.order.early != EarlyTest::None && config.card.sort != SortClass::LastFragment {
-        return Err(format!(
-            "order.early is \"{}\", and must be \"none\" where sort is \"{}\": only in sort-last-fragment pipelines draw pixels that others own",
-            config.order.early.name(),
-            config.card.sort.name()
-        ));
-    }
-    if config.card.sort == SortClass::MiddleBinned {
-        let blocks = (config.bin.tile / work::BLOCK).pow(2);
-        for (key, has) in [("depth.cache_blocks", config.depth.cache_blocks), ("color.cache_blocks", config.color.cache_blocks)]
-        {
-            if has < blocks {
-                return Err(format!(
-                    "{key} is {has}, and must be at least {blocks} to hold a tile of bin.tile = {}",
-                    config.bin.tile
-                ));
-            }
-        }
-    }
+    class.refusals.iter().try_for_each(|refusal| refusal(config))?;
     debug_assert!(config.core.warp_width <= MAX_WIDTH);
     let memory = config.memory().map_err(|message| format!("memory.l2: {message}"))?;
     if let MemoryConfig::Dram { dram, slices, channels, .. } = memory {

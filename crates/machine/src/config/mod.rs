@@ -8,7 +8,8 @@ mod places;
 mod read;
 mod text;
 
-pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs, SortClass};
+pub use super::class::SortClass;
+pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs};
 pub use text::documentation;
 
 use unit::knob::Section;
@@ -236,12 +237,9 @@ impl Config {
     /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
     /// that they would have thrown away.
     pub fn render_key(&self) -> RenderKey {
-        let shade = match self.card.sort {
-            _ if self.order.keep == Keep::Never => Shade::Covered,
-            SortClass::First | SortClass::Middle | SortClass::MiddleBinned => Shade::Visible,
-            SortClass::LastFragment | SortClass::LastImage => Shade::Covered,
-        };
-        let signatures = self.card.sort == SortClass::MiddleBinned && self.bin.skip_same_tiles;
+        let class = self.card.sort.class();
+        let shade = if self.order.keep == Keep::Never { Shade::Covered } else { class.shade };
+        let signatures = (class.signatures)(self);
         let paths = self.core.execution != Execution::Longest;
         let needless = Needless {
             facing: !self.clip.cull_facing,

@@ -4,7 +4,7 @@ use super::client::{Client, Order};
 use super::dram::DDR4;
 use crate::{
     CacheShape, Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan,
-    ReturnPath, memory_tree,
+    PortShape, ReturnPath, memory_tree,
 };
 use num::Cycle;
 use sim::{Circuit, Clock, Wiring, run};
@@ -36,7 +36,7 @@ pub(super) fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
     let mut clients = Vec::new();
     for (index, (orders, id)) in orders.into_iter().zip(ids).enumerate() {
         let name = if index == 0 { "texture" } else { "color" };
-        let port = plan.client(&mut wiring, name, index, id, 64, 2, 16);
+        let port = plan.client(&mut wiring, name, index, id, PortShape { width: 64, latency: 2, queue: 16 });
         clients.push(Client::new(orders, port));
     }
     let memory = plan.build(&mut wiring);

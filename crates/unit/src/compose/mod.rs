@@ -16,7 +16,7 @@ pub use plan::{Step, steps};
 
 use super::card::{Card, PassState};
 use super::compression::Compression;
-use super::copies;
+use super::copies::{self, Apart};
 use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
 use super::network::{Receiver, Sender};
@@ -26,7 +26,7 @@ use super::token::{Ack, Kind, Piece};
 use crate::knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::BLOCK;
 
 crate::choices! {
@@ -185,7 +185,7 @@ impl Compose {
 
     /// Takes a pass in hand.
     fn begin(&mut self, card: &mut Card) {
-        let Card { pass, frame, copies, .. } = card;
+        let Card { pass, frame, apart: Apart { copies, .. }, .. } = card;
         let pass = pass.as_ref().expect("a pass is being composed");
         self.active = true;
         self.counts.passes += 1;
@@ -275,7 +275,7 @@ impl Compose {
             if self.writes.len() >= WRITES || on.is_some_and(|to| !self.ports.sender.can_send(wires, to)) {
                 return did.or(Tick::Blocked);
             }
-            let Card { pass, frame, copies, .. } = card;
+            let Card { pass, frame, apart: Apart { copies, .. }, .. } = card;
             let pass = pass.as_ref().expect("a pass is being composed");
             copies::merge(copies, pass, self.node, from, block);
             let samples = samples(pass, block);
@@ -337,7 +337,7 @@ impl Compose {
             self.turn = !composes;
             let run = if composes { &mut self.to_compose } else { &mut self.to_send };
             let Some(block) = run.next() else { break };
-            let copy = &card.copies[self.node];
+            let copy = &card.apart.copies[self.node];
             let mut count = 0;
             for plane in &self.planes {
                 if let Some((address, bytes)) = copy.stores[plane.surface].stored(block) {
@@ -442,5 +442,10 @@ impl Unit<Card> for Compose {
     fn resident(&self) -> u64 {
         let asked = self.sends.len() + self.composes.len() + self.writes.len() + usize::from(self.active);
         asked as u64 + u64::from(self.misses.in_flight()) + self.ports.receiver.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let heading = Heading::new("composition.compose[i]", "Sort-last-image: what each pipeline sends and composes.");
+        groups.group(heading, |unit| unit.counts);
     }
 }

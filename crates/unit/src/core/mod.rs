@@ -11,7 +11,7 @@ use super::warp::{Execution, Program};
 use crate::knob::Allowed;
 use issue::{Fixed, Issue, PLACES, bits};
 use num::NEVER;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use turns::Turns;
 use work::{Class, RequestKind};
 
@@ -379,6 +379,12 @@ impl Unit<Card> for Core {
 
     fn resident(&self) -> u64 {
         u64::from(self.held.count_ones()) + self.turns.as_ref().map_or(0, |turns| turns.away() as u64)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        // Those that shade nothing but vertices are not counted.
+        let heading = Heading::new("shading.core[i]", "Warp instructions by class.");
+        groups.group_if(heading, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
     }
 }
 

@@ -7,20 +7,20 @@ mod questions;
 use std::collections::VecDeque;
 
 use super::apply::Touching;
-use super::block_cache::{BlockCache, BlockCounts, Quads};
+use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
-use super::copies::{Stamps, own};
+use super::copies::{Apart, Stamps, own};
 use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::traverse::{HierarchicalUpdate, fragments};
 use crate::knob::Allowed;
 use depths::{Tested, bounds};
-use mem::MemoryPort;
+use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use questions::Questions;
-use sim::{In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
 
 pub(super) use depths::{test_ahead, test_group};
 pub use questions::QuestionPorts;
@@ -180,7 +180,7 @@ impl Depth {
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
     #[inline(always)]
     fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
-        let Card { groups, work, pass, frame, copies, .. } = card;
+        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -214,7 +214,7 @@ impl Depth {
     // Not inlined: the early and the late test share it, and the host's instruction cache is small.
     #[inline(never)]
     fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
-        let Card { groups, work, pass, frame, copies, funnel, .. } = card;
+        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, funnel, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &mut groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -316,7 +316,7 @@ impl Depth {
                 // Depth and stencil only: done.
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel.fragments_written += u64::from(written);
-                if let Some(copy) = card.copies.get_mut(pipeline) {
+                if let Some(copy) = card.apart.copies.get_mut(pipeline) {
                     mark(work, &group, &mut copy.stamps, false);
                 }
                 card.groups[pipeline].remove(token.group);
@@ -411,7 +411,7 @@ impl Depth {
         if self.ended || self.away > 0 || !self.late.is_empty() {
             return Tick::Starved;
         }
-        let Card { frame, copies, pass, .. } = card;
+        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again.
@@ -425,7 +425,7 @@ impl Depth {
     #[cold]
     fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
-        let Card { frame, copies, pass, .. } = card;
+        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
         // Copies are composed by their depths, stored or not.
         let composed = copies.len() > 1;
         let frame = own(frame, copies, self.pipeline);
@@ -519,5 +519,11 @@ impl Unit<Card> for Depth {
     fn resident(&self) -> u64 {
         let questions = self.questions.as_ref().map_or(0, |questions| questions.resident());
         (self.early.len() + self.late.len() + self.bounds.len() + questions) as u64 + self.cache.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("depth"), |unit| unit.cache.cache());
+        groups.group(ROP.named("depth"), |unit| unit.cache.counts());
+        groups.group(ROP.named("depth"), |unit| unit.told);
     }
 }

@@ -94,6 +94,32 @@ impl NetworkConfig {
 }
 
 impl NetworkPlan {
+    /// A network whose units are still to be declared: as many routers as [`NetworkPlan::routers`] says, and a way back for credits
+    /// if there is one.
+    ///
+    /// # Errors
+    /// If there are no or too many senders or receivers.
+    pub fn new(config: &NetworkConfig, names: Names, senders: usize, receivers: usize) -> Result<NetworkPlan, String> {
+        for (count, what) in [(senders, "senders"), (receivers, "receivers")] {
+            if !(1..=MAX_ENDS).contains(&count) {
+                return Err(format!("a network of {count} {what}: there must be 1 to {MAX_ENDS}"));
+            }
+        }
+        let plan = Plan::new(config.topology, config.radix, senders, receivers);
+        let (routers, credit_return) = (Vec::new(), None);
+        Ok(NetworkPlan { config: config.clone(), names, plan, senders, receivers, routers, credit_return })
+    }
+
+    /// Routers that it has.
+    pub fn routers(&self) -> usize {
+        self.plan.routers.len()
+    }
+
+    /// The units as they were declared.
+    pub fn at(self, routers: Vec<UnitId>, credit_return: Option<UnitId>) -> NetworkPlan {
+        NetworkPlan { routers, credit_return, ..self }
+    }
+
     /// Declares the units, which come next in the wiring.
     ///
     /// # Errors
@@ -105,15 +131,10 @@ impl NetworkPlan {
         receivers: usize,
         wiring: &mut Wiring,
     ) -> Result<NetworkPlan, String> {
-        for (count, what) in [(senders, "senders"), (receivers, "receivers")] {
-            if !(1..=MAX_ENDS).contains(&count) {
-                return Err(format!("a network of {count} {what}: there must be 1 to {MAX_ENDS}"));
-            }
-        }
-        let plan = Plan::new(config.topology, config.radix, senders, receivers);
-        let routers = wiring.bank(names.router, plan.routers.len());
+        let plan = NetworkPlan::new(config, names, senders, receivers)?;
+        let routers = wiring.bank(names.router, plan.routers());
         let credit_return = (!routers.is_empty()).then(|| wiring.unit(names.credit_return, 0));
-        Ok(NetworkPlan { config: config.clone(), names, plan, senders, receivers, routers, credit_return })
+        Ok(plan.at(routers, credit_return))
     }
 
     /// Declares the channels, and makes the ends and the units.

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fmt::Debug;
 
 use crate::card::Card;
-use mem::{IdealConfig, MemoryConfig, MemoryPlan, MemoryPort};
+use mem::{IdealConfig, MemoryConfig, MemoryPlan, MemoryPort, PortShape};
 use num::Cycle;
 use sim::{Circuit, Clock, In, Link, Out, Tick, Token, Unit, UnitId, Wires, Wiring, run};
 
@@ -182,7 +182,7 @@ pub fn memory(wiring: &mut Wiring) -> MemoryPlan {
 
 /// A port to it.
 pub fn port(plan: &mut MemoryPlan, wiring: &mut Wiring, unit: UnitId) -> MemoryPort {
-    plan.client(wiring, "port", 0, unit, PORT, PORT_LATENCY, 256)
+    plan.client(wiring, "port", 0, unit, PortShape { width: PORT, latency: PORT_LATENCY, queue: 256 })
 }
 
 /// Runs a circuit until it is done, under every clock and in several orders of ticks. All of them must take as many cycles, leave

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::card::{Ahead, Card, Group, PassState};
+use crate::copies::Apart;
 use crate::frame::BlockState;
 use crate::interleave::{Interleave, Pattern};
 use crate::token::{GroupToken, Kind, TriangleToken};
@@ -18,7 +19,7 @@ pub fn card(pipelines: usize) -> Card {
 
 /// A card whose pipelines own tiles of so many pixels.
 pub fn card_of_tiles(pipelines: usize, tile: u32) -> Card {
-    Card::new(pipelines, 8, 4, Interleave::new(Pattern::Skewed, pipelines as u32, tile), Execution::Longest)
+    Card::new(pipelines, 8, 4, Interleave::new(Pattern::Skewed, pipelines as u32, tile), Execution::Longest, Apart::default())
 }
 
 /// A draw without attributes, tests and targets.

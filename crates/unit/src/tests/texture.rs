@@ -6,7 +6,7 @@ use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
 use super::scenery::{card, draw, step, warp};
 use crate::Card;
 use crate::tags::CacheCounts;
-use crate::texture::{Texture, TextureConfig, TextureCounts};
+use crate::texture::{Texture, TextureConfig, TextureCounts, TextureUser};
 use crate::token::WarpToken;
 use crate::warp::Program;
 use mem::Ideal;
@@ -89,7 +89,7 @@ fn textured_from(config: &TextureConfig, kind: RequestKind, warps: &[(Cycle, Qua
             card.install(0, Arc::new(Segment { tiles: vec![tile], ..Segment::default() }), Arc::new(draw()), 0);
             let memory = port(&mut plan, &mut wiring, ids[1]);
             let ideal = plan.build(&mut wiring).ideal;
-            let unit = One(Texture::new(config.clone(), 0, input, out, memory));
+            let unit = One(Texture::new(config.clone(), TextureUser::default(), input, out, memory));
             (TextureCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(got)), ideal), card)
         },
         |c, _| c.sink.got.len() == warps.len() && c.texture.resident() == 0 && c.wires().resident() == 0,

@@ -1,6 +1,5 @@
 //! From the command processor to triangles that are set up.
 
-use super::super::config::SortClass;
 use super::{Builder, CONTROL, Ends};
 use sim::{Gate, In, Link, Out};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
@@ -22,27 +21,28 @@ impl Builder<'_> {
     /// The command processor and what it commands directly: compute dispatch, resolve, scan-out. Gives the stream of segments.
     pub fn command(&mut self) -> In<Piece> {
         let config = self.config;
-        let command = self.id.command;
+        let (command, compute) = (self.id.command[0], self.id.compute[0]);
+        let (resolve, scanout) = (self.id.resolve[0], self.id.scanout[0]);
         let (to_fetch, pieces) =
             self.wiring.channel("pieces", 0, CONTROL, command, self.id.deal.first().copied().unwrap_or(self.id.fetch[0]));
-        let (to_compute, compute_input) = self.wiring.channel("workgroups", 0, CONTROL, command, self.id.compute);
-        let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, self.id.compute, command);
-        let (to_resolve, resolve_input) = self.wiring.channel("resolves", 0, CONTROL, command, self.id.resolve);
-        let (resolved, from_resolve) = self.wiring.channel("resolved", 0, CONTROL, self.id.resolve, command);
-        let (to_scanout, scanout_input) = self.wiring.channel("shown", 0, CONTROL, command, self.id.scanout);
-        let (scanned, from_scanout) = self.wiring.channel("scanned", 0, CONTROL, self.id.scanout, command);
+        let (to_compute, compute_input) = self.wiring.channel("workgroups", 0, CONTROL, command, compute);
+        let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, compute, command);
+        let (to_resolve, resolve_input) = self.wiring.channel("resolves", 0, CONTROL, command, resolve);
+        let (resolved, from_resolve) = self.wiring.channel("resolved", 0, CONTROL, resolve, command);
+        let (to_scanout, scanout_input) = self.wiring.channel("shown", 0, CONTROL, command, scanout);
+        let (scanned, from_scanout) = self.wiring.channel("scanned", 0, CONTROL, scanout, command);
         let acking: Vec<_> = self.id.color.iter().chain(&self.id.depth).copied().collect();
         let (mut acks, from_acks) = self.join("acks", CONTROL, acking.into_iter().map(|unit| (unit, command)));
-        self.made.depth_acks = acks.split_off(self.pipelines());
-        self.made.color_acks = acks;
+        self.open.depth_acks = acks.split_off(self.pipelines());
+        self.open.color_acks = acks;
 
         let compose = self.id.compose.clone();
         let (to_compose, compose_input) = self.join("composes", CONTROL, compose.iter().map(|&compose| (command, compose)));
         let (composed, from_compose) = self.join("composed", CONTROL, compose.iter().map(|&compose| (compose, command)));
-        self.made.compose_commands = compose_input.into_iter().zip(composed).collect();
+        self.open.compose = compose_input.into_iter().zip(composed).collect();
         let memory = self.port("command", 0, command);
         let work = self.card_gate();
-        self.made.command = Some(Command::new(
+        self.made.command.push(Command::new(
             config.command.clone(),
             config.card.pipelines,
             (config.color.fast_clear, config.color.clears_per_cycle * config.card.pipelines),
@@ -63,27 +63,27 @@ impl Builder<'_> {
             },
         ));
         self.compute(compute_input, computed);
-        self.made.resolve_ends = Some((resolve_input, resolved));
-        self.made.scanout_ends = Some((scanout_input, scanned));
+        self.open.resolve.push((resolve_input, resolved));
+        self.open.scanout.push((scanout_input, scanned));
         pieces
     }
 
     /// Compute dispatch, with its ways to all cores and back.
     fn compute(&mut self, input: In<Piece>, ack: Out<Ack>) {
         let config = self.config;
-        let (compute, cores) = (self.id.compute, self.id.core.clone());
+        let (compute, cores) = (self.id.compute[0], self.id.core.clone());
         let groups = Link::items(config.compute.queue, 1, config.compute.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
         let (outputs, group_input): Ends<WarpToken> =
             self.join("compute_warps", groups, cores.iter().map(|&core| (compute, core)));
         let (group_output, finished): Ends<WarpToken> = self.join("computed", done, cores.iter().map(|&core| (core, compute)));
-        self.made.compute_ends = group_input.into_iter().zip(group_output).collect();
+        self.open.compute = group_input.into_iter().zip(group_output).collect();
         let per_pipeline = config.core.per_pipeline as usize;
         let cores = outputs.into_iter().enumerate().map(|(n, output)| (n / per_pipeline, output)).collect();
         let slots = config.command.workgroup_runs as usize;
         let ports = ComputePorts { input, cores, finished, ack };
         let unit = Compute::new(config.compute.clone(), config.core.warp_width, config.core.warps, slots, ports);
-        self.made.compute = Some(unit);
+        self.made.compute.push(unit);
     }
 
     /// Vertex fetch, shading and assembly: a front for each input. The primitives of front `f` go to the clippers whose number
@@ -102,7 +102,7 @@ impl Builder<'_> {
             self.join("vertex_warps", to_core, fronts_cores.iter().map(|&(front, core)| (fetch[front], core)));
         let (vertex_output, from_shading): Ends<WarpToken> =
             self.join("vertices_shaded", done, fronts_cores.iter().map(|&(front, core)| (core, assembly[front])));
-        self.made.vertex_ends = vertex_input.into_iter().zip(vertex_output).map(Some).collect();
+        self.open.vertex = vertex_input.into_iter().zip(vertex_output).map(Some).collect();
         let batches = Link::items(config.fetch.batches.max(2) + 2, 2, 1);
         let (to_assembly, from_fetch) = self.chain("vertex_batches", batches, &fetch, &assembly);
         let (retired, from_assembly) = self.chain("vertices_retired", batches, &assembly, &fetch);
@@ -249,8 +249,7 @@ impl Builder<'_> {
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
         for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
-            // Where triangles are sorted this is the end of the network.
-            let gate = if config.card.sort == SortClass::Middle { self.gate(n, true, true) } else { Gate::default() };
+            let gate = if self.behind_network == from { self.gate(n, true, true) } else { Gate::default() };
             self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, gate, output));
         }
         set_up

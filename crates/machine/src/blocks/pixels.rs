@@ -23,7 +23,7 @@ impl Builder<'_> {
         // A tile's buffer on the chip has a place for each of its blocks, wherever it lies.
         let on_chip = matches!(territory, Territory::Bins(_));
         let depth_ways = if on_chip { config.depth.cache_blocks } else { config.depth.cache_ways };
-        self.made.color_ways = if on_chip { config.color.cache_blocks } else { config.color.cache_ways };
+        self.open.color_ways = if on_chip { config.color.cache_blocks } else { config.color.cache_ways };
         let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
         let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
         let (color, dispatch) = (self.id.color.clone(), self.id.dispatch.clone());
@@ -52,7 +52,7 @@ impl Builder<'_> {
         self.made.traverse = traverses
             .map(|(n, ((input, bounds), output))| Traverse::new(t.clone(), n as u8, territory, input, Some(bounds), output))
             .collect();
-        let acks = std::mem::take(&mut self.made.depth_acks);
+        let acks = std::mem::take(&mut self.open.depth_acks);
         let ends = early.into_iter().zip(to_interpolate).zip(late).zip(tested_late).zip(to_traverse).zip(ended).zip(acks);
         for (n, ((((((early, interpolate), late), color), bounds), end), ack)) in ends.enumerate() {
             let ports = DepthPorts {
@@ -95,7 +95,7 @@ impl Builder<'_> {
         let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
         let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
         let (senders, receivers) = self.sort_network(&dispatch, &order);
-        self.made.color_ways = config.color.cache_ways;
+        self.open.color_ways = config.color.cache_ways;
 
         // Hierarchical Z would have to know what other pipelines have drawn.
         let blind = TraverseConfig { hierarchical_z: false, ..t.clone() };
@@ -109,7 +109,7 @@ impl Builder<'_> {
             let gate = self.gate(n, false, true);
             self.made.order.push(Order::new(n as u8, rate, config.order.keep, gate, input, late, color));
         }
-        let acks = std::mem::take(&mut self.made.depth_acks);
+        let acks = std::mem::take(&mut self.open.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
         let mut questions = questions.into_iter();
         for (n, (((input, output), end), ack)) in ends {
@@ -168,7 +168,7 @@ impl Builder<'_> {
         let back: Vec<_> = of_core.iter().map(|&(dispatch, core)| (core, dispatch)).collect();
         let (to_cores, fragment_input): Ends<WarpToken> = self.join("fragment_warps", warps, of_core);
         let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
-        self.made.fragment_ends = fragment_input.into_iter().zip(fragment_output).collect();
+        self.open.fragment = fragment_input.into_iter().zip(fragment_output).collect();
         let (mut to_cores, mut from_cores) = (to_cores.into_iter(), from_cores.into_iter());
         for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
@@ -181,10 +181,10 @@ impl Builder<'_> {
 
     /// What comes to the colour units, and the end of passes that they report.
     fn colors(&mut self, inputs: Vec<Shaded>, ends: Vec<Out<Ack>>) {
-        let acks = std::mem::take(&mut self.made.color_acks);
+        let acks = std::mem::take(&mut self.open.color_acks);
         let ends = inputs.into_iter().zip(ends).zip(acks);
         let ports = ends.map(|((shaded, end), ack)| ColorPorts { shaded: shaded.color, tested: shaded.late, end, ack });
-        self.made.color_ends = ports.collect();
+        self.open.color = ports.collect();
     }
 }
 

@@ -9,7 +9,7 @@ impl Builder<'_> {
         let compose = self.id.compose.clone();
         let nodes = compose.len();
         let (senders, receivers) = self.sort_network(&compose, &compose);
-        let ends = std::mem::take(&mut self.made.compose_commands).into_iter().zip(senders).zip(receivers);
+        let ends = std::mem::take(&mut self.open.compose).into_iter().zip(senders).zip(receivers);
         for (node, (((start, done), sender), receiver)) in ends.enumerate() {
             let memory = self.port("compose", node, compose[node]);
             let ports = ComposePorts { start, done, sender, receiver, memory };

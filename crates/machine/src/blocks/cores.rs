@@ -3,19 +3,11 @@
 use super::Builder;
 use sim::Link;
 use unit::core::{Core, CoreConfig, CorePorts};
-use unit::texture::Texture;
-
-/// The cores of a machine.
-pub(super) struct Cores {
-    pub core: Vec<Core>,
-    pub texture: Vec<Texture>,
-    pub vertex_core: Vec<Core>,
-    pub vertex_texture: Vec<Texture>,
-}
+use unit::texture::{Texture, TextureUser};
 
 impl Builder<'_> {
     /// All cores, with the ends that the other stages have left for them.
-    pub(super) fn cores(&mut self) -> Cores {
+    pub(super) fn cores(&mut self) {
         let config = self.config;
         let pipelines = self.pipelines();
         let per_pipeline = config.core.per_pipeline as usize;
@@ -30,11 +22,11 @@ impl Builder<'_> {
         let (vertex_texture_output, vertex_answer) =
             self.chain("vertex_texture_answers", answers, &vertex_texture, &vertex_core);
 
-        let mut vertex_ends = std::mem::take(&mut self.made.vertex_ends);
-        let fragment_ends = std::mem::take(&mut self.made.fragment_ends);
-        let compute_ends = std::mem::take(&mut self.made.compute_ends);
+        let mut vertex_ends = std::mem::take(&mut self.open.vertex);
+        let fragment_ends = std::mem::take(&mut self.open.fragment);
+        let compute_ends = std::mem::take(&mut self.open.compute);
         let ends = fragment_ends.into_iter().zip(compute_ends).zip(ask.into_iter().zip(answer)).enumerate();
-        let cores = ends
+        self.made.core = ends
             .map(|(n, ((fragment, compute), texture))| {
                 let vertex = if unified { vertex_ends[n].take() } else { None };
                 let ports = CorePorts { fragment: Some(fragment), vertex, compute: Some(compute), texture };
@@ -42,28 +34,26 @@ impl Builder<'_> {
             })
             .collect();
         let ends = texture_input.into_iter().zip(texture_output).enumerate();
-        let textures = ends
-            .map(|(n, (input, output))| {
-                let memory = self.port("texture", n, texture[n]);
-                Texture::new(config.texture.clone(), n / per_pipeline, input, output, memory)
-            })
-            .collect();
+        for (n, (input, output)) in ends {
+            let memory = self.port("texture", n, texture[n]);
+            let user = TextureUser { cluster: n / per_pipeline, number: n, vertices: false };
+            self.made.texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
+        }
         let vertex_config =
             CoreConfig { warps: config.core.vertex_warps, issue: config.core.vertex_issue, ..config.core.clone() };
         let ends = vertex_ask.into_iter().zip(vertex_answer).enumerate();
-        let vertex_cores = ends
+        self.made.vertex_core = ends
             .map(|(n, texture)| {
                 let ports = CorePorts { fragment: None, vertex: vertex_ends[n].take(), compute: None, texture };
                 Core::new(vertex_config.clone(), pipelines, ports)
             })
             .collect();
         let ends = vertex_texture_input.into_iter().zip(vertex_texture_output).enumerate();
-        let vertex_textures = ends
-            .map(|(n, (input, output))| {
-                let memory = self.port("texture", core.len() + n, vertex_texture[n]);
-                Texture::new(config.texture.clone(), pipelines, input, output, memory)
-            })
-            .collect();
-        Cores { core: cores, texture: textures, vertex_core: vertex_cores, vertex_texture: vertex_textures }
+        for (n, (input, output)) in ends {
+            let number = core.len() + n;
+            let memory = self.port("texture", number, vertex_texture[n]);
+            let user = TextureUser { cluster: pipelines, number, vertices: true };
+            self.made.vertex_texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
+        }
     }
 }

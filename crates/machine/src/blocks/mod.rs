@@ -1,0 +1,244 @@
+//! Building blocks of machines: each joins one stage of the data flow to the next. A sort class is a list of them.
+
+mod compose;
+mod cores;
+mod front;
+mod pixels;
+
+use super::class::Sorted;
+use super::config::Config;
+pub(super) use super::parts::Shape;
+use super::parts::{Banks, Ids, Parts, Stage};
+use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits, PortShape};
+use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
+use unit::color::{Color, ColorConfig, ColorPorts};
+use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
+use unit::resolve::Resolve;
+use unit::scanout::Scanout;
+use unit::token::{Ack, GroupToken, Piece, WarpToken, bytes};
+
+/// Both ends of channels, as they are handed out.
+pub(super) type Ends<T> = (Vec<Out<T>>, Vec<In<T>>);
+
+/// A machine that is wired.
+pub(super) struct Built {
+    /// Its units.
+    pub parts: Parts,
+    /// Names of its memory clients, and the number of ports of each.
+    pub clients: Clients,
+    /// The network that sorts.
+    pub network: Option<NetworkMap>,
+}
+
+/// Names of memory clients, and the number of ports of each.
+pub type Clients = Vec<(&'static str, usize)>;
+
+impl Shape {
+    /// What each pipeline has one of in all classes, and what a machine has one of, with its cores.
+    pub(super) fn of(config: &Config) -> Shape {
+        let pipelines = config.card.pipelines as usize;
+        let cores = pipelines * config.core.per_pipeline as usize;
+        let vertex_cores = if config.core.unified { 0 } else { config.core.vertex_cores as usize };
+        Shape {
+            command: 1,
+            vertex_core: vertex_cores,
+            vertex_texture: vertex_cores,
+            setup: pipelines,
+            traverse: pipelines,
+            depth: pipelines,
+            interpolate: pipelines,
+            dispatch: pipelines,
+            compute: 1,
+            core: cores,
+            texture: cores,
+            color: pipelines,
+            resolve: 1,
+            scanout: 1,
+            ..Shape::default()
+        }
+    }
+}
+
+/// Ends that wait for their units.
+#[derive(Default)]
+struct Open {
+    color: Vec<ColorPorts>,
+    /// Of each composition unit, from and to the command processor.
+    compose: Vec<(In<Piece>, Out<Ack>)>,
+    /// Ways of the colour caches.
+    color_ways: u32,
+    resolve: Vec<(In<Piece>, Out<Ack>)>,
+    scanout: Vec<(In<Piece>, Out<Ack>)>,
+    /// Of each core that shades vertices.
+    vertex: Vec<Option<(In<WarpToken>, Out<WarpToken>)>>,
+    /// Of each core.
+    fragment: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    compute: Vec<(In<WarpToken>, Out<WarpToken>)>,
+    /// To the command processor.
+    color_acks: Vec<Out<Ack>>,
+    depth_acks: Vec<Out<Ack>>,
+}
+
+/// A machine in the making.
+pub(super) struct Builder<'a> {
+    config: &'a Config,
+    wiring: Wiring,
+    memory: MemoryPlan,
+    network: Option<NetworkPlan>,
+    map: Option<NetworkMap>,
+    /// The units at the end of the network, when it is joined.
+    behind_network: Vec<UnitId>,
+    id: Ids,
+    made: Banks,
+    open: Open,
+}
+
+/// A link for groups of quads: as wide as so many quads.
+fn quads(queue: u32, quads: u32, latency: u32) -> Link {
+    Link::bytes(queue, quads * bytes::QUAD, latency)
+}
+
+/// A few tokens a draw.
+const CONTROL: Link = Link::items(16, 4, 1);
+
+impl<'a> Builder<'a> {
+    /// Declares the units; `network` has as many senders and receivers.
+    ///
+    /// # Errors
+    /// If the memory's values do not make one.
+    pub fn new(config: &'a Config, mut shape: Shape, network: (usize, usize)) -> Result<Builder<'a>, String> {
+        let network = NetworkPlan::new(&config.network, Names::SORT, network.0, network.1)?;
+        shape.router = network.routers();
+        shape.credit_return = usize::from(shape.router > 0);
+        let memory = config.memory()?;
+        let MemoryUnits { crossbar, l2, dram, ideal } = memory.units();
+        shape = Shape { crossbar, l2, dram, return_path: crossbar, ideal, ..shape };
+        let mut wiring = Wiring::new();
+        let id = Ids::declare(&shape, &mut wiring);
+        let network = network.at(id.router.clone(), id.credit_return.first().copied());
+        let (front, back) = (id.crossbar.first().or(id.ideal.first()), id.return_path.first().or(id.ideal.first()));
+        let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
+        let ids = MemoryIds { front, l2: id.l2.clone(), dram: id.dram.clone(), back };
+        let memory = MemoryPlan::new(memory, ids)?;
+        let (made, open) = (Banks::default(), Open::default());
+        Ok(Builder { config, wiring, memory, network: Some(network), map: None, behind_network: Vec::new(), id, made, open })
+    }
+
+    /// Pipelines.
+    fn pipelines(&self) -> usize {
+        self.config.card.pipelines as usize
+    }
+
+    /// What is sorted.
+    fn sorted(&self) -> Sorted {
+        self.config.card.sort.class().sorted
+    }
+
+    /// The units of a pipeline: those before its ROP, and those of its ROP.
+    fn units(&self, pipeline: usize, before: bool, rop: bool) -> Vec<UnitId> {
+        let (id, pipelines) = (&self.id, self.pipelines());
+        // Geometry in front of the network belongs to no pipeline.
+        let own = before && self.sorted().own_geometry();
+        let stages = [(Stage::Geometry, own), (Stage::Pixels, before), (Stage::Rop, rop)];
+        let banks = stages.into_iter().filter(|&(_, of)| of).flat_map(|(stage, _)| id.of_stage(stage));
+        let of = |bank: &'_ [UnitId]| {
+            let each = bank.len() / pipelines;
+            bank[pipeline * each..][..each].to_vec()
+        };
+        banks.flat_map(of).collect()
+    }
+
+    /// A gate that these units of a pipeline hang on.
+    fn gate(&mut self, pipeline: usize, before: bool, rop: bool) -> Gate {
+        let units = self.units(pipeline, before, rop);
+        self.wiring.gate(&units)
+    }
+
+    /// The gate of a pipeline's own front: where that is the end of all sorting before composition, its pipeline hangs on it. Whoever deals
+    /// out work does too.
+    fn front_gate(&mut self, pipeline: usize) -> Gate {
+        let mut units = match self.sorted() {
+            Sorted::Fragments => Vec::new(),
+            Sorted::Images => self.units(pipeline, true, true),
+            Sorted::Primitives | Sorted::Triangles => return Gate::default(),
+        };
+        units.extend(&self.id.deal);
+        self.wiring.gate(&units)
+    }
+
+    /// The gate that the units of all pipelines hang on, the first of a machine.
+    fn card_gate(&mut self) -> Gate {
+        let units: Vec<_> = (0..self.pipelines()).flat_map(|pipeline| self.units(pipeline, true, true)).collect();
+        self.wiring.gate(&units)
+    }
+
+    /// A memory port of a unit.
+    fn port(&mut self, name: &'static str, index: usize, unit: UnitId) -> MemoryPort {
+        let knobs = &self.config.memory;
+        let shape = PortShape { width: knobs.port_width, latency: knobs.port_latency, queue: knobs.port_queue };
+        self.memory.client(&mut self.wiring, name, index, unit, shape)
+    }
+
+    /// Joins units pairwise.
+    fn join<T: Token>(&mut self, name: &'static str, link: Link, pairs: impl IntoIterator<Item = (UnitId, UnitId)>) -> Ends<T> {
+        let wiring = &mut self.wiring;
+        pairs.into_iter().enumerate().map(|(index, (from, to))| wiring.channel(name, index, link, from, to)).unzip()
+    }
+
+    /// Joins the units of two banks one to one.
+    fn chain<T: Token>(&mut self, name: &'static str, link: Link, from: &[UnitId], to: &[UnitId]) -> Ends<T> {
+        self.join(name, link, from.iter().copied().zip(to.iter().copied()))
+    }
+
+    /// The network that sorts, between these units.
+    fn sort_network<T: Token>(&mut self, from: &[UnitId], to: &[UnitId]) -> (Vec<Sender<T>>, Vec<Receiver<T>>) {
+        let plan = self.network.take().expect("a machine has one network that sorts");
+        let Network { senders, receivers, routers, credit_return, map } = plan.connect(&mut self.wiring, from, to);
+        self.made.router = routers;
+        self.made.credit_return.extend(credit_return);
+        self.map = Some(map);
+        self.behind_network = to.to_vec();
+        (senders, receivers)
+    }
+
+    /// The link from the cores to the ROPs.
+    fn to_rop(&self) -> Link {
+        let dispatch = &self.config.dispatch;
+        quads(dispatch.output_queue, dispatch.output_quads, dispatch.output_latency)
+    }
+
+    /// The machine.
+    pub fn finish(mut self) -> Built {
+        let config = self.config;
+        self.cores();
+        for (n, ports) in std::mem::take(&mut self.open.color).into_iter().enumerate() {
+            let config = ColorConfig { cache_ways: self.open.color_ways, ..config.color.clone() };
+            let memory = self.port("color", n, self.id.color[n]);
+            self.made.color.push(Color::new(config, n as u8, ports, memory));
+        }
+        for (input, output) in std::mem::take(&mut self.open.resolve) {
+            let memory = self.port("resolve", 0, self.id.resolve[0]);
+            self.made.resolve.push(Resolve::new(config.resolve.clone(), input, output, memory));
+        }
+        for (input, output) in std::mem::take(&mut self.open.scanout) {
+            let memory = self.port("scanout", 0, self.id.scanout[0]);
+            self.made.scanout.push(Scanout::new(config.scanout.clone(), input, output, memory));
+        }
+        let Builder { mut wiring, memory, map, mut made, .. } = self;
+        let Memory { crossbar, l2, dram, return_path, ideal, clients } = memory.build(&mut wiring);
+        made.crossbar.extend(crossbar);
+        made.l2.extend(l2);
+        made.dram.extend(dram);
+        made.return_path.extend(return_path);
+        made.ideal.extend(ideal);
+        Built { parts: Parts::new(wiring, made), clients, network: map }
+    }
+}
+
+/// The two ways from shading to the colour unit of a pipeline.
+pub(super) struct Shaded {
+    /// To the late test.
+    late: In<GroupToken>,
+    /// Straight to the colour unit.
+    color: In<GroupToken>,
+}

@@ -1,0 +1,140 @@
+//! What units count beside their items and their cycles.
+
+use super::unit::Unit;
+use stats::{Declaration, Group, Tree};
+
+/// A heading of the statistics: where the groups of counters of a kind of unit stand.
+#[derive(Clone, Copy, Debug)]
+pub struct Heading {
+    /// Its path, such as `rop.NAME[i]`: `NAME` stands for names of which several kinds of units bring one each, `[i]` for their
+    /// numbers.
+    pub path: &'static str,
+    /// What is there, for the page of all statistics.
+    pub about: &'static str,
+    /// What stands for `NAME`.
+    name: &'static str,
+}
+
+impl Heading {
+    /// One.
+    pub const fn new(path: &'static str, about: &'static str) -> Heading {
+        Heading { path, about, name: "" }
+    }
+
+    /// That of one of several names.
+    pub const fn named(self, name: &'static str) -> Heading {
+        Heading { name, ..self }
+    }
+
+    /// The steps to it, and whether units are numbered there.
+    fn steps(&self) -> (impl Iterator<Item = &'static str>, bool) {
+        let name = self.name;
+        let (path, many) = self.path.strip_suffix("[i]").map_or((self.path, false), |path| (path, true));
+        (path.split('.').map(move |step| if step == "NAME" { name } else { step }), many)
+    }
+}
+
+/// What one group of counters of a kind of unit is.
+#[derive(Clone, Copy, Debug)]
+pub struct Description {
+    /// Where it stands.
+    pub heading: Heading,
+    /// Its counters.
+    pub declarations: &'static [Declaration],
+}
+
+/// Reads a group of a unit whose number in its bank is given; with the number that it has in the statistics.
+type Read<U> = Box<dyn Fn(&U, usize) -> Option<(usize, Tree)>>;
+
+/// The groups of counters of a kind of unit.
+pub struct Counted<U> {
+    groups: Vec<(Description, Read<U>)>,
+}
+
+impl<U: 'static> Counted<U> {
+    /// Those that it brings.
+    pub fn of<C>() -> Counted<U>
+    where
+        U: Unit<C>,
+    {
+        let mut counted = Counted { groups: Vec::new() };
+        U::counted(&mut counted);
+        counted
+    }
+
+    /// A group that each has.
+    pub fn group<G: Group>(&mut self, heading: Heading, read: fn(&U) -> G) {
+        self.add(heading, G::DECLARATIONS, Box::new(move |unit, number| Some((number, read(unit).tree()))));
+    }
+
+    /// A group that some do not have.
+    pub fn group_if<G: Group>(&mut self, heading: Heading, read: fn(&U) -> Option<G>) {
+        self.add(heading, G::DECLARATIONS, Box::new(move |unit, number| Some((number, read(unit)?.tree()))));
+    }
+
+    /// A group of units that know their numbers, where several banks are of one kind.
+    pub fn numbered<G: Group>(&mut self, heading: Heading, read: fn(&U) -> (usize, G)) {
+        self.add(
+            heading,
+            G::DECLARATIONS,
+            Box::new(move |unit, _| {
+                let (number, counts) = read(unit);
+                Some((number, counts.tree()))
+            }),
+        );
+    }
+
+    fn add(&mut self, heading: Heading, declarations: &'static [Declaration], read: Read<U>) {
+        self.groups.push((Description { heading, declarations }, read));
+    }
+
+    pub(super) fn read(&self, units: &[U], sheet: &mut Sheet) {
+        for (Description { heading, .. }, read) in &self.groups {
+            for (number, unit) in units.iter().enumerate() {
+                if let Some((number, tree)) = read(unit, number) {
+                    sheet.entries.push((*heading, number, tree));
+                }
+            }
+        }
+    }
+
+    pub(super) fn describe(&self, list: &mut Vec<Description>) {
+        list.extend(self.groups.iter().map(|(description, _)| *description));
+    }
+}
+
+/// What the units of a machine have counted beside their items, up to now.
+#[derive(Debug, Default)]
+pub struct Sheet {
+    entries: Vec<(Heading, usize, Tree)>,
+}
+
+impl Sheet {
+    /// Moves to a tree what stands below one of these paths, in their order, and below those in data-flow order.
+    pub fn move_to(&mut self, tree: &mut Tree, paths: &[&str]) {
+        for path in paths {
+            let below = |(heading, ..): &(Heading, usize, Tree)| {
+                let (mut steps, _) = heading.steps();
+                path.split('.').all(|step| steps.next() == Some(step))
+            };
+            for (heading, number, counts) in self.entries.extract_if(.., |entry| below(entry)) {
+                put(tree, &heading, number, counts);
+            }
+        }
+    }
+
+    /// Moves all that is left.
+    pub fn move_rest(self, tree: &mut Tree) {
+        for (heading, number, counts) in self.entries {
+            put(tree, &heading, number, counts);
+        }
+    }
+}
+
+fn put(tree: &mut Tree, heading: &Heading, number: usize, counts: Tree) {
+    let (steps, many) = heading.steps();
+    let steps: Vec<_> = steps.collect();
+    let (last, above) = steps.split_last().expect("a path has a step");
+    let at = above.iter().fold(tree, |tree, step| tree.child(step));
+    if many { at.element(last, number) } else { at.child(last) }.extend(counts);
+}
