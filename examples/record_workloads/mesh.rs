@@ -3,6 +3,8 @@
 
 use std::f64::consts::TAU;
 
+use glam::{DVec3, dvec3};
+
 /// Width of the frame in pixels.
 pub const WIDTH: u32 = 1920;
 /// Height of the frame in pixels.
@@ -171,25 +173,24 @@ pub fn w4() -> Mesh {
         let curve = |nudge: f64| {
             let u = TAU * (f64::from(i) + nudge) / f64::from(NU);
             let r = 2.0 + (3.0 * u).cos();
-            [r * (2.0 * u).cos() * 1.35, r * (2.0 * u).sin(), -(3.0 * u).sin() * 0.8]
+            dvec3(r * (2.0 * u).cos() * 1.35, r * (2.0 * u).sin(), -(3.0 * u).sin() * 0.8)
         };
         let (here, next) = (curve(0.0), curve(0.01));
-        let tangent: [f64; 3] = std::array::from_fn(|k| next[k] - here[k]);
-        let mut normal: [f64; 3] = std::array::from_fn(|k| next[k] + here[k]);
-        let mut binormal = cross(tangent, normal);
-        normal = cross(binormal, tangent);
-        binormal = normalize(binormal);
-        normal = normalize(normal);
+        let tangent = next - here;
+        let binormal = tangent.cross(next + here);
+        let normal = unit(binormal.cross(tangent));
+        let binormal = unit(binormal);
         for j in 0..NV {
             let angle = TAU * f64::from(j) / f64::from(NV);
             let (c, s) = (angle.cos(), angle.sin());
-            let mut vertex = Vertex { position: [0.0, 0.0, 0.0, 1.0], color: [255; 4], ..Vertex::default() };
-            for k in 0..3 {
-                let n = c * normal[k] + s * binormal[k];
-                vertex.normal[k] = n as f32;
-                vertex.position[k] = (here[k] + 0.62 * n) as f32;
-            }
-            vertices.push(vertex);
+            let out = c * normal + s * binormal;
+            let [x, y, z] = (here + 0.62 * out).to_array().map(|v| v as f32);
+            vertices.push(Vertex {
+                position: [x, y, z, 1.0],
+                color: [255; 4],
+                normal: out.to_array().map(|v| v as f32),
+                ..Vertex::default()
+            });
         }
     }
     let mut indices = Vec::new();
@@ -203,13 +204,9 @@ pub fn w4() -> Mesh {
     Mesh { vertices, indices }
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn normalize(v: [f64; 3]) -> [f64; 3] {
-    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    v.map(|c| c / length)
+/// Of length 1. The definition divides; `DVec3::normalize` multiplies by the reciprocal, and last bits differ.
+fn unit(v: DVec3) -> DVec3 {
+    v / v.length()
 }
 
 /// The camera of W4 in columns, with GL's clip volume: z from -w to w.

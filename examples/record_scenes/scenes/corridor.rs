@@ -23,9 +23,9 @@ fn bricks(u: f64, v: f64) -> [f64; 4] {
     let edge = x.min(2.0 - x).min(y.min(1.0 - y));
     let tone = 0.65 + 0.5 * uniform(11, brick, 0);
     let rough = turbulence(13, u, v, 16);
-    let clay = mix([0.30, 0.085, 0.045], [0.42, 0.16, 0.085], uniform(11, brick, 1));
-    let mortar = scale([0.33, 0.30, 0.26], 0.6 + 0.6 * rough);
-    opaque(mix(mortar, scale(clay, tone * (0.6 + 0.8 * rough)), ramp(0.05, 0.11, edge)))
+    let clay = mix(dvec3(0.30, 0.085, 0.045), dvec3(0.42, 0.16, 0.085), uniform(11, brick, 1));
+    let mortar = dvec3(0.33, 0.30, 0.26) * (0.6 + 0.6 * rough);
+    opaque(mix(mortar, clay * (tone * (0.6 + 0.8 * rough)), ramp(0.05, 0.11, edge)))
 }
 
 /// Stone tiles, light and dark in turn.
@@ -36,11 +36,11 @@ fn tiles(u: f64, v: f64) -> [f64; 4] {
     let vein = turbulence(17, u, v, 4);
     let marble = 1.0 - ramp(0.0, 0.05, (vein - 0.5).abs());
     let base = if dark {
-        mix([0.055, 0.06, 0.07], [0.22, 0.24, 0.27], marble)
+        mix(dvec3(0.055, 0.06, 0.07), dvec3(0.22, 0.24, 0.27), marble)
     } else {
-        mix([0.50, 0.47, 0.42], [0.28, 0.26, 0.24], marble)
+        mix(dvec3(0.50, 0.47, 0.42), dvec3(0.28, 0.26, 0.24), marble)
     };
-    opaque(mix([0.02, 0.02, 0.02], base, ramp(0.005, 0.02, edge)))
+    opaque(mix(dvec3(0.02, 0.02, 0.02), base, ramp(0.005, 0.02, edge)))
 }
 
 pub fn record() -> Recorder {
@@ -49,11 +49,11 @@ pub fn record() -> Recorder {
     let mut mesh = Mesh::default();
     let (half, height) = (2.0, 3.0);
     let repeats = LENGTH / 2.0;
-    mesh.quad([-half, 0.0, 0.0], [2.0 * half, 0.0, 0.0], [0.0, 0.0, -LENGTH], [half, repeats]);
-    mesh.quad([-half, height, -LENGTH], [2.0 * half, 0.0, 0.0], [0.0, 0.0, LENGTH], [half, repeats]);
-    mesh.quad([-half, 0.0, 0.0], [0.0, 0.0, -LENGTH], [0.0, height, 0.0], [repeats, height / 2.0]);
-    mesh.quad([half, 0.0, -LENGTH], [0.0, 0.0, LENGTH], [0.0, height, 0.0], [repeats, height / 2.0]);
-    mesh.quad([-half, 0.0, -LENGTH], [2.0 * half, 0.0, 0.0], [0.0, height, 0.0], [half, height / 2.0]);
+    mesh.quad(dvec3(-half, 0.0, 0.0), dvec3(2.0 * half, 0.0, 0.0), dvec3(0.0, 0.0, -LENGTH), [half, repeats]);
+    mesh.quad(dvec3(-half, height, -LENGTH), dvec3(2.0 * half, 0.0, 0.0), dvec3(0.0, 0.0, LENGTH), [half, repeats]);
+    mesh.quad(dvec3(-half, 0.0, 0.0), dvec3(0.0, 0.0, -LENGTH), dvec3(0.0, height, 0.0), [repeats, height / 2.0]);
+    mesh.quad(dvec3(half, 0.0, -LENGTH), dvec3(0.0, 0.0, LENGTH), dvec3(0.0, height, 0.0), [repeats, height / 2.0]);
+    mesh.quad(dvec3(-half, 0.0, -LENGTH), dvec3(2.0 * half, 0.0, 0.0), dvec3(0.0, height, 0.0), [half, height / 2.0]);
     let corridor = mesh.upload(&mut card, "corridor");
 
     let (texture, _) = mipped_texture(&mut card, "surfaces", &[Image::paint(256, bricks), Image::paint(256, tiles)], true);
@@ -61,10 +61,8 @@ pub fn record() -> Recorder {
     let surfaces = card.create_view_of(texture, array);
     let sampler = card.create_sampler(record::trilinear_repeat());
 
-    let camera = mul(
-        perspective(62.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 100.0),
-        look_at([-0.55, 1.45, -0.4], [0.35, 1.2, -10.0]),
-    );
+    let camera = perspective(62f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 100.0)
+        * look_at_mat4(dvec3(-0.55, 1.45, -0.4), dvec3(0.35, 1.2, -10.0), DVec3::Y);
     let mut bytes = matrix(camera);
     for lamp in 0..LAMPS {
         let along = -2.5 - f64::from(lamp) * (LENGTH - 5.0) / f64::from(LAMPS - 1);

@@ -22,19 +22,19 @@ fn crate_side(u: f64, v: f64) -> [f64; 4] {
     let plank = (across * 5.0).floor();
     let grain = turbulence(3, along + plank * 0.37, across * 6.0, 4);
     let tone = 0.75 + 0.35 * uniform(5, plank as u32, 0);
-    let mut color = scale(mix([0.22, 0.105, 0.035], [0.48, 0.27, 0.105], grain), tone);
+    let mut color = mix(dvec3(0.22, 0.105, 0.035), dvec3(0.48, 0.27, 0.105), grain) * tone;
     if framed || brace {
-        color = scale(mix([0.30, 0.15, 0.05], [0.52, 0.30, 0.13], grain), 1.05);
+        color = mix(dvec3(0.30, 0.15, 0.05), dvec3(0.52, 0.30, 0.13), grain) * 1.05;
     } else {
         let gap = (across * 5.0).fract();
-        color = scale(color, ramp(0.0, 0.06, gap.min(1.0 - gap)) * 0.8 + 0.2);
+        color *= ramp(0.0, 0.06, gap.min(1.0 - gap)) * 0.8 + 0.2;
     }
     // The shadow of the frame on the planks, and the rim of the crate.
-    color = scale(color, if framed { ramp(-0.01, 0.02, edge) } else { 0.45 + 0.55 * ramp(0.11, 0.16, edge) });
+    color *= if framed { ramp(-0.01, 0.02, edge) } else { 0.45 + 0.55 * ramp(0.11, 0.16, edge) };
     // Nails.
     for (x, y) in [(0.055, 0.055), (0.945, 0.055), (0.055, 0.945), (0.945, 0.945), (0.5, 0.055), (0.5, 0.945)] {
         let distance = ((u - x) * (u - x) + (v - y) * (v - y)).sqrt();
-        color = mix([0.55, 0.56, 0.6], color, ramp(0.012, 0.018, distance));
+        color = mix(dvec3(0.55, 0.56, 0.6), color, ramp(0.012, 0.018, distance));
     }
     opaque(color)
 }
@@ -45,16 +45,17 @@ pub fn record() -> Recorder {
     let (_, image) = mipped_texture(&mut card, "crate", &[Image::paint(256, crate_side)], true);
     let sampler = card.create_sampler(record::trilinear_repeat());
 
-    let eye = [0.0, 1.5, 5.3];
-    let camera = mul(perspective(42.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.5, 200.0), look_at(eye, [0.6, -0.1, 0.0]));
+    let eye = dvec3(0.0, 1.5, 5.3);
+    let camera = perspective(42f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 0.5, 200.0)
+        * look_at_mat4(eye, dvec3(0.6, -0.1, 0.0), DVec3::Y);
     let mut bytes = matrix(camera);
     let models = (0..9).map(|i| {
         let far = f64::from(i);
-        let turn = rotation([0., 1., 0.], 0.62 + 1.3 * far);
-        let tilt = if i == 0 { mul(turn, rotation([1., 0., 0.], 0.35)) } else { turn };
+        let turn = DMat4::from_rotation_y(0.62 + 1.3 * far);
+        let tilt = if i == 0 { turn * DMat4::from_rotation_x(0.35) } else { turn };
         let side = if i % 2 == 0 { -0.35 } else { 1.0 };
-        let place = if i == 0 { [0.0; 3] } else { [2.2 * far * side - 0.4, -0.6, -1.6 - 3.6 * far] };
-        mul(translation(place), tilt)
+        let place = if i == 0 { DVec3::ZERO } else { dvec3(2.2 * far * side - 0.4, -0.6, -1.6 - 3.6 * far) };
+        DMat4::from_translation(place) * tilt
     });
     models.for_each(|model| bytes.extend(matrix(model)));
     let scene = card.create_buffer_init("scene", &bytes);

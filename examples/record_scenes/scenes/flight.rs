@@ -5,6 +5,7 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::trace::command::BoundResource;
 use fillrate::trace::record::{self, Recorder};
+use glam::dvec4;
 
 use super::maths::*;
 use super::pixels::*;
@@ -18,8 +19,8 @@ const GLOBES: u32 = 96;
 /// Bands of colour with a grain.
 fn bands(u: f64, v: f64) -> [f64; 4] {
     let band = uniform(11, (v * 9.0) as u32, 0);
-    let base = mix([0.55, 0.24, 0.12], [0.16, 0.33, 0.52], band);
-    opaque(scale(base, 0.55 + 0.9 * turbulence(12, u * 3.0, v * 9.0, 4)))
+    let base = mix(dvec3(0.55, 0.24, 0.12), dvec3(0.16, 0.33, 0.52), band);
+    opaque(base * (0.55 + 0.9 * turbulence(12, u * 3.0, v * 9.0, 4)))
 }
 
 /// Tiles with joints.
@@ -27,15 +28,15 @@ fn tiles(u: f64, v: f64) -> [f64; 4] {
     let [x, y] = [u, v].map(|at| (at * 8.0).fract());
     let joint = x.min(y).min(1.0 - x).min(1.0 - y);
     let odd = ((u * 8.0) as u32 + (v * 8.0) as u32) % 2 == 1;
-    let base = if odd { [0.36, 0.35, 0.33] } else { [0.13, 0.14, 0.16] };
-    opaque(scale(base, 0.4 + 0.6 * ramp(0.01, 0.05, joint)))
+    let base = if odd { dvec3(0.36, 0.35, 0.33) } else { dvec3(0.13, 0.14, 0.16) };
+    opaque(base * (0.4 + 0.6 * ramp(0.01, 0.05, joint)))
 }
 
 /// Where the camera is at a moment from 0 to 1: rounds through the field, low and high, slow and fast.
-fn place(at: f64) -> V3 {
+fn place(at: f64) -> DVec3 {
     let turn = 2.0 * std::f64::consts::TAU * (at + 0.08 * libm::sin(3.0 * std::f64::consts::TAU * at));
     let away = 9.0 + 5.5 * libm::sin(2.5 * turn * 0.5 + 0.4);
-    [away * libm::cos(turn), 1.6 + 1.2 * libm::sin(1.5 * turn), away * libm::sin(turn)]
+    dvec3(away * libm::cos(turn), 1.6 + 1.2 * libm::sin(1.5 * turn), away * libm::sin(turn))
 }
 
 /// Centre and size of a globe: most stand together on one side, in the order of their angle.
@@ -48,18 +49,17 @@ fn globe_at(i: u32) -> [f64; 4] {
 }
 
 /// Whether a sphere may be seen: not behind the camera and not beside what it sees.
-fn seen(camera: M4, [x, y, z, size]: [f64; 4]) -> bool {
-    let row = |r: usize| camera[0][r] * x + camera[1][r] * y + camera[2][r] * z + camera[3][r];
-    let length = |r: usize| (0..3).map(|c| (camera[c][3] + camera[c][r]) * (camera[c][3] + camera[c][r])).sum::<f64>().sqrt();
-    let w = row(3);
-    w > -size && [0, 1].into_iter().all(|r| w + size * length(r) > row(r).abs())
+fn seen(camera: DMat4, [x, y, z, size]: [f64; 4]) -> bool {
+    let at = camera * dvec4(x, y, z, 1.0);
+    let length = |r: usize| (camera.row(3) + camera.row(r)).truncate().length();
+    at.w > -size && [0, 1].into_iter().all(|r| at.w + size * length(r) > at[r].abs())
 }
 
 pub fn record() -> Recorder {
     let mut card = Recorder::new("flight");
     let globe = Mesh::sphere(16, 10).upload(&mut card, "globe");
     let mut floor = Mesh::default();
-    floor.quad([-40.0, 0.0, 40.0], [80.0, 0.0, 0.0], [0.0, 0.0, -80.0], [20.0, 20.0]);
+    floor.quad(dvec3(-40.0, 0.0, 40.0), dvec3(80.0, 0.0, 0.0), dvec3(0.0, 0.0, -80.0), [20.0, 20.0]);
     let floor = floor.upload(&mut card, "floor");
     let (_, globes) = mipped_texture(&mut card, "globe", &[Image::paint(64, bands)], true);
     let (_, ground) = mipped_texture(&mut card, "floor", &[Image::paint(128, tiles)], true);
@@ -89,12 +89,12 @@ pub fn record() -> Recorder {
     let target = card.create_texture("target", record::texture_2d(WIDTH, HEIGHT, Format::Rgba8UnormSrgb));
     let depth = card.create_texture("depth", record::texture_2d(WIDTH, HEIGHT, Format::Depth24Plus));
     let (target_view, depth_view) = (card.create_view(target), card.create_view(depth));
-    let lens = perspective(55.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 100.0);
+    let lens = perspective(55f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 100.0);
     for frame in 0..FRAMES {
         let at = f64::from(frame) / f64::from(FRAMES);
         let (eye, ahead) = (place(at), place(at + 0.035));
-        let camera = mul(lens, look_at(eye, [0.7 * ahead[0], ahead[1] - 0.5, 0.7 * ahead[2]]));
-        let words: Vec<u32> = camera.into_iter().flatten().map(|value| (value as f32).to_bits()).collect();
+        let camera = lens * look_at_mat4(eye, dvec3(0.7 * ahead.x, ahead.y - 0.5, 0.7 * ahead.z), DVec3::Y);
+        let words = camera.to_cols_array().map(|value| (value as f32).to_bits());
         let clear = record::clear(target_view, [0.30, 0.42, 0.60, 1.0]);
         let mut pass = card.begin_render_pass([clear], record::clear_depth(depth_view, false));
         pass.set_pipeline(pipeline);

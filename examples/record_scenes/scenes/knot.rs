@@ -20,16 +20,16 @@ const TUBE: f64 = 0.42;
 const EXTENT: f64 = 4.0;
 
 /// The knot's curve and its frame: place, normal, binormal.
-fn frame(u: f64) -> (V3, V3, V3) {
+fn frame(u: f64) -> (DVec3, DVec3, DVec3) {
     let curve = |u: f64| {
         let r = 2.0 + libm::cos(3.0 * u);
-        [r * libm::cos(2.0 * u), r * libm::sin(2.0 * u), -0.95 * libm::sin(3.0 * u)]
+        dvec3(r * libm::cos(2.0 * u), r * libm::sin(2.0 * u), -0.95 * libm::sin(3.0 * u))
     };
     let here = curve(u);
     let next = curve(u + 1e-4);
-    let tangent = sub(next, here);
-    let binormal = normalize(cross(tangent, add(next, here)));
-    (here, normalize(cross(binormal, tangent)), binormal)
+    let tangent = next - here;
+    let binormal = tangent.cross(next + here).normalize();
+    (here, binormal.cross(tangent).normalize(), binormal)
 }
 
 pub fn record() -> Recorder {
@@ -39,13 +39,13 @@ pub fn record() -> Recorder {
         let (center, normal, binormal) = frame(TAU * f64::from(ring) / f64::from(RINGS));
         for side in 0..SIDES {
             let angle = TAU * f64::from(side) / f64::from(SIDES);
-            let out = add(scale(normal, libm::cos(angle)), scale(binormal, libm::sin(angle)));
-            let position = add(center, scale(out, TUBE));
+            let out = normal * libm::cos(angle) + binormal * libm::sin(angle);
+            let position = center + out * TUBE;
             // Up and down again, so that the colour has no seam.
             let hue = 1.0 - (2.0 * f64::from(ring) / f64::from(RINGS) - 1.0).abs();
-            vertices.extend(position.iter().flat_map(|v| unorm16(v / EXTENT * 0.5 + 0.5).to_le_bytes()));
+            vertices.extend(position.to_array().iter().flat_map(|v| unorm16(v / EXTENT * 0.5 + 0.5).to_le_bytes()));
             vertices.extend(unorm16(hue).to_le_bytes());
-            vertices.extend(out.iter().chain(&[0.0]).flat_map(|&v| snorm16(v).to_le_bytes()));
+            vertices.extend(out.extend(0.0).to_array().iter().flat_map(|&v| snorm16(v).to_le_bytes()));
         }
     }
     let mut indices = Vec::new();
@@ -62,10 +62,10 @@ pub fn record() -> Recorder {
     let vertices = card.create_buffer_init("vertices", &vertices);
     let indices = card.create_buffer_init("indices", &indices);
 
-    let eye = [0.9, -2.2, 8.4];
+    let eye = dvec3(0.9, -2.2, 8.4);
     let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
-    let mut bytes = matrix(mul(perspective(45.0, aspect, 1.0, 30.0), look_at(eye, [0.0; 3])));
-    bytes.extend(floats([eye[0], eye[1], eye[2], EXTENT]));
+    let mut bytes = matrix(perspective(45f64.to_radians(), aspect, 1.0, 30.0) * look_at_mat4(eye, DVec3::ZERO, DVec3::Y));
+    bytes.extend(floats(eye.extend(EXTENT).to_array()));
     let camera = card.create_buffer_init("camera", &bytes);
     let layout = card.create_bind_group_layout([(0, record::UNIFORM)]);
     let group = card.create_bind_group(layout, [(0, record::whole(camera))]);

@@ -1,80 +1,19 @@
-//! Vectors, matrices and hashes, in f64 and with the same result on every host.
+//! What scenes compute with: vectors and matrices of f64, hashes and codes, with the same result on every host.
 
-pub type V3 = [f64; 3];
-/// Columns.
-pub type M4 = [[f64; 4]; 4];
+pub use glam::dcamera::rh::{
+    proj::directx::{orthographic, perspective},
+    view::look_at_mat4,
+};
+pub use glam::{DMat4, DVec3, dvec3};
 
-pub fn add(a: V3, b: V3) -> V3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+/// A model's matrix: its scale, then a rotation about the y axis in radians, then its place.
+pub fn placed(at: DVec3, turn: f64, size: DVec3) -> DMat4 {
+    DMat4::from_translation(at) * (DMat4::from_rotation_y(turn) * DMat4::from_scale(size))
 }
 
-pub fn sub(a: V3, b: V3) -> V3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub fn scale(a: V3, by: f64) -> V3 {
-    a.map(|v| v * by)
-}
-
-pub fn dot(a: V3, b: V3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub fn cross(a: V3, b: V3) -> V3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub fn normalize(a: V3) -> V3 {
-    scale(a, 1.0 / dot(a, a).sqrt())
-}
-
-pub fn mul(a: M4, b: M4) -> M4 {
-    std::array::from_fn(|c| std::array::from_fn(|r| (0..4).map(|k| a[k][r] * b[c][k]).sum()))
-}
-
-pub fn translation(by: V3) -> M4 {
-    [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.], [by[0], by[1], by[2], 1.]]
-}
-
-/// A rotation about a unit axis, in radians, counter-clockwise when the axis points at the viewer.
-pub fn rotation(axis: V3, angle: f64) -> M4 {
-    let (s, c) = (libm::sin(angle), libm::cos(angle));
-    let [x, y, z] = axis;
-    let t = 1.0 - c;
-    [
-        [t * x * x + c, t * x * y + s * z, t * x * z - s * y, 0.],
-        [t * x * y - s * z, t * y * y + c, t * y * z + s * x, 0.],
-        [t * x * z + s * y, t * y * z - s * x, t * z * z + c, 0.],
-        [0., 0., 0., 1.],
-    ]
-}
-
-pub fn scaling(by: V3) -> M4 {
-    [[by[0], 0., 0., 0.], [0., by[1], 0., 0.], [0., 0., by[2], 0.], [0., 0., 0., 1.]]
-}
-
-/// A camera at `eye` that looks at `target`, y up.
-pub fn look_at(eye: V3, target: V3) -> M4 {
-    let forward = normalize(sub(target, eye));
-    let right = normalize(cross(forward, [0., 1., 0.]));
-    let up = cross(right, forward);
-    [
-        [right[0], up[0], -forward[0], 0.],
-        [right[1], up[1], -forward[1], 0.],
-        [right[2], up[2], -forward[2], 0.],
-        [-dot(right, eye), -dot(up, eye), dot(forward, eye), 1.],
-    ]
-}
-
-/// A perspective projection to depth 0 to 1; the vertical field of view is in degrees.
-pub fn perspective(field: f64, aspect: f64, near: f64, far: f64) -> M4 {
-    let f = 1.0 / libm::tan(field * std::f64::consts::PI / 360.0);
-    [[f / aspect, 0., 0., 0.], [0., f, 0., 0.], [0., 0., far / (near - far), -1.], [0., 0., near * far / (near - far), 0.]]
-}
-
-/// A parallel projection of a box, x and y symmetric, to depth 0 to 1.
-pub fn orthographic(width: f64, height: f64, near: f64, far: f64) -> M4 {
-    [[2. / width, 0., 0., 0.], [0., 2. / height, 0., 0.], [0., 0., 1. / (near - far), 0.], [0., 0., near / (near - far), 1.]]
+/// Between two colours.
+pub fn mix(a: DVec3, b: DVec3, t: f64) -> DVec3 {
+    a * (1.0 - t) + b * t
 }
 
 /// Numbers as little-endian f32.
@@ -83,8 +22,8 @@ pub fn floats(values: impl IntoIterator<Item = f64>) -> Vec<u8> {
 }
 
 /// A matrix as little-endian f32, column after column.
-pub fn matrix(m: M4) -> Vec<u8> {
-    floats(m.into_iter().flatten())
+pub fn matrix(m: DMat4) -> Vec<u8> {
+    floats(m.to_cols_array())
 }
 
 /// An integer hash.

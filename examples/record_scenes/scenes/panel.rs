@@ -21,14 +21,14 @@ struct Part {
     center: [f64; 2],
     right: [f64; 2],
     down: [f64; 2],
-    color: V3,
+    color: DVec3,
 }
 
 impl Part {
     /// 28 bytes: three times float32x2, and a colour as unorm8x4.
     fn bytes(&self) -> Vec<u8> {
         let mut bytes = floats([self.center, self.right, self.down].into_iter().flatten());
-        bytes.extend(self.color.iter().chain(&[1.0]).map(|&value| unorm8(value)));
+        bytes.extend(self.color.extend(1.0).to_array().map(unorm8));
         bytes
     }
 }
@@ -43,7 +43,7 @@ fn place(dial: u32) -> [f64; 2] {
 }
 
 fn dial(dial: u32) -> Part {
-    let color = mix([0.93, 0.90, 0.82], [0.62, 0.74, 0.80], uniform(63, dial, 0));
+    let color = mix(dvec3(0.93, 0.90, 0.82), dvec3(0.62, 0.74, 0.80), uniform(63, dial, 0));
     Part { center: place(dial), right: [26.0, 0.0], down: [0.0, 26.0], color }
 }
 
@@ -55,12 +55,12 @@ fn needle(dial: u32, frame: u32) -> Part {
     let [x, y] = place(dial);
     // It turns around a point near its thick end.
     let center = [x + 6.5 * c, y + 6.5 * s];
-    Part { center, right: [10.5 * c, 10.5 * s], down: [-1.75 * s, 1.75 * c], color: [0.80, 0.10, 0.08] }
+    Part { center, right: [10.5 * c, 10.5 * s], down: [-1.75 * s, 1.75 * c], color: dvec3(0.80, 0.10, 0.08) }
 }
 
 pub fn record() -> Recorder {
     let mut card = Recorder::new("panel");
-    let plate = Part { center: [128.0, 96.0], right: [128.0, 0.0], down: [0.0, 96.0], color: [0.46, 0.48, 0.52] };
+    let plate = Part { center: [128.0, 96.0], right: [128.0, 0.0], down: [0.0, 96.0], color: dvec3(0.46, 0.48, 0.52) };
     let still: Vec<u8> = std::iter::once(plate).chain((0..DIALS).map(dial)).flat_map(|part| part.bytes()).collect();
     let still = card.create_buffer_init("plate and dials", &still);
     let needles = card.create_buffer("needles", u64::from(DIALS) * 28);

@@ -88,12 +88,7 @@ pub fn ramp(low: f64, high: f64, value: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Between two colours.
-pub fn mix(a: V3, b: V3, t: f64) -> V3 {
-    add(scale(a, 1.0 - t), scale(b, t))
-}
-
 /// An opaque colour.
-pub fn opaque(color: V3) -> [f64; 4] {
-    [color[0], color[1], color[2], 1.0]
+pub fn opaque(color: DVec3) -> [f64; 4] {
+    color.extend(1.0).to_array()
 }

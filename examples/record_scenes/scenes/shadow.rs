@@ -15,39 +15,33 @@ const HEIGHT: u32 = 600;
 const SHADOW: u32 = 1_024;
 
 /// A model matrix and a colour.
-type Object = (M4, V3);
+type Object = (DMat4, DVec3);
 
 /// Boxes and balls.
 fn objects() -> (Vec<Object>, Vec<Object>) {
-    let mut boxes = vec![(mul(translation([0.0, -0.5, 0.0]), scaling([14.0, 0.5, 14.0])), [0.48, 0.52, 0.44])];
+    let mut boxes = vec![(placed(dvec3(0.0, -0.5, 0.0), 0.0, dvec3(14.0, 0.5, 14.0)), dvec3(0.48, 0.52, 0.44))];
     // A ring of columns and a stair of slabs inside it.
     for i in 0..10 {
         let angle = TAU * (f64::from(i) + 0.5) / 10.0;
-        let place = [5.2 * libm::cos(angle), 1.5, 5.2 * libm::sin(angle)];
-        let turn = rotation([0., 1., 0.], -angle);
-        boxes.push((mul(translation(place), mul(turn, scaling([0.34, 1.5, 0.34]))), [0.70, 0.66, 0.58]));
-        boxes.push((mul(translation([place[0], 3.1, place[2]]), mul(turn, scaling([0.5, 0.14, 0.9]))), [0.62, 0.57, 0.50]));
+        let place = dvec3(5.2 * libm::cos(angle), 1.5, 5.2 * libm::sin(angle));
+        boxes.push((placed(place, -angle, dvec3(0.34, 1.5, 0.34)), dvec3(0.70, 0.66, 0.58)));
+        boxes.push((placed(place.with_y(3.1), -angle, dvec3(0.5, 0.14, 0.9)), dvec3(0.62, 0.57, 0.50)));
     }
     for i in 0..4 {
         let half = 2.2 - 0.45 * f64::from(i);
-        let place = [0.0, 0.16 + 0.32 * f64::from(i), 0.0];
-        let turn = rotation([0., 1., 0.], 0.25 * f64::from(i));
-        boxes.push((mul(translation(place), mul(turn, scaling([half, 0.16, half]))), [0.60, 0.34, 0.26]));
+        let place = dvec3(0.0, 0.16 + 0.32 * f64::from(i), 0.0);
+        boxes.push((placed(place, 0.25 * f64::from(i), dvec3(half, 0.16, half)), dvec3(0.60, 0.34, 0.26)));
     }
-    let mut balls = vec![(mul(translation([0.0, 2.08, 0.0]), scaling([0.8; 3])), [0.78, 0.58, 0.18])];
+    let mut balls = vec![(placed(dvec3(0.0, 2.08, 0.0), 0.0, DVec3::splat(0.8)), dvec3(0.78, 0.58, 0.18))];
     for i in 0..14 {
         let r = |channel| uniform(47, i, channel);
         let (angle, radius) = (TAU * r(0), 0.16 + 0.3 * r(1));
         let out = 2.9 + 1.5 * r(2);
-        let place = [out * libm::cos(angle), radius, out * libm::sin(angle)];
-        let color = mix_color([0.18, 0.42, 0.62], [0.72, 0.22, 0.34], r(3));
-        balls.push((mul(translation(place), scaling([radius; 3])), color));
+        let place = dvec3(out * libm::cos(angle), radius, out * libm::sin(angle));
+        let color = mix(dvec3(0.18, 0.42, 0.62), dvec3(0.72, 0.22, 0.34), r(3));
+        balls.push((placed(place, 0.0, DVec3::splat(radius)), color));
     }
     (boxes, balls)
-}
-
-fn mix_color(a: V3, b: V3, t: f64) -> V3 {
-    add(scale(a, 1.0 - t), scale(b, t))
 }
 
 fn draw(pass: &mut RenderPass, cube: &Solid, boxes: u32, ball: &Solid, balls: u32) {
@@ -68,19 +62,22 @@ pub fn record() -> Recorder {
     for (model, color) in boxes.iter().chain(&balls) {
         bytes.extend(matrix(*model));
         // Colours are chosen by eye: their squares are near to linear light.
-        bytes.extend(floats([color[0] * color[0], color[1] * color[1], color[2] * color[2], 0.0]));
+        bytes.extend(floats((color * color).extend(0.0).to_array()));
     }
     let objects = card.create_buffer_init("objects", &bytes);
     let (boxes, balls) = (boxes.len() as u32, balls.len() as u32);
 
-    let eye = [3.5, 5.6, 10.8];
-    let sun = normalize([0.55, 0.78, 0.30]);
-    let camera = mul(perspective(44.0, f64::from(WIDTH) / f64::from(HEIGHT), 1.0, 60.0), look_at(eye, [0.0, 0.9, 0.0]));
-    let light = mul(orthographic(18.0, 18.0, 1.0, 40.0), look_at(scale(sun, 20.0), [0.0; 3]));
+    let eye = dvec3(3.5, 5.6, 10.8);
+    let sun = dvec3(0.55, 0.78, 0.30).normalize();
+    let camera = perspective(44f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 1.0, 60.0)
+        * look_at_mat4(eye, dvec3(0.0, 0.9, 0.0), DVec3::Y);
+    let mut light = orthographic(-9.0, 9.0, -9.0, 9.0, 1.0, 40.0) * look_at_mat4(sun * 20.0, DVec3::ZERO, DVec3::Y);
+    // The projection of a symmetric box has -0 in its last column. The sum with 0 is the 0 that the trace has.
+    light.w_axis += 0.0;
     let mut bytes = matrix(camera);
     bytes.extend(matrix(light));
-    bytes.extend(floats([sun[0], sun[1], sun[2], 1.0 / f64::from(SHADOW)]));
-    bytes.extend(floats([eye[0], eye[1], eye[2], 0.0]));
+    bytes.extend(floats(sun.extend(1.0 / f64::from(SHADOW)).to_array()));
+    bytes.extend(floats(eye.extend(0.0).to_array()));
     let scene = card.create_buffer_init("scene", &bytes);
 
     let shadow = card.create_texture("shadow", record::texture_2d(SHADOW, SHADOW, Format::Depth32Float));

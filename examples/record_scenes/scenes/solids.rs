@@ -11,7 +11,7 @@ use super::maths::*;
 /// An indexed triangle list, counter-clockwise seen from outside.
 #[derive(Default)]
 pub struct Mesh {
-    vertices: Vec<(V3, V3, [f64; 2])>,
+    vertices: Vec<(DVec3, DVec3, [f64; 2])>,
     indices: Vec<u16>,
 }
 
@@ -24,20 +24,20 @@ pub struct Solid {
 
 impl Mesh {
     /// Adds the quadrilateral of a corner and two edges; the normal is the first edge cross the second.
-    pub fn quad(&mut self, corner: V3, right: V3, up: V3, uv: [f64; 2]) {
+    pub fn quad(&mut self, corner: DVec3, right: DVec3, up: DVec3, uv: [f64; 2]) {
         let base = self.vertices.len() as u16;
-        let normal = normalize(cross(right, up));
+        let normal = right.cross(up).normalize();
         for (a, b) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
-            let position = add(corner, add(scale(right, a), scale(up, b)));
+            let position = corner + (right * a + up * b);
             self.vertices.push((position, normal, [a * uv[0], (1.0 - b) * uv[1]]));
         }
         self.indices.extend([0, 1, 2, 0, 2, 3].map(|i| base + i));
     }
 
     /// Adds a triangle, counter-clockwise seen from outside.
-    pub fn triangle(&mut self, corners: [V3; 3], uv: [[f64; 2]; 3]) {
+    pub fn triangle(&mut self, corners: [DVec3; 3], uv: [[f64; 2]; 3]) {
         let base = self.vertices.len() as u16;
-        let normal = normalize(cross(sub(corners[1], corners[0]), sub(corners[2], corners[0])));
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
         self.vertices.extend((0..3).map(|i| (corners[i], normal, uv[i])));
         self.indices.extend([base, base + 1, base + 2]);
     }
@@ -51,10 +51,10 @@ impl Mesh {
             for slice in 0..=slices {
                 let turn = TAU * f64::from(slice) / f64::from(slices);
                 let (c, s) = (libm::cos(turn), libm::sin(turn));
-                let normal = normalize([(y1 - y0) * c, r0 - r1, -(y1 - y0) * s]);
+                let normal = dvec3((y1 - y0) * c, r0 - r1, -(y1 - y0) * s).normalize();
                 let u = 2.0 * f64::from(slice) / f64::from(slices);
-                mesh.vertices.push(([r0 * c, y0, -r0 * s], normal, [u, v + 0.5]));
-                mesh.vertices.push(([r1 * c, y1, -r1 * s], normal, [u, v]));
+                mesh.vertices.push((dvec3(r0 * c, y0, -r0 * s), normal, [u, v + 0.5]));
+                mesh.vertices.push((dvec3(r1 * c, y1, -r1 * s), normal, [u, v]));
             }
             for slice in 0..slices {
                 let a = base + 2 * slice;
@@ -72,12 +72,10 @@ impl Mesh {
     /// The cube from -1 to 1; each face shows the whole texture.
     pub fn cube() -> Mesh {
         let mut mesh = Mesh::default();
-        let axes = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
-        for (right, up) in [(0, 1), (1, 0), (1, 2), (2, 1), (2, 0), (0, 2)] {
-            let normal = cross(axes[right], axes[up]);
-            let (right, up) = (axes[right], axes[up]);
-            let corner = sub(normal, add(right, up));
-            mesh.quad(corner, scale(right, 2.0), scale(up, 2.0), [1.0, 1.0]);
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        for (right, up) in [(x, y), (y, x), (y, z), (z, y), (z, x), (x, z)] {
+            let corner = right.cross(up) - (right + up);
+            mesh.quad(corner, right * 2.0, up * 2.0, [1.0, 1.0]);
         }
         mesh
     }
@@ -90,7 +88,7 @@ impl Mesh {
                 let (u, v) = (f64::from(slice) / f64::from(slices), f64::from(stack) / f64::from(stacks));
                 let (turn, tilt) = (u * TAU, v * std::f64::consts::PI);
                 let ring = libm::sin(tilt);
-                let normal = [ring * libm::cos(turn), libm::cos(tilt), -ring * libm::sin(turn)];
+                let normal = dvec3(ring * libm::cos(turn), libm::cos(tilt), -ring * libm::sin(turn));
                 mesh.vertices.push((normal, normal, [u, v]));
             }
         }
@@ -108,8 +106,8 @@ impl Mesh {
     pub fn upload(&self, card: &mut Recorder, label: &str) -> Solid {
         let mut bytes = Vec::new();
         for (position, normal, uv) in &self.vertices {
-            bytes.extend(floats(position.iter().copied()));
-            bytes.extend(normal.iter().chain(&[0.0]).flat_map(|&value| snorm16(value).to_le_bytes()));
+            bytes.extend(floats(position.to_array()));
+            bytes.extend(normal.extend(0.0).to_array().iter().flat_map(|&value| snorm16(value).to_le_bytes()));
             bytes.extend(floats(uv.iter().copied()));
         }
         let indices: Vec<u8> = self.indices.iter().flat_map(|index| index.to_le_bytes()).collect();

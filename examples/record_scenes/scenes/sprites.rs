@@ -58,7 +58,7 @@ struct Sprite {
     size: f64,
     turn: f64,
     cell: u8,
-    color: V3,
+    color: DVec3,
     opacity: f64,
 }
 
@@ -68,7 +68,7 @@ impl Sprite {
         let mut bytes = floats(self.center);
         let (s, c) = (libm::sin(self.turn), libm::cos(self.turn));
         bytes.extend([self.size * c / 512.0, self.size * s / 512.0].iter().flat_map(|&v| snorm16(v).to_le_bytes()));
-        bytes.extend(self.color.iter().chain(&[self.opacity]).map(|&v| unorm8(v)));
+        bytes.extend(self.color.extend(self.opacity).to_array().map(unorm8));
         bytes.extend([self.cell, 0, 0, 0]);
         bytes
     }
@@ -84,7 +84,7 @@ fn sprites() -> (Vec<Sprite>, Vec<Sprite>) {
             size: 60.0 + 90.0 * r(2) + 40.0 * depth,
             turn: TAU * r(3),
             cell: 0,
-            color: mix([0.95, 0.62, 0.52], [0.42, 0.36, 0.62], depth),
+            color: mix(dvec3(0.95, 0.62, 0.52), dvec3(0.42, 0.36, 0.62), depth),
             opacity: 0.30 + 0.35 * r(4),
         });
     }
@@ -95,7 +95,7 @@ fn sprites() -> (Vec<Sprite>, Vec<Sprite>) {
             size: 9.0 + 26.0 * r(2) * r(2),
             turn: TAU * r(3),
             cell: 1,
-            color: mix(mix([0.93, 0.55, 0.12], [0.80, 0.16, 0.10], r(4)), [0.55, 0.62, 0.18], r(5) * r(5)),
+            color: mix(mix(dvec3(0.93, 0.55, 0.12), dvec3(0.80, 0.16, 0.10), r(4)), dvec3(0.55, 0.62, 0.18), r(5) * r(5)),
             opacity: 0.75 + 0.25 * r(6),
         });
     }
@@ -108,7 +108,7 @@ fn sprites() -> (Vec<Sprite>, Vec<Sprite>) {
             size: if ring { 14.0 + 40.0 * r(2) } else { 5.0 + 22.0 * r(2) * r(2) },
             turn: 0.785 * r(3),
             cell: if ring { 3 } else { 2 },
-            color: mix([1.0, 0.86, 0.55], [0.75, 0.85, 1.0], r(4)),
+            color: mix(dvec3(1.0, 0.86, 0.55), dvec3(0.75, 0.85, 1.0), r(4)),
             opacity: if ring { 0.18 } else { 0.35 + 0.6 * r(5) },
         });
     }

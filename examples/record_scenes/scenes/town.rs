@@ -28,18 +28,18 @@ const OBJECT: u32 = 256;
 /// Plaster with a window that has four panes and a sill.
 fn wall(u: f64, v: f64) -> [f64; 4] {
     let rough = 0.85 + 0.3 * turbulence(3, u, v, 8);
-    let plaster = scale([0.62, 0.57, 0.48], rough);
+    let plaster = dvec3(0.62, 0.57, 0.48) * rough;
     let (x, y) = ((u - 0.5).abs(), (v - 0.45).abs());
     if x < 0.2 && y < 0.24 {
         let bar = !(0.015..=0.17).contains(&x) || !(0.015..=0.21).contains(&y);
         return opaque(if bar {
-            [0.75, 0.74, 0.70]
+            dvec3(0.75, 0.74, 0.70)
         } else {
-            mix([0.05, 0.07, 0.10], [0.30, 0.38, 0.46], ramp(0.2, 0.7, v - 0.3 * u))
+            mix(dvec3(0.05, 0.07, 0.10), dvec3(0.30, 0.38, 0.46), ramp(0.2, 0.7, v - 0.3 * u))
         });
     }
     let sill = x < 0.24 && (0.69..0.74).contains(&v);
-    opaque(if sill { [0.38, 0.35, 0.32] } else { scale(plaster, if v > 0.93 { 0.55 } else { 1.0 }) })
+    opaque(if sill { dvec3(0.38, 0.35, 0.32) } else { plaster * if v > 0.93 { 0.55 } else { 1.0 } })
 }
 
 /// Courses of roof tiles with round ends.
@@ -49,25 +49,25 @@ fn tiles(u: f64, v: f64) -> [f64; 4] {
     let [x, y] = [across.fract() - 0.5, (v * 8.0).fract()];
     let tile = (across.floor() as i64).rem_euclid(8) as u32 + 8 * course as u32;
     let shade = (0.7 + 0.5 * uniform(21, tile, 0)) * (0.45 + 0.55 * ramp(0.0, 0.35, 1.0 - y - 1.2 * x * x));
-    opaque(scale([0.42, 0.15, 0.09], shade))
+    opaque(dvec3(0.42, 0.15, 0.09) * shade)
 }
 
 /// Leaves, grass, bark, stones: patches of light and dark.
 fn patches(u: f64, v: f64) -> [f64; 4] {
     let value = turbulence(33, u, v, 8);
-    opaque(scale([0.82, 0.82, 0.82], 0.35 + 0.9 * ramp(0.2, 0.8, value)))
+    opaque(DVec3::splat(0.82) * (0.35 + 0.9 * ramp(0.2, 0.8, value)))
 }
 
 /// A wall around the origin and gables under the roof.
 fn house() -> Mesh {
     let (w, d, h, top) = (2.6, 2.9, 3.0, 4.9);
     let mut mesh = Mesh::default();
-    mesh.quad([-w, 0.0, d], [2.0 * w, 0.0, 0.0], [0.0, h, 0.0], [3.0, 1.0]);
-    mesh.quad([w, 0.0, -d], [-2.0 * w, 0.0, 0.0], [0.0, h, 0.0], [3.0, 1.0]);
-    mesh.quad([w, 0.0, d], [0.0, 0.0, -2.0 * d], [0.0, h, 0.0], [3.0, 1.0]);
-    mesh.quad([-w, 0.0, -d], [0.0, 0.0, 2.0 * d], [0.0, h, 0.0], [3.0, 1.0]);
-    mesh.triangle([[-w, h, d], [w, h, d], [0.0, top, d]], [[0.0, 0.1], [0.2, 0.1], [0.1, 0.0]]);
-    mesh.triangle([[w, h, -d], [-w, h, -d], [0.0, top, -d]], [[0.0, 0.1], [0.2, 0.1], [0.1, 0.0]]);
+    mesh.quad(dvec3(-w, 0.0, d), dvec3(2.0 * w, 0.0, 0.0), dvec3(0.0, h, 0.0), [3.0, 1.0]);
+    mesh.quad(dvec3(w, 0.0, -d), dvec3(-2.0 * w, 0.0, 0.0), dvec3(0.0, h, 0.0), [3.0, 1.0]);
+    mesh.quad(dvec3(w, 0.0, d), dvec3(0.0, 0.0, -2.0 * d), dvec3(0.0, h, 0.0), [3.0, 1.0]);
+    mesh.quad(dvec3(-w, 0.0, -d), dvec3(0.0, 0.0, 2.0 * d), dvec3(0.0, h, 0.0), [3.0, 1.0]);
+    mesh.triangle([dvec3(-w, h, d), dvec3(w, h, d), dvec3(0.0, top, d)], [[0.0, 0.1], [0.2, 0.1], [0.1, 0.0]]);
+    mesh.triangle([dvec3(w, h, -d), dvec3(-w, h, -d), dvec3(0.0, top, -d)], [[0.0, 0.1], [0.2, 0.1], [0.1, 0.0]]);
     mesh
 }
 
@@ -75,24 +75,24 @@ fn house() -> Mesh {
 fn roof() -> Mesh {
     let (w, d, h, top) = (3.0, 3.25, 2.72, 4.95);
     let mut mesh = Mesh::default();
-    mesh.quad([w, h, d], [0.0, 0.0, -2.0 * d], [-w, top - h, 0.0], [2.0, 1.0]);
-    mesh.quad([-w, h, -d], [0.0, 0.0, 2.0 * d], [w, top - h, 0.0], [2.0, 1.0]);
-    mesh.quad([0.0, top - 0.06, d], [0.0, 0.0, -2.0 * d], [-w, h - top, 0.0], [2.0, 1.0]);
-    mesh.quad([0.0, top - 0.06, -d], [0.0, 0.0, 2.0 * d], [w, h - top, 0.0], [2.0, 1.0]);
+    mesh.quad(dvec3(w, h, d), dvec3(0.0, 0.0, -2.0 * d), dvec3(-w, top - h, 0.0), [2.0, 1.0]);
+    mesh.quad(dvec3(-w, h, -d), dvec3(0.0, 0.0, 2.0 * d), dvec3(w, top - h, 0.0), [2.0, 1.0]);
+    mesh.quad(dvec3(0.0, top - 0.06, d), dvec3(0.0, 0.0, -2.0 * d), dvec3(-w, h - top, 0.0), [2.0, 1.0]);
+    mesh.quad(dvec3(0.0, top - 0.06, -d), dvec3(0.0, 0.0, 2.0 * d), dvec3(w, h - top, 0.0), [2.0, 1.0]);
     let [x, z, y, side, high] = [1.0, -1.4, 3.6, 0.55, 1.9];
-    mesh.quad([x, y, z + side], [side, 0.0, 0.0], [0.0, high, 0.0], [0.3, 1.0]);
-    mesh.quad([x + side, y, z], [-side, 0.0, 0.0], [0.0, high, 0.0], [0.3, 1.0]);
-    mesh.quad([x + side, y, z + side], [0.0, 0.0, -side], [0.0, high, 0.0], [0.3, 1.0]);
-    mesh.quad([x, y, z], [0.0, 0.0, side], [0.0, high, 0.0], [0.3, 1.0]);
-    mesh.quad([x, y + high, z + side], [side, 0.0, 0.0], [0.0, 0.0, -side], [0.3, 0.3]);
+    mesh.quad(dvec3(x, y, z + side), dvec3(side, 0.0, 0.0), dvec3(0.0, high, 0.0), [0.3, 1.0]);
+    mesh.quad(dvec3(x + side, y, z), dvec3(-side, 0.0, 0.0), dvec3(0.0, high, 0.0), [0.3, 1.0]);
+    mesh.quad(dvec3(x + side, y, z + side), dvec3(0.0, 0.0, -side), dvec3(0.0, high, 0.0), [0.3, 1.0]);
+    mesh.quad(dvec3(x, y, z), dvec3(0.0, 0.0, side), dvec3(0.0, high, 0.0), [0.3, 1.0]);
+    mesh.quad(dvec3(x, y + high, z + side), dvec3(side, 0.0, 0.0), dvec3(0.0, 0.0, -side), [0.3, 0.3]);
     mesh
 }
 
 /// A matrix, and the colour that a texture is multiplied with.
-type Object = (M4, V3);
+type Object = (DMat4, DVec3);
 
-fn turned(at: V3, turn: f64, size: f64) -> M4 {
-    mul(translation(at), mul(rotation([0., 1., 0.], turn), scaling([size; 3])))
+fn turned(at: DVec3, turn: f64, size: f64) -> DMat4 {
+    placed(at, turn, DVec3::splat(size))
 }
 
 /// Houses on both sides of every street, their fronts to it.
@@ -103,8 +103,8 @@ fn houses() -> Vec<Object> {
             let (side, r) = (if i % 2 == 0 { 1.0 } else { -1.0 }, |channel| uniform(51, street * 64 + i, channel));
             let along = 9.0 * (f64::from(i / 2) - 5.0) + 1.6 * (r(0) - 0.5);
             let turn = side * TAU * 0.25 + 0.12 * (r(1) - 0.5);
-            let tint = mix([0.95, 0.90, 0.80], [0.75, 0.55, 0.45], r(2) * r(2));
-            out.push((turned([x + side * (6.6 + r(3)), 0.0, along], turn, 0.9 + 0.25 * r(4)), tint));
+            let tint = mix(dvec3(0.95, 0.90, 0.80), dvec3(0.75, 0.55, 0.45), r(2) * r(2));
+            out.push((turned(dvec3(x + side * (6.6 + r(3)), 0.0, along), turn, 0.9 + 0.25 * r(4)), tint));
         }
     }
     out
@@ -114,42 +114,45 @@ fn houses() -> Vec<Object> {
 fn lamps() -> Vec<Object> {
     let place = |street: f64, i: u32| {
         let side = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
-        (turned([street + 2.5 * side, 0.0, 18.0 * (f64::from(i / 2) - 2.0) + 5.0 * side], 0.0, 1.0), [0.20, 0.21, 0.22])
+        (
+            turned(dvec3(street + 2.5 * side, 0.0, 18.0 * (f64::from(i / 2) - 2.0) + 5.0 * side), 0.0, 1.0),
+            dvec3(0.20, 0.21, 0.22),
+        )
     };
     STREETS.iter().flat_map(|&street| (0..2 * LAMPS_A_SIDE).map(move |i| place(street, i))).collect()
 }
 
 /// Trees between the back gardens; trunk and crown share a matrix.
-fn trees() -> Vec<M4> {
+fn trees() -> Vec<DMat4> {
     let tree = |i: u32| {
         let r = |channel| uniform(61, i, channel);
         let row = [-31.5, -10.8, 10.8, 31.5][i as usize % 4] + 1.2 * (r(0) - 0.5);
-        turned([row, 0.0, 96.0 * (f64::from(i) / f64::from(TREES) - 0.5) + 2.0 * r(1)], TAU * r(2), 0.9 + 0.6 * r(3))
+        turned(dvec3(row, 0.0, 96.0 * (f64::from(i) / f64::from(TREES) - 0.5) + 2.0 * r(1)), TAU * r(2), 0.9 + 0.6 * r(3))
     };
     (0..TREES).map(tree).collect()
 }
 
 /// Instances: place and size, sine, cosine and lightness.
-fn instances(count: u32, one: impl Fn(u32) -> (V3, f64, f64, f64)) -> Vec<u8> {
+fn instances(count: u32, one: impl Fn(u32) -> (DVec3, f64, f64, f64)) -> Vec<u8> {
     let words = |i| {
-        let ([x, y, z], size, turn, light) = one(i);
-        floats([x, y, z, size, libm::sin(turn), libm::cos(turn), light, 0.0])
+        let (at, size, turn, light) = one(i);
+        floats([at.x, at.y, at.z, size, libm::sin(turn), libm::cos(turn), light, 0.0])
     };
     (0..count).flat_map(words).collect()
 }
 
 /// Posts along the gardens of the main street, with gaps for gates.
-fn post(i: u32) -> (V3, f64, f64, f64) {
+fn post(i: u32) -> (DVec3, f64, f64, f64) {
     let (side, at) = (if i.is_multiple_of(2) { 1.0 } else { -1.0 }, f64::from(i / 2));
     let r = |channel| uniform(71, i, channel);
-    ([side * 3.3, 0.0, 0.36 * at + 0.9 * (at / 25.0).floor() - 49.0], 0.9 + 0.15 * r(0), 0.3 * r(1), 0.75 + 0.4 * r(2))
+    (dvec3(side * 3.3, 0.0, 0.36 * at + 0.9 * (at / 25.0).floor() - 49.0), 0.9 + 0.15 * r(0), 0.3 * r(1), 0.75 + 0.4 * r(2))
 }
 
 /// The wood around the town.
-fn fir(i: u32) -> (V3, f64, f64, f64) {
+fn fir(i: u32) -> (DVec3, f64, f64, f64) {
     let r = |channel| uniform(73, i, channel);
     let (turn, away) = (TAU * f64::from(i) / f64::from(WOOD), 66.0 + 22.0 * r(0));
-    ([away * libm::cos(turn), -0.2, away * libm::sin(turn)], 1.6 + 1.5 * r(1), TAU * r(2), 0.6 + 0.5 * r(3))
+    (dvec3(away * libm::cos(turn), -0.2, away * libm::sin(turn)), 1.6 + 1.5 * r(1), TAU * r(2), 0.6 + 0.5 * r(3))
 }
 
 /// Objects' uniforms, and where the next one goes.
@@ -162,7 +165,7 @@ impl Objects {
     fn add(&mut self, (model, tint): Object) -> u32 {
         let at = self.bytes.len();
         self.bytes.extend(matrix(model));
-        self.bytes.extend(floats(tint));
+        self.bytes.extend(floats(tint.to_array()));
         self.bytes.resize(at + OBJECT as usize, 0);
         at as u32
     }
@@ -192,9 +195,9 @@ fn draw(pass: &mut RenderPass, kind: &Kind, objects: BindGroupId) {
 pub fn record() -> Recorder {
     let mut card = Recorder::new("town");
     let mut flat = Mesh::default();
-    flat.quad([-110.0, 0.0, 110.0], [220.0, 0.0, 0.0], [0.0, 0.0, -220.0], [60.0, 60.0]);
+    flat.quad(dvec3(-110.0, 0.0, 110.0), dvec3(220.0, 0.0, 0.0), dvec3(0.0, 0.0, -220.0), [60.0, 60.0]);
     let mut road = Mesh::default();
-    road.quad([-2.2, 0.02, 60.0], [4.4, 0.0, 0.0], [0.0, 0.0, -120.0], [3.0, 90.0]);
+    road.quad(dvec3(-2.2, 0.02, 60.0), dvec3(4.4, 0.0, 0.0), dvec3(0.0, 0.0, -120.0), [3.0, 90.0]);
     let lamp = [(0.11, 0.0), (0.07, 0.3), (0.05, 2.9), (0.06, 3.0), (0.2, 3.3), (0.16, 3.5), (0.0, 3.62)];
     let crown = [(0.2, 1.3), (1.15, 2.0), (1.3, 2.7), (0.85, 3.5), (0.0, 3.9)];
     let fir_profile = [(1.0, 0.25), (0.5, 1.6), (0.0, 3.6)];
@@ -219,34 +222,35 @@ pub fn record() -> Recorder {
         |view| card.create_bind_group(material_layout, [(0, BoundResource::View(view)), (1, BoundResource::Sampler(sampler))]);
     let (wall, tile, patch) = (material(wall), material(tile), material(patch));
 
-    let still = translation([0.0; 3]);
+    let still = DMat4::IDENTITY;
     let mut objects = Objects { bytes: Vec::new() };
     let mut kind = |solid, material, list: Vec<Object>, instances| {
         let offsets = list.into_iter().map(|object| objects.add(object)).collect();
         Kind { solid, material, offsets, instances }
     };
-    let both = |tint: V3| trees().into_iter().map(|model| (model, tint)).collect::<Vec<Object>>();
-    let white = |(model, _): Object| (model, [1.0; 3]);
-    let roads = STREETS.map(|x| (translation([x, 0.0, 0.0]), [0.30, 0.29, 0.30])).to_vec();
+    let both = |tint: DVec3| trees().into_iter().map(|model| (model, tint)).collect::<Vec<Object>>();
+    let white = |(model, _): Object| (model, DVec3::ONE);
+    let roads = STREETS.map(|x| (DMat4::from_translation(dvec3(x, 0.0, 0.0)), dvec3(0.30, 0.29, 0.30))).to_vec();
     let ones = [
         kind(&house, wall, houses(), None),
         kind(&roof, tile, houses().into_iter().map(white).collect(), None),
         kind(&lamp, patch, lamps(), None),
-        kind(&trunk, patch, both([0.30, 0.21, 0.14]), None),
-        kind(&crown, patch, both([0.32, 0.42, 0.12]), None),
+        kind(&trunk, patch, both(dvec3(0.30, 0.21, 0.14)), None),
+        kind(&crown, patch, both(dvec3(0.32, 0.42, 0.12)), None),
         kind(&road, patch, roads, None),
-        kind(&ground, patch, vec![(still, [0.20, 0.29, 0.10])], None),
+        kind(&ground, patch, vec![(still, dvec3(0.20, 0.29, 0.10))], None),
     ];
     let crowds = [
-        kind(&post_solid, patch, vec![(still, [0.70, 0.62, 0.50])], Some((posts, POSTS))),
-        kind(&fir_solid, patch, vec![(still, [0.17, 0.29, 0.15])], Some((firs, WOOD))),
+        kind(&post_solid, patch, vec![(still, dvec3(0.70, 0.62, 0.50))], Some((posts, POSTS))),
+        kind(&fir_solid, patch, vec![(still, dvec3(0.17, 0.29, 0.15))], Some((firs, WOOD))),
     ];
 
-    let eye = [0.9, 1.75, 6.0];
-    let camera = mul(perspective(52.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 160.0), look_at(eye, [-1.4, 2.3, -8.0]));
-    let sun = normalize([0.55, 0.62, 0.48]);
+    let eye = dvec3(0.9, 1.75, 6.0);
+    let camera = perspective(52f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 0.1, 160.0)
+        * look_at_mat4(eye, dvec3(-1.4, 2.3, -8.0), DVec3::Y);
+    let sun = dvec3(0.55, 0.62, 0.48).normalize();
     let mut bytes = matrix(camera);
-    bytes.extend(floats([eye[0], eye[1], eye[2], 0.0, sun[0], sun[1], sun[2], 0.0]));
+    bytes.extend(floats([eye, sun].into_iter().flat_map(|at| at.extend(0.0).to_array())));
     let scene = card.create_buffer_init("scene", &bytes);
     let object_buffer = card.create_buffer_init("objects", &objects.bytes);
     let scene_layout = card.create_bind_group_layout([(0, record::UNIFORM)]);

@@ -32,13 +32,13 @@ struct Mesh {
 }
 
 impl Mesh {
-    fn vertex(&mut self, position: V3, normal: V3, tangent: V3, uv: [f64; 2], color: V3) {
-        self.positions.extend(floats(position));
+    fn vertex(&mut self, position: DVec3, normal: DVec3, tangent: DVec3, uv: [f64; 2], color: DVec3) {
+        self.positions.extend(floats(position.to_array()));
         for direction in [normal, tangent] {
-            self.more.extend(direction.iter().chain(&[0.0]).flat_map(|&value| snorm16(value).to_le_bytes()));
+            self.more.extend(direction.extend(0.0).to_array().iter().flat_map(|&value| snorm16(value).to_le_bytes()));
         }
         self.more.extend(floats(uv));
-        self.more.extend(color.iter().chain(&[1.0]).map(|&value| unorm8(value)));
+        self.more.extend(color.extend(1.0).to_array().map(unorm8));
     }
 }
 
@@ -50,11 +50,11 @@ fn ball() -> Mesh {
             let (u, v) = (f64::from(slice) / f64::from(SLICES), f64::from(stack) / f64::from(STACKS));
             let (turn, tilt) = (u * TAU, v * TAU / 2.0);
             let ring = libm::sin(tilt);
-            let normal = [ring * libm::cos(turn), libm::cos(tilt), -ring * libm::sin(turn)];
+            let normal = dvec3(ring * libm::cos(turn), libm::cos(tilt), -ring * libm::sin(turn));
             let bump = libm::sin(6.0 * turn) * libm::sin(5.0 * tilt);
-            let color = mix([0.85, 0.75, 0.6], [0.45, 0.55, 0.75], 0.5 + 0.5 * bump);
-            let tangent = [-libm::sin(turn), 0.0, -libm::cos(turn)];
-            mesh.vertex(scale(normal, 0.9 + 0.1 * bump), normal, tangent, [3.0 * u, 2.0 * v], color);
+            let color = mix(dvec3(0.85, 0.75, 0.6), dvec3(0.45, 0.55, 0.75), 0.5 + 0.5 * bump);
+            let tangent = dvec3(-libm::sin(turn), 0.0, -libm::cos(turn));
+            mesh.vertex(normal * (0.9 + 0.1 * bump), normal, tangent, [3.0 * u, 2.0 * v], color);
         }
     }
     for stack in 0..STACKS {
@@ -71,7 +71,7 @@ fn ball() -> Mesh {
 fn wall() -> Mesh {
     let mut mesh = Mesh::default();
     for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]] {
-        mesh.vertex([x, y, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [(x + 1.0) / 2.0, (1.0 - y) / 2.0], [1.0; 3]);
+        mesh.vertex(dvec3(x, y, 0.0), DVec3::Z, DVec3::X, [(x + 1.0) / 2.0, (1.0 - y) / 2.0], DVec3::ONE);
     }
     mesh.indices = vec![0, 1, 2, 0, 2, 3];
     mesh
@@ -81,15 +81,15 @@ fn wall() -> Mesh {
 fn picture(u: f64, v: f64) -> [f64; 4] {
     let hill = 0.45 + 0.3 * turbulence(5, u, 0.5, 4);
     opaque(if v > hill {
-        mix([0.25, 0.4, 0.15], [0.1, 0.2, 0.1], v)
+        mix(dvec3(0.25, 0.4, 0.15), dvec3(0.1, 0.2, 0.1), v)
     } else {
-        mix([0.35, 0.5, 0.8], [0.85, 0.85, 0.8], v / hill)
+        mix(dvec3(0.35, 0.5, 0.8), dvec3(0.85, 0.85, 0.8), v / hill)
     })
 }
 
 /// Scratches in brass.
 fn brass(u: f64, v: f64) -> [f64; 4] {
-    opaque(scale([0.9, 0.75, 0.45], 0.6 + 0.6 * turbulence(9, u, 8.0 * v, 8)))
+    opaque(dvec3(0.9, 0.75, 0.45) * (0.6 + 0.6 * turbulence(9, u, 8.0 * v, 8)))
 }
 
 /// Places and sizes, the first at the front.
@@ -104,11 +104,11 @@ fn models() -> Vec<u8> {
 
 pub fn record() -> Recorder {
     let mut card = Recorder::new("viewer");
-    let camera =
-        mul(perspective(50.0, f64::from(WIDTH) / f64::from(HEIGHT), 0.5, 60.0), look_at([0.0, 1.5, 9.5], [0.0, 0.0, -3.0]));
-    let sun = normalize([0.4, 0.7, 0.6]);
+    let camera = perspective(50f64.to_radians(), f64::from(WIDTH) / f64::from(HEIGHT), 0.5, 60.0)
+        * look_at_mat4(dvec3(0.0, 1.5, 9.5), dvec3(0.0, 0.0, -3.0), DVec3::Y);
+    let sun = dvec3(0.4, 0.7, 0.6).normalize();
     let mut bytes = matrix(camera);
-    bytes.extend(floats([sun[0], sun[1], sun[2], 0.0]));
+    bytes.extend(floats(sun.extend(0.0).to_array()));
     let scene = card.create_buffer_init("scene", &bytes);
     let mut buffers = |label: &str, mesh: &Mesh| {
         let indices: Vec<u8> = mesh.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
