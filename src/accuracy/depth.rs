@@ -113,9 +113,9 @@ fn machine(hierarchical: bool, update: &str) -> Result<Config> {
     config("baseline", &changes)
 }
 
-/// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where it is to be faulty.
+/// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where it is to be inject_fault.
 fn writes(setting: &Setting, mut scene: Scene) -> Result<f64> {
-    if setting.faulty {
+    if setting.inject_fault {
         scene.shapes[0] = [[0.0; 2]; 3];
     }
     let report = replay(&machine(true, "write")?, &scene)?;
@@ -145,7 +145,7 @@ fn harmonic(setting: &Setting) -> Result<Vec<Row>> {
 fn hierarchical(setting: &Setting) -> Result<Vec<Row>> {
     let (counts, edge) = sizes(setting);
     let blocks = f64::from((edge / BLOCK).pow(2));
-    let update = if setting.faulty { "eviction" } else { "write" };
+    let update = if setting.inject_fault { "eviction" } else { "write" };
     let mut rows = Vec::new();
     for &count in counts {
         let scene = in_random_order(edge, count, setting.seed.wrapping_add(1));
@@ -193,7 +193,7 @@ fn whole_layers(edge: u32, count: usize, seed: u64) -> (Scene, f64) {
 /// Acceptance by the least depth, with a Z cache that holds a small part of the image.
 fn accepted(setting: &Setting, edge: u32) -> Result<Vec<Row>> {
     let run = |accept: bool, scene: &Scene| -> Result<(Tree, u64)> {
-        let mut config = machine(true, if setting.faulty { "eviction" } else { "write" })?;
+        let mut config = machine(true, if setting.inject_fault { "eviction" } else { "write" })?;
         config.set("depth.cache_blocks=4")?;
         config.set(&format!("traverse.hierarchical_accept={accept}"))?;
         config.check()?;
@@ -243,8 +243,8 @@ fn fast_clear(setting: &Setting) -> Result<Vec<Row>> {
         ];
         Ok(replay(&config("baseline", &changes)?, scene)?.total)
     };
-    let by_flag = run(!setting.faulty, 1, &scene)?;
-    let faster = run(!setting.faulty, 2, &scene)?;
+    let by_flag = run(!setting.inject_fault, 1, &scene)?;
+    let faster = run(!setting.inject_fault, 2, &scene)?;
     let in_memory = run(false, 1, &scene)?;
     let (blocks, pixels) = (f64::from((edge / BLOCK).pow(2)), f64::from(edge * edge));
     let bytes = |tree: &Tree, client: &str, way: &str| figure(tree, &format!("memory.clients.{client}.{way}_bytes"));
@@ -317,7 +317,7 @@ fn plane_codec(setting: &Setting) -> Result<Vec<Row>> {
                 let [mut covered, mut large, mut most, mut lost] = [0_u64; 4];
                 for _ in 0..each {
                     if let Some(triangle) = over_a_block(random, samples) {
-                        let noise = if setting.faulty { !0 } else { 0 };
+                        let noise = if setting.inject_fault { !0 } else { 0 };
                         let mask = if format == Format::Depth16Unorm { 0xffff } else { 0x00ff_ffff };
                         let block =
                             codes(samples, |[x, y]| depth_code(format, triangle.depth.at(x, y)) ^ random.bits() & noise & mask);

@@ -1,7 +1,7 @@
 //! Floor 6: what a correct model must reproduce, measured on the model itself.
 //!
 //! A [`Target`] is a yardstick: an identity, a closed form or a rule of a specification. Its check makes its own input, runs the code
-//! that a replay runs, and leaves [`Row`]s of what was expected and what came out. With [`Setting::faulty`] a check spoils what it hands
+//! that a replay runs, and leaves [`Row`]s of what was expected and what came out. With [`Setting::inject_fault`] a check spoils what it hands
 //! from one stage to the next, as its target says: then it must fail, which shows that it can.
 //!
 //! A new target is a constant beside its check, and a place in its section's list; `docs/data/accuracy.md` is then written anew by the
@@ -80,7 +80,7 @@ pub struct Setting {
     /// How much is done.
     pub size: Size,
     /// What is under test is spoiled, as the target's `fault` says: the check must fail.
-    pub faulty: bool,
+    pub inject_fault: bool,
 }
 
 impl Setting {

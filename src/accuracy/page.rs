@@ -88,7 +88,7 @@ const INTRODUCTION: &str = "# Accuracy
 What a correct model must reproduce, measured on the model itself: identities and rules of specifications, which allow no deviation, and
 closed forms with a bound. A check makes its own input from a seed and runs the code that a replay runs; the formula, or arithmetic of
 any precision (`gfx::reference`), is what it compares with. `fillrate accuracy --list` names the targets, `fillrate accuracy TARGET`
-measures one, `--size large` does so on millions of cases, and `--faulty` spoils what is under test, as each target says: all of them
+measures one, `--size large` does so on millions of cases, and `--inject-fault` spoils what is under test, as each target says: all of them
 fail then. The test suite runs every target at its small size, with and without its fault.
 
 ";

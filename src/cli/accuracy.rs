@@ -37,8 +37,8 @@ pub struct Arguments {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
     size: Vec<SizeName>,
     /// Spoil what is under test, as --list says of each target: to see it fail
-    #[arg(long)]
-    faulty: bool,
+    #[arg(long, alias = "faulty")]
+    inject_fault: bool,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
@@ -88,7 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             SizeName::Standard => Size::Standard,
             SizeName::Large => Size::Large,
         };
-        let setting = Setting { seed, size, faulty: arguments.faulty };
+        let setting = Setting { seed, size, inject_fault: arguments.inject_fault };
         if !quiet && arguments.size.len() * arguments.seed.len() > 1 {
             println!("seed {seed}, size {}", accuracy::size_name(size));
         }

@@ -2,8 +2,8 @@
 
 use fillrate::accuracy::{self, Setting, Size, Target};
 
-fn small(target: &'static Target, faulty: bool) -> accuracy::Outcome {
-    let setting = Setting { seed: 1, size: Size::Small, faulty };
+fn small(target: &'static Target, inject_fault: bool) -> accuracy::Outcome {
+    let setting = Setting { seed: 1, size: Size::Small, inject_fault };
     target.run(&setting).unwrap_or_else(|error| panic!("{}: {error:#}", target.id))
 }
 

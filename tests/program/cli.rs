@@ -294,7 +294,7 @@ fn accuracy_lists_its_targets_and_fails_with_a_fault() {
     let (code, text, message) = run(&["accuracy", "integer-shift", "--size", "small", "--seed", "3,4"]);
     assert_eq!(code, 0, "{message}");
     assert!(text.starts_with("target ") && text.contains("seed 4, size small\n") && text.ends_with("2 of 2 hold\n"), "{text}");
-    let (code, text, _) = run(&["accuracy", "integer-shift", "--size", "small", "--json", "--faulty"]);
+    let (code, text, _) = run(&["accuracy", "integer-shift", "--size", "small", "--json", "--inject-fault"]);
     assert_eq!(code, 1);
     let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!((&json["verdict"], &json["targets"][0]["target"]), (&"fail".into(), &"integer-shift".into()));

@@ -79,12 +79,12 @@ pub(super) fn at_random(random: &mut Random) -> (Vec<Cycle>, Vec<Link>) {
 /// Cycles of a tandem from the first push to the end of the last item, beside its hops.
 fn cycles(setting: &Setting, n: u64, service: &[Cycle], links: &[Link], clock: Clock) -> Result<u64> {
     let mut links = links.to_vec();
-    if setting.faulty
+    if setting.inject_fault
         && let Some(last) = links.last_mut()
     {
         *last = Link::items(last.capacity + 1, 1, last.latency + 1);
     }
-    let hops: Cycle = links.iter().map(|link| Cycle::from(link.latency)).sum::<Cycle>() - u64::from(setting.faulty);
+    let hops: Cycle = links.iter().map(|link| Cycle::from(link.latency)).sum::<Cycle>() - u64::from(setting.inject_fault);
     let mut machine = tandem(n, service, &links);
     run(&mut machine, &mut (), clock, 100_000, |m, _| m.sink.log.len() as u64 == n)?;
     // The cycle in which the last item arrives is over then.
@@ -118,7 +118,7 @@ fn little(setting: &Setting) -> Result<Vec<Row>> {
         let mut seen = vec![0_u64; links.len()];
         // Asked before every cycle, and after the last.
         run(&mut machine, &mut (), Clock::EveryCycle, 100_000, |m, _| {
-            if !setting.faulty || m.wires().now() % 100 != 99 {
+            if !setting.inject_fault || m.wires().now() % 100 != 99 {
                 m.wires().fills().zip(&mut seen).for_each(|(fill, sum)| *sum += u64::from(fill));
             }
             m.sink.log.len() as u64 == n
@@ -148,7 +148,7 @@ fn throughput(setting: &Setting, capacity: u32, latency: u32, service: u32) -> R
     let (warm, rounds) = (u64::from(4 * (capacity + latency) * service), setting.pick(20, 50, 200));
     let window = u64::from(capacity * service) * rounds;
     let n = warm + window + 1;
-    let places = if setting.faulty { capacity - 1 } else { capacity };
+    let places = if setting.inject_fault { capacity - 1 } else { capacity };
     let mut machine = tandem(n, &[], &[Link::items(places, 1, latency)]);
     machine.sink.rest = u64::from(service);
     run(&mut machine, &mut (), Clock::SkipIdle, 100_000, |m, _| m.sink.log.len() as u64 == n)?;

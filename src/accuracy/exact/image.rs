@@ -233,7 +233,7 @@ fn drawn(machine: &Config, picture: &Picture) -> Result<[u64; 3]> {
 /// What machines of one kind make of pictures.
 fn of_machines(setting: &Setting, about: &str, kinds: &[&[&str]], pictures: &[&Picture]) -> Result<[Row; 2]> {
     let machines = kinds.iter().map(|changes| {
-        let keep: &[&str] = if setting.faulty { &["order.keep=never"] } else { &[] };
+        let keep: &[&str] = if setting.inject_fault { &["order.keep=never"] } else { &[] };
         config("baseline", &[*changes, keep].concat())
     });
     let machines = machines.collect::<Result<Vec<Config>>>()?;
@@ -255,7 +255,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     }
     // Composition keeps no order that could be switched off.
     let opaque: Vec<&Picture> = all.iter().filter(|picture| picture.opaque).collect();
-    rows.extend(of_machines(&Setting { faulty: false, ..*setting }, "composition", COMPOSED, &opaque)?);
+    rows.extend(of_machines(&Setting { inject_fault: false, ..*setting }, "composition", COMPOSED, &opaque)?);
     let (mut skips, mut colors, mut threads) = (0, 0, 0);
     for (_, trace) in traces(setting, &mut Random::nth(setting.seed, 0)) {
         let events = work(&trace, RenderKey::default())?;

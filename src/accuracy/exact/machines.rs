@@ -103,7 +103,7 @@ fn conservation(setting: &Setting) -> Result<Vec<Row>> {
                 _ => 0,
             };
             let primitives = work.iter().map(primitives).sum::<usize>() as f64;
-            let lost = u32::from(setting.faulty);
+            let lost = u32::from(setting.inject_fault);
             let given = work_of(&config, &Scene { triangles: scene.triangles - lost, ..scene.clone() });
             conserved(&run(&config, given, Clock::SkipIdle)?.total, primitives, &mut pairs)?;
         }
@@ -168,7 +168,7 @@ fn account(setting: &Setting) -> Result<Vec<Row>> {
         let mut machine = tandem(n, &service, &links);
         sim::run(&mut machine, &mut (), Clock::SkipIdle, 100_000, |m, _| m.sink.log.len() as u64 == n)?;
         let cycles = machine.wires().now();
-        if setting.faulty {
+        if setting.inject_fault {
             machine.source.n += 1;
             machine.wires_mut().wake_all();
             sim::run(&mut machine, &mut (), Clock::EveryCycle, 100_000, |m, _| m.wires().now() > cycles)?;
@@ -278,10 +278,10 @@ fn clocks(setting: &Setting) -> Result<Vec<Row>> {
         let latency = 1 + random.below(4);
         let (link, rest) = (Link::items(1 + random.below(6), 1, latency), u64::from(random.below(6)));
         let n = 20 + u64::from(random.below(50));
-        let expected = watched(n, link, rest, setting.faulty, Clock::SkipIdle)?;
+        let expected = watched(n, link, rest, setting.inject_fault, Clock::SkipIdle)?;
         let mut differ = 0;
         for &clock in &orders {
-            differ += u64::from(watched(n, link, rest, setting.faulty, clock)? != expected);
+            differ += u64::from(watched(n, link, rest, setting.inject_fault, clock)? != expected);
         }
         Ok(differ)
     });

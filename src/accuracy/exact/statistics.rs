@@ -111,7 +111,7 @@ impl Case {
     fn new(setting: &Setting, name: impl Into<String>, strokes: Vec<Stroke>, rules: Vec<Rule>) -> Case {
         let mut sheet = Sheet::new([EDGE as u32; 2], 1);
         for mut stroke in strokes {
-            if setting.faulty {
+            if setting.inject_fault {
                 stroke.vertices -= 1;
                 stroke.indices = stroke.indices.map(|mut indices| {
                     indices.pop();

@@ -166,7 +166,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         let of_operation = Setting { seed: setting.seed.wrapping_mul(64).wrapping_add(number as u64), ..*setting };
         let errors = of_operation.pieces(setting.pick(1, 256, 4_096), |_, random| {
             let pairs: Vec<[f32; 2]> = (0..PIECE).map(|_| (operation.operands)(random)).collect();
-            let spoiled = |[a, b]: &[f32; 2]| [a.to_bits() ^ u32::from(setting.faulty), b.to_bits(), 0];
+            let spoiled = |[a, b]: &[f32; 2]| [a.to_bits() ^ u32::from(setting.inject_fault), b.to_bits(), 0];
             let got = programs::run(&program, &pairs.iter().map(spoiled).collect::<Vec<_>>())?;
             let each = pairs
                 .iter()

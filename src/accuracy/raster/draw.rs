@@ -55,17 +55,17 @@ pub struct Image {
     samples: usize,
     hits: Vec<i32>,
     /// Of every other triangle the rule for one edge is turned around.
-    faulty: bool,
+    inject_fault: bool,
     drawn: u32,
     /// Hits outside of the rectangle, and blocks out of order or whose parts contradict each other.
     pub wrong: u64,
 }
 
 impl Image {
-    /// One that nothing has hit. With `faulty` the rule for one edge of every other triangle is turned around.
-    pub fn new(window: [i32; 4], samples: usize, faulty: bool) -> Image {
+    /// One that nothing has hit. With `inject_fault` the rule for one edge of every other triangle is turned around.
+    pub fn new(window: [i32; 4], samples: usize, inject_fault: bool) -> Image {
         let pixels = (window[2] - window[0]) * (window[3] - window[1]);
-        Image { window, samples, hits: vec![0; pixels as usize * samples], faulty, drawn: 0, wrong: 0 }
+        Image { window, samples, hits: vec![0; pixels as usize * samples], inject_fault, drawn: 0, wrong: 0 }
     }
 
     /// The rectangle.
@@ -87,7 +87,7 @@ impl Image {
     /// Draws a triangle of the window; each hit counts as `count`.
     pub fn triangle(&mut self, v: &[ScreenVertex; 3], count: impl Fn(&Triangle) -> i32) {
         let Ok(mut triangle) = setup::triangle(&state(self.samples as u32, self.window), v) else { return };
-        if self.faulty && self.drawn.is_multiple_of(2) {
+        if self.inject_fault && self.drawn.is_multiple_of(2) {
             flip_rule(&mut triangle, 1);
         }
         self.drawn += 1;

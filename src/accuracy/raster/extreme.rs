@@ -48,7 +48,7 @@ fn snapping(setting: &Setting) -> Result<Vec<Row>> {
     let screen = Screen::new(&Viewport { x: -1.0, y: 1.0, width: 2.0, height: -2.0, min_depth: 0.0, max_depth: 1.0 });
     let wrong = |pixels: f32| {
         let expected = snapped(pixels);
-        let given = if setting.faulty { f32::from_bits(pixels.to_bits() ^ 1) } else { pixels };
+        let given = if setting.inject_fault { f32::from_bits(pixels.to_bits() ^ 1) } else { pixels };
         // Alone, and as a vertex on its way to setup. -0.0 + 0.0 is 0.0, which snaps to the same.
         let vertex = screen.vertex([given, given, 0.0, 1.0]);
         u64::from(snap(given) != expected) + u64::from(vertex.x != expected) + u64::from(vertex.y != expected)
@@ -112,11 +112,11 @@ struct Run {
     hits: Vec<i32>,
 }
 
-fn run(position: &[[f32; 4]; 3], unclipped: bool, faulty: bool) -> Run {
+fn run(position: &[[f32; 4]; 3], unclipped: bool, inject_fault: bool) -> Run {
     const SIZE: i32 = 24;
     let (volume, screen) = (ClipVolume::new(&viewport(SIZE), unclipped), Screen::new(&viewport(SIZE)));
     let state = state(1, [0, 0, SIZE, SIZE]);
-    let told = if faulty { !NOT_FINITE } else { !0 };
+    let told = if inject_fault { !NOT_FINITE } else { !0 };
     let mut polygon = Polygon::EMPTY;
     let clipped = volume.triangle(position, position.map(|p| volume.outcode(p) & told), &mut polygon);
     if clipped == Clipped::Whole {
@@ -163,14 +163,14 @@ fn extreme(setting: &Setting) -> Result<Vec<Row>> {
                 })
             });
             let unclipped = case % 3 == 0;
-            let first = run(&position, unclipped, setting.faulty);
+            let first = run(&position, unclipped, setting.inject_fault);
             let finite = position.iter().flatten().all(|v| v.is_finite());
             drawn += u64::from(!finite && first.clipped != Clipped::Rejected);
             wrong += first.wrong;
             cut += u64::from(first.clipped == Clipped::Cut);
             whole += u64::from(first.clipped == Clipped::Whole);
             covered += first.hits.iter().map(|&hits| hits as u64).sum::<u64>();
-            differ += u64::from(case % 8 == 0 && run(&position, unclipped, setting.faulty) != first);
+            differ += u64::from(case % 8 == 0 && run(&position, unclipped, setting.inject_fault) != first);
         }
         [drawn, wrong, differ, cut, whole, covered]
     });

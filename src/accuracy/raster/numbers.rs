@@ -116,7 +116,7 @@ impl Worst {
     }
 }
 
-fn one_triangle(random: &mut Random, case: u64, faulty: bool) -> Worst {
+fn one_triangle(random: &mut Random, case: u64, inject_fault: bool) -> Worst {
     let mut worst = Worst::default();
     let any_w = case % 2 == 1;
     let extent = [3, 10, 40, 300][case as usize / 2 % 4];
@@ -125,7 +125,7 @@ fn one_triangle(random: &mut Random, case: u64, faulty: bool) -> Worst {
     // Of a large triangle a window.
     let [x, y] = [0, 1].map(|_| random.between(0, (extent - 40).max(1)));
     let Ok(mut t) = setup::triangle(&state(samples, [x, y, x + 41, y + 41]), &v) else { return worst };
-    if faulty {
+    if inject_fault {
         t.edges[1].c += i64::from(t.edges[1].a);
     }
     let values: [f32; 3] = std::array::from_fn(|_| random.range(-10.0, 10.0));
@@ -154,7 +154,7 @@ fn one_triangle(random: &mut Random, case: u64, faulty: bool) -> Worst {
 
 /// Vertices on the centres of pixels, any w, values of wildly different size: attributes there that are not the vertex's, and how many
 /// were looked at.
-fn at_vertices(random: &mut Random, faulty: bool) -> (u64, u64) {
+fn at_vertices(random: &mut Random, inject_fault: bool) -> (u64, u64) {
     let v: [ScreenVertex; 3] = std::array::from_fn(|_| ScreenVertex {
         x: random.between(0, 20) * 256 + 128,
         y: random.between(0, 20) * 256 + 128,
@@ -162,7 +162,7 @@ fn at_vertices(random: &mut Random, faulty: bool) -> (u64, u64) {
         inv_w: 1.0 / random.range(0.01, 100.0),
     });
     let Ok(mut t) = setup::triangle(&state(1, [0, 0, 32, 32]), &v) else { return (0, 0) };
-    if faulty {
+    if inject_fault {
         t.edges[1].c += i64::from(t.edges[1].a);
     }
     let mut wrong = 0;
@@ -179,10 +179,11 @@ fn at_vertices(random: &mut Random, faulty: bool) -> (u64, u64) {
 }
 
 fn interpolation(setting: &Setting) -> Result<Vec<Row>> {
-    let all = setting.pieces(setting.pick(150, 20_000, 500_000), |case, random| one_triangle(random, case, setting.faulty));
+    let all =
+        setting.pieces(setting.pick(150, 20_000, 500_000), |case, random| one_triangle(random, case, setting.inject_fault));
     let worst = all.into_iter().fold(Worst::default(), Worst::and);
     ensure!(worst.samples > 1_000, "only {} samples", worst.samples);
-    let vertices = setting.pieces(setting.pick(500, 50_000, 1_000_000), |_, random| at_vertices(random, setting.faulty));
+    let vertices = setting.pieces(setting.pick(500, 50_000, 1_000_000), |_, random| at_vertices(random, setting.inject_fault));
     let (wrong, looked) = vertices.into_iter().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
     ensure!(looked > 300, "only {looked} vertices");
     Ok(vec![
@@ -198,7 +199,7 @@ fn interpolation(setting: &Setting) -> Result<Vec<Row>> {
 
 /// What depth did on one triangle: the worst share of the bound, samples outside of a block's bounds, samples of a flat plane off it, and
 /// samples.
-fn one_plane(random: &mut Random, case: u64, faulty: bool) -> (f64, u64, u64, u64) {
+fn one_plane(random: &mut Random, case: u64, inject_fault: bool) -> (f64, u64, u64, u64) {
     let extent = [4, 30, 250, 2000, 8000][case as usize % 5];
     let mut v = random_triangle(random, extent, false);
     let flat = case.is_multiple_of(7);
@@ -214,7 +215,7 @@ fn one_plane(random: &mut Random, case: u64, faulty: bool) -> (f64, u64, u64, u6
         count += 1;
         let ideal = reference::depth(positions(&v), v.map(|v| v.z), c.at);
         let at = c.at.map(|v| v as f32 / 256.0);
-        let z = t.depth.at(at[0] + if faulty { 0.5 } else { 0.0 }, at[1]);
+        let z = t.depth.at(at[0] + if inject_fault { 0.5 } else { 0.0 }, at[1]);
         worst = worst.max((f64::from(z) - ideal).abs() / (slope / 512.0 + libm::exp2(-24.0)));
         off += u64::from(flat && z != v[0].z);
         for size in [2, 8] {
@@ -227,10 +228,10 @@ fn one_plane(random: &mut Random, case: u64, faulty: bool) -> (f64, u64, u64, u6
 }
 
 /// The codes that even depths from 0.1 to 10,000 are stored as: each as the depth of a small triangle, projected and set up.
-fn even_depths(format: Format, project: impl Fn(f64) -> [f32; 2], faulty: bool) -> Vec<u32> {
+fn even_depths(format: Format, project: impl Fn(f64) -> [f32; 2], inject_fault: bool) -> Vec<u32> {
     let screen = Screen::new(&viewport(8));
     let codes = (0..10_000).map(|i| {
-        let i = if faulty && i % 10 == 1 { i - 1 } else { i };
+        let i = if inject_fault && i % 10 == 1 { i - 1 } else { i };
         let [z, w] = project(0.1 + (1.0e4 - 0.1) * f64::from(i) / 9999.0);
         let v = [[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]].map(|[x, y]| screen.vertex([x * w, y * w, z, w]));
         setup::triangle(&state(1, [0, 0, 8, 8]), &v).map_or(u32::MAX, |t| depth_code(format, t.depth.at(4.5, 4.5)))
@@ -239,8 +240,8 @@ fn even_depths(format: Format, project: impl Fn(f64) -> [f32; 2], faulty: bool) 
 }
 
 fn depth(setting: &Setting) -> Result<Vec<Row>> {
-    let faulty = setting.faulty;
-    let planes = setting.pieces(setting.pick(400, 100_000, 2_000_000), |case, random| one_plane(random, case, faulty));
+    let inject_fault = setting.inject_fault;
+    let planes = setting.pieces(setting.pick(400, 100_000, 2_000_000), |case, random| one_plane(random, case, inject_fault));
     let (worst, outside, off, count) =
         planes.into_iter().fold((0.0f64, 0, 0, 0), |s, p| (s.0.max(p.0), s.1 + p.1, s.2 + p.2, s.3 + p.3));
     ensure!(count > 2_000, "only {count} samples");
@@ -249,11 +250,11 @@ fn depth(setting: &Setting) -> Result<Vec<Row>> {
         codes.windows(2).filter(|pair| holds(pair[0], pair[1])).count() as f64 / (codes.len() - 1) as f64
     };
     // 1. The depth is rounded once, and stored.
-    let given = even_depths(Format::Depth24Plus, |d| [(f / (f - n) * (1.0 - n / d)) as f32, 1.0], faulty);
+    let given = even_depths(Format::Depth24Plus, |d| [(f / (f - n) * (1.0 - n / d)) as f32, 1.0], inject_fault);
     // 2. As a vertex shader projects.
     let projected = |a: f64, b: f64| move |d: f64| [a as f32 * d as f32 + b as f32, d as f32];
-    let shader = even_depths(Format::Depth24Plus, projected(f / (f - n), -f * n / (f - n)), faulty);
-    let reversed = even_depths(Format::Depth32Float, projected(-n / (f - n), f * n / (f - n)), faulty);
+    let shader = even_depths(Format::Depth24Plus, projected(f / (f - n), -f * n / (f - n)), inject_fault);
+    let reversed = even_depths(Format::Depth32Float, projected(-n / (f - n), f * n / (f - n)), inject_fault);
     let mut seen = Image::new([0, 0, 8, 8], 1, false);
     let corners = [[1, 1], [7, 1], [4, 7]].map(|p: [i32; 2]| super::draw::vertex(p.map(|v| v * 256)));
     seen.triangle(&corners, |_| 1);

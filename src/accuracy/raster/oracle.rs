@@ -186,11 +186,11 @@ fn compare(image: &Image, samples: u32, covers: impl Fn(Position) -> bool) -> (u
 }
 
 /// Compares a triangle with its definition in a window.
-fn triangle(v: [Point; 3], window: [i32; 4], samples: u32, faulty: bool) -> (u64, u64) {
+fn triangle(v: [Point; 3], window: [i32; 4], samples: u32, inject_fault: bool) -> (u64, u64) {
     let mut image = Image::new(window, samples as usize, false);
     let mut differ = 0;
     if let Ok(mut t) = setup::triangle(&state(samples, window), &v.map(vertex)) {
-        if faulty {
+        if inject_fault {
             flip_rule(&mut t, 1);
         }
         image.draw(&t, 1);
@@ -213,7 +213,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     let n = setting.pick(2, 220, 4_500);
     for (number, kind) in KINDS.iter().enumerate() {
         for samples in [1, 4] {
-            let faulty = setting.faulty;
+            let inject_fault = setting.inject_fault;
             let of_kind = Setting { seed: setting.seed.wrapping_mul(16).wrapping_add(number as u64), ..*setting };
             let (differ, covered) = sum(of_kind.pieces(n, |_, random| {
                 sum((0..PIECE)
@@ -224,7 +224,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
                         if random.below(2) == 0 {
                             v.swap(0, 2);
                         }
-                        triangle(v, window_at(pixel), samples, faulty)
+                        triangle(v, window_at(pixel), samples, inject_fault)
                     })
                     .collect())
             }));
@@ -249,7 +249,7 @@ fn lines(setting: &Setting, samples: u32) -> Result<u64> {
         let [from, to]: [Point; 2] = std::array::from_fn(|_| at.map(|v| v + random.between(0, size) / step * step));
         let [x, y] = pixel_of(from).map(|v| (v - random.between(0, WINDOW)).max(0));
         let window = [x, y, x + WINDOW, y + WINDOW];
-        let moved = |[x, y]: Point| vertex([x + i32::from(setting.faulty), y]);
+        let moved = |[x, y]: Point| vertex([x + i32::from(setting.inject_fault), y]);
         let mut image = Image::new(window, samples as usize, false);
         if let Ok(line) = setup::line(&state(samples, window), &[moved(from), moved(to)], true) {
             image.draw(&line, 1);
@@ -271,7 +271,7 @@ fn points(setting: &Setting) -> Result<u64> {
         let at = [0, 1].map(|_| random.between(4 * 256, 8 * 256) / step * step);
         let window = [0, 0, WINDOW, WINDOW];
         let mut image = Image::new(window, 4, false);
-        let moved: ScreenVertex = vertex([at[0] + i32::from(setting.faulty), at[1]]);
+        let moved: ScreenVertex = vertex([at[0] + i32::from(setting.inject_fault), at[1]]);
         if let Ok(point) = setup::point(&state(4, window), &moved, true) {
             image.draw(&point, 1);
         }

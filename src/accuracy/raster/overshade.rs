@@ -41,7 +41,7 @@ fn triangle(random: &mut Random, legs: i32, least: u32) -> [f64; 2] {
 }
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
-    let least = if setting.faulty { 2 } else { 1 };
+    let least = if setting.inject_fault { 2 } else { 1 };
     let mut rows = Vec::new();
     for legs in [0.5, 1.0, 2.0, 3.0, 4.0, 7.5, 16.0, 40.0] {
         let of_legs = Setting { seed: setting.seed.wrapping_mul(101).wrapping_add((legs * 2.0) as u64), ..*setting };

@@ -108,9 +108,9 @@ fn square(center: [f32; 2], half: f32, angle: f32, w: [f32; 4]) -> [[f32; 4]; 4]
 }
 
 /// Draws squares as two triangles each, with the indices of the second in either order, and compares with their outlines.
-fn squares(size: i32, samples: usize, faulty: bool, squares: &[([[f32; 4]; 4], bool)]) -> Wrong {
+fn squares(size: i32, samples: usize, inject_fault: bool, squares: &[([[f32; 4]; 4], bool)]) -> Wrong {
     let (volume, screen) = (ClipVolume::new(&viewport(size), false), Screen::new(&viewport(size)));
-    let mut image = Image::new([0, 0, size, size], samples, faulty);
+    let mut image = Image::new([0, 0, size, size], samples, inject_fault);
     for &([a, b, c, d], order) in squares {
         for t in if order { [[a, b, c], [c, d, a]] } else { [[a, b, c], [a, c, d]] } {
             image.clip_space(&volume, &screen, t, |_| ());
@@ -137,7 +137,7 @@ fn fill_rules(setting: &Setting) -> Result<Vec<Row>> {
                     (square(center, 0.15, angle, w), (i % 4 + i / 4) % 2 == 1)
                 })
                 .collect();
-            squares(256, 1, setting.faulty, &all)
+            squares(256, 1, setting.inject_fault, &all)
         });
         rows.extend(Wrong::sum(wrong).rows(case)?);
     }
@@ -151,7 +151,7 @@ fn fill_rules(setting: &Setting) -> Result<Vec<Row>> {
             let angle = rotation as f32 / 15.0 * quarter;
             let w = if rotation % 2 == 0 { [1.0; 4] } else { some_w(random) };
             let (volume, screen) = (ClipVolume::new(&viewport(64), false), Screen::new(&viewport(64)));
-            let mut image = Image::new([0, 0, 64, 64], 4, setting.faulty);
+            let mut image = Image::new([0, 0, 64, 64], 4, setting.inject_fault);
             let [a, b, c, d] = square([0.01, -0.02], half, angle, w);
             for t in if rotation % 3 == 0 { [[a, b, c], [c, d, a]] } else { [[a, b, c], [a, c, d]] } {
                 image.clip_space(&volume, &screen, t, |_| ());
@@ -169,7 +169,7 @@ fn fill_rules(setting: &Setting) -> Result<Vec<Row>> {
             let half = 0.02 * libm::exp2f(random.range(0.0, 3.5));
             let w = if i % 3 == 0 { some_w(random) } else { [1.0; 4] };
             let all = [(square(center, half, random.range(0.0, 4.0 * quarter), w), random.below(2) == 1)];
-            squares(32, if i % 4 == 0 { 4 } else { 1 }, setting.faulty, &all)
+            squares(32, if i % 4 == 0 { 4 } else { 1 }, setting.inject_fault, &all)
         }))
     });
     rows.extend(Wrong::sum(wrong).rows("squares at random, rotated at random, 1 and 4 samples")?);
@@ -185,11 +185,11 @@ fn sheet(cells: usize, size: i32, random: &mut Random) -> Vec<ScreenVertex> {
 }
 
 /// Draws a sheet with each cell cut along either diagonal, and compares with its outline.
-fn draw_sheet(cells: usize, samples: usize, faulty: bool, random: &mut Random) -> Wrong {
+fn draw_sheet(cells: usize, samples: usize, inject_fault: bool, random: &mut Random) -> Wrong {
     let size = 70;
     let vertices = sheet(cells, size, random);
     let n = cells + 1;
-    let mut image = Image::new([0, 0, size, size], samples, faulty);
+    let mut image = Image::new([0, 0, size, size], samples, inject_fault);
     for j in 0..cells {
         for i in 0..cells {
             let v = |dx: usize, dy: usize| vertices[(j + dy) * n + i + dx];
@@ -212,7 +212,7 @@ fn draw_sheet(cells: usize, samples: usize, faulty: bool, random: &mut Random) -
 
 /// A star-shaped body of random radii, turned and seen in perspective: samples that as many faces cover from the front as from the
 /// back are as they should be. Returns those that are not, and those covered at all.
-fn draw_body(samples: usize, faulty: bool, random: &mut Random) -> (u64, u64) {
+fn draw_body(samples: usize, inject_fault: bool, random: &mut Random) -> (u64, u64) {
     let size = 64;
     let (rings, sectors) = (3 + random.below(9) as usize, 3 + random.below(12) as usize);
     let roughness = random.range(0.0, 0.8);
@@ -239,7 +239,7 @@ fn draw_body(samples: usize, faulty: bool, random: &mut Random) -> (u64, u64) {
         r if r == rings => bottom,
         r => grid[(r - 1) * sectors + s % sectors],
     };
-    let mut image = Image::new([0, 0, size, size], samples, faulty);
+    let mut image = Image::new([0, 0, size, size], samples, inject_fault);
     let mut covered = 0;
     for r in 0..rings {
         for s in 0..sectors {
@@ -256,16 +256,18 @@ fn watertight(setting: &Setting) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for samples in [1, 4] {
         let n = setting.pick(6, 400, 8_000);
-        let sheets = setting
-            .pieces(n, |piece, random| draw_sheet([1, 2, 5, 17, 40][piece as usize % 5], samples, setting.faulty, random));
+        let sheets = setting.pieces(n, |piece, random| {
+            draw_sheet([1, 2, 5, 17, 40][piece as usize % 5], samples, setting.inject_fault, random)
+        });
         let per_pixel = if samples == 1 { "1 sample" } else { "4 samples" };
         rows.extend(Wrong::sum(sheets).rows(&format!("sheets, {per_pixel}"))?);
-        let bodies = setting.pieces(setting.pick(40, 4_000, 100_000), |_, random| draw_body(samples, setting.faulty, random));
+        let bodies =
+            setting.pieces(setting.pick(40, 4_000, 100_000), |_, random| draw_body(samples, setting.inject_fault, random));
         let (wrong, triangles) = bodies.into_iter().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
         ensure!(triangles > 1_000, "only {triangles} triangles of bodies");
         rows.push(Row::none(format!("closed bodies, {per_pixel}: front and back differ"), wrong));
     }
-    let edges = setting.pieces(setting.pick(300, 30_000, 1_000_000), |_, random| behind_the_eye(setting.faulty, random));
+    let edges = setting.pieces(setting.pick(300, 30_000, 1_000_000), |_, random| behind_the_eye(setting.inject_fault, random));
     let (wrong, covered) = edges.into_iter().fold((0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
     ensure!(covered > 10_000, "only {covered} samples beside edges that pass behind the eye");
     rows.push(Row::none("edges that pass behind the eye, 4 samples: hit twice", wrong));
@@ -273,7 +275,7 @@ fn watertight(setting: &Setting) -> Result<Vec<Row>> {
 }
 
 /// Two triangles share an edge one end of which is behind the eye: what is seen of the edge parts the screen. Samples that both cover.
-fn behind_the_eye(faulty: bool, random: &mut Random) -> (u64, u64) {
+fn behind_the_eye(inject_fault: bool, random: &mut Random) -> (u64, u64) {
     let size = 48;
     let (volume, screen) = (ClipVolume::new(&viewport(size), true), Screen::new(&viewport(size)));
     let a = [random.range(-0.5, 0.5), random.range(-0.5, 0.5), 0.25, 1.0];
@@ -281,7 +283,7 @@ fn behind_the_eye(faulty: bool, random: &mut Random) -> (u64, u64) {
     // The third vertices are far away, on both sides of the edge's plane through the eye.
     let side = [(b[1] - a[1]) * 50.0, (a[0] - b[0]) * 50.0];
     let third = |sign: f32| [a[0] + sign * side[0], a[1] + sign * side[1], 0.25, 1.0];
-    let mut image = Image::new([0, 0, size, size], 4, faulty);
+    let mut image = Image::new([0, 0, size, size], 4, inject_fault);
     for t in [[a, b, third(1.0)], [b, a, third(-1.0)]] {
         image.clip_space(&volume, &screen, t, |_| ());
     }
@@ -329,7 +331,7 @@ fn integer_shift(setting: &Setting) -> Result<Vec<Row>> {
             });
             let blocks = piece.is_multiple_of(2);
             let shift = [0, 1].map(|_| if blocks { 8 * random.between(0, 13) } else { random.between(0, 100) });
-            let (still, moved) = (place(v, [0, 0], samples, 0), place(v, shift, samples, i32::from(setting.faulty)));
+            let (still, moved) = (place(v, [0, 0], samples, 0), place(v, shift, samples, i32::from(setting.inject_fault)));
             let differ = still.image.all().iter().zip(moved.image.all()).filter(|(a, b)| a != b).count() as u64;
             let weights = still.weights.iter().zip(&moved.weights).filter(|(a, b)| a != b).count() as u64;
             let depths = still.depths.iter().zip(&moved.depths).filter(|(a, b)| blocks && a != b).count() as u64;

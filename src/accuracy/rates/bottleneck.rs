@@ -80,7 +80,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
             }
             let next = plain.bounds.iter().map(|&(unit, time)| if unit == critical { time / 2.0 } else { time });
             let expected = slowest.1 / next.fold(0.0, f64::max);
-            let faster = beyond(if setting.faulty { &[] } else { &changes }, scene)?;
+            let faster = beyond(if setting.inject_fault { &[] } else { &changes }, scene)?;
             let measured = plain.cycles / faster.cycles;
             rows.push(Row::within(format!("{name}: faster with twice the {unit}"), expected, measured, 0.02 * expected));
         }

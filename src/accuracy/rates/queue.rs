@@ -101,7 +101,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         for (tenths, runs) in
             setting.pick(&[(2, 6), (5, 6)][..], &[(2, 10), (5, 20), (8, 80)][..], &[(2, 100), (5, 200), (8, 800)][..])
         {
-            let given = service + u32::from(setting.faulty);
+            let given = service + u32::from(setting.inject_fault);
             // Arrives in a cycle: rho / S.
             let sums = setting.pieces(*runs, |_, random| residence(random, given.into(), *tenths, 10 * service));
             let sum = sums.into_iter().sum::<Result<u64>>()?;

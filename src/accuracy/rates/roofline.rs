@@ -34,7 +34,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     for bandwidth in [8, 32] {
         let told = machine(&[format!("memory.ideal_bytes_per_cycle={bandwidth}"), "traverse.quads_per_cycle=4".into()])?;
         let mut given = told.clone();
-        given.core.issue -= u32::from(setting.faulty);
+        given.core.issue -= u32::from(setting.inject_fault);
         // Invocations that an instruction is executed for, a cycle.
         let peak = f64::from(told.core.issue * told.core.warp_width);
         let knee = peak / f64::from(bandwidth);

@@ -82,7 +82,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         .collect();
     let scene = scene_of(edge, edge, shapes);
     let mut given = scene.clone();
-    if setting.faulty {
+    if setting.inject_fault {
         given.shapes[0] = [[0.0; 2]; 3];
     }
     let work = events(&Scene { covered: true, ..scene });

@@ -27,7 +27,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     let scene =
         Scene { width, height, triangles: 12, draws: 1, size: 30.0, textures: 0, seed: setting.seed, ..Scene::default() };
     let area = f64::from(width * height);
-    let given = Scene { width: if setting.faulty { width - 8 } else { width }, ..scene };
+    let given = Scene { width: if setting.inject_fault { width - 8 } else { width }, ..scene };
     let mut rows = Vec::new();
     for scheme in ["binary-swap", "direct-send", "pipeline"] {
         let [mut pixels, mut bytes, mut crossed, mut sorted, mut left] = [(); 5].map(|()| Counts::default());

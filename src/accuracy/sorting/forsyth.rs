@@ -141,7 +141,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     let mut random = Random::new(setting.seed);
     let start = random.below(sphere.len() as u32) as usize;
     sphere.rotate_left(start);
-    let triangles = if setting.faulty { sphere } else { ordered(&sphere) };
+    let triangles = if setting.inject_fault { sphere } else { ordered(&sphere) };
     let figures: &[(u32, f64)] = setting.pick(&PUBLISHED[2..5], &PUBLISHED, &PUBLISHED);
     figures
         .iter()

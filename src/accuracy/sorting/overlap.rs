@@ -83,10 +83,10 @@ fn boxes(setting: &Setting) -> Result<Vec<Row>> {
     for (tile, legs) in EVERY {
         let case = format!("tiles of {tile}, legs of {legs}: entries over all whole offsets");
         let expected = f64::from(legs - 1 + tile).powi(2);
-        rows.push(Row::exact(case, expected, at_every_offset(setting.faulty, [tile, legs])?));
+        rows.push(Row::exact(case, expected, at_every_offset(setting.inject_fault, [tile, legs])?));
     }
     for (tile, legs) in RANDOM {
-        let (measured, _, n) = at_random(setting, setting.faulty, tile, legs)?;
+        let (measured, _, n) = at_random(setting, setting.inject_fault, tile, legs)?;
         // Along each axis one of two neighbouring numbers, whose shares say the mean and the mean square.
         let [x, y] = legs.map(|leg| {
             let mean = 1.0 + f64::from(leg - 1) / f64::from(tile);
@@ -106,10 +106,10 @@ fn exactly(setting: &Setting) -> Result<Vec<Row>> {
     let tiles = |tile: u32, m: u32| f64::from((m + tile).pow(2)) - f64::from(m * (m + 1)) / 2.0;
     for (tile, legs) in EVERY {
         let case = format!("tiles of {tile}, legs of {legs}: entries over all whole offsets");
-        rows.push(Row::exact(case, tiles(tile, legs - 1), at_every_offset(!setting.faulty, [tile, legs])?));
+        rows.push(Row::exact(case, tiles(tile, legs - 1), at_every_offset(!setting.inject_fault, [tile, legs])?));
     }
     for (tile, legs) in RANDOM {
-        let (measured, error, _) = at_random(setting, !setting.faulty, tile, legs)?;
+        let (measured, error, _) = at_random(setting, !setting.inject_fault, tile, legs)?;
         let [w, h] = legs;
         let case = format!("tiles of {tile}, {w} x {h} pixels: tiles at random offsets");
         let area = f64::from(tile * tile);

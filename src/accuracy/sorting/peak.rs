@@ -24,7 +24,7 @@ fn cycles(setting: &Setting, class: &str, interval: u32, legs: f32) -> Result<(f
     let mut random = Random::new(setting.seed);
     let mut at = || (192.0 - legs) * random.unit();
     let scene = scene_of(192, 192, (0..triangles).map(|_| right_triangle(at(), at(), legs, legs)).collect());
-    let interval = if setting.faulty { 4 * interval } else { interval };
+    let interval = if setting.inject_fault { 4 * interval } else { interval };
     // Nothing but setup and traversal, at one quad a cycle, is to take time.
     let changes = [
         "pipelines=1",

@@ -65,7 +65,7 @@ pub(super) fn shaded(triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let edges: &[u32] = setting.pick(&[24], &[40, 100], &[40, 100, 200]);
-    let fewer = u32::from(setting.faulty);
+    let fewer = u32::from(setting.inject_fault);
     let mut rows = Vec::new();
     for &edge in edges {
         let (w, triangles) = (f64::from(edge), f64::from(2 * edge * edge));

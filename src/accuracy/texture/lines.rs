@@ -121,7 +121,7 @@ fn lru(setting: &Setting) -> Result<Vec<Row>> {
                 (2 * across + 1, once),
                 (4 * across, once),
             ] {
-                let measured = missed(&events, lines - u32::from(setting.faulty))?;
+                let measured = missed(&events, lines - u32::from(setting.inject_fault))?;
                 rows.push(row(format!("{w} x {h}, lines of {b} x {b}, {lines} of them"), w * h, misses, measured));
             }
         }
@@ -133,7 +133,7 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
     let edges: &[u32] = setting.pick(&[48], &[256], &[256, 512]);
     let mut rows = Vec::new();
     for &edge in edges {
-        let faulty = u32::from(setting.faulty);
+        let inject_fault = u32::from(setting.inject_fault);
         for way in [Way::Along, Way::Across] {
             let events = rendered(&of_texture([edge, edge], Format::Rgba8Unorm, [0, 0], way))?;
             let blocks = edge / 4;
@@ -147,7 +147,7 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
             let (runs, once) = (edge / 16, (edge / 16 + 1) * (edge + 1));
             let narrow = if way == Way::Along { once } else { (edge + 1) * (edge + runs) };
             for (lines, misses) in [(edge, narrow), (2 * edge + 1, once)] {
-                let measured = missed(&events, lines + faulty)?;
+                let measured = missed(&events, lines + inject_fault)?;
                 rows.push(row(format!("{edge} x {edge}, {way:?}, {lines} lines of 16 x 1"), edge * edge, misses, measured));
             }
         }

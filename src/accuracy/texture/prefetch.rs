@@ -30,7 +30,7 @@ fn drawn(edge: u32, texels: u32) -> Result<Vec<Event>> {
 
 /// Cycles of a machine whose texture unit addresses a quad a cycle and holds nothing up but by its FIFO.
 fn cycles(setting: &Setting, events: &[Event], depth: u32, latency: u32) -> Result<f64> {
-    let misses = if setting.faulty { depth * 3 / 4 } else { depth };
+    let misses = if setting.inject_fault { depth * 3 / 4 } else { depth };
     let changes = [
         "core.warps=64",
         "core.warp_width=64",

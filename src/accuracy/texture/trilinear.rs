@@ -26,7 +26,7 @@ const TEXELS: f64 = 16.0;
 /// Texels read a fragment where a texture of `texels` edges fills a screen of `pixels`, somewhere on it.
 fn texels_a_fragment(setting: &Setting, texels: u32, pixels: u32, from: [f32; 2]) -> Result<f64> {
     let texture = record::texture_mipped(texels, texels, texels.ilog2() + 1, Format::Rgba8Unorm);
-    let mipmap = if setting.faulty { FilterMode::Nearest } else { FilterMode::Linear };
+    let mipmap = if setting.inject_fault { FilterMode::Nearest } else { FilterMode::Linear };
     let sampler = SamplerDesc { mipmap, ..record::trilinear_repeat() };
     let [u, v] = from;
     let color = format!("textureSample(t, s, p.xy / {pixels}.0 + vec2f({u:?}, {v:?}))");

@@ -272,7 +272,7 @@ fn try_out(builtin: &Builtin, setting: &Setting, number: u64) -> Result<(u64, u6
     let mut random = Random::nth(setting.seed, number);
     operands.extend((0..setting.pick(256, 16_384, 1 << 20)).map(|_| builtin.operands.random(&mut random)));
     operands.resize(operands.len().next_multiple_of(GROUP), operands[0]);
-    let spoiled = |&[x, y, z]: &[u32; 3]| [x ^ u32::from(setting.faulty), y, z];
+    let spoiled = |&[x, y, z]: &[u32; 3]| [x ^ u32::from(setting.inject_fault), y, z];
     let got = run(&program, &operands.iter().map(spoiled).collect::<Vec<_>>())?;
     let (mut wrong, mut seen, mut first) = (0, 0, String::new());
     for (&operands, got) in operands.iter().zip(got) {
