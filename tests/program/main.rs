@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod cli;
+mod compare;
 mod floors;
 mod images;
 mod pages;
