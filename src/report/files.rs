@@ -7,6 +7,9 @@ use crate::stats::Tree;
 use crate::unit::phase::Phase;
 use crate::work::Funnel;
 
+/// The version of `stats.json`. It rises when a name goes or means something else, so that readers notice; what is only added leaves it.
+pub const VERSION: u32 = 1;
+
 /// The statistics of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameStatistics {
@@ -51,6 +54,7 @@ impl Statistics {
             })
             .collect();
         json!({
+            "version": VERSION,
             "fillrate": env!("CARGO_PKG_VERSION"),
             "trace": self.trace,
             "config": self.config,
@@ -117,5 +121,7 @@ mod tests {
         assert_eq!(json["frames"][1]["phases"][0], json!({ "kind": "pass", "number": 7, "label": "sky", "cycles": 10 }));
         assert_eq!(json["frames"][1]["funnel"]["quads_shaded"], 2);
         assert_eq!(json["total"]["funnel"]["quads_shaded"], 3);
+        // A reader that stops at the version has not seen anything else.
+        assert_eq!(json.as_object().and_then(|map| map.iter().next()), Some((&"version".to_owned(), &json!(VERSION))));
     }
 }
