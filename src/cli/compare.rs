@@ -3,57 +3,183 @@
 use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use image::{ImageFormat, ImageReader};
 use serde_json::Value;
 
-use super::Verdict;
+use super::{Verdict, configs};
 use crate::host;
-use crate::host::Links;
-use crate::report::compare::{self, TOLERANCE};
+use crate::host::{Links, one_line};
+use crate::machine::config::BUILT_IN;
+use crate::report::compare::{self, Banks, ImageDifference, Leaves, Size, StatisticDifference, TOLERANCE};
 
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;
 
-/// Compare two images (difference image, PSNR, pixels off by more than 2), or two statistics files.
+/// Compare two outputs of replay, or two files of them: images (difference image, PSNR, pixels off by more than 2), statistics (JSON
+/// or CSV), or configurations.
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  fillrate compare out/frame-0000.png ref.png --difference difference.png\n  \
-fillrate compare before/stats.json after/stats.json --only total.cycles\n\n\
-Exit code 1 where images have more pixels off than --allow, or statistics differ.")]
+#[command(after_help = "Examples:\n  fillrate compare before after --only total.\n  \
+fillrate compare out/frame-0000.png ref.png --difference difference.png\n  \
+fillrate compare before/stats.json after/stats.json --only total.units --each-bank\n  \
+fillrate compare baseline out/config.ron\n\n\
+Exit code 1 where images have more pixels off than --allow, or statistics, knobs or the lists of images differ.")]
 pub struct Arguments {
-    /// First image (PNG) or statistics file (JSON)
+    /// A folder that replay has written, an image (PNG), statistics (stats.json, stats.csv), or a configuration (RON, or a built-in name)
     a: PathBuf,
-    /// Second one, of the same kind
+    /// Another one of the same kind
     b: PathBuf,
-    /// Where to write the difference image
-    #[arg(long, value_name = "PNG")]
+    /// Where to write the difference image; of two folders: the folder for those of all images that differ
+    #[arg(long, value_name = "PNG|DIR")]
     difference: Option<PathBuf>,
     /// Percentage of pixels that may be off
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     allow: f64,
-    /// Statistics: only those whose path starts with this
+    /// Statistics and knobs: only those whose path starts with this
     #[arg(long, value_name = "PATH")]
     only: Option<String>,
+    /// Statistics: show each bank of a unit by itself, not their sum
+    #[arg(long)]
+    each_bank: bool,
+    /// Statistics: what makes a change large; the largest come first
+    #[arg(long, value_enum, value_name = "SIZE", default_value = "relative")]
+    by: By,
+    /// Statistics: how many are shown; 0: all
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    most: usize,
 }
 
-pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let is_json = |path: &Path| path.extension().is_some_and(|e| e == "json");
-    match (is_json(&arguments.a), is_json(&arguments.b)) {
-        (true, true) => statistics(arguments),
-        (false, false) => images(arguments),
-        _ => bail!("{} and {} are not of one kind", arguments.a.display(), arguments.b.display()),
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum By {
+    /// The difference by the first value
+    Relative,
+    /// The difference itself
+    Absolute,
+}
+
+/// What can be compared.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Folder,
+    Json,
+    Csv,
+    Configuration,
+    Image,
+}
+
+impl Kind {
+    /// By what lies at a path and by its name; a built-in configuration has no file.
+    fn of(path: &Path) -> Kind {
+        let is_built_in = || BUILT_IN.iter().any(|(name, _)| path.as_os_str() == *name);
+        match path.extension().and_then(|extension| extension.to_str()) {
+            _ if path.is_dir() => Kind::Folder,
+            Some("json") => Kind::Json,
+            Some("csv") => Kind::Csv,
+            Some("ron") => Kind::Configuration,
+            _ if !path.exists() && is_built_in() => Kind::Configuration,
+            _ => Kind::Image,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Folder => "a folder",
+            Kind::Json => "a JSON file of statistics",
+            Kind::Csv => "a CSV file of statistics",
+            Kind::Configuration => "a configuration",
+            Kind::Image => "an image",
+        }
     }
 }
 
-fn images(arguments: &Arguments) -> Result<Verdict> {
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
+    let same = match (Kind::of(a), Kind::of(b)) {
+        (Kind::Folder, Kind::Folder) => folders(arguments)?,
+        (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments)?,
+        (Kind::Configuration, Kind::Configuration) => configurations(a, b, arguments)?,
+        (Kind::Image, Kind::Image) => {
+            let d = difference(a, b)?;
+            println!("{}", found(&d));
+            if let Some(path) = &arguments.difference {
+                write(path, &d)?;
+            }
+            fits(&d, arguments)
+        }
+        (x, y) => {
+            bail!("{} is {}, and {} is {}: they are not of one kind", a.display(), x.name(), b.display(), y.name())
+        }
+    };
+    Ok(if same { Verdict::Done } else { Verdict::Failed })
+}
+
+/// The files of a folder that replay has written, in order.
+fn outputs(folder: &Path) -> Result<Vec<String>> {
+    let fail = || format!("cannot read {}", folder.display());
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(fail)? {
+        let Ok(name) = entry.with_context(fail)?.file_name().into_string() else { continue };
+        let is_image = name.starts_with("frame-") && name.ends_with(".png");
+        if is_image || matches!(name.as_str(), "config.ron" | "stats.json" | "stats.csv") {
+            names.push(name);
+        }
+    }
+    if names.is_empty() {
+        bail!("{} holds nothing that replay writes: no frame-NNNN.png, stats.json, stats.csv or config.ron", folder.display());
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// Two outputs of replay: their configurations, their statistics, and all images.
+fn folders(arguments: &Arguments) -> Result<bool> {
+    let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
+    let (in_a, in_b) = (outputs(a)?, outputs(b)?);
+    let both = |name: &str| in_a.iter().any(|n| n == name) && in_b.iter().any(|n| n == name);
+    let mut same = true;
+    for (folder, names, others) in [(a, &in_a, &in_b), (b, &in_b, &in_a)] {
+        for name in names.iter().filter(|name| !others.contains(name)) {
+            println!("{name} is in {} only", folder.display());
+            same = false;
+        }
+    }
+    if both("config.ron") {
+        same &= configurations(&a.join("config.ron"), &b.join("config.ron"), arguments)?;
+    }
+    // Both hold the same statistics, the second those of frames only.
+    if let Some(name) = ["stats.json", "stats.csv"].into_iter().find(|name| both(name)) {
+        same &= statistics(&a.join(name), &b.join(name), arguments)?;
+    }
+    let (mut images, mut different) = (0, 0);
+    for name in in_a.iter().filter(|name| name.ends_with(".png") && both(name)) {
+        let d = difference(&a.join(name), &b.join(name))?;
+        images += 1;
+        if d.different > 0 {
+            different += 1;
+            println!("{name}: {}", found(&d));
+            if let Some(folder) = &arguments.difference {
+                std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+                write(&folder.join(name), &d)?;
+            }
+        }
+        same &= fits(&d, arguments);
+    }
+    println!("{different} of {images} images differ");
+    Ok(same)
+}
+
+fn difference(a: &Path, b: &Path) -> Result<ImageDifference> {
     let open = |path: &Path| {
         let fail = || format!("cannot read {}", path.display());
         let file = BufReader::new(host::open(path, Links::Follow).with_context(fail)?);
         anyhow::Ok(ImageReader::with_format(file, ImageFormat::Png).decode().with_context(fail)?.into_rgba8())
     };
-    let (a, b) = (open(&arguments.a)?, open(&arguments.b)?);
-    let d = compare::images(&a, &b).map_err(anyhow::Error::msg)?;
-    println!(
+    let images = (open(a)?, open(b)?);
+    compare::images(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))
+}
+
+fn found(d: &ImageDifference) -> String {
+    format!(
         "{} pixels, {} different, {} off by more than {TOLERANCE} ({:.4} %), largest difference {}, PSNR {:.2} dB",
         d.pixels,
         d.different,
@@ -61,31 +187,110 @@ fn images(arguments: &Arguments) -> Result<Verdict> {
         100.0 * d.off_share(),
         d.largest,
         d.psnr
-    );
-    if let Some(path) = &arguments.difference {
-        let fail = || format!("cannot write {}", path.display());
-        let mut png = Vec::new();
-        d.picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).with_context(fail)?;
-        host::write_file(path, &png).with_context(fail)?;
-    }
-    Ok(if 100.0 * d.off_share() > arguments.allow { Verdict::Failed } else { Verdict::Done })
+    )
 }
 
-fn statistics(arguments: &Arguments) -> Result<Verdict> {
-    let open = |path: &Path| -> Result<Value> {
-        let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
-        serde_json::from_str(&text).with_context(|| format!("{} is not a statistics file", path.display()))
-    };
-    let (a, b) = (open(&arguments.a)?, open(&arguments.b)?);
-    let mut found = compare::statistics(&a, &b);
-    if let Some(only) = &arguments.only {
-        found.retain(|d| d.path.starts_with(only.as_str()));
-    }
-    let show = |value: &Option<Value>| value.as_ref().map_or_else(|| "-".to_owned(), Value::to_string);
+fn write(path: &Path, d: &ImageDifference) -> Result<()> {
+    let fail = || format!("cannot write {}", path.display());
+    let mut png = Vec::new();
+    d.picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).with_context(fail)?;
+    host::write_file(path, &png).with_context(fail)
+}
+
+/// Whether no more pixels are off than may be.
+fn fits(d: &ImageDifference, arguments: &Arguments) -> bool {
+    100.0 * d.off_share() <= arguments.allow
+}
+
+fn configurations(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
+    let open = |path: &Path| configs::load(path.to_str().with_context(|| format!("{} is not UTF-8", path.display()))?, &[]);
+    let mut found = compare::configurations(&open(a)?, &open(b)?);
+    found.retain(|d| arguments.only.as_ref().is_none_or(|only| d.path.starts_with(only.as_str())));
+    let width = found.iter().map(|d| d.path.len()).max().unwrap_or(0);
     for d in &found {
-        let relative = d.relative().map(|r| format!("  {:+.3} %", 100.0 * r)).unwrap_or_default();
-        println!("{}  {} -> {}{relative}", d.path, show(&d.a), show(&d.b));
+        println!("{:<width$}  {} -> {}", d.path, d.a, d.b);
     }
-    println!("{} statistics differ", found.len());
-    Ok(if found.is_empty() { Verdict::Done } else { Verdict::Failed })
+    println!("{}", counted(found.len(), "knob"));
+    Ok(found.is_empty())
+}
+
+/// "1 knob differs", "2 knobs differ".
+fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what} differs") } else { format!("{n} {what}s differ") }
+}
+
+fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
+    let open = |path: &Path| -> Result<Leaves> {
+        let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
+        let not = || format!("{} is not a statistics file", path.display());
+        let mut leaves = if Kind::of(path) == Kind::Csv {
+            compare::table(&text).map_err(anyhow::Error::msg).with_context(not)?
+        } else {
+            let tree: Value = serde_json::from_str(&text).with_context(not)?;
+            if !tree.is_object() {
+                return Err(anyhow!("it holds no object").context(not()));
+            }
+            compare::leaves(&tree)
+        };
+        if let Some(only) = &arguments.only {
+            leaves.retain(|(path, _)| compare::is_under(path, only));
+        }
+        Ok(leaves)
+    };
+    let banks = if arguments.each_bank { Banks::Each } else { Banks::Sum };
+    let mut found = compare::statistics(open(a)?, open(b)?, banks);
+    let all = found.len();
+    compare::largest_first(
+        &mut found,
+        match arguments.by {
+            By::Relative => Size::Relative,
+            By::Absolute => Size::Absolute,
+        },
+    );
+    // Frames repeat what is in the total.
+    let of_frames = |d: &StatisticDifference| d.path.starts_with("frames[");
+    let mut frames = 0;
+    if found.iter().any(|d| d.path.starts_with("total.")) {
+        found.retain(|d| !of_frames(d));
+        frames = all - found.len();
+    }
+    let shown = if arguments.most == 0 { found.len() } else { arguments.most.min(found.len()) };
+    table(&found[..shown]);
+    if shown < found.len() {
+        println!("{} more: --most 0 shows all", found.len() - shown);
+    }
+    if frames > 0 {
+        println!("{frames} of single frames: --only frames shows them");
+    }
+    println!("{}", counted(all, "statistic"));
+    Ok(all == 0)
+}
+
+/// A line for each difference: path, values, change, relative change.
+fn table(found: &[StatisticDifference]) {
+    let show = |value: &Option<Value>| value.as_ref().map_or_else(|| "-".to_owned(), Value::to_string);
+    let rows: Vec<[String; 4]> = found
+        .iter()
+        .map(|d| {
+            let change = d.absolute().map(signed).unwrap_or_default();
+            let relative = d.relative().map(|r| format!("{:+.3} %", 100.0 * r)).unwrap_or_default();
+            [one_line(&d.path).to_string(), format!("{} -> {}", show(&d.a), show(&d.b)), change, relative]
+        })
+        .collect();
+    // Texts may be long, and nothing follows them.
+    let numbers = || rows.iter().filter(|row| !row[2].is_empty());
+    let width = |column: usize| numbers().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let [path, values, change, relative] = [0, 1, 2, 3].map(width);
+    for [p, v, c, r] in &rows {
+        println!("{}", format!("{p:<path$}  {v:<values$}  {c:>change$}  {r:>relative$}").trim_end());
+    }
+}
+
+/// A change with its sign: whole where it is whole, else to four digits or so.
+fn signed(change: f64) -> String {
+    match change.abs() {
+        _ if change.fract() == 0.0 => format!("{change:+}"),
+        size if size >= 1e-2 => format!("{change:+.4}"),
+        _ => format!("{change:+.3e}"),
+    }
 }

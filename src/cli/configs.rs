@@ -76,7 +76,7 @@ impl Choice {
 const TEXT_MAX: u64 = 256 << 10;
 
 /// A built-in configuration or one in a file, with knobs set.
-fn load(name: &str, settings: &[String]) -> Result<Config> {
+pub fn load(name: &str, settings: &[String]) -> Result<Config> {
     let is_built_in = BUILT_IN.iter().any(|(known, _)| *known == name);
     let mut config = if is_built_in || !Path::new(name).exists() {
         Config::built_in(name)?

@@ -1,6 +1,7 @@
 //! Pages of documentation that are generated from declarations. A test compares them with the files in `docs/` and fails when one
 //! is stale; `FILLRATE_BLESS=1 cargo test --test program pages` writes them anew.
 
+use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
 use crate::machine::{Config, ConfigError, LossCounts};
@@ -18,6 +19,23 @@ const RUN: &[Declaration] = &[
     one("cycles", "cycles", "Cycles of the card's clock that the frame (or the run) took."),
     one("seconds", "s", "The same at the configuration's `clock_mhz`."),
 ];
+
+/// What `stats.json` has around the statistics.
+fn file() -> Vec<Declaration> {
+    vec![
+        one(
+            "version",
+            "",
+            "Version of this format, a whole number. It rises when a name goes or changes its meaning; new names alone leave it.",
+        ),
+        one("fillrate", "", "Version of the program that wrote the file."),
+        one("trace", "", "The trace, as it was named on the command line."),
+        one("config", "", "The configuration, as it was named on the command line."),
+        one("fidelity", "", "`functional`, `bound`, `sampled` or `cycle`."),
+        one("total", "", "Statistics of the run: all frames together."),
+        one("frames", "", "Statistics of each frame, in the order of the trace."),
+    ]
+}
 
 const PHASE: &[Declaration] = &[
     one("kind", "", "`transfers` (uploads, copies and clears outside passes), `pass`, `dispatch` or `scan-out`."),
@@ -174,11 +192,13 @@ pub fn explains(path: &str) -> bool {
 
 /// `docs/data/statistics.md`
 pub fn statistics() -> String {
-    let mut text = String::from(
+    let mut text = format!(
         "# Statistics\n\nGenerated from the declarations in the code; `cargo test --test program pages` checks it.\n\n\
-         `stats.json` holds `total` and, for each frame, an entry of `frames` with these names (and `frame`, its number). `stats.csv` \
+         `stats.json` (this is version {VERSION} of it) holds `total` and, for each frame, an entry of `frames` with these names (and `frame`, its number). `stats.csv` \
          has a row a frame and a column a path, such as `units.setup[2].busy`. Functional runs have the funnel only.\n\n",
     );
+    text.push_str(&page("stats.json", "The outermost names of the file, in their order.", &file()));
+    text.push('\n');
     for (place, about, declarations) in places() {
         text.push_str(&page(if place.is_empty() { "(top)" } else { place }, about, &declarations));
         text.push('\n');

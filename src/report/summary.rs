@@ -49,7 +49,8 @@ pub fn funnel(total: &Tree) -> String {
     text
 }
 
-/// Writes how busy each kind of unit was and why it rested, the busiest first; units of one kind are averaged.
+/// Writes how busy each kind of unit was and what it did in its other cycles, the largest share of busy cycles first; units of one kind
+/// are averaged.
 pub fn units(total: &Tree) -> String {
     let Some(Node::Tree(units)) = total.get("units") else { return String::new() };
     let mut rows: Vec<(String, usize, [f64; 5])> = Vec::new();
@@ -73,10 +74,18 @@ pub fn units(total: &Tree) -> String {
         let [busy, starved, blocked, memory, idle] = share;
         text.push_str(&format!("  {name:<26}{busy:>6.1} %{starved:>7.1} %{blocked:>7.1} %{memory:>7.1} %{idle:>6.1} %\n"));
     }
+    text.push_str(
+        "  starved: no input; blocked: no room in the output; memory: waits for data from memory; idle: nothing left to do\n",
+    );
     if let Some((name, _, share)) = rows.first() {
-        let why = ["starved for input", "blocked by what follows", "waiting for memory", "out of work"];
-        let worst = (1..5).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
-        text.push_str(&format!("  Busiest: {name}, {:.1} % of the cycles; the rest mostly {}.\n", share[0], why[worst - 1]));
+        let why = ["starved", "blocked", "memory", "idle"];
+        let most = (1..5).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
+        // The unit that limits the frame may be another one: busy cycles alone do not show it.
+        text.push_str(&format!(
+            "  {name} is busy in the largest share of cycles, {:.1} %; of its other cycles most count as {}.\n",
+            share[0],
+            why[most - 1]
+        ));
     }
     text
 }
@@ -341,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn the_busiest_unit_comes_first_and_says_why_it_rested() {
+    fn the_unit_with_the_largest_busy_share_comes_first_and_says_what_its_other_cycles_were() {
         let mut total = Tree::new();
         let units_tree = total.child("units");
         for (name, busy, starved) in [("setup", 10, 90), ("rop", 70, 30)] {
@@ -356,7 +365,12 @@ mod tests {
         }
         let text = units(&total);
         assert!(text.find("rop x2").unwrap() < text.find("setup x2").unwrap(), "{text}");
-        assert!(text.contains("Busiest: rop, 70.0 % of the cycles; the rest mostly starved for input."), "{text}");
+        let lines: Vec<&str> = text.lines().rev().collect();
+        assert_eq!(
+            lines[0],
+            "  rop is busy in the largest share of cycles, 70.0 %; of its other cycles most count as starved."
+        );
+        assert!(lines[1].starts_with("  starved: no input; blocked: "), "{text}");
     }
 
     #[test]

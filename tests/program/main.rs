@@ -3,6 +3,7 @@
 mod accuracy;
 mod cli;
 mod commands;
+mod compare;
 mod floors;
 mod images;
 mod pages;

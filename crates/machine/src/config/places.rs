@@ -58,7 +58,7 @@ pub fn keys(text: &str) -> Vec<Place> {
 }
 
 /// Bytes of a comment that may hold others.
-fn comment(text: &str) -> usize {
+pub fn comment(text: &str) -> usize {
     let (mut depth, mut at) = (0, 0);
     while let Some(next) = text[at..].find(['/', '*']) {
         at += next;

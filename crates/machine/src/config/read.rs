@@ -7,21 +7,51 @@ use ron::error::Position;
 use ron::value::Number;
 
 use super::places::{self, Place};
-use super::{BUILT_IN, Config, ConfigError};
+use super::{BUILT_IN, Config, ConfigError, Section};
 use num::edits;
 use unit::knob::{Allowed, Setting};
 
-/// A knob as written: its path and value.
-type Written = (String, Setting);
+/// A knob as written.
+struct Written {
+    path: String,
+    value: Given,
+}
+
+/// A value as written.
+struct Given {
+    /// What a knob can take; none: a value of a kind that no knob takes.
+    setting: Option<Setting>,
+    /// How messages show it.
+    shown: String,
+}
+
+impl From<Setting> for Given {
+    fn from(setting: Setting) -> Given {
+        Given { shown: setting.to_string(), setting: Some(setting) }
+    }
+}
+
+impl Given {
+    /// A value that no knob takes.
+    fn unfit(shown: impl Into<String>) -> Given {
+        Given { setting: None, shown: shown.into() }
+    }
+}
 
 /// Reads a configuration, base first; `depth` counts how often one extends another.
 pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> {
     let syntax = |message: String| ConfigError::Syntax { file: file.to_owned(), message };
     let value: Value = ron::from_str(text).map_err(|error| {
+        if !opens(text) {
+            return syntax(NO_CONFIGURATION.to_owned());
+        }
         let Position { line, col } = error.span.start;
         ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: error.code.to_string() }
     })?;
-    let Value::Map(map) = value else { return Err(syntax("a configuration is (key: value, …)".to_owned())) };
+    let map = match value {
+        Value::Map(map) if map.iter().any(|(key, _)| matches!(key, Value::String(key) if is_known(key))) => map,
+        _ => return Err(syntax(NO_CONFIGURATION.to_owned())),
+    };
     let keys = places::keys(text);
     let mut places = BTreeMap::new();
     for place in &keys {
@@ -52,11 +82,40 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
         }
     };
     config.name = file.to_owned();
-    for (path, setting) in &written {
+    for Written { path, value } in &written {
         let place = places.get(path.as_str());
-        apply(&mut config, &place.map_or(file.to_owned(), |place| at(file, place)), path, setting)?;
+        apply(&mut config, &place.map_or(file.to_owned(), |place| at(file, place)), path, value)?;
     }
     Ok(config)
+}
+
+/// What is said of a text that is something else: a page, a trace, a list.
+const NO_CONFIGURATION: &str =
+    "this is not a configuration, which is (key: value, ...), for instance (extends: \"baseline\", pipelines: 8)";
+
+/// Whether a text begins as a configuration does, after comments, blanks and attributes of RON.
+fn opens(text: &str) -> bool {
+    let mut left = text.trim_start_matches('\u{feff}').trim_start();
+    loop {
+        let skipped = if left.starts_with("//") {
+            left.find('\n').unwrap_or(left.len())
+        } else if left.starts_with("/*") {
+            places::comment(left)
+        } else if left.starts_with("#!") {
+            left.find(']').map_or(left.len(), |end| end + 1)
+        } else {
+            return left.starts_with(['(', '{']);
+        };
+        left = left[skipped..].trim_start();
+    }
+}
+
+/// Whether a key of the outermost level is one of a configuration: a section, a knob of the card, or `extends`.
+fn is_known(key: &str) -> bool {
+    let of = |(section, knobs): (&str, &dyn Section)| {
+        section == key || section.is_empty() && knobs.knobs().iter().any(|knob| knob.name == key)
+    };
+    key == "extends" || Config::default().sections().into_iter().any(of)
 }
 
 /// A place as messages name it.
@@ -72,21 +131,24 @@ pub fn assign(config: &mut Config, assignment: &str) -> Result<(), ConfigError> 
         return Err(syntax(format!("{assignment} is not path.to.key=value")));
     };
     let (path, value) = (path.trim(), value.trim());
-    // Names may be written without quotes here, where a shell would eat them.
-    let setting = match value {
-        "true" => Setting::Switch(true),
-        "false" => Setting::Switch(false),
-        _ => match value.replace('_', "").parse::<u64>() {
-            Ok(number) => Setting::Number(number),
-            Err(_) => Setting::Name(value.trim_matches('"').to_owned()),
+    let digits = value.replace('_', "");
+    let given = match value {
+        "true" => Setting::Switch(true).into(),
+        "false" => Setting::Switch(false).into(),
+        _ => match digits.parse::<u64>() {
+            Ok(number) => Setting::Number(number).into(),
+            // A number, but no whole one from 0. Rust reads `inf` and `nan` as numbers, too: here they are names.
+            Err(_) if digits.ends_with(|c: char| c.is_ascii_digit()) && digits.parse::<f64>().is_ok() => Given::unfit(value),
+            // Names may be written without quotes here, where a shell would eat them.
+            Err(_) => Setting::Name(value.trim_matches('"').to_owned()).into(),
         },
     };
-    apply(config, FILE, path, &setting)
+    apply(config, FILE, path, &given)
 }
 
 /// Turns nested sections into paths.
 fn flatten(file: &str, path: String, value: &Value, written: &mut Vec<Written>) -> Result<(), ConfigError> {
-    let setting = match value {
+    let value = match value {
         Value::Map(map) => {
             for (key, value) in map.iter() {
                 let Value::String(key) = key else {
@@ -97,16 +159,19 @@ fn flatten(file: &str, path: String, value: &Value, written: &mut Vec<Written>) 
             }
             return Ok(());
         }
-        Value::Bool(value) => Setting::Switch(*value),
-        Value::String(name) => Setting::Name(name.clone()),
+        Value::Bool(value) => Setting::Switch(*value).into(),
+        Value::String(name) => Setting::Name(name.clone()).into(),
         Value::Number(number) => match whole(number) {
-            Some(number) => Setting::Number(number),
-            // Not a whole number from 0: kept as text for the message, which no knob takes.
-            None => Setting::Name(format!("{}", number.into_f64())),
+            Some(number) => Setting::Number(number).into(),
+            None => Given::unfit(number.into_f64().to_string()),
         },
-        other => Setting::Name(format!("{other:?}")),
+        Value::Char(c) => Given::unfit(format!("the character {c:?}")),
+        Value::Seq(_) => Given::unfit("a list"),
+        Value::Option(_) => Given::unfit("an option"),
+        Value::Unit => Given::unfit("empty"),
+        Value::Bytes(_) => Given::unfit("a string of bytes"),
     };
-    written.push((path, setting));
+    written.push(Written { path, value });
     Ok(())
 }
 
@@ -120,7 +185,7 @@ fn complete(file: &str, written: &[Written]) -> Result<(), ConfigError> {
     for (section, knobs) in Config::default().sections() {
         for knob in knobs.knobs() {
             let path = join(section, knob.name);
-            if !written.iter().any(|(known, _)| *known == path) {
+            if !written.iter().any(|known| known.path == path) {
                 return Err(ConfigError::Missing { file: file.to_owned(), key: path });
             }
         }
@@ -134,20 +199,20 @@ pub fn join(section: &str, name: &str) -> String {
 }
 
 /// Sets one knob.
-fn apply(config: &mut Config, file: &str, path: &str, setting: &Setting) -> Result<(), ConfigError> {
+fn apply(config: &mut Config, file: &str, path: &str, given: &Given) -> Result<(), ConfigError> {
     let (section, name) = path.rsplit_once('.').unwrap_or(("", path));
     let found = config.sections_mut().into_iter().find(|(known, _)| *known == section);
     let knob = found.as_ref().and_then(|(_, knobs)| knobs.knobs().iter().find(|knob| knob.name == name));
     let (Some((_, knobs)), Some(knob)) = (found, knob) else {
         return Err(ConfigError::UnknownKey { file: file.to_owned(), key: path.to_owned(), hint: hint(path) });
     };
-    if knobs.set(name, setting) {
+    if given.setting.as_ref().is_some_and(|setting| knobs.set(name, setting)) {
         return Ok(());
     }
-    let value = match setting {
-        // What was no whole number was kept as its text.
-        Setting::Name(text) if !matches!(knob.allowed, Allowed::Choice(_)) => text.clone(),
-        other => other.to_string(),
+    let value = match &given.setting {
+        // Quotes alone are easily overlooked around a number.
+        Some(Setting::Name(_)) if !matches!(knob.allowed, Allowed::Choice(_)) => format!("the text {}", given.shown),
+        _ => given.shown.clone(),
     };
     let allowed = knob.allowed.to_string();
     Err(ConfigError::Value { file: file.to_owned(), key: path.to_owned(), value, allowed })
@@ -164,4 +229,83 @@ fn hint(path: &str) -> String {
     nearest
         .filter(|known| edits(known, path) <= 2 + path.len() / 3)
         .map_or(String::new(), |known| format!("; {known} is the nearest"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(text: &str) -> String {
+        Config::parse("mine.ron", text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_no_configuration_is_told_so() {
+        let trace = "Trace(version: 1, files: {}, commands: [Draw(vertices: 3), Draw(vertices: 3)])";
+        let bare = "(version: 1, files: {}, commands: [(vertices: 3), (vertices: 3)])";
+        let texts = [trace, bare, "# A page\n\nwith text", "", "[1, 2]", "42", "\"baseline\"", "()", "{1: 2}", "{\"name\": 1}"];
+        for text in texts {
+            assert_eq!(message(text), format!("mine.ron: {NO_CONFIGURATION}"), "{text}");
+        }
+        assert_eq!(message("// (extends: 1)\n# A page"), format!("mine.ron: {NO_CONFIGURATION}"));
+    }
+
+    #[test]
+    fn a_configuration_that_is_no_ron_is_told_the_place() {
+        let head = "// mine\n/* and /* only */ */ ";
+        for (text, place) in
+            [("(extends: \"baseline\", pipelines 8)", "2:"), ("(pipelines = 8)", "2:"), ("(core: (warps: 4)", "2:")]
+        {
+            let message = message(&format!("{head}{text}"));
+            assert!(message.starts_with(&format!("mine.ron:{place}")) && !message.contains(NO_CONFIGURATION), "{message}");
+        }
+        // Keys in quotes, and attributes of RON, are as good.
+        for text in
+            ["{\"extends\": \"baseline\", \"pipelines\": 8}", "#![enable(implicit_some)] (extends: \"baseline\", pipelines: 8)"]
+        {
+            assert_eq!(Config::parse("mine.ron", text).unwrap().card.pipelines, 8);
+        }
+    }
+
+    #[test]
+    fn a_value_of_another_kind_is_told_its_kind() {
+        let base = |rest: &str| message(&format!("(extends: \"baseline\", {rest})"));
+        let number = "and must be a whole number from 1 to 64";
+        for (value, told) in [
+            ("\"8\"", "the text \"8\""),
+            ("\"\"", "the text \"\""),
+            ("'8'", "the character '8'"),
+            ("[8]", "a list"),
+            ("Some(8)", "an option"),
+            ("true", "true"),
+            ("8.5", "8.5"),
+            ("-8", "-8"),
+        ] {
+            assert_eq!(base(&format!("pipelines: {value}")), format!("mine.ron:1:23: pipelines is {told}, {number}"));
+        }
+        assert_eq!(
+            base("scanout: (enabled: \"true\")"),
+            "mine.ron:1:33: scanout.enabled is the text \"true\", and must be true or false"
+        );
+        assert!(base("sort: 3").starts_with("mine.ron:1:23: sort is 3, and must be one of \"sort-"), "{}", base("sort: 3"));
+    }
+
+    #[test]
+    fn an_assignment_of_another_kind_is_told_its_kind() {
+        let set = |text: &str| Config::built_in("baseline").unwrap().set(text).unwrap_err().to_string();
+        let number = "and must be a whole number from 1 to 64";
+        for (value, told) in [
+            ("\"8\"", "the text \"8\""),
+            ("eight", "the text \"eight\""),
+            ("inf", "the text \"inf\""),
+            ("", "the text \"\""),
+            ("false", "false"),
+            ("-8", "-8"),
+            ("8.5", "8.5"),
+            ("65", "65"),
+        ] {
+            assert_eq!(set(&format!("pipelines={value}")), format!("--set: pipelines is {told}, {number}"));
+        }
+        assert_eq!(set("scanout.enabled=on"), "--set: scanout.enabled is the text \"on\", and must be true or false");
+    }
 }

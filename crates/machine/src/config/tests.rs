@@ -165,8 +165,8 @@ fn every_knob_takes_its_ends_and_refuses_what_is_beyond_by_key_value_and_range()
             }
         }
         for value in beyond {
-            let bare = value.trim_matches('"');
-            let told = if matches!(knob.allowed, Allowed::Choice(_)) { value.as_str() } else { bare };
+            let text = value.starts_with('"') && !matches!(knob.allowed, Allowed::Choice(_));
+            let told = if text { format!("the text {value}") } else { value.clone() };
             let rest = format!("{path} is {told}, and must be {}", knob.allowed);
             let mut config = Config::built_in("baseline").unwrap();
             let error = config.set(&format!("{path}={value}")).unwrap_err().to_string();
