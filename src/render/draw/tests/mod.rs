@@ -160,7 +160,7 @@ impl Scene {
     }
 
     fn pipeline(&self) -> Result<RenderPipeline, String> {
-        let module = Module::new("scene", Source::Wgsl(&self.source)).unwrap_or_else(|e| panic!("{e}"));
+        let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene")
     }
 
