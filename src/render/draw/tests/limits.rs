@@ -115,3 +115,48 @@ fn recorded_work_is_refused_before_it_fills_the_memory() {
         assert!(text.contains("--limit memory.bytes=N allows more"), "{text}");
     }
 }
+
+/// Three tiles. A loop reads memory in all of them; in the first it does little else, so that it records much and takes few steps.
+fn recorded() -> Scene {
+    let mut scene = Scene::new(rectangle(ALL, 0.5, RED));
+    scene.extent = (192, 64);
+    scene.storage = Some(Arc::new(Words::new(64)));
+    scene.source = "
+        @group(0) @binding(0) var<storage> b: array<f32>;
+        @vertex fn vs(@location(0) p: vec4<f32>, @location(1) c: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
+        @fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {
+            var sum = 0.0;
+            for (var i = 0u; i < u32(p.y / 8.0) + 20u; i++) {
+                sum += b[i & 7u];
+                for (var k = 0.0; k < 4.0 && p.x > 64.0; k += 1.0) { sum = sum * 0.5 + k; }
+            }
+            return vec4(sum);
+        }"
+    .into();
+    scene
+}
+
+#[test]
+fn of_two_limits_the_same_one_is_named_whoever_comes_to_it() {
+    let mut scene = recorded();
+    let how = How { record: true, ..USUAL };
+    scene.limits.memory_bytes = scene.limits.memory_bytes.with(1 << 30);
+    let steps = scene.draw_as(how).ledger.steps.spent();
+    scene.limits.memory_bytes = scene.limits.memory_bytes.with(400 << 10);
+    // Exactly enough, one less; and what threads together come to sooner than one of them alone.
+    for (allowed, name) in [
+        (steps, "memory.bytes"),
+        (steps - 1, "work.shader_steps"),
+        (steps / 2, "work.shader_steps"),
+        (steps / 3, "work.shader_steps"),
+        (steps / 4, "work.shader_steps"),
+        (steps / 5, "work.shader_steps"),
+    ] {
+        scene.limits.work_steps = scene.limits.work_steps.with(allowed);
+        let mut texts = std::collections::BTreeSet::new();
+        for threads in [1, 2, 4, 8] {
+            texts.insert(drawn(&scene, How { threads, ..how }).expect_err("too much"));
+        }
+        assert!(texts.len() == 1 && texts.iter().all(|text| text.contains(name)), "{allowed} of {steps} steps: {texts:?}");
+    }
+}
