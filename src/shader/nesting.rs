@@ -162,7 +162,7 @@ fn place(text: &str, at: usize) -> Place {
     let before = &text.as_bytes()[..at];
     let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
     let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
-    Place { line, column: (at - begin) as u32 + 1 }
+    Place::Text { line, column: (at - begin) as u32 + 1 }
 }
 
 impl<'t> Scan<'t> {
@@ -406,10 +406,10 @@ mod tests {
     fn a_refusal_has_the_place() {
         let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
         let (place, message) = check("fn f() {\n  ((x));\n  - - - x; }", &limits).expect_err("too deep");
-        assert_eq!((place, message.contains("shader.nesting")), (Place { line: 3, column: 7 }, true));
+        assert_eq!((place, message.contains("shader.nesting")), (Place::Text { line: 3, column: 7 }, true));
         let (place, _) =
             check("fn f() { }\nfn a() { b(); } fn b() { c(); } fn c() { d(); } fn d() { }", &limits).expect_err("too deep");
-        assert_eq!(place.line, 2);
+        assert_eq!(place.line(), Some(2));
         let limits = Limits { shader_declarations: Limits::default().shader_declarations.with(2), ..Limits::default() };
         assert_eq!(check("struct A { a: u32 }; alias B = A;;;", &limits).map(|e| e.declarations), Ok(2));
         assert!(check("struct A { a: u32 }; alias B = A; fn f() { }", &limits).is_err());

@@ -148,7 +148,7 @@ fn nested_spirv_is_refused() {
         if fits {
             done(&output);
         } else {
-            refused(&output, &["hostile", "levels of nesting in a shader", "--limit shader.nesting=N"]);
+            refused(&output, &["hostile", ", word ", "levels of nesting in a shader", "--limit shader.nesting=N"]);
         }
     }
 }
