@@ -1,6 +1,6 @@
 //! How deep and how large a module is that was no text: SPIR-V before naga reads it, naga's IR before anything walks it.
 
-use naga::{Block, Expression, Handle, Span, Statement, TypeInner};
+use naga::{ArraySize, Block, Expression, Handle, Span, Statement, TypeInner};
 
 use super::lower::each_statement;
 use crate::host::one_line;
@@ -80,12 +80,22 @@ pub(super) fn check_ir(module: &naga::Module, limits: &Limits) -> Result<(), (Sp
     let before = |known: &[u64], index: usize| known.get(index).copied().unwrap_or(0);
 
     // Depth and number of parts of each type when it is written out: naga asks of each part of a structure, and of the parts of those,
-    // whether it can be constructed.
+    // whether it can be constructed. And the number of elements of its values.
     let mut types: Vec<u64> = Vec::with_capacity(module.types.len());
     let mut parts: Vec<u64> = Vec::with_capacity(module.types.len());
+    let mut elements: Vec<u64> = Vec::with_capacity(module.types.len());
     let mut written = 0u64;
     for (handle, ty) in module.types.iter() {
         let refuse = |error: LimitExceeded| (module.types.get_span(handle), format!("type {handle:?}: {error}"));
+        elements.push(match ty.inner {
+            TypeInner::Array { base, size: ArraySize::Constant(size), .. } => {
+                before(&elements, base.index()).saturating_mul(u64::from(size.get()))
+            }
+            TypeInner::Struct { ref members, .. } => {
+                members.iter().fold(0, |sum, member| sum.saturating_add(before(&elements, member.ty.index())))
+            }
+            _ => 1,
+        });
         let (mut depth, mut size) = (0, 1u64);
         let mut part = |ty: Handle<naga::Type>| {
             depth = depth.max(before(&types, ty.index()));
@@ -106,26 +116,35 @@ pub(super) fn check_ir(module: &naga::Module, limits: &Limits) -> Result<(), (Sp
     }
     limits.shader_instructions.check(written).map_err(of_all)?;
 
-    // Depth and number of expressions of each constant when it is written out.
+    // Depth and number of expressions of each constant when it is written out; and the elements of zero values in it, which naga makes a list
+    // of where it computes with them. It asks for the types of operands only then.
     let (mut depths, mut sizes): (Vec<u64>, Vec<u64>) = Default::default();
+    let mut zeros: Vec<u64> = Vec::new();
+    let mut computed = 0u64;
     let init = |c: Handle<naga::Constant>| module.constants.try_get(c).map_or(usize::MAX, |constant| constant.init.index());
     for (handle, expression) in module.global_expressions.iter() {
         let refuse = |error: LimitExceeded| {
             (module.global_expressions.get_span(handle), format!("constant expression {handle:?}: {error}"))
         };
-        let (mut depth, mut size) = (0, 1u64);
+        let (mut depth, mut size, mut zero) = (0, 1u64, 0u64);
         let mut part = |index: usize| {
             depth = depth.max(before(&depths, index));
             size = size.saturating_add(before(&sizes, index));
+            zero = zero.saturating_add(before(&zeros, index));
         };
         operands(expression, &mut |h| part(h.index()));
-        if let Expression::Constant(c) = *expression {
-            part(init(c));
+        match *expression {
+            Expression::Constant(c) => part(init(c)),
+            Expression::ZeroValue(ty) => zero = before(&elements, ty.index()),
+            Expression::Compose { .. } | Expression::Access { .. } | Expression::AccessIndex { .. } => {}
+            // What is computed is no larger than a matrix.
+            _ => computed = computed.saturating_add(std::mem::replace(&mut zero, 16)),
         }
         limits.shader_nesting.check(depth + 1).map_err(refuse)?;
-        limits.shader_constants.check(size).map_err(refuse)?;
+        limits.shader_constants.check(size.max(computed)).map_err(refuse)?;
         depths.push(depth + 1);
         sizes.push(size);
+        zeros.push(zero);
     }
 
     let mut total = module.global_expressions.len() as u64;

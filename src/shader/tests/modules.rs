@@ -136,6 +136,32 @@ fn errors_of_naga_ir_name_the_place_or_the_handle() {
     assert!(text.starts_with("shader `deep.ron`: type [3]: 4 levels of nesting"), "{text}");
 }
 
+/// naga computes what depends on a pipeline constant without a look at types, and writes zero values out for it.
+#[test]
+fn operators_on_long_zero_values_are_refused_in_nagas_form() {
+    let source = "override o: u32 = 1; override p: u32 = o + 2; var<private> z: array<u32, LENGTH>;
+        @compute @workgroup_size(1) fn main() { z[0] = p; }";
+    let of = |length: &str| {
+        let mut module = naga::front::wgsl::parse_str(&source.replace("LENGTH", length)).expect("parses");
+        let (array, _) =
+            module.types.iter().find(|(_, ty)| matches!(ty.inner, naga::TypeInner::Array { .. })).expect("an array");
+        let (two, _) = module
+            .global_expressions
+            .iter()
+            .find(|(_, e)| matches!(e, naga::Expression::Literal(naga::Literal::U32(2))))
+            .expect("2");
+        module.global_expressions[two] = naga::Expression::ZeroValue(array);
+        let ron = ron::to_string(&module).expect("a text");
+        let module = Module::new("zero.ron", Source::NagaIr(&ron))?;
+        compile(&module, Stage::Compute, None, &Options::default())
+    };
+    let text = of("500000000").expect_err("too long").to_string();
+    assert!(text.contains("constant expression [") && text.contains("shader.constants"), "{text}");
+    // No operator takes an array, but a short one costs nothing.
+    let text = of("50").expect_err("no sum").to_string();
+    assert!(!text.contains("shader.constants"), "{text}");
+}
+
 #[test]
 fn damaged_input_is_refused() {
     assert!(Module::new("x", Source::SpirV(&[1, 2, 3])).is_err());
