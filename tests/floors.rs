@@ -17,7 +17,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("import", &["num", "host", "gfx", "trace"]),
     ("render", &["num", "host", "gfx", "trace", "shader", "work"]),
     ("unit", &["num", "gfx", "stats", "sim", "mem", "work"]),
-    ("machine", &["num", "gfx", "stats", "sim", "mem", "work", "unit"]),
+    ("machine", &["num", "host", "gfx", "stats", "sim", "mem", "work", "unit"]),
     ("report", &["num", "host", "gfx", "trace", "stats", "sim", "mem", "work", "unit", "machine"]),
     ("run", &["num", "host", "gfx", "trace", "stats", "sim", "mem", "import", "work", "render", "unit", "machine", "report"]),
     (

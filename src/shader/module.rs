@@ -9,7 +9,7 @@ use super::guard::guarded;
 use super::interface::Stage;
 use super::nesting;
 use super::stack::with_room_for;
-use crate::host::one_line;
+use crate::host::{one_line, ron_reason};
 use crate::num::Limits;
 
 /// The source of a shader module.
@@ -266,7 +266,7 @@ impl Module {
                     let at = e.span.start;
                     fail(
                         Some(Place::Text { line: at.line as u32, column: at.col as u32 }),
-                        format!("no naga IR: {}", e.code),
+                        format!("no naga IR: {}", ron_reason(&e.code)),
                     )
                 })?;
                 (ir, Places::None)

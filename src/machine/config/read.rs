@@ -8,6 +8,7 @@ use ron::value::Number;
 
 use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
+use crate::host::ron_reason;
 use crate::num::edits;
 use crate::unit::knob::{Allowed, Setting};
 
@@ -19,7 +20,7 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
     let syntax = |message: String| ConfigError::Syntax { file: file.to_owned(), message };
     let value: Value = ron::from_str(text).map_err(|error| {
         let Position { line, col } = error.span.start;
-        ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: error.code.to_string() }
+        ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: ron_reason(&error.code) }
     })?;
     let Value::Map(map) = value else { return Err(syntax("a configuration is (key: value, …)".to_owned())) };
     let keys = places::keys(text);
