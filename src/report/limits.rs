@@ -49,6 +49,8 @@ regular files.
 * More than 1,024 threads, by `--threads` or `RAYON_NUM_THREADS`.
 * Shaders with more than 200 levels of brackets, templates and blocks, or 127 blocks inside each other, which naga's parser and WGSL do not
   have; with more than 60,000 registers, or 65,535 loops, masks or bindings, which operations cannot number.
+* Zero values of arrays (`array<f32, N>()`) in larger expressions where the length is made of more than whole numbers, constants, brackets,
+  `+ - * / % << & | ^`, `u32`, `i32`, `min` and `max`.
 
 ## What is printed, and what is written
 

@@ -1,6 +1,6 @@
 //! Short shaders that become large when they are compiled: loops are left as loops, all else is refused, in bounded time and memory.
 
-use super::deep_shaders::compile;
+use super::deep_shaders::{compile, compiling, spirv};
 use super::generated as made;
 use super::process::{Output, below_mib, done, refused};
 
@@ -74,4 +74,56 @@ fn large_arrays_are_refused_by_name() {
         &compile(&made::large_array("function", 65_000), &["shader.array_registers=70000"]),
         &["65006 registers", "operations can number"],
     );
+}
+
+#[test]
+fn operators_on_long_zero_values_are_refused() {
+    for (declarations, body) in [
+        ("const X = array<i32, 500000000>() == array<i32, 500000000>();", ""),
+        ("", "let c = array<i32, 30000000>() == array<i32, 30000000>();"),
+        ("", "let c = array<array<i32, 50000>, 50000>() + array<array<i32, 50000>, 50000>();"),
+        ("const N = 1 << 20u; alias A = array<vec4<f32>, N * 64 - 1>;", "let c = -A();"),
+        ("struct S { a: u32, b: array<i32, 100000000> }", "let c = !S();"),
+        ("const Z = array<u32, 400000000>();", "let c = ~Z;"),
+        ("const Z = array<u32, 400000000>();", "let c = select(Z, Z, true);"),
+        ("override o: u32; override p = array<u32, 400000000>() == o;", "x = p;"),
+        ("", "let c = vec3(array<f32, 100000000>(), 1.0, 2.0);"),
+        ("", "let c = f32(array<i32, 100000000>());"),
+        ("", "x = max(array<u32, 100000000>(), 1u);"),
+        ("", "x = array<u32, 100000000>()[5];"),
+        ("fn f(a: array<u32, 100000000>) -> u32 { return a[1]; }", "x = f(array<u32, 100000000>());"),
+    ] {
+        let output = compile(&made::shader(declarations, body), &[]);
+        refused(&output, &["hostile", "more than the limit of", "--limit shader.constants=N"]);
+        below_mib(&output, 200);
+    }
+    // Many of middling length.
+    let many = "t = array<u32, 60000>() == array<u32, 60000>();".repeat(1000);
+    limited(&compile(&made::shader("", &many), &[]), "shader.constants");
+    // One whose length only naga could tell.
+    let output = compile(&made::shader("const N = array(400000000, 1);", "t = array<u32, N[0]>() == array<u32, N[0]>();"), &[]);
+    refused(&output, &["hostile", "how long it is"]);
+    below_mib(&output, 200);
+    // A zero value of SPIR-V is stored only.
+    let text = made::shader("var<private> z: array<u32, 30000000> = array<u32, 30000000>();", "z[x] = x; x = z[x + 1u];");
+    let binary = spirv(text.clone());
+    let (_folder, run) = compiling(|card| card.create_shader_spirv("hostile", &binary));
+    limited(&run.run(), "shader.components");
+    limited(&compile(&text, &[]), "shader.components");
+}
+
+#[test]
+fn zero_values_of_arrays_go_on_working() {
+    for (declarations, body) in [
+        ("var<workgroup> w: array<u32, 4096>;", "w[x & 7u] = 1u; w = array<u32, 4096>(); x += w[x & 4095u];"),
+        ("var<private> p: array<u32, 4096> = array<u32, 4096>();", "p[x & 7u] = 1u; x += p[x & 4095u];"),
+        ("const N = 8u; struct S { a: array<vec2<u32>, N * N> }", "var s = S(); s.a[x & 7u].y = x; x += s.a[x & 3u].y;"),
+        ("const Z = array<u32, 5000>();", "x += Z[4999] + Z[x % 5000u];"),
+        (
+            "fn f(a: array<u32, 64>) -> u32 { return a[1]; } const N = array(64, 1);",
+            "x += f(array<u32, 64>()); var v = array<u32, N[0]>();",
+        ),
+    ] {
+        compiled(&compile(&made::shader(declarations, body), &[]));
+    }
 }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 pub type Kind = (&'static str, fn(usize) -> String);
 
 /// A compute shader with these declarations and this body, which may use `b`, a buffer, and `x`, a number of it.
-fn shader(declarations: &str, body: &str) -> String {
+pub fn shader(declarations: &str, body: &str) -> String {
     format!(
         "@group(0) @binding(0) var<storage, read_write> b: array<u32>;\n{declarations}\n\
          @compute @workgroup_size(1) fn main() {{\nvar x = b[0]; var t = x == 1u;\n{body}\nb[1] = x + u32(t);\n}}\n"

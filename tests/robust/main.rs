@@ -12,6 +12,8 @@ mod generated;
 #[cfg(unix)]
 mod memory;
 #[cfg(unix)]
+mod nested_text;
+#[cfg(unix)]
 mod outputs;
 #[cfg(unix)]
 mod process;

@@ -5,5 +5,5 @@ mod plain;
 mod replace;
 
 pub use files::{Links, check_folder, length, open, read_text};
-pub use plain::{Fence, excerpt, is_obeyed, one_line, path_line, printable};
+pub use plain::{Fence, excerpt, is_obeyed, one_line, path_line, printable, ron_reason};
 pub use replace::{Part, replace, write_file};

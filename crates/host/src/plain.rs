@@ -44,6 +44,14 @@ fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
+/// Why a text in RON cannot be read. The reader's own word on nesting is for those who program with it.
+pub fn ron_reason(error: &ron::Error) -> String {
+    match error {
+        ron::Error::ExceededRecursionLimit => "it is nested deeper than 128 levels, which is fixed".to_owned(),
+        other => other.to_string(),
+    }
+}
+
 /// A text of at most about so many bytes: of a longer one the beginning and the end, since messages name the remedy last.
 pub fn excerpt(text: &str, most: usize) -> Cow<'_, str> {
     if text.len() <= most {

@@ -117,8 +117,9 @@ limits! {
     shader_nesting: "shader.nesting", 4096, "levels of nesting in a shader";
     /// Declarations at the top of a shader: functions, variables, types, constants. Recorded shaders have up to 14.
     shader_declarations: "shader.declarations", 1 << 14, "declarations in a shader";
-    /// Tokens of a shader's text, each constant counted with all that it stands for wherever it is used; where the shader is no text,
-    /// expressions, and parts of types. Recorded shaders have up to 792.
+    /// Tokens of a shader's text, each constant counted with all that it stands for wherever it is used, and zero values of arrays with
+    /// all of their elements where they are not stored as they are; where the shader is no text, expressions, and parts of types. Recorded
+    /// shaders have up to 792.
     shader_constants: "shader.constants", 1 << 18, "tokens, parts or expressions of a shader with constants and types written out";
     /// Steps of compiling one entry point: statements, expressions and instructions, calls inlined and loops unrolled. Recorded shaders
     /// take up to 1,793.

@@ -36,6 +36,7 @@ mod resources;
 mod stack;
 mod tokens;
 mod types;
+mod zeros;
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use super::guard::guarded;
 use super::interface::Stage;
 use super::nesting;
 use super::stack::with_room_for;
-use host::one_line;
+use host::{one_line, ron_reason};
 use num::Limits;
 
 /// The source of a shader module.
@@ -23,18 +23,36 @@ pub enum Source<'a> {
     NagaIr(&'a str),
 }
 
-/// A place in the text of a module.
+/// A place in the source of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// Line, from 1.
-    pub line: u32,
-    /// Column in bytes, from 1.
-    pub column: u32,
+pub enum Place {
+    /// In a text.
+    Text {
+        /// Line, from 1.
+        line: u32,
+        /// Column in bytes, from 1.
+        column: u32,
+    },
+    /// In a SPIR-V binary: the word of this number, from 0, with which an instruction begins.
+    Word(u32),
+}
+
+impl Place {
+    /// The line, from 1, in a text.
+    pub fn line(self) -> Option<u32> {
+        match self {
+            Place::Text { line, .. } => Some(line),
+            Place::Word(_) => None,
+        }
+    }
 }
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}:{}", self.line, self.column)
+        match self {
+            Place::Text { line, column } => write!(f, "{line}:{column}"),
+            Place::Word(word) => write!(f, "word {word}"),
+        }
     }
 }
 
@@ -46,7 +64,7 @@ pub struct ShaderError {
     pub module: String,
     /// Entry point, if the error belongs to one.
     pub entry: Option<String>,
-    /// Place in the source, if the source has places (SPIR-V and naga IR have none).
+    /// Place in the source, if it is known. naga IR has places only while it is read: afterwards messages name its handles.
     pub place: Option<Place>,
     /// What is wrong.
     pub message: String,
@@ -64,11 +82,34 @@ fn place_text(place: &Option<Place>) -> String {
 #[derive(Clone, Debug)]
 pub struct Module {
     pub(super) name: Arc<str>,
-    pub(super) source: Arc<str>,
+    pub(super) places: Places,
     pub(super) ir: Arc<Ir>,
     pub(super) info: Arc<ModuleInfo>,
     /// What compiling it may take.
     pub(super) limits: Limits,
+}
+
+/// What the spans of naga's form of a module are.
+#[derive(Clone, Debug)]
+pub(super) enum Places {
+    /// Bytes of a text.
+    Text(Arc<str>),
+    /// Bytes of a SPIR-V binary.
+    Binary,
+    /// Nothing.
+    None,
+}
+
+impl Places {
+    /// The place of a span.
+    pub fn of(&self, span: naga::Span) -> Option<Place> {
+        let at = span.to_range()?.start;
+        match self {
+            Places::Text(text) => (at <= text.len()).then(|| place_of(span.location(text))),
+            Places::Binary => Some(Place::Word((at / 4) as u32)),
+            Places::None => None,
+        }
+    }
 }
 
 /// naga's form of a module.
@@ -121,27 +162,37 @@ pub(super) fn capabilities() -> Capabilities {
         | Capabilities::MEMORY_DECORATION_VOLATILE
 }
 
-/// The first function that a SPIR-V module calls and does not have, on which naga 30 panics. Nothing is said of what is no such
-/// module.
-fn undefined_function(words: &[u32]) -> Option<u32> {
+/// The first function that a SPIR-V module calls and does not have, on which naga 30 panics, and the word of the call. Nothing is said of
+/// what is no such module.
+fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
     const FUNCTION: u32 = 54;
     const FUNCTION_CALL: u32 = 57;
     let (mut defined, mut called) = (std::collections::BTreeSet::<u32>::new(), Vec::new());
-    // Five words of header, then instructions: their length in words and their code, then their operands.
-    let mut at = 5;
-    while let Some(&first) = words.get(at) {
-        let (length, code) = ((first >> 16) as usize, first & 0xffff);
-        if length == 0 {
-            break;
-        }
+    for (at, code) in extent::instructions(words) {
         match code {
             FUNCTION => defined.extend(words.get(at + 2)),
-            FUNCTION_CALL => called.extend(words.get(at + 3)),
+            FUNCTION_CALL => called.extend(words.get(at + 3).map(|&id| (id, at as u32))),
             _ => {}
         }
-        at += length;
     }
-    called.into_iter().find(|id| !defined.contains(id))
+    called.into_iter().find(|(id, _)| !defined.contains(id))
+}
+
+/// Reads a SPIR-V module. naga says of no error where it is, but it asks for one word after the other.
+fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<Place>, String)> {
+    let taken = std::cell::Cell::new(0);
+    let counted = words.iter().copied().inspect(|_| taken.set(taken.get() + 1));
+    let parsed = guarded(|| {
+        let parsed = naga::front::spv::Frontend::new(counted, options).parse();
+        parsed.map_err(|error| (matches!(error, naga::front::spv::Error::IncompleteData), chain(&error)))
+    });
+    parsed.unwrap_or_else(|message| Err((false, message))).map_err(|(is_cut, message)| {
+        // The last word that it took belongs to the instruction at fault. Of other errors found after all words nothing is known.
+        let within = is_cut || taken.get() < words.len();
+        let begins = |&(at, _): &(usize, u32)| at < taken.get();
+        let at = extent::instructions(words).take_while(begins).last().map_or(0, |(at, _)| at as u32);
+        (within.then_some(Place::Word(at)), message)
+    })
 }
 
 impl Module {
@@ -167,7 +218,7 @@ impl Module {
 
     fn parse(name: &str, source: Source<'_>, limits: &Limits) -> Result<Module, ShaderError> {
         let fail = |place, message| ShaderError { module: name.to_owned(), entry: None, place, message };
-        let (ir, text) = match source {
+        let (ir, places) = match source {
             Source::Wgsl(text) => {
                 let extent = nesting::check(text, limits).map_err(|(place, message)| fail(Some(place), message))?;
                 let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities: capabilities() };
@@ -189,7 +240,7 @@ impl Module {
                     }
                     fail(place, message)
                 })?;
-                (ir, text)
+                (ir, Places::Text(text.into()))
             }
             Source::SpirV(bytes) => {
                 let options = naga::front::spv::Options {
@@ -200,23 +251,32 @@ impl Module {
                 };
                 let word = |word: &[u8]| u32::from_le_bytes([word[0], word[1], word[2], word[3]]);
                 let words: Vec<u32> = bytes.chunks_exact(4).map(word).collect();
-                extent::check_spirv(&words, limits).map_err(|message| fail(None, message))?;
-                if let Some(id) = undefined_function(&words) {
-                    return Err(fail(None, format!("a call of %{id}, which is no function of the module")));
+                if words.len() * 4 != bytes.len() {
+                    return Err(fail(None, format!("{} bytes are no whole number of words", bytes.len())));
                 }
-                let ir = naga::front::spv::parse_u8_slice(bytes, &options).map_err(|e| fail(None, chain(&e)))?;
-                (ir, "")
+                let place = |at: u32| Some(Place::Word(at));
+                extent::check_spirv(&words, limits).map_err(|(at, message)| fail(place(at), message))?;
+                if let Some((id, at)) = undefined_function(&words) {
+                    return Err(fail(place(at), format!("a call of %{id}, which is no function of the module")));
+                }
+                (read_spirv(&words, &options).map_err(|(place, message)| fail(place, message))?, Places::Binary)
             }
             Source::NagaIr(ron) => {
-                let ir = ir_text::read(ron).map_err(|e| fail(None, format!("naga IR at {}: {}", e.span.start, e.code)))?;
-                (ir, "")
+                let ir = ir_text::read(ron).map_err(|e| {
+                    let at = e.span.start;
+                    fail(
+                        Some(Place::Text { line: at.line as u32, column: at.col as u32 }),
+                        format!("no naga IR: {}", ron_reason(&e.code)),
+                    )
+                })?;
+                (ir, Places::None)
             }
         };
-        extent::check_ir(&ir, limits).map_err(|message| fail(None, message))?;
+        extent::check_ir(&ir, limits).map_err(|(span, message)| fail(places.of(span), message))?;
         let info = Validator::new(ValidationFlags::all(), capabilities())
             .validate(&ir)
-            .map_err(|e| fail(e.location(text).map(place_of), chain(e.as_inner())))?;
-        Ok(Module { name: name.into(), source: text.into(), ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits })
+            .map_err(|e| fail(e.spans().next().and_then(|(span, _)| places.of(*span)), chain(e.as_inner())))?;
+        Ok(Module { name: name.into(), places, ir: Arc::new(Ir(ir)), info: Arc::new(info), limits: *limits })
     }
 
     /// The entry points: stage and name, in source order. Stages beyond raster and compute are left out.
@@ -231,7 +291,7 @@ impl Module {
 }
 
 pub(super) fn place_of(l: naga::SourceLocation) -> Place {
-    Place { line: l.line_number, column: l.line_position }
+    Place::Text { line: l.line_number, column: l.line_position }
 }
 
 /// An error with its causes, on one line.

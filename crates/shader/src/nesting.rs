@@ -10,7 +10,8 @@ use std::collections::HashMap;
 use super::graph::{Graph, Reach};
 use super::module::Place;
 use super::tokens::{Token, Tokens};
-use num::Limits;
+use super::zeros::{Zero, Zeros};
+use num::{LimitExceeded, Limits};
 
 /// Why a text is refused, and where.
 pub(super) type Refusal = (Place, String);
@@ -22,7 +23,7 @@ pub(super) struct Extent {
     pub nesting: u64,
     /// Declarations at the top.
     pub declarations: u64,
-    /// Tokens, with constants written out.
+    /// Tokens, with constants and zero values of arrays written out.
     pub tokens: u64,
     /// Where brackets and operators are nested deepest.
     pub deepest: Place,
@@ -73,6 +74,7 @@ enum Expected {
 /// The pass over a text.
 struct Scan<'t> {
     text: &'t str,
+    tokens: Vec<(usize, Token<'t>)>,
     graph: Graph,
     /// Names at the top, and where they stand.
     tops: HashMap<&'t str, u32>,
@@ -92,6 +94,11 @@ struct Scan<'t> {
     expected: Expected,
     /// The name that a local declaration has, until it holds.
     name: &'t str,
+    /// Which tokens name declarations: those at the top, and those of constants in functions.
+    names: HashMap<u32, usize>,
+    /// Which local declaration a token names.
+    mentions: HashMap<usize, u32>,
+    zeros: Vec<Zero>,
 }
 
 /// Checks a text against the limits.
@@ -101,6 +108,7 @@ struct Scan<'t> {
 pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
     let mut scan = Scan {
         text,
+        tokens: Vec::new(),
         graph: Graph::default(),
         tops: HashMap::new(),
         locals: HashMap::new(),
@@ -112,23 +120,28 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
         keyword: "",
         expected: Expected::Nothing,
         name: "",
+        names: HashMap::new(),
+        mentions: HashMap::new(),
+        zeros: Vec::new(),
     };
     scan.begin(0);
     let mut declarations = 0;
-    let mut tokens = 0;
     let mut deepest = (0, 0);
     let mut before = Token::Other;
     let mut stream = Tokens::new(text).peekable();
     while let Some((at, token)) = stream.next() {
-        let refuse = |error: num::LimitExceeded| (place(text, at), error.to_string());
-        tokens += 1;
-        limits.shader_constants.check(tokens).map_err(refuse)?;
+        let refuse = |error: LimitExceeded| (place(text, at), error.to_string());
+        scan.tokens.push((at, token));
+        limits.shader_constants.check(scan.tokens.len() as u64).map_err(refuse)?;
         if scan.keyword.is_empty() && !matches!(token, Token::Close(_) | Token::Separator(_)) {
             declarations += 1;
             limits.shader_declarations.check(declarations).map_err(refuse)?;
         }
-        let label = stream.peek().is_some_and(|(_, next)| *next == Token::Separator(':'));
-        scan.token(at, token, before, label);
+        let next = stream.peek().map(|(_, next)| *next);
+        if token == Token::Open('(') && next == Some(Token::Close(')')) {
+            scan.zeros.push(Zero { bracket: scan.tokens.len() - 1, node: scan.node });
+        }
+        scan.token(at, token, before, next == Some(Token::Separator(':')));
         let depth = scan.levels.last().map_or(0, |level| level.outside + level.depth());
         limits.shader_nesting.check(depth).map_err(refuse)?;
         if depth > deepest.0 {
@@ -142,18 +155,25 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
             scan.graph.uses(user, used);
         }
     }
+    // Types and constants that lengths are made of are followed as deep as they are nested.
+    for (node, Reach { depth, .. }) in scan.graph.reaches().into_iter().enumerate() {
+        limits.shader_nesting.check(depth).map_err(|error| reaches_too_far(text, scan.graph.nodes[node].at, &error))?;
+    }
+    scan.count_zeros()?;
     let mut out = Extent { nesting: 0, declarations, tokens: 0, deepest: place(text, deepest.1) };
     for (node, Reach { depth, size, .. }) in scan.graph.reaches().into_iter().enumerate() {
         let own = scan.graph.nodes[node];
         out.nesting = out.nesting.max(depth);
         // A type is one thing however large it is; a constant is written out at each use.
         out.tokens = out.tokens.saturating_add(if own.is_type { own.tokens } else { size });
-        let refuse =
-            |error: num::LimitExceeded| (place(text, own.at), format!("a declaration and those that it needs have {error}"));
-        limits.shader_nesting.check(depth).map_err(refuse)?;
-        limits.shader_constants.check(size.max(out.tokens)).map_err(refuse)?;
+        limits.shader_constants.check(size.max(out.tokens)).map_err(|error| reaches_too_far(text, own.at, &error))?;
     }
     Ok(out)
+}
+
+/// A declaration that begins here is refused with all that it needs.
+fn reaches_too_far(text: &str, at: usize, error: &LimitExceeded) -> Refusal {
+    (place(text, at), format!("a declaration and those that it needs have {error}"))
 }
 
 /// The place of a byte.
@@ -161,7 +181,7 @@ fn place(text: &str, at: usize) -> Place {
     let before = &text.as_bytes()[..at];
     let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
     let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
-    Place { line, column: (at - begin) as u32 + 1 }
+    Place::Text { line, column: (at - begin) as u32 + 1 }
 }
 
 impl<'t> Scan<'t> {
@@ -182,6 +202,31 @@ impl<'t> Scan<'t> {
         // What a head has declared, parameters, ends with the function.
         self.leave();
         self.scopes.push(Vec::new());
+    }
+
+    /// Counts the elements of the zero values as tokens of the declarations that they stand in.
+    fn count_zeros(&mut self) -> Result<(), Refusal> {
+        if self.zeros.is_empty() {
+            return Ok(());
+        }
+        let Scan { text, ref tokens, ref tops, ref names, mentions: ref locals, .. } = *self;
+        let mut zeros = Zeros { text, tokens, tops, names, locals, known: HashMap::new() };
+        let templates = zeros.templates();
+        for &zero in &self.zeros {
+            let Some(begin) = zeros.begin(zero, &templates) else { continue };
+            let node = &mut self.graph.nodes[zero.node as usize];
+            // A constant may be used anywhere.
+            if !node.copied && zeros.is_kept(begin, zero) {
+                continue;
+            }
+            let Some(elements) = zeros.elements(begin) else {
+                let message = "the zero value of an array of which it cannot be said ahead of compiling how long it is: its length must be \
+                               made of whole numbers and constants, or the value be stored in a variable of its own";
+                return Err((place(text, tokens[begin].0), message.to_owned()));
+            };
+            node.tokens = node.tokens.saturating_add(elements);
+        }
+        Ok(())
     }
 
     fn leave(&mut self) {
@@ -290,11 +335,14 @@ impl<'t> Scan<'t> {
                 return;
             }
             self.expected = Expected::Nothing;
-            if outermost {
+            let node = if outermost {
                 self.tops.insert(word, self.top);
+                self.top
             } else {
                 self.name = word;
-            }
+                self.node
+            };
+            self.names.insert(node, self.tokens.len() - 1);
             return;
         }
         // Members and attributes have names of their own.
@@ -336,7 +384,10 @@ impl<'t> Scan<'t> {
             _ => {
                 self.graph.nodes[self.node as usize].arrays += u64::from(word == "array");
                 match self.locals.get(word).and_then(|held| held.last()) {
-                    Some(&node) => self.graph.uses(self.node, node),
+                    Some(&node) => {
+                        self.mentions.insert(self.tokens.len() - 1, node);
+                        self.graph.uses(self.node, node);
+                    }
                     None => self.uses.push((self.node, word)),
                 }
             }
@@ -401,14 +452,82 @@ mod tests {
         assert_eq!(size("const a = big; a; a;") - size("const a = x; a; a;"), 3 * large);
     }
 
+    /// Tokens of a text beyond those of the same text with other zero values.
+    fn elements(text: &str, zero: &str) -> u64 {
+        let of = |zero: &str| extent(&text.replace("ZERO", zero)).tokens;
+        of(zero) - of(&zero.replace("array", "vec2").replace("()", "(1)"))
+    }
+
+    #[test]
+    fn zero_values_of_arrays_count_their_elements() {
+        let compared = "const x = ZERO == y;";
+        assert_eq!(elements(compared, "array<i32, 1000>()"), 1000 - 1);
+        assert_eq!(elements(compared, "array<array<vec2<f32>, 10>, 0x20u,>()"), 320 - 1);
+        for length in ["7 * (N - 1) + 1", "u32(N) + M", "max(M, 1 << 5u) / 2 + 6", "(N | M) + 10 % 5 + min(0, N)"] {
+            let text = format!("{compared} const N: u32 = 4; const M = N * 5 - 2;");
+            assert_eq!(elements(&text, &format!("array<i32, {length}>()")), 22 - 1, "{length}");
+        }
+        // A type of the text, wherever it stands.
+        let size = |length: u32| {
+            let types = format!("alias A = array<S, 2>; struct S {{ @size(64) a: u32, b: array<f32, {length}>, }}");
+            extent(&format!("const x = !A(); {types}")).tokens
+        };
+        assert_eq!(size(1000) - size(1), 2 * 999);
+        // A constant is copied to where it is used.
+        let uses = |uses: &str| extent(&format!("const c = array<i32, 1000>(); fn f() {{ {uses} }}")).tokens;
+        assert!((3000..3100).contains(&(uses("x = c == c; y = -c;") - uses("x = d == d; y = -d;"))));
+        // Names of a function hold ahead of those at the top.
+        let local = "const n = 5; fn f() { const n = 2 * n; x = -ZERO; }";
+        assert_eq!(elements(local, "array<i32, n>()"), 10 - 1);
+    }
+
+    #[test]
+    fn zero_values_that_are_kept_count_nothing() {
+        for text in [
+            "fn f() { var x = ZERO; let y: array<i32, 9> = ZERO; x = ZERO; return ZERO; }",
+            "var<private> x: array<i32, 9> = ZERO;",
+        ] {
+            extent(&text.replace("ZERO", "array<i32, 2000000000>()"));
+            extent(&text.replace("ZERO", "array<i32, select(1, 2, x)>()"));
+        }
+        extent("var<workgroup> a: array<u32, 4096>; var<private> b: array<array<u32, 4096>, 4096>; fn f() { g(); }");
+    }
+
+    #[test]
+    fn zero_values_that_are_too_long_are_refused() {
+        let refused = |text: &str| check(text, &Limits::default()).expect_err(text);
+        for text in [
+            "const X = array<i32, 500000000>() == array<i32, 500000000>();",
+            "fn f() { let b = array<i32,30000000>() == array<i32,30000000>(); }",
+            "const c = array<i32, 300000>();",
+            "const n = 600; const c = array<array<i32, n>, n>();",
+            "fn f() { let b = x >= array<i32, 300000>(); }",
+            "struct S { a: array<i32, 300000> } fn f() { g(S()); }",
+            "const c = array<i32, 1000>(); const d = array(c, c, c); const e = array(d, d, d, d, d, d, d, d, d, d); fn f() { \
+             _ = e == e; _ = e == e; _ = e == e; _ = e == e; _ = e == e; }",
+        ] {
+            let (_, message) = refused(text);
+            assert!(message.contains("more than the limit of 262144") && message.contains("shader.constants"), "{message}");
+        }
+        for length in ["n[1]", "4294967295 + 1", "1 - 2", "0u - 1u", "3.5", "m", "1 / 0", "65536 * 65536", "u32(3.0)", "x"] {
+            let text = format!("const n = array(1, 2);\nconst m = m; override x: u32;\nconst c = array<i32, {length}>();");
+            let (place, message) = refused(&text);
+            assert_eq!(
+                (place, message.contains("how long")),
+                (Place::Text { line: 3, column: 11 }, true),
+                "{length}: {message}"
+            );
+        }
+    }
+
     #[test]
     fn a_refusal_has_the_place() {
         let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
         let (place, message) = check("fn f() {\n  ((x));\n  - - - x; }", &limits).expect_err("too deep");
-        assert_eq!((place, message.contains("shader.nesting")), (Place { line: 3, column: 7 }, true));
+        assert_eq!((place, message.contains("shader.nesting")), (Place::Text { line: 3, column: 7 }, true));
         let (place, _) =
             check("fn f() { }\nfn a() { b(); } fn b() { c(); } fn c() { d(); } fn d() { }", &limits).expect_err("too deep");
-        assert_eq!(place.line, 2);
+        assert_eq!(place.line(), Some(2));
         let limits = Limits { shader_declarations: Limits::default().shader_declarations.with(2), ..Limits::default() };
         assert_eq!(check("struct A { a: u32 }; alias B = A;;;", &limits).map(|e| e.declarations), Ok(2));
         assert!(check("struct A { a: u32 }; alias B = A; fn f() { }", &limits).is_err());

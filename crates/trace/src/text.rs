@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::VERSION;
 use super::command::Command;
 use super::error::{Place, TraceError};
+use host::ron_reason;
 use num::Limits;
 
 /// What a trace says of one of its files.
@@ -140,7 +141,7 @@ fn finish(
                 ron::Error::NoSuchEnumVariant { expected, found, .. } if expected.len() > 30 => {
                     format!("there is no {found:?}")
                 }
-                code => code.to_string(),
+                code => ron_reason(code),
             };
             let end = offset_of(text, error.span.end.line, error.span.end.col).unwrap_or(text.len());
             let reason = if text[end..].trim().is_empty() { format!("the file ends too early: {reason}") } else { reason };

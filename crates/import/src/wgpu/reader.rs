@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use host::ron_reason;
 use trace::{Place, TraceError};
 
 use super::schema::Action;
@@ -80,7 +81,7 @@ impl<'a> Reader<'a> {
             let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
             let place = Place { line: place.line + at.line - 1, column };
             let ends = if ends { ": the file ends inside this action, it is truncated" } else { "" };
-            let reason = format!("action {number} ({name}): {}{ends}", found.code);
+            let reason = format!("action {number} ({name}): {}{ends}", ron_reason(&found.code));
             TraceError::new(self.file, reason).at(Some(place))
         };
         let mut deserializer = ron::Deserializer::from_str(rest).map_err(|error| wrong(error, false))?;

@@ -8,6 +8,7 @@ use ron::value::Number;
 
 use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError, Section};
+use host::ron_reason;
 use num::edits;
 use unit::knob::{Allowed, Setting};
 
@@ -46,7 +47,7 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
             return syntax(NO_CONFIGURATION.to_owned());
         }
         let Position { line, col } = error.span.start;
-        ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: error.code.to_string() }
+        ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: ron_reason(&error.code) }
     })?;
     let map = match value {
         Value::Map(map) if map.iter().any(|(key, _)| matches!(key, Value::String(key) if is_known(key))) => map,
@@ -112,10 +113,12 @@ fn opens(text: &str) -> bool {
 
 /// Whether a key of the outermost level is one of a configuration: a section, a knob of the card, or `extends`.
 fn is_known(key: &str) -> bool {
+    // A slip of the pen is a key too: it gets the message that names the nearest.
+    let like = |known: &str| edits(known, key) <= 2;
     let of = |(section, knobs): (&str, &dyn Section)| {
-        section == key || section.is_empty() && knobs.knobs().iter().any(|knob| knob.name == key)
+        if section.is_empty() { knobs.knobs().iter().any(|knob| like(knob.name)) } else { like(section) }
     };
-    key == "extends" || Config::default().sections().into_iter().any(of)
+    like("extends") || Config::default().sections().into_iter().any(of)
 }
 
 /// A place as messages name it.

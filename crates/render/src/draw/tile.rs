@@ -149,7 +149,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         job,
         bound: frame.fragment.map(|program| {
             let bound = worker.fragment.bind(program, &frame.fragment_resources, &frame.fragment_uniforms);
-            bound.within(&frame.ledger.steps, RECORD.then_some(input.growth))
+            bound.within(&frame.ledger.steps, RECORD.then_some(input.growth)).forgetting()
         }),
         pending: &mut worker.pending,
         weights: &mut worker.weights,
@@ -217,8 +217,12 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     run.flush::<S, RECORD>();
     frame.ledger.steps.add(run.work());
     if RECORD {
-        input.growth.add(run.recorder.take_bytes() + run.job.record.work.bytes());
+        let bytes = run.recorder.take_bytes() + run.job.record.work.bytes();
         run.job.record.finish(run.recorder);
+        if !input.growth.add(bytes) {
+            // The draw is refused when all tiles are back, whose steps count until then; what they record is of no use.
+            run.job.record = TileRecord::default();
+        }
     }
     let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;
     worker.drawn += Drawn { samples_passed, funnel, overwritten };

@@ -191,7 +191,7 @@ impl Bound<'_> {
                         let mut told = allowance.tell_steps(spent);
                         if RECORD && told.is_ok() {
                             let staged = scratch.bytes() + waiting.iter().map(|w| w.scratch.bytes()).sum::<u64>();
-                            told = allowance.tell_recorded(recorder.bytes() + staged, &mut recorder.told);
+                            told = allowance.tell_recorded(recorder, staged).map(drop);
                         }
                         told.map_err(|over| program.fault(over.into(), None))?;
                     }

@@ -168,13 +168,14 @@ pub struct Bound<'a> {
 }
 
 /// Recorded bytes after which their meter is told.
-const RECORDED_PAUSE: u64 = 1 << 24;
+const RECORDED_PAUSE: u64 = if cfg!(test) { 1 << 16 } else { 1 << 24 };
 
 /// The meters of what runs come to.
 #[derive(Clone, Copy, Default)]
 struct Allowance<'a> {
     steps: Option<&'a Meter>,
     recorded: Option<&'a Meter>,
+    forgets: bool,
 }
 
 impl Allowance<'_> {
@@ -188,15 +189,19 @@ impl Allowance<'_> {
         }
     }
 
-    /// Tells the meter of bytes that were recorded, of which it was told of some already.
-    fn tell_recorded(&self, bytes: u64, told: &mut u64) -> Result<(), LimitOverrun> {
-        let more = bytes.saturating_sub(*told);
-        match self.recorded {
-            Some(meter) if more >= RECORDED_PAUSE => {
-                *told = bytes;
-                if meter.add(more) { Ok(()) } else { Err(meter.overrun()) }
+    /// Tells the meter of what a recorder has, and of runs that have not ended. Answers whether these are to be forgotten too.
+    fn tell_recorded(&self, recorder: &mut Recorder, unfinished: u64) -> Result<bool, LimitOverrun> {
+        let bytes = recorder.metered() + unfinished;
+        let more = bytes.saturating_sub(recorder.told);
+        let Some(meter) = self.recorded.filter(|_| more >= RECORDED_PAUSE) else { return Ok(false) };
+        recorder.told = bytes;
+        match (meter.add(more), self.forgets) {
+            (true, _) => Ok(false),
+            (false, true) => {
+                recorder.take();
+                Ok(true)
             }
-            _ => Ok(()),
+            (false, false) => Err(meter.overrun()),
         }
     }
 }
@@ -205,7 +210,14 @@ impl<'a> Bound<'a> {
     /// Runs stop when a meter is over: of steps, or of the bytes that recorders hold. Meters are told from time to time; of the rest the
     /// caller tells them ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on who ran what.
     pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> Bound<'a> {
-        self.allowance = Allowance { steps: Some(steps), recorded };
+        self.allowance = Allowance { steps: Some(steps), recorded, forgets: false };
+        self
+    }
+
+    /// Runs go on when the meter of recorded bytes is over, and what was recorded is forgotten. Where several threads run a program, the
+    /// steps of all their runs are counted so, whichever of them came to the limit of memory and when.
+    pub fn forgetting(mut self) -> Bound<'a> {
+        self.allowance.forgets = true;
         self
     }
 }
@@ -261,8 +273,8 @@ impl Bound<'_> {
     }
 
     fn tell_recorded(&self, recorder: &mut Recorder) -> Result<(), ShaderFault> {
-        let told = self.allowance.tell_recorded(recorder.bytes(), &mut recorder.told);
-        told.map_err(|over| self.program.fault(over.into(), None))
+        let told = self.allowance.tell_recorded(recorder, 0);
+        told.map(drop).map_err(|over| self.program.fault(over.into(), None))
     }
 
     fn run_impl<const RECORD: bool>(
@@ -283,14 +295,23 @@ impl Bound<'_> {
                 if let Some(recorder) = &mut recorder
                     && told.is_ok()
                 {
-                    told = allowance.tell_recorded(recorder.bytes() + scratch.bytes(), &mut recorder.told);
+                    told = allowance.tell_recorded(recorder, scratch.metered()).map(|forget| {
+                        if forget {
+                            scratch.forget();
+                        }
+                    });
                 }
                 told.map_err(|over| program.fault(over.into(), None))?;
             }
             match stop {
                 Stop::Pause => {}
                 Stop::End | Stop::Barrier => return Ok(Outcome { mask: machine.live & active }),
-                Stop::Loop(number) => return Err(program.loop_fault(number)),
+                Stop::Loop(number) => {
+                    if let Some(recorder) = recorder {
+                        recorder.passed += scratch.metered();
+                    }
+                    return Err(program.loop_fault(number));
+                }
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::RECORDED_PAUSE;
 use gfx::texture::Footprint;
 use num::{Mask, QUADS};
 use work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
@@ -47,6 +48,8 @@ pub struct Recorder {
     pub extra: Extra,
     /// Bytes that a meter was told of.
     pub(super) told: u64,
+    /// Bytes of runs that count though they are not kept: what runs took for a while that took much, and those that were stopped.
+    pub(super) passed: u64,
     known: HashMap<Cost, CostId>,
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
@@ -91,9 +94,14 @@ impl Recorder {
         (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64
     }
 
+    /// Bytes that count against a limit. They follow from what was run, not from when it was asked.
+    pub(super) fn metered(&self) -> u64 {
+        self.bytes() + self.passed
+    }
+
     /// Bytes since the last that a meter was told of ([`Bound::within`](super::Bound::within)): the caller tells it of these.
     pub fn take_bytes(&mut self) -> u64 {
-        let bytes = self.bytes();
+        let bytes = self.metered();
         bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))
     }
 
@@ -101,7 +109,7 @@ impl Recorder {
     pub fn take(&mut self) -> (CostTable, Vec<Request>, Vec<u32>) {
         self.known.clear();
         self.spans.clear();
-        self.told = 0;
+        (self.told, self.passed) = (0, 0);
         (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
     }
 }
@@ -168,10 +176,33 @@ impl Scratch {
 
     /// Bytes that the run has collected so far.
     pub(super) fn bytes(&self) -> u64 {
+        self.kept() + self.passing()
+    }
+
+    /// Bytes that count against a limit: what the recorder keeps at the end of the run, and what the run takes beside, beyond a little.
+    pub(super) fn metered(&self) -> u64 {
+        self.kept() + self.passing().saturating_sub(RECORDED_PAUSE)
+    }
+
+    /// Bytes of requests and lines, which the recorder keeps.
+    fn kept(&self) -> u64 {
         let staged: usize = self.staged.iter().map(|staged| size_of_val(&**staged)).sum();
+        (staged + size_of_val(&*self.staged_lines)) as u64
+    }
+
+    /// Bytes of steps and paths, of which the recorder keeps one of each kind.
+    fn passing(&self) -> u64 {
         let steps: usize = self.steps.iter().map(|steps| size_of_val(&**steps)).sum();
         let paths: usize = self.paths.iter().map(|path| size_of_val(&**path)).sum();
-        (staged + steps + paths + size_of_val(&*self.staged_lines)) as u64
+        (steps + paths) as u64
+    }
+
+    /// Forgets what the run has collected; it may go on.
+    pub(super) fn forget(&mut self) {
+        self.steps.iter_mut().for_each(Vec::clear);
+        self.staged.iter_mut().for_each(Vec::clear);
+        self.paths.iter_mut().for_each(Vec::clear);
+        self.staged_lines.clear();
     }
 
     /// Execution goes on at `pc`.
@@ -251,6 +282,7 @@ impl Scratch {
 impl Recorder {
     /// Ends all quads of a run and interns their costs.
     pub(super) fn finish(&mut self, run: &mut Scratch) {
+        self.passed += run.metered() - run.kept();
         for q in 0..QUADS {
             run.step(q, RequestKind::End);
             let first_request = self.requests.len() as u32;

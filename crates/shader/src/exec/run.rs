@@ -22,8 +22,9 @@ pub(super) enum Stop {
     Pause,
 }
 
-/// Steps in loops after which a run pauses, so that they are counted against the limit: some hundredths of a second.
-pub(super) const PAUSE: u64 = 1 << 20;
+/// Steps in loops after which a run pauses, so that they are counted against the limit: some hundredths of a second. Tests of limits make do
+/// with less work.
+pub(super) const PAUSE: u64 = if cfg!(test) { 1 << 14 } else { 1 << 20 };
 
 /// The state of one batch apart from its registers and mask slots.
 pub(super) struct Machine<'a> {

@@ -208,10 +208,11 @@ impl<'a> Lowerer<'a> {
 
     /// The current place, if the module has places.
     pub fn here(&self) -> Option<module::Place> {
-        let at = self.span.to_range().filter(|_| !self.lines.is_empty())?.start;
+        let module::Places::Text(_) = self.origin.places else { return self.origin.places.of(self.span) };
+        let at = self.span.to_range()?.start;
         let line = self.lines.partition_point(|&begin| begin as usize <= at);
         let begin = self.lines[line - 1] as usize;
-        Some(module::Place { line: line as u32, column: (at - begin) as u32 + 1 })
+        Some(module::Place::Text { line: line as u32, column: (at - begin) as u32 + 1 })
     }
 
     pub fn frame(&self) -> &Frame<'a> {

@@ -10,7 +10,7 @@ use crate::interface::{
     Binding, BindingKind, BuiltIn, Connection, DepthPromise, Interface, Interpolation, Sampling, Scalar, Slot, Stage,
 };
 use crate::ir::{Builder, Def, V};
-use crate::module::{Module, ShaderError};
+use crate::module::{Module, Places, ShaderError};
 use crate::options::Optimisations;
 use crate::program::Space;
 use crate::types::{Ty, Types, component_counts};
@@ -48,7 +48,10 @@ pub(crate) fn lower(
         writes: Default::default(),
         indexed: writes::find_indexed(module, info, index),
         span: naga::Span::UNDEFINED,
-        lines: line_starts(&origin.source),
+        lines: match &origin.places {
+            Places::Text(text) => line_starts(text),
+            Places::Binary | Places::None => Vec::new(),
+        },
         range_top: 0,
         unroll_budget: UNROLL_BUDGET,
         unroll_steps: origin.limits.shader_unrolling.get(),
@@ -64,10 +67,10 @@ pub(crate) fn lower(
     })
 }
 
-/// First bytes of the lines of a text; none of an empty one.
+/// First bytes of the lines of a text.
 fn line_starts(text: &str) -> Vec<u32> {
     let after = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n').map(|(at, _)| at as u32 + 1);
-    std::iter::once(0).filter(|_| !text.is_empty()).chain(after).collect()
+    std::iter::once(0).chain(after).collect()
 }
 
 impl<'a> Lowerer<'a> {

@@ -10,7 +10,7 @@ mod random;
 mod special;
 
 use super::*;
-use num::Words;
+use num::{Limits, Words};
 
 /// Compiles the only compute entry point.
 fn program(source: &str) -> Program {

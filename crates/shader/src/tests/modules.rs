@@ -13,7 +13,7 @@ fn refused(source: &str, stage: Stage) -> ShaderError {
 #[test]
 fn errors_name_module_entry_and_place() {
     let e = refused("@fragment fn fs() -> @location(0) vec4f {\n  return vec4f(1.0) + 1u;\n}", Stage::Fragment);
-    assert_eq!(e.place.map(|p| p.line), Some(2));
+    assert_eq!(e.place.and_then(Place::line), Some(2));
     assert!(e.to_string().starts_with("shader `bad.wgsl`"), "{e}");
     let e = refused("fn f( {", Stage::Fragment);
     assert!(e.place.is_some(), "{e}");
@@ -57,6 +57,7 @@ fn all_sources_agree() {
     let broken: Vec<u8> = broken.iter().flat_map(|w| w.to_le_bytes()).collect();
     let error = Module::new("bad.spv", Source::SpirV(&broken)).expect_err("refused");
     assert!(error.to_string().contains("a call of %4321"), "{error}");
+    assert_eq!(error.place, Some(Place::Word(call as u32)));
     let mut results = Vec::new();
     for source in [Source::Wgsl(source), Source::SpirV(&spirv), Source::NagaIr(&ron)] {
         let module = Module::new("test", source).unwrap_or_else(|e| panic!("{e}"));
@@ -69,6 +70,96 @@ fn all_sources_agree() {
     assert!(results[0].iter().any(|&b| b != 0));
     assert_eq!(results[0], results[1], "SPIR-V");
     assert_eq!(results[0], results[2], "naga IR");
+}
+
+/// naga's form of a text, and what it is as SPIR-V.
+fn forms(source: &str) -> (naga::Module, Vec<u32>) {
+    let module = naga::front::wgsl::parse_str(source).expect("parses");
+    let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+    let info = validator.validate(&module).expect("valid");
+    let words = naga::back::spv::write_vec(&module, &info, &naga::back::spv::Options::default(), None).expect("written");
+    (module, words)
+}
+
+fn spirv_error(words: &[u32]) -> ShaderError {
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    Module::new("bad.spv", Source::SpirV(&bytes)).expect_err("refused")
+}
+
+#[test]
+fn errors_of_spirv_name_the_word() {
+    let (_, words) = forms(
+        "@group(0) @binding(0) var<storage, read_write> b: array<u32>;
+        @compute @workgroup_size(1) fn main() { var x = b[0]; loop { x += 1u; if (x == 3u) { break; } } b[1] = x; }",
+    );
+    // The first sum, whose code no instruction has, whose operand nothing defines, and at whose second word the file ends.
+    let sum = words.iter().position(|&word| word == 5 << 16 | 128).expect("a sum");
+    let with =
+        |at: usize, word: u32| words.iter().enumerate().map(|(i, &w)| if i == at { word } else { w }).collect::<Vec<u32>>();
+    for broken in [with(sum, 5 << 16 | 0xfff0), with(sum + 3, 4321), words[..sum + 2].to_vec()] {
+        let error = spirv_error(&broken);
+        assert!(error.to_string().starts_with(&format!("shader `bad.spv`, word {sum}: ")), "{error}");
+    }
+    // What naga's validation finds: a workgroup of no invocation.
+    let size = words.windows(3).position(|w| w[0] == 6 << 16 | 16 && w[2] == 17).expect("a size");
+    let error = spirv_error(&with(size + 3, 0));
+    assert!(error.to_string().contains("main"), "{error}");
+    // A loop that does not end is named by its place when it runs.
+    let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let limits = Limits { work_loop_turns: Limits::default().work_loop_turns.with(1), ..Limits::default() };
+    let module = Module::with_limits("good.spv", Source::SpirV(&bytes), &limits).expect("valid");
+    let program = compile(&module, Stage::Compute, Some("main"), &Options::default()).expect("compiles");
+    let words = Words::new(8);
+    let resources = [vec![Resource::Buffer(BufferRange { words: &words, offset: 0, size: 8, address: 0 })]];
+    let resources = Resources { bindings: &resources, immediates: &[] };
+    let uniforms = program.uniforms(&resources);
+    let mut executor = Executor::new();
+    let fault = executor.bind(&program, &resources, &uniforms).run_groups(0..1, [1; 3], None).expect_err("too many turns");
+    assert!(fault.to_string().starts_with("shader `good.spv`, entry point `main`, word "), "{fault}");
+}
+
+#[test]
+fn errors_of_naga_ir_name_the_place_or_the_handle() {
+    let error = Module::new("bad.ron", Source::NagaIr("(\n  types: [7])")).expect_err("refused");
+    assert!(error.to_string().starts_with("shader `bad.ron`, 2:"), "{error}");
+    let limits = Limits { shader_nesting: Limits::default().shader_nesting.with(3), ..Limits::default() };
+    let refused = |source: &str| {
+        let ron = ron::to_string(&forms(source).0).expect("a text");
+        Module::with_limits("deep.ron", Source::NagaIr(&ron), &limits).expect_err("too deep").to_string()
+    };
+    let text = refused("@compute @workgroup_size(1) fn main() { if true { if true { if true { return; } } } }");
+    assert!(text.starts_with("shader `deep.ron`: entry point `main`: 4 levels of nesting"), "{text}");
+    let text =
+        refused("fn deep() { if true { if true { if true { return; } } } } @compute @workgroup_size(1) fn main() { deep(); }");
+    assert!(text.starts_with("shader `deep.ron`: function [0] `deep`: 4 levels of nesting"), "{text}");
+    let text = refused("var<private> a: array<array<array<f32, 1>, 1>, 1>; @compute @workgroup_size(1) fn main() { }");
+    assert!(text.starts_with("shader `deep.ron`: type [3]: 4 levels of nesting"), "{text}");
+}
+
+/// naga computes what depends on a pipeline constant without a look at types, and writes zero values out for it.
+#[test]
+fn operators_on_long_zero_values_are_refused_in_nagas_form() {
+    let source = "override o: u32 = 1; override p: u32 = o + 2; var<private> z: array<u32, LENGTH>;
+        @compute @workgroup_size(1) fn main() { z[0] = p; }";
+    let of = |length: &str| {
+        let mut module = naga::front::wgsl::parse_str(&source.replace("LENGTH", length)).expect("parses");
+        let (array, _) =
+            module.types.iter().find(|(_, ty)| matches!(ty.inner, naga::TypeInner::Array { .. })).expect("an array");
+        let (two, _) = module
+            .global_expressions
+            .iter()
+            .find(|(_, e)| matches!(e, naga::Expression::Literal(naga::Literal::U32(2))))
+            .expect("2");
+        module.global_expressions[two] = naga::Expression::ZeroValue(array);
+        let ron = ron::to_string(&module).expect("a text");
+        let module = Module::new("zero.ron", Source::NagaIr(&ron))?;
+        compile(&module, Stage::Compute, None, &Options::default())
+    };
+    let text = of("500000000").expect_err("too long").to_string();
+    assert!(text.contains("constant expression [") && text.contains("shader.constants"), "{text}");
+    // No operator takes an array, but a short one costs nothing.
+    let text = of("50").expect_err("no sum").to_string();
+    assert!(!text.contains("shader.constants"), "{text}");
 }
 
 #[test]

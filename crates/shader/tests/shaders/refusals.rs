@@ -58,6 +58,6 @@ fn an_endless_loop_is_stopped_with_its_place() {
             Stage::Compute => bound.run_groups(0..1, [1; 3], None).expect_err("it never ends"),
             _ => bound.run_recorded(1, 0, &mut Recorder::new()).expect_err("it never ends"),
         };
-        assert_eq!(fault.place.map(|place| place.line), Some(3), "{fault}");
+        assert_eq!(fault.place.and_then(|place| place.line()), Some(3), "{fault}");
     }
 }

@@ -41,6 +41,8 @@ struct Scene {
     reference: u32,
     /// Vertex ranges drawn one after the other.
     draws: Vec<std::ops::Range<u32>>,
+    /// What the fragment shader's only binding holds, if it has one.
+    storage: Option<Arc<Words>>,
     limits: Limits,
 }
 
@@ -127,6 +129,7 @@ impl Scene {
             viewport: None,
             reference: 0,
             draws: std::iter::once(0..n).collect(),
+            storage: None,
             limits: Limits::default(),
         }
     }
@@ -160,7 +163,7 @@ impl Scene {
     }
 
     fn pipeline(&self) -> Result<RenderPipeline, String> {
-        let module = Module::new("scene", Source::Wgsl(&self.source)).unwrap_or_else(|e| panic!("{e}"));
+        let module = Module::with_limits("scene", Source::Wgsl(&self.source), &self.limits).unwrap_or_else(|e| panic!("{e}"));
         RenderPipeline::new(&self.state, &module, Some(&module), work::Needless::NONE, "scene")
     }
 
@@ -171,6 +174,10 @@ impl Scene {
             let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
             IndexRange { range: range_of(&bytes), format: IndexFormat::Uint32 }
         });
+        let storage = self.storage.iter().map(|words| {
+            vec![shader::Resource::Buffer(shader::BufferRange { words, offset: 0, size: words.len(), address: 1 << 24 })]
+        });
+        let storage: Vec<_> = storage.collect();
         let (width, height) = self.extent;
         let samples = self.state.multisample.count;
         let mut color = TileSurface::new(Shape { format: self.format, width, height, samples });
@@ -198,7 +205,7 @@ impl Scene {
                     ..Range::default()
                 },
                 vertex_resources: Resources::default(),
-                fragment_resources: Some(Resources::default()),
+                fragment_resources: Some(Resources { bindings: &storage, ..Resources::default() }),
                 viewport: self.viewport.unwrap_or(Viewport {
                     x: 0.0,
                     y: 0.0,
