@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::run::replay::{Fidelity, Options, Replay, replay};
 use crate::run::sample::{Clusters, random};
-use crate::run::sampled::{Sampling, Survey, counted, sampled, survey};
+use crate::run::sampled::{Sampling, Survey, counted, survey};
 use crate::stats::{Leaf, Node, Tree};
 use crate::trace::Trace;
 
@@ -132,8 +132,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let survey = survey(trace, options)?;
     for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < frames.len()) {
         let sampling = Sampling { samples, seed, ..Sampling::default() };
-        let options = Options { fidelity: Fidelity::Sampled(sampling), ..options.clone() };
-        let run = sampled(trace, &options, &sampling, &|_| ())?;
+        let run = run(Fidelity::Sampled(sampling))?;
         let resampled = resample(&survey, &frames, samples as usize);
         points.push(Point { resampled, ..point(format!("sampled, {samples} frames"), &run, &truth) });
     }

@@ -15,11 +15,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::Verdict;
 use super::threads::MOST;
 use crate::render::Watch;
-use crate::report::summary;
-use crate::run::replay::{self, Album, Fidelity, Options, Replay};
+use crate::report::files::About;
+use crate::report::folder::Folder;
+use crate::report::summary::{self, Phases};
+use crate::run::replay::{Fidelity, Frame, Options, Outcome, replay_to};
 use crate::run::sampled::Sampling;
 use crate::sim::Clock;
-use crate::work::Surface;
 
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
@@ -122,24 +123,36 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         watch: Some(watch.clone()),
     };
     let trace = arguments.reading.open(&arguments.trace)?;
-    let mut album = arguments.out.as_deref().map(Album::new).transpose()?;
-    // Pictures are written as frames end, and kept by nobody.
-    let mut taker = |number: u32, surface: &Surface, bytes: &[u8]| match &mut album {
-        Some(album) => album.put(number, surface, bytes),
-        None => Ok(()),
+    let name = arguments.trace.display().to_string();
+    let about = About { trace: name, config: options.config.name.clone(), fidelity: options.fidelity.name() };
+    let create = |out| Folder::create(out, about, &options.config.resolved());
+    let mut folder = arguments.out.as_deref().map(create).transpose()?;
+    // What is said of all frames; the frames themselves are kept by nobody.
+    let mut seen = Seen::default();
+    let mut taker = |frame: Frame| {
+        seen.frames += 1;
+        seen.phases.add(&frame.phases);
+        folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
     let bar = progress_bar();
     let told = Told::begin(&bar, &watch);
-    let done = replay::replay_to(&trace, &options, &|frame| told.frame(frame), &mut taker);
+    let done = replay_to(&trace, &options, &|frame| told.frame(frame), &mut taker);
     told.end();
     let done = done?;
-    if done.frames.is_empty() {
+    if seen.frames == 0 {
         bail!("the trace has no frame in {}..{}", options.frames.start, options.frames.end);
     }
-    if let Some(out) = &arguments.out {
-        replay::write(&done, &arguments.trace.display().to_string(), &options, out)?;
+    if let Some(folder) = folder {
+        folder.end(done.total.clone())?;
     }
-    print(&done, &options, arguments)
+    print(&done, &seen, &options, arguments)
+}
+
+/// What is kept of frames that have left.
+#[derive(Default)]
+struct Seen {
+    frames: usize,
+    phases: Phases,
 }
 
 /// A spinner on a terminal, nothing elsewhere.
@@ -201,8 +214,8 @@ impl Told {
     }
 }
 
-fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verdict> {
-    let frames = done.frames.len();
+fn print(done: &Outcome, seen: &Seen, options: &Options, arguments: &Arguments) -> Result<Verdict> {
+    let frames = seen.frames;
     let s = if frames == 1 { "" } else { "s" };
     println!("{} on {}: {frames} frame{s}", arguments.trace.display(), options.config.name);
     print!("\nWhat was drawn, and what was thrown away where\n{}", summary::funnel(&done.total));
@@ -216,9 +229,8 @@ fn print(done: &Replay, options: &Options, arguments: &Arguments) -> Result<Verd
         let sampled = matches!(options.fidelity, Fidelity::Sampled(_));
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
-        let phases: Vec<_> = done.frames.iter().map(|frame| frame.phases.as_slice()).collect();
-        if phases.iter().any(|phases| !phases.is_empty()) {
-            print!("\nWhere the cycles went, one phase after another\n{}", summary::phases(&phases, 12));
+        if !seen.phases.is_empty() {
+            print!("\nWhere the cycles went, one phase after another\n{}", seen.phases.text(12));
         }
         if options.fidelity != Fidelity::Bound {
             print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));

@@ -1,76 +1,71 @@
-//! The files that a replay leaves: `stats.json` and `stats.csv`.
+//! The texts of `stats.json` and `stats.csv`, frame by frame.
 
 use serde_json::{Value, json};
 
 use crate::num::Cycle;
+use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::unit::phase::Phase;
-use crate::work::Funnel;
 
-/// The statistics of a frame.
+/// What statistics are of.
 #[derive(Clone, Debug, Default)]
-pub struct FrameStatistics {
-    /// The trace's own number of it.
-    pub number: u32,
-    /// Its counters.
-    pub tree: Tree,
-    /// What was done one after another, and for how long; empty where no time is simulated.
-    pub phases: Vec<(Phase, Cycle)>,
-}
-
-/// The statistics of a replay.
-#[derive(Clone, Debug, Default)]
-pub struct Statistics {
+pub struct About {
     /// The trace, as it was named.
     pub trace: String,
     /// The configuration's name.
     pub config: String,
     /// The fidelity.
-    pub fidelity: String,
-    /// Over all frames.
-    pub total: Tree,
-    /// By frame.
-    pub frames: Vec<FrameStatistics>,
+    pub fidelity: &'static str,
 }
 
-impl Statistics {
-    /// The contents of `stats.json`.
-    pub fn json(&self) -> Value {
-        let frames: Vec<Value> = self
-            .frames
-            .iter()
-            .map(|FrameStatistics { number, tree, phases }| {
-                let mut frame = tree.json();
-                if let Value::Object(map) = &mut frame {
-                    map.shift_insert(0, "frame".into(), json!(number));
-                    if !phases.is_empty() {
-                        map.insert("phases".into(), phases.iter().map(phase_json).collect());
-                    }
-                }
-                frame
-            })
-            .collect();
-        json!({
-            "fillrate": env!("CARGO_PKG_VERSION"),
-            "trace": self.trace,
-            "config": self.config,
-            "fidelity": self.fidelity,
-            "total": self.total.json(),
-            "frames": frames,
-        })
-    }
+/// `stats.json` up to its first frame: what it is of, and the statistics over all frames.
+///
+/// # Errors
+/// If it cannot be written as JSON.
+pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
+    let mut head = serde_json::to_string_pretty(&json!({
+        "fillrate": env!("CARGO_PKG_VERSION"),
+        "trace": about.trace,
+        "config": about.config,
+        "fidelity": about.fidelity,
+        "total": total.json(),
+    }))?;
+    // The object goes on.
+    head.truncate(head.strip_suffix("\n}").unwrap_or(&head).len());
+    head.push_str(",\n  \"frames\": [");
+    Ok(head)
+}
 
-    /// The contents of `stats.csv`: a header, then a row a frame.
-    pub fn csv(&self) -> String {
-        let mut text = String::new();
-        if let Some(first) = self.frames.first() {
-            text.push_str(&format!("frame,{}\n", first.tree.csv_header()));
+/// A frame in `stats.json`.
+///
+/// # Errors
+/// If it cannot be written as JSON.
+pub fn json_frame(frame: &Frame, first: bool) -> serde_json::Result<String> {
+    let mut value = frame.tree.json();
+    if let Value::Object(map) = &mut value {
+        map.shift_insert(0, "frame".into(), json!(frame.number));
+        if !frame.phases.is_empty() {
+            map.insert("phases".into(), frame.phases.iter().map(phase_json).collect());
         }
-        for FrameStatistics { number, tree, .. } in &self.frames {
-            text.push_str(&format!("{number},{}\n", tree.csv_row()));
-        }
-        text
     }
+    let mut text = String::from(if first { "" } else { "," });
+    // A string has no end of a line in it: every line is one of the layout.
+    for line in serde_json::to_string_pretty(&value)?.lines() {
+        text.push_str("\n    ");
+        text.push_str(line);
+    }
+    Ok(text)
+}
+
+/// `stats.json` behind its last frame.
+pub fn json_end(frames: bool) -> &'static str {
+    if frames { "\n  ]\n}" } else { "]\n}" }
+}
+
+/// A frame in `stats.csv`: a row, behind the header if it is the first.
+pub fn csv_rows(frame: &Frame, first: bool) -> String {
+    let row = format!("{},{}\n", frame.number, frame.tree.csv_row());
+    if first { format!("frame,{}\n{row}", frame.tree.csv_header()) } else { row }
 }
 
 fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
@@ -81,19 +76,9 @@ fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
     value
 }
 
-/// A funnel as a subtree of counters.
-pub fn funnel_tree(funnel: &Funnel) -> Tree {
-    let mut tree = Tree::new();
-    for (name, value) in Funnel::NAMES.iter().zip(funnel.values()) {
-        tree.count(name, value);
-    }
-    tree
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stats::Node;
     use crate::unit::phase::PhaseKind;
 
     #[test]
@@ -101,21 +86,29 @@ mod tests {
         let tree = |quads| {
             let mut tree = Tree::new();
             tree.count("cycles", 10);
-            tree.set("funnel", Node::Tree(funnel_tree(&Funnel { quads_shaded: quads, ..Funnel::default() })));
+            tree.child("funnel").count("quads_shaded", quads);
             tree
         };
-        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky".into(), begin: 0, limit: "" };
-        let frame = |number, quads| FrameStatistics { number, tree: tree(quads), phases: vec![(phase.clone(), 10)] };
-        let statistics = Statistics { frames: vec![frame(3, 1), frame(4, 2)], total: tree(3), ..Statistics::default() };
-        let csv = statistics.csv();
-        let lines: Vec<_> = csv.lines().collect();
-        assert_eq!(lines.len(), 3);
-        assert!(lines[0].starts_with("frame,cycles,funnel.vertices_in,"), "{csv}");
-        assert!(lines[1].starts_with("3,10,"));
-        let json = statistics.json();
+        let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky\n}".into(), begin: 0, limit: "" };
+        let frame = |number, quads| Frame { number, shown: None, tree: tree(quads), phases: vec![(phase.clone(), 10)] };
+        let frames = [frame(3, 1), frame(4, 2)];
+        let csv: String = frames.iter().enumerate().map(|(at, frame)| csv_rows(frame, at == 0)).collect();
+        assert_eq!(csv, "frame,cycles,funnel.quads_shaded\n3,10,1\n4,10,2\n");
+
+        let mut text = json_head(&About::default(), &tree(3)).expect("a text");
+        for (at, frame) in frames.iter().enumerate() {
+            text.push_str(&json_frame(frame, at == 0).expect("a text"));
+        }
+        text.push_str(json_end(true));
+        let json: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(serde_json::to_string_pretty(&json).expect("a text"), text, "laid out as a whole");
         assert_eq!(json["frames"][1]["frame"], 4);
-        assert_eq!(json["frames"][1]["phases"][0], json!({ "kind": "pass", "number": 7, "label": "sky", "cycles": 10 }));
+        assert_eq!(json["frames"][1]["phases"][0], json!({ "kind": "pass", "number": 7, "label": "sky\n}", "cycles": 10 }));
         assert_eq!(json["frames"][1]["funnel"]["quads_shaded"], 2);
         assert_eq!(json["total"]["funnel"]["quads_shaded"], 3);
+
+        let text = json_head(&About::default(), &tree(3)).expect("a text") + json_end(false);
+        let json: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(serde_json::to_string_pretty(&json).expect("a text"), text);
     }
 }

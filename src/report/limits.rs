@@ -56,7 +56,8 @@ Labels, names, paths and messages are printed with control characters escaped (`
 characters without width. JSON on the standard output escapes them as JSON does; files have them as they are.
 
 Files are written under a temporary name (`.fillrate-….part`) in their folder and then moved to their place: under its name a file is
-complete, or it is what it was before. A replay writes `stats.json` last, an import `trace.ron`: a folder that has it is complete.
+complete, or it is what it was before. The tables of a replay grow frame by frame, as `stats.csv.part` and `stats.json.part`, and get
+their names at its end. A replay writes `stats.json` last, an import `trace.ron`: a folder that has it is complete.
 ";
 
 /// The page.

@@ -3,6 +3,7 @@
 pub mod compare;
 pub mod diagram;
 pub mod files;
+pub mod folder;
 pub mod limits;
 pub mod pages;
 pub mod picture;

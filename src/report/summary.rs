@@ -196,61 +196,75 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     out
 }
 
-/// Where the cycles of frames went: their phases in order, those that took least left out; at most `most` lines.
-///
-/// Phases of the same kind, number in their frame and label are one line over all frames.
-pub fn phases(frames: &[&[(Phase, Cycle)]], most: usize) -> String {
-    struct Line<'p> {
-        phase: &'p Phase,
-        frames: usize,
-        cycles: Cycle,
-    }
-    let mut lines: Vec<Line<'_>> = Vec::new();
-    for phases in frames {
+/// Where the cycles of frames went: phases of the same kind, number in their frame and label are one line over all frames.
+#[derive(Default)]
+pub struct Phases {
+    lines: Vec<Line>,
+}
+
+struct Line {
+    phase: Phase,
+    frames: usize,
+    cycles: Cycle,
+}
+
+impl Phases {
+    /// Adds those of a frame.
+    pub fn add(&mut self, phases: &[(Phase, Cycle)]) {
         // The number of each line's kind and label so far in this frame.
         let mut from = 0;
-        for (phase, cycles) in *phases {
-            let same = |line: &Line<'_>| line.phase.kind == phase.kind && line.phase.label == phase.label;
-            match lines[from..].iter().position(same) {
+        for (phase, cycles) in phases {
+            let same = |line: &Line| line.phase.kind == phase.kind && line.phase.label == phase.label;
+            match self.lines[from..].iter().position(same) {
                 Some(at) => {
-                    let line = &mut lines[from + at];
+                    let line = &mut self.lines[from + at];
                     (line.frames, line.cycles) = (line.frames + 1, line.cycles + cycles);
                     from += at + 1;
                 }
                 None => {
-                    lines.insert(from, Line { phase, frames: 1, cycles: *cycles });
+                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles });
                     from += 1;
                 }
             }
         }
     }
-    let total: Cycle = lines.iter().map(|line| line.cycles).sum();
-    let mut by_cycles: Vec<usize> = (0..lines.len()).collect();
-    by_cycles.sort_by_key(|&at| (std::cmp::Reverse(lines[at].cycles), at));
-    let left_out = by_cycles.split_off(most.min(lines.len()));
-    by_cycles.sort_unstable();
-    let mut out = String::new();
-    let share = |cycles: Cycle| 100.0 * cycles as f64 / total.max(1) as f64;
-    for Line { phase, frames, cycles } in by_cycles.into_iter().map(|at| &lines[at]) {
-        let number = match phase.kind {
-            PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
-            _ => String::new(),
-        };
-        let name = format!("{}{number} {}", phase.kind.name(), one_line(&phase.label));
-        let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
-        let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
-        out.push_str(&row);
-        if !phase.limit.is_empty() {
-            out.push_str(&format!("   bound by {}", phase.limit));
+
+    /// Whether no frame had one.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// The phases in order, those that took least left out; at most `most` lines.
+    pub fn text(&self, most: usize) -> String {
+        let lines = &self.lines;
+        let total: Cycle = lines.iter().map(|line| line.cycles).sum();
+        let mut by_cycles: Vec<usize> = (0..lines.len()).collect();
+        by_cycles.sort_by_key(|&at| (std::cmp::Reverse(lines[at].cycles), at));
+        let left_out = by_cycles.split_off(most.min(lines.len()));
+        by_cycles.sort_unstable();
+        let mut out = String::new();
+        let share = |cycles: Cycle| 100.0 * cycles as f64 / total.max(1) as f64;
+        for Line { phase, frames, cycles } in by_cycles.into_iter().map(|at| &lines[at]) {
+            let number = match phase.kind {
+                PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
+                _ => String::new(),
+            };
+            let name = format!("{}{number} {}", phase.kind.name(), one_line(&phase.label));
+            let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
+            let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
+            out.push_str(&row);
+            if !phase.limit.is_empty() {
+                out.push_str(&format!("   bound by {}", phase.limit));
+            }
+            out.push('\n');
         }
-        out.push('\n');
+        if !left_out.is_empty() {
+            let cycles: Cycle = left_out.iter().map(|&at| lines[at].cycles).sum();
+            let name = format!("{} more", left_out.len());
+            out.push_str(&format!("  {name:<34} {:>12} {:>7.1} %\n", grouped(cycles), share(cycles)));
+        }
+        out
     }
-    if !left_out.is_empty() {
-        let cycles: Cycle = left_out.iter().map(|&at| lines[at].cycles).sum();
-        let name = format!("{} more", left_out.len());
-        out.push_str(&format!("  {name:<34} {:>12} {:>7.1} %\n", grouped(cycles), share(cycles)));
-    }
-    out
 }
 
 /// The beginning of a text, of at most so many characters.

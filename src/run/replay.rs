@@ -1,28 +1,22 @@
 //! A replay: a trace in; pictures and statistics out.
 
-use std::borrow::Cow;
 use std::cell::Cell;
-use std::io::ErrorKind;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel;
 
-use crate::host;
-use crate::machine::{Config, Machine, Picture};
+use crate::machine::{Config, Machine};
 use crate::num::Cycle;
 use crate::render::{self, FrameSet, Held, Skips, Watch};
-use crate::report::files::{FrameStatistics, Statistics, funnel_tree};
-use crate::report::picture::picture;
 use crate::sim::Clock;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
 use crate::unit::phase::Phase;
 use crate::work::profile::{FrameProfile, Profiler};
-use crate::work::{Event, Funnel, Surface};
+use crate::work::{EndFrame, Event, Funnel, Surface};
 
 use super::bound::{BATCH, Bound, FrameEstimate, Traffic};
 use super::host::Stopwatch;
@@ -39,6 +33,18 @@ pub enum Fidelity {
     Sampled(Sampling),
     /// Every cycle.
     Cycle,
+}
+
+impl Fidelity {
+    /// Its name, as the command line and the statistics have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fidelity::Functional => "functional",
+            Fidelity::Bound => "bound",
+            Fidelity::Sampled(_) => "sampled",
+            Fidelity::Cycle => "cycle",
+        }
+    }
 }
 
 /// What to replay, and how.
@@ -83,7 +89,18 @@ pub struct Frame {
     pub phases: Vec<(Phase, Cycle)>,
 }
 
-/// What a replay came to.
+/// What a replay came to whose frames have left.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Statistics over all frames.
+    pub total: Tree,
+    /// Host time spent in the machine (processor time where the system tells).
+    pub machine_time: Duration,
+    /// Host time on the clock, from the first command to the last statistic.
+    pub clock_time: Duration,
+}
+
+/// What a replay came to, with its frames.
 #[derive(Clone, Debug)]
 pub struct Replay {
     /// Frames in order.
@@ -99,79 +116,87 @@ pub struct Replay {
 /// Events in flight between renderer and machine; segments are bounded, and so is what waits.
 const EVENTS_IN_FLIGHT: usize = 8;
 
-/// Replays a trace and keeps all pictures. `progress` hears the number of each finished frame.
+/// Replays a trace and keeps all frames. `progress` hears the number of each finished frame.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.
 pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
-    hang(trace, options, progress, &mut Gallery { taker: None, failed: None })
+    let mut frames = Vec::new();
+    let mut keep = |frame| {
+        frames.push(frame);
+        Ok(())
+    };
+    let Outcome { total, machine_time, clock_time } = leave(trace, options, progress, &mut Exit::new(&mut keep, true))?;
+    Ok(Replay { frames, total, machine_time, clock_time })
 }
 
-/// Replays a trace and gives every frame's picture away when the frame ends: memory does not grow with their number. No frame of the replay
-/// has one.
+/// Replays a trace and gives every frame away when it ends: memory does not grow with their number.
 ///
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
-pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Replay> {
-    hang(trace, options, progress, &mut Gallery { taker: Some(taker), failed: None })
+pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
+    leave(trace, options, progress, &mut Exit::new(taker, false))
 }
 
-/// Takes the number of a frame, what it shows, and the bytes of that.
-pub type Taker<'t> = dyn FnMut(u32, &Surface, &[u8]) -> Result<()> + 't;
+/// Takes frames in order, each when it ends.
+pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + 't;
 
-/// Where pictures go.
-struct Gallery<'g, 't> {
-    /// None: the frames keep them.
-    taker: Option<&'g mut Taker<'t>>,
+/// Where frames leave.
+pub(super) struct Exit<'e, 't> {
+    taker: &'e mut Taker<'t>,
+    /// Whether the taker keeps them, which the account of memory is told.
+    keeps: bool,
     /// Why the taker takes no more.
     failed: Option<anyhow::Error>,
 }
 
-impl Gallery<'_, '_> {
-    /// What a frame keeps of its picture.
-    fn hang(&mut self, number: u32, surface: Option<Surface>, bytes: Cow<'_, [u8]>) -> Option<(Surface, Vec<u8>)> {
-        let surface = surface?;
-        let Some(taker) = &mut self.taker else { return Some((surface, bytes.into_owned())) };
+impl<'e, 't> Exit<'e, 't> {
+    pub fn new(taker: &'e mut Taker<'t>, keeps: bool) -> Exit<'e, 't> {
+        Exit { taker, keeps, failed: None }
+    }
+
+    /// A frame has ended.
+    pub fn put(&mut self, frame: Frame) {
         if self.failed.is_none() {
-            self.failed = taker(number, &surface, &bytes).err();
+            self.failed = self.pass(frame).err();
         }
-        None
     }
 
-    /// Whether frames keep their pictures.
-    fn keeps(&self) -> bool {
-        self.taker.is_none()
+    /// The same, where another exit stops.
+    ///
+    /// # Errors
+    /// Why the taker takes no more.
+    pub fn pass(&mut self, frame: Frame) -> Result<()> {
+        (self.taker)(frame)
     }
 
-    /// Stops a rendering whose pictures nobody takes any more.
+    /// Stops a rendering whose frames nobody takes any more.
     fn goes_on(&self) -> Result<(), render::Stop> {
         if self.failed.is_some() { Err(render::Stop) } else { Ok(()) }
     }
 }
 
-fn hang(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), gallery: &mut Gallery<'_, '_>) -> Result<Replay> {
-    let mut replay = match options.fidelity {
-        Fidelity::Functional => functional(trace, options, progress, gallery),
-        Fidelity::Bound => bound(trace, options, progress, gallery),
-        Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, progress),
-        Fidelity::Cycle => cycle(trace, options, progress, gallery),
+fn leave(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), exit: &mut Exit<'_, '_>) -> Result<Outcome> {
+    let outcome = match options.fidelity {
+        Fidelity::Functional => functional(trace, options, progress, exit),
+        Fidelity::Bound => bound(trace, options, progress, exit),
+        Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, progress, exit),
+        Fidelity::Cycle => cycle(trace, options, progress, exit),
     }?;
-    // Sampled replays have few frames and choose them at the end.
-    for frame in &mut replay.frames {
-        if let Some((surface, bytes)) = frame.shown.take() {
-            frame.shown = gallery.hang(frame.number, Some(surface), bytes.into());
-        }
-    }
-    gallery.failed.take().map_or(Ok(replay), Err)
+    exit.failed.take().map_or(Ok(outcome), Err)
 }
 
-fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery: &mut Gallery<'_, '_>) -> Result<Replay> {
+/// What a frame shows, where the renderer's picture is the picture.
+fn reference(end: &EndFrame) -> Option<(Surface, Vec<u8>)> {
+    end.shown.map(|surface| (surface, end.reference.to_vec()))
+}
+
+fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32), exit: &mut Exit<'_, '_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let mut frames = Vec::new();
     let mut funnel = Funnel::default();
     let mut total = Funnel::default();
-    let render_options =
-        render::Options { record: false, held: Held { pictures: gallery.keeps(), ..Held::default() }, ..options.rendering() };
+    let held = Held { frames: exit.keeps, ..Held::default() };
+    let render_options = render::Options { record: false, held, ..options.rendering() };
     render::render(trace, &render_options, &mut |event| {
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
@@ -179,83 +204,118 @@ fn functional(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery:
                 total += funnel;
                 let tree = functional_tree(&std::mem::take(&mut funnel));
                 progress(end.number);
-                let shown = gallery.hang(end.number, end.shown, (&*end.reference).into());
-                frames.push(Frame { number: end.number, shown, tree, phases: Vec::new() });
-                return gallery.goes_on();
+                exit.put(Frame { number: end.number, shown: reference(&end), tree, phases: Vec::new() });
+                return exit.goes_on();
             }
             _ => {}
         }
         Ok(())
     })?;
-    Ok(Replay { frames, total: functional_tree(&total), machine_time: Duration::ZERO, clock_time: watch.clock() })
+    Ok(Outcome { total: functional_tree(&total), machine_time: Duration::ZERO, clock_time: watch.clock() })
 }
 
-/// A frame that waits for its estimate: its profile, what it shows, its number, and what was counted of it.
-type Gathered = (FrameProfile, Option<(Surface, Vec<u8>)>, u32, Funnel);
+/// Bytes of pictures that wait for estimates: a batch ends with them.
+const BATCH_BYTES: usize = 16 << 20;
 
-fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32), gallery: &mut Gallery<'_, '_>) -> Result<Replay> {
+/// Frames that wait for their estimates, each with its profile and what was counted of it.
+#[derive(Default)]
+struct Gathered {
+    frames: Vec<(FrameProfile, EndFrame, Funnel)>,
+    bytes: usize,
+}
+
+fn bound(trace: &Trace, options: &Options, progress: &dyn Fn(u32), exit: &mut Exit<'_, '_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let mut bound = Bound::new(&options.config)?;
     let mut machine_time = Duration::ZERO;
-    let (mut frames, mut profiler) = (Vec::new(), Profiler::default());
-    let (mut funnel, mut total) = (Funnel::default(), Funnel::default());
-    let mut sum = FrameEstimate::default();
-    let held = Held { pictures: gallery.keeps(), ..Held::default() };
+    let mut profiler = Profiler::default();
+    let mut funnel = Funnel::default();
+    let mut sum = BoundSum::default();
+    let held = Held { frames: exit.keeps, ..Held::default() };
     let render_options = render::Options { held, ..options.rendering() };
-    let mut estimate = |gathered: &mut Vec<Gathered>| {
+    let mut estimate = |gathered: &mut Gathered, exit: &mut Exit<'_, '_>| {
         let start = Instant::now();
-        let estimates: Vec<FrameEstimate> = gathered.iter().map(|(profile, ..)| bound.frame(profile)).collect();
+        let estimates: Vec<FrameEstimate> = gathered.frames.iter().map(|(profile, ..)| bound.frame(profile)).collect();
         machine_time += start.elapsed();
-        for (estimate, (_, shown, number, funnel)) in estimates.into_iter().zip(gathered.drain(..)) {
-            total += funnel;
-            let tree = bound_tree(&estimate, &funnel, &options.config);
-            progress(number);
-            frames.push(Frame { number, shown, tree, phases: estimate.phases() });
-            sum.phases.extend(estimate.phases);
+        for (estimate, (_, end, funnel)) in estimates.into_iter().zip(gathered.frames.drain(..)) {
+            let mut own = BoundSum { funnel, ..BoundSum::default() };
+            own.add(&estimate);
+            sum.funnel += funnel;
+            sum.add(&estimate);
+            progress(end.number);
+            let tree = own.tree(&options.config);
+            exit.put(Frame { number: end.number, shown: reference(&end), tree, phases: estimate.phases() });
         }
+        gathered.bytes = 0;
     };
-    let mut gathered = Vec::with_capacity(BATCH);
+    let mut gathered = Gathered::default();
     render::render(trace, &render_options, &mut |event| {
         let profile = profiler.event(&event);
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
             Event::EndFrame(end) => {
-                let shown = gallery.hang(end.number, end.shown, (&*end.reference).into());
-                gathered.push((profile.unwrap_or_default(), shown, end.number, std::mem::take(&mut funnel)));
-                if gathered.len() == BATCH {
-                    estimate(&mut gathered);
+                gathered.bytes += end.reference.len();
+                gathered.frames.push((profile.unwrap_or_default(), end, std::mem::take(&mut funnel)));
+                if gathered.frames.len() == BATCH || gathered.bytes >= BATCH_BYTES {
+                    estimate(&mut gathered, exit);
                 }
-                return gallery.goes_on();
+                return exit.goes_on();
             }
             _ => {}
         }
         Ok(())
     })?;
-    estimate(&mut gathered);
-    let total = bound_tree(&sum, &total, &options.config);
-    Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
+    estimate(&mut gathered, exit);
+    let total = sum.tree(&options.config);
+    Ok(Outcome { total, machine_time, clock_time: watch.clock() })
 }
 
-fn bound_tree(estimate: &FrameEstimate, funnel: &Funnel, config: &Config) -> Tree {
+/// What estimates of phases add up to, over a frame or over all.
+#[derive(Default)]
+struct BoundSum {
+    cycles: f64,
+    funnel: Funnel,
+    memory: Traffic,
+    textures: [f64; 2],
+}
+
+impl BoundSum {
+    /// Phase by phase, so that the sum over all frames does not depend on where one ends.
+    fn add(&mut self, estimate: &FrameEstimate) {
+        for phase in &estimate.phases {
+            self.cycles += phase.cycles;
+            self.memory += phase.memory;
+            self.textures = [0, 1].map(|side: usize| self.textures[side] + phase.textures[side]);
+        }
+    }
+
+    fn tree(&self, config: &Config) -> Tree {
+        let mut tree = Tree::new();
+        tree.count("cycles", self.cycles.round() as u64);
+        tree.real("seconds", self.cycles / (f64::from(config.card.clock_mhz) * 1e6));
+        tree.set("funnel", Node::Tree(funnel_tree(&self.funnel)));
+        let dram = tree.child("memory").child("dram");
+        dram.count("read_bytes", self.memory.read.round() as u64);
+        dram.count("write_bytes", self.memory.written.round() as u64);
+        let [lookups, misses] = self.textures;
+        for (name, lookups, misses) in [("texture", lookups, misses), ("l2", self.memory.lookups, self.memory.misses)] {
+            let [lookups, misses] = [lookups, misses].map(|n| n.round() as u64);
+            let mut counts = Tree::new();
+            counts.count("accesses", lookups);
+            counts.count("hits", lookups.saturating_sub(misses));
+            counts.count("misses", misses);
+            // All pipelines' caches, and all slices, as one.
+            tree.child("caches").set(name, Node::List(vec![counts]));
+        }
+        tree
+    }
+}
+
+/// A funnel as a subtree of counters.
+fn funnel_tree(funnel: &Funnel) -> Tree {
     let mut tree = Tree::new();
-    let cycles = estimate.cycles();
-    tree.count("cycles", cycles.round() as u64);
-    tree.real("seconds", cycles / (f64::from(config.card.clock_mhz) * 1e6));
-    tree.set("funnel", Node::Tree(funnel_tree(funnel)));
-    let mut memory = Traffic::default();
-    estimate.phases.iter().for_each(|phase| memory += phase.memory);
-    let dram = tree.child("memory").child("dram");
-    dram.count("read_bytes", memory.read.round() as u64);
-    dram.count("write_bytes", memory.written.round() as u64);
-    let texture = |side: usize| estimate.phases.iter().map(|phase| phase.textures[side]).sum::<f64>();
-    for (name, lookups, misses) in [("texture", texture(0), texture(1)), ("l2", memory.lookups, memory.misses)] {
-        let [lookups, misses] = [lookups, misses].map(|n| n.round() as u64);
-        let mut counts = Tree::new();
-        counts.count("accesses", lookups);
-        counts.count("hits", lookups.saturating_sub(misses));
-        counts.count("misses", misses);
-        // All pipelines' caches, and all slices, as one.
-        tree.child("caches").set(name, Node::List(vec![counts]));
+    for (name, value) in Funnel::NAMES.iter().zip(funnel.values()) {
+        tree.count(name, value);
     }
     tree
 }
@@ -268,8 +328,6 @@ fn functional_tree(funnel: &Funnel) -> Tree {
 
 /// What simulating some frames came to.
 pub(super) struct Simulated {
-    /// These frames.
-    pub frames: Vec<Frame>,
     /// Their statistics together.
     pub total: Tree,
     /// Host time in the machine.
@@ -280,31 +338,21 @@ pub(super) struct Simulated {
 /// once ([`apply`](crate::unit::apply)).
 ///
 /// # Errors
-/// If the trace cannot be rendered, or the machine stops.
+/// If the trace cannot be rendered, the machine stops, or the taker of frames fails.
 pub(super) fn simulate(
     trace: &Trace,
     options: &Options,
     frames: FrameSet,
     warms_up: &(dyn Fn(u32) -> bool + Sync),
     progress: &(dyn Fn(u32) + Sync),
-) -> Result<Simulated> {
-    simulate_to(trace, options, frames, warms_up, progress, &mut Gallery { taker: None, failed: None })
-}
-
-fn simulate_to(
-    trace: &Trace,
-    options: &Options,
-    frames: FrameSet,
-    warms_up: &(dyn Fn(u32) -> bool + Sync),
-    progress: &(dyn Fn(u32) + Sync),
-    gallery: &mut Gallery<'_, '_>,
+    exit: &mut Exit<'_, '_>,
 ) -> Result<Simulated> {
     let mut machine = Machine::new(&options.config)?;
     let mut under_way = frames.next(0);
     let held = Held {
         images: Machine::images(&options.config),
         pieces: Machine::pieces(&options.config) + EVENTS_IN_FLIGHT as u64,
-        pictures: gallery.keeps(),
+        frames: exit.keeps,
     };
     let render_options = render::Options { frames: frames.clone(), held, ..options.rendering() };
     let mut role = move |event| match event {
@@ -323,111 +371,28 @@ fn simulate_to(
         let named = std::thread::Builder::new().name("renderer".into());
         let renderer = named.spawn_scoped(scope, renderer).context("cannot start the renderer's thread")?;
         let busy = Stopwatch::start();
-        let mut frames = Vec::new();
         let closed = Cell::new(false);
         let events = receive.into_iter().take_while(|_| !closed.get());
         let run = machine.run_each(events, options.clock, |frame| {
             progress(frame.number);
-            let hang = |picture: Picture| gallery.hang(frame.number, Some(picture.surface), picture.bytes.into());
-            let shown = frame.picture.and_then(hang);
-            closed.set(gallery.failed.is_some());
-            frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases });
+            let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
+            exit.put(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases });
+            closed.set(exit.failed.is_some());
         });
         let machine_time = busy.elapsed();
         let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
         // What the renderer says comes first: a machine that lost its input has nothing to add.
         rendered?;
-        if let Some(failed) = gallery.failed.take() {
+        if let Some(failed) = exit.failed.take() {
             return Err(failed);
         }
-        Ok(Simulated { frames, total: run?.total, machine_time })
+        Ok(Simulated { total: run?.total, machine_time })
     })
 }
 
-fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), gallery: &mut Gallery<'_, '_>) -> Result<Replay> {
+fn cycle(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), exit: &mut Exit<'_, '_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let Simulated { frames, total, machine_time } =
-        simulate_to(trace, options, options.frames.clone().into(), &|_| false, progress, gallery)?;
-    Ok(Replay { frames, total, machine_time, clock_time: watch.clock() })
-}
-
-/// The file that a replay writes last.
-const STATISTICS: &str = "stats.json";
-
-/// Writes pictures into a folder as frames end.
-pub struct Album<'o> {
-    out: &'o Path,
-    /// What was shown last, and its file: the same again takes no time.
-    last: Option<(Surface, Vec<u8>, Vec<u8>)>,
-}
-
-impl Album<'_> {
-    /// An album in a folder, which is made where it is missing. The statistics of an earlier replay go: a folder that has them is complete,
-    /// and they must not stand for the pictures of this one.
-    ///
-    /// # Errors
-    /// If it cannot be made, or an earlier replay's statistics cannot be removed.
-    pub fn new(out: &Path) -> Result<Album<'_>> {
-        std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-        match std::fs::remove_file(out.join(STATISTICS)) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                Err(error).with_context(|| format!("cannot replace {}", out.join(STATISTICS).display()))
-            }
-            _ => Ok(Album { out, last: None }),
-        }
-    }
-
-    /// Writes the picture of a frame.
-    ///
-    /// # Errors
-    /// If a picture cannot be made of what it shows, or the file cannot be written.
-    pub fn put(&mut self, number: u32, surface: &Surface, bytes: &[u8]) -> Result<()> {
-        let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
-        if !self.last.as_ref().is_some_and(again) {
-            let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {number}: {reason}"))?;
-            let mut png = Vec::new();
-            image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
-            self.last = Some((*surface, bytes.to_vec(), png));
-        }
-        let Some((.., png)) = &self.last else { return Ok(()) };
-        put(self.out, &format!("frame-{number:04}.png"), png)
-    }
-}
-
-/// Writes a file into a folder: complete under its name, or not there.
-fn put(out: &Path, name: &str, bytes: &[u8]) -> Result<()> {
-    let path = out.join(name);
-    host::write_file(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// Writes the files of a replay into a folder, which is made where it is missing. The last is `stats.json`.
-///
-/// # Errors
-/// If a picture cannot be made of what a frame shows, or a file cannot be written.
-pub fn write(replay: &Replay, trace: &str, options: &Options, out: &Path) -> Result<()> {
-    let mut album = Album::new(out)?;
-    for frame in &replay.frames {
-        if let Some((surface, bytes)) = &frame.shown {
-            album.put(frame.number, surface, bytes)?;
-        }
-    }
-    let statistics = Statistics {
-        trace: trace.to_owned(),
-        config: options.config.name.clone(),
-        fidelity: match options.fidelity {
-            Fidelity::Functional => "functional".into(),
-            Fidelity::Bound => "bound".into(),
-            Fidelity::Sampled(_) => "sampled".into(),
-            Fidelity::Cycle => "cycle".into(),
-        },
-        total: replay.total.clone(),
-        frames: replay
-            .frames
-            .iter()
-            .map(|frame| FrameStatistics { number: frame.number, tree: frame.tree.clone(), phases: frame.phases.clone() })
-            .collect(),
-    };
-    put(out, "stats.csv", statistics.csv().as_bytes())?;
-    put(out, "config.ron", options.config.resolved().as_bytes())?;
-    put(out, STATISTICS, serde_json::to_string_pretty(&statistics.json())?.as_bytes())
+    let Simulated { total, machine_time } =
+        simulate(trace, options, options.frames.clone().into(), &|_| false, progress, exit)?;
+    Ok(Outcome { total, machine_time, clock_time: watch.clock() })
 }

@@ -10,7 +10,7 @@ use anyhow::{Result, anyhow, bail};
 
 use super::bound::{BATCH, Bound, FrameEstimate, PhaseEstimate};
 use super::host::Stopwatch;
-use super::replay::{Frame, Options, Replay, Simulated, simulate};
+use super::replay::{Exit, Frame, Options, Outcome, Simulated, simulate};
 use super::sample::{Clusters, Interval, LEVEL, random, signature};
 use crate::machine::Config;
 use crate::machine::config::SortClass;
@@ -152,11 +152,18 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
     ranges.into_iter().collect()
 }
 
-/// Replays a trace with some of its frames simulated; the statistics over all are estimates, with the intervals of the most important.
+/// Replays a trace with some of its frames simulated, which leave as they end; the statistics over all are estimates, with the intervals of the
+/// most important.
 ///
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
-pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
+pub(super) fn sampled(
+    trace: &Trace,
+    options: &Options,
+    sampling: &Sampling,
+    progress: &(dyn Fn(u32) + Sync),
+    exit: &mut Exit<'_, '_>,
+) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let survey = survey(trace, options)?;
     let all = survey.frames.len();
@@ -176,20 +183,25 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     let simulated = chosen.count();
     let functional = warms_functionally(&options.config);
     let warms_up = |number: u32| functional && !numbers.contains(&number);
-    let Simulated { frames, machine_time, .. } = simulate(trace, options, chosen, &warms_up, progress)?;
-    let mut counted: Vec<Option<Frame>> = frames.into_iter().map(Some).collect();
-    let mut take = |number: &u32| {
-        let frame = counted.iter_mut().find(|frame| frame.as_ref().is_some_and(|frame| frame.number == *number));
-        frame.and_then(Option::take).ok_or_else(|| anyhow!("frame {number} was not simulated"))
+    // What was counted of the frames drawn; those that warm up are not reported.
+    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
+    let mut count = |frame: Frame| {
+        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
+        counted[at] = Some(frame.tree.clone());
+        exit.pass(frame)
     };
-    let frames = numbers.iter().map(&mut take).collect::<Result<Vec<Frame>>>()?;
+    let Simulated { machine_time, .. } =
+        simulate(trace, options, chosen, &warms_up, progress, &mut Exit::new(&mut count, false))?;
+    let found = counted.into_iter().zip(&numbers);
+    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
+    let counted = found.collect::<Result<Vec<Tree>>>()?;
 
     let weights = clusters.weights(&drawn, &survey.estimates("cycles"));
-    let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(frames.iter().map(|frame| &frame.tree)).collect();
+    let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
     let mut total = Tree::weighted(&trees);
     let cycles_in_all = total.number("cycles").unwrap_or(0.0);
     total.real("seconds", cycles_in_all / (f64::from(options.config.card.clock_mhz) * 1e6));
-    let trees: Vec<&Tree> = frames.iter().map(|frame| &frame.tree).collect();
+    let trees: Vec<&Tree> = counted.iter().collect();
     estimated(&mut total, &survey, &clusters, &drawn, &trees);
     let margins = intervals(&survey, &clusters, &drawn, &trees);
     let node = total.child("sampled");
@@ -200,9 +212,7 @@ pub fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, progress: 
     for (name, interval) in margins {
         node.child("margins").real(&name, interval.margin);
     }
-    let mut frames = frames;
-    frames.sort_by_key(|frame| frame.number);
-    Ok(Replay { frames, total, machine_time: machine_time + survey.time, clock_time: watch.clock() })
+    Ok(Outcome { total, machine_time: machine_time + survey.time, clock_time: watch.clock() })
 }
 
 /// Puts what caches and DRAM do into the total, by what is estimated of just that.

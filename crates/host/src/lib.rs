@@ -6,4 +6,4 @@ mod replace;
 
 pub use files::{Links, check_folder, length, open, read_text};
 pub use plain::{Fence, excerpt, is_obeyed, one_line, path_line, printable};
-pub use replace::{replace, write_file};
+pub use replace::{Part, replace, write_file};

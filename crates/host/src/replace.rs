@@ -1,8 +1,9 @@
 //! Writing files: complete, or not at all.
 
+use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
@@ -31,6 +32,72 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     replace(path, |file| file.write_all(bytes))
 }
 
+/// A file that grows while a program works. Until it is kept it is called `NAME.part`: what a killed program leaves can be read, and nobody
+/// takes it for the complete file. A file that is dropped is removed.
+pub struct Part {
+    file: BufWriter<File>,
+    /// Where it is now.
+    part: PathBuf,
+    /// Where it belongs.
+    place: PathBuf,
+}
+
+impl Part {
+    /// An empty file for a place. What a killed program left there goes.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn create(place: &Path) -> io::Result<Part> {
+        let mut name = OsString::from(place);
+        name.push(".part");
+        let part = PathBuf::from(name);
+        match std::fs::remove_file(&part) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        // A link that somebody else has put there in the meantime is not followed.
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&part)?;
+        Ok(Part { file: BufWriter::new(file), part, place: place.to_owned() })
+    }
+
+    /// Adds bytes, which the file has when this returns.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn add(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.file.write_all(bytes)?;
+        self.file.flush()
+    }
+
+    /// Copies the whole file to another.
+    ///
+    /// # Errors
+    /// If it cannot be read, or the other cannot be written.
+    pub fn copy_to(&mut self, out: &mut dyn Write) -> io::Result<()> {
+        let file = self.file.get_mut();
+        file.rewind()?;
+        io::copy(file, out)?;
+        file.seek(io::SeekFrom::End(0))?;
+        Ok(())
+    }
+
+    /// The file is complete, and goes to its place.
+    ///
+    /// # Errors
+    /// If it cannot be moved.
+    pub fn keep(self) -> io::Result<()> {
+        // What is dropped behind this has nothing to remove.
+        std::fs::rename(&self.part, &self.place)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // It has moved, or nobody wants it.
+        let _ = std::fs::remove_file(&self.part);
+    }
+}
+
 fn new_part(folder: &Path) -> io::Result<NamedTempFile> {
     // Opened here: the library's own files are their owner's alone, and its errors name the temporary file.
     let create = |path: &Path| OpenOptions::new().write(true).create_new(true).open(path);
@@ -55,6 +122,25 @@ mod tests {
         assert_eq!(std::fs::read(&path).expect("there"), b"first");
         write_file(&path, b"second").expect("written");
         assert_eq!(std::fs::read(&path).expect("there"), b"second");
+        assert_eq!(std::fs::read_dir(home.path()).expect("a folder").count(), 1, "nothing else is left");
+    }
+
+    #[test]
+    fn a_file_that_grows_has_another_name_until_it_is_kept() {
+        let home = tempfile::tempdir().expect("a folder");
+        let (place, part) = (home.path().join("out.csv"), home.path().join("out.csv.part"));
+        std::fs::write(&part, "left by a killed program").expect("written");
+        let mut file = Part::create(&place).expect("made");
+        file.add(b"one\n").expect("written");
+        assert_eq!(std::fs::read(&part).expect("there"), b"one\n");
+        let mut copy = Vec::new();
+        file.copy_to(&mut copy).expect("read");
+        file.add(b"two\n").expect("written");
+        assert_eq!(copy, b"one\n");
+        assert!(!place.exists());
+        file.keep().expect("moved");
+        assert_eq!(std::fs::read(&place).expect("there"), b"one\ntwo\n");
+        drop(Part::create(&place).expect("made"));
         assert_eq!(std::fs::read_dir(home.path()).expect("a folder").count(), 1, "nothing else is left");
     }
 

@@ -164,7 +164,7 @@ pub struct Summary {
     pub ledger: Arc<Ledger>,
 }
 
-/// Bytes that a frame's statistics take until they are written, about.
+/// Bytes that a frame's statistics take where they are kept, about.
 const FRAME: u64 = 16 << 10;
 
 /// Renders a trace and hands its work on.
@@ -385,7 +385,10 @@ impl<'t, 's> Renderer<'t, 's> {
         }
         let frames = self.frames.take();
         let mut frames = frames.map_or_else(|| self.ledger.claim("the statistics of frames", 0), Ok)?;
-        frames.grow("the statistics of a frame", FRAME)?;
+        let kept = self.options.held.frames;
+        if kept {
+            frames.grow("the statistics of a frame", FRAME)?;
+        }
         let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false };
         if let Some((id, level, layer)) = shown {
             let texture = self.res.flushed(id)?;
@@ -401,7 +404,7 @@ impl<'t, 's> Renderer<'t, 's> {
                 }
                 _ => {
                     self.shown = None;
-                    match self.options.held.pictures {
+                    match kept {
                         true => frames.grow("the picture of a frame", bytes)?,
                         false => self.ledger.passing("the picture of a frame", bytes)?,
                     }

@@ -179,14 +179,14 @@ pub struct Held {
     pub images: u64,
     /// Recorded pieces of work that it has at one time, on their way among them.
     pub pieces: u64,
-    /// Whether it keeps every frame's picture to the end.
-    pub pictures: bool,
+    /// Whether it keeps every frame's picture and statistics to the end.
+    pub frames: bool,
 }
 
 impl Default for Held {
     /// A receiver that keeps nothing.
     fn default() -> Held {
-        Held { images: 0, pieces: 1, pictures: false }
+        Held { images: 0, pieces: 1, frames: false }
     }
 }
 

@@ -1,0 +1,201 @@
+//! The folder that a replay leaves: pictures and statistics, written beside the machine as frames end.
+
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
+
+use anyhow::{Context, Result, anyhow};
+use crossbeam::channel::{self, Receiver, Sender};
+
+use super::files::{About, csv_rows, json_end, json_frame, json_head};
+use super::picture::picture;
+use crate::host::{self, Part};
+use crate::run::replay::Frame;
+use crate::stats::Tree;
+use crate::work::Surface;
+
+/// The file that is written last.
+const STATISTICS: &str = "stats.json";
+
+/// The table of the frames.
+const TABLE: &str = "stats.csv";
+
+/// Frames that wait to be written. A machine that is faster than the disk waits.
+const FRAMES_IN_FLIGHT: usize = 2;
+
+/// A folder that takes frames as they end.
+///
+/// Each frame's picture is written when the frame comes. Statistics grow in `stats.csv.part` and `stats.json.part`, frame by frame, and get
+/// their names at the end: a folder that has `stats.json` is complete.
+pub struct Folder {
+    /// None: the writer has been told the end.
+    send: Option<Sender<Leaving>>,
+    /// None: the writer has answered.
+    writer: Option<JoinHandle<Result<()>>>,
+}
+
+/// What leaves a replay.
+enum Leaving {
+    Frame(Box<Frame>),
+    Total(Box<Tree>),
+}
+
+impl Folder {
+    /// A folder, which is made where it is missing, with the resolved configuration in it. The statistics of an earlier replay go: they must
+    /// not stand for the pictures of this one.
+    ///
+    /// # Errors
+    /// If it cannot be made, or an earlier replay's statistics cannot be removed.
+    pub fn create(out: &Path, about: About, config: &str) -> Result<Folder> {
+        std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
+        for name in [STATISTICS, TABLE] {
+            let path = out.join(name);
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => {
+                    return Err(error).with_context(|| format!("cannot replace {}", path.display()));
+                }
+                _ => {}
+            }
+        }
+        put(out, "config.ron", config.as_bytes())?;
+        let pages = Pages {
+            about,
+            frames: false,
+            table: Growing::create(out, TABLE)?,
+            json: Growing::create(out, STATISTICS)?,
+            album: Album { out: out.to_owned(), last: None },
+        };
+        let (send, receive) = channel::bounded(FRAMES_IN_FLIGHT);
+        let named = std::thread::Builder::new().name("writer".into());
+        let writer = named.spawn(move || pages.write(&receive)).context("cannot start the thread that writes files")?;
+        Ok(Folder { send: Some(send), writer: Some(writer) })
+    }
+
+    /// A frame has ended.
+    ///
+    /// # Errors
+    /// If this frame's or an earlier one's files cannot be written.
+    pub fn put(&mut self, frame: Frame) -> Result<()> {
+        self.send(Leaving::Frame(Box::new(frame)))
+    }
+
+    /// The replay has ended.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn end(mut self, total: Tree) -> Result<()> {
+        self.send(Leaving::Total(Box::new(total)))?;
+        self.answer()
+    }
+
+    fn send(&mut self, leaving: Leaving) -> Result<()> {
+        let sent = self.send.as_ref().is_some_and(|send| send.send(leaving).is_ok());
+        if sent { Ok(()) } else { self.answer() }
+    }
+
+    /// Waits for the writer's end.
+    fn answer(&mut self) -> Result<()> {
+        drop(self.send.take());
+        let Some(writer) = self.writer.take() else { return Ok(()) };
+        writer.join().map_err(|_| anyhow!("the thread that writes files stopped on an internal error"))?
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // A replay that failed has said why; without a total the writer removes its tables.
+        let _ = self.answer();
+    }
+}
+
+/// A file of the folder that grows.
+struct Growing {
+    path: PathBuf,
+    part: Part,
+}
+
+impl Growing {
+    fn create(out: &Path, name: &str) -> Result<Growing> {
+        let path = out.join(name);
+        let part = Part::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        Ok(Growing { path, part })
+    }
+
+    fn add(&mut self, text: &str) -> Result<()> {
+        self.part.add(text.as_bytes()).with_context(|| format!("cannot write {}", self.path.display()))
+    }
+}
+
+/// What the writer writes.
+struct Pages {
+    about: About,
+    /// Whether there was a frame.
+    frames: bool,
+    table: Growing,
+    /// The frames alone, as `stats.json` will have them: behind the total, which comes last.
+    json: Growing,
+    album: Album,
+}
+
+impl Pages {
+    fn write(mut self, receive: &Receiver<Leaving>) -> Result<()> {
+        for leaving in receive {
+            match leaving {
+                Leaving::Frame(frame) => self.frame(&frame)?,
+                Leaving::Total(total) => return self.end(&total),
+            }
+        }
+        // The replay stopped before its end.
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        if let Some((surface, bytes)) = &frame.shown {
+            self.album.put(frame.number, surface, bytes)?;
+        }
+        let first = !std::mem::replace(&mut self.frames, true);
+        self.table.add(&csv_rows(frame, first))?;
+        self.json.add(&json_frame(frame, first)?)
+    }
+
+    fn end(self, total: &Tree) -> Result<()> {
+        let Pages { about, frames, table, mut json, .. } = self;
+        if frames {
+            table.part.keep().with_context(|| format!("cannot write {}", table.path.display()))?;
+        }
+        let head = json_head(&about, total)?;
+        host::replace(&json.path, |file| {
+            file.write_all(head.as_bytes())?;
+            json.part.copy_to(file)?;
+            file.write_all(json_end(frames).as_bytes())
+        })
+        .with_context(|| format!("cannot write {}", json.path.display()))
+    }
+}
+
+/// Pictures.
+struct Album {
+    out: PathBuf,
+    /// What was shown last, and its file: the same again takes no time.
+    last: Option<(Surface, Vec<u8>, Vec<u8>)>,
+}
+
+impl Album {
+    fn put(&mut self, number: u32, surface: &Surface, bytes: &[u8]) -> Result<()> {
+        let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
+        if !self.last.as_ref().is_some_and(again) {
+            let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {number}: {reason}"))?;
+            let mut png = Vec::new();
+            image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
+            self.last = Some((*surface, bytes.to_vec(), png));
+        }
+        let Some((.., png)) = &self.last else { return Ok(()) };
+        put(&self.out, &format!("frame-{number:04}.png"), png)
+    }
+}
+
+/// Writes a file into a folder: complete under its name, or not there.
+fn put(out: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    let path = out.join(name);
+    host::write_file(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
