@@ -19,7 +19,7 @@ use crate::report::files::About;
 use crate::report::folder::Folder;
 use crate::report::summary::{self, Phases};
 use crate::run::replay::{Fidelity, Frame, Options, Outcome, replay_to};
-use crate::run::sampled::Sampling;
+use crate::run::sample::Sampling;
 use crate::sim::Clock;
 
 /// Replay a trace on a configured card: images, statistics, a short report
@@ -226,7 +226,6 @@ fn print(done: &Outcome, seen: &Seen, options: &Options, arguments: &Arguments) 
             "\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\nhost: {all:.3} s in all"
         );
     } else {
-        let sampled = matches!(options.fidelity, Fidelity::Sampled(_));
         let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
         let (cycles, seconds) = (number("cycles")?, number("seconds")?);
         if !seen.phases.is_empty() {
@@ -238,10 +237,10 @@ fn print(done: &Outcome, seen: &Seen, options: &Options, arguments: &Arguments) 
             let pipelines = options.config.card.pipelines;
             print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
         }
-        if sampled {
-            print!("\nWhat is estimated\n{}", summary::sampled(&done.total));
+        if let Some(sampled) = &done.sampled {
+            print!("\nWhat is estimated\n{}", summary::sampled(sampled));
         }
-        let frames = done.total.number("sampled.frames").unwrap_or(frames as f64);
+        let frames = done.sampled.as_ref().map_or(frames as f64, |sampled| sampled.frames as f64);
         let rate = if seconds > 0.0 { frames / seconds } else { 0.0 };
         println!(
             "\n{} cycles, {rate:.1} frames a second at {} MHz",
@@ -256,7 +255,7 @@ fn print(done: &Outcome, seen: &Seen, options: &Options, arguments: &Arguments) 
                 );
                 println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host);
             }
-            _ if sampled => {
+            Fidelity::Sampled(_) => {
                 println!("host: {host:.2} s in the machine, {all:.2} s in all")
             }
             _ => println!(
