@@ -77,6 +77,8 @@ impl Options {
 /// What a replay came to whose frames have left.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
+    /// Cycles of all frames; none where no time is simulated.
+    pub cycles: Option<f64>,
     /// Statistics over all frames.
     pub total: Tree,
     /// How they were estimated; none: they were counted.
@@ -85,6 +87,11 @@ pub struct Outcome {
     pub machine_time: Duration,
     /// Host time on the clock, from the first command to the last statistic.
     pub clock_time: Duration,
+}
+
+/// Seconds of so many cycles on a card.
+pub fn seconds(cycles: f64, config: &Config) -> f64 {
+    cycles / (f64::from(config.card.clock_mhz) * 1e6)
 }
 
 /// What a replay came to, with its frames.
@@ -138,7 +145,7 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
             let mut rendering = options.rendering(trace);
             estimate(&mut rendering, config, exit, &mut sum)?;
             rendering.run()?;
-            Outcome { total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
+            Outcome { cycles: Some(sum.cycles), total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
         }
         Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, exit)?,
         Fidelity::Cycle => {
@@ -146,7 +153,7 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
             let mut rendering = options.rendering(trace);
             simulate(&mut rendering, (config, options.clock), None, exit, &mut out)?;
             rendering.run()?;
-            Outcome { total: out.total, machine_time: out.machine_time, ..Outcome::default() }
+            Outcome { cycles: Some(out.cycles as f64), total: out.total, machine_time: out.machine_time, ..Outcome::default() }
         }
     };
     Ok(Outcome { clock_time: watch.clock(), ..outcome })

@@ -11,6 +11,7 @@ use crate::run::functional::funnel_tree;
 use crate::run::host::Stopwatch;
 use crate::run::profiles::{Profiled, Reader};
 use crate::run::rendering::Rendering;
+use crate::run::replay::seconds;
 use crate::stats::{Node, Tree};
 use crate::work::Funnel;
 
@@ -43,7 +44,7 @@ impl Estimated {
     pub fn tree(&self, config: &Config) -> Tree {
         let mut tree = Tree::new();
         tree.count("cycles", self.cycles.round() as u64);
-        tree.real("seconds", self.cycles / (f64::from(config.card.clock_mhz) * 1e6));
+        tree.real("seconds", seconds(self.cycles, config));
         tree.set("funnel", Node::Tree(funnel_tree(&self.funnel)));
         let dram = tree.child("memory").child("dram");
         dram.count("read_bytes", self.memory.read.round() as u64);

@@ -13,7 +13,7 @@ use anyhow::{Result, anyhow, bail};
 use super::cycle::{Simulated, simulate};
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
-use super::replay::{Options, Outcome};
+use super::replay::{Options, Outcome, seconds};
 use clusters::{Clusters, Interval, LEVEL, random};
 use survey::{CacheCount, Count, Survey, Way};
 
@@ -172,7 +172,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
     let mut total = Tree::weighted(&trees);
     let cycles = Count::Cycles.of(&total);
-    total.real("seconds", cycles / (f64::from(options.config.card.clock_mhz) * 1e6));
+    total.real("seconds", seconds(cycles, &options.config));
     let trees: Vec<&Tree> = counted.iter().collect();
     estimated(&mut total, survey, &clusters, &drawn, &trees);
     let margins = intervals(survey, &clusters, &drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
@@ -189,6 +189,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
         Sampled { frames: all as u64, counted: drawn.len() as u64, simulated: simulated_frames, margins: margins.collect() };
     sampled.put(&mut total);
     Ok(Outcome {
+        cycles: Some(cycles),
         total,
         sampled: Some(sampled),
         machine_time: simulated.machine_time,
