@@ -5,10 +5,14 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::{Value, json};
 
-use crate::run::replay::{Fidelity, Options, Replay, replay};
-use crate::run::sample::{Clusters, random};
-use crate::run::sampled::{Sampling, Survey, counted, survey};
-use crate::stats::{Leaf, Node, Tree};
+use crate::run::bound::frames::{Estimated, estimate};
+use crate::run::cycle::{Simulated, simulate};
+use crate::run::exit::{Exit, Frame};
+use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
+use crate::run::sample::clusters::{Clusters, random};
+use crate::run::sample::survey::{CacheCount, Count, Survey, take};
+use crate::run::sample::{Quantity, Sampling, of_survey};
+use crate::stats::Tree;
 use crate::trace::Trace;
 
 /// Draws of frames over which it is counted how often an interval holds the truth.
@@ -17,8 +21,14 @@ pub const RESAMPLINGS: u64 = 1000;
 /// What is compared, with its name.
 pub const QUANTITIES: [&str; 4] = ["cycles", "DRAM bytes", "L2 misses", "texture misses"];
 
-/// Where the statistics have it.
-const PATHS: [&str; QUANTITIES.len()] = ["cycles", "memory.dram.bytes", "caches.l2.misses", "caches.texture.misses"];
+/// The counts that these are.
+fn counts() -> [Count; QUANTITIES.len()] {
+    let misses = |cache: &str| Count::Cache(cache.to_owned(), CacheCount::Misses);
+    [Count::Cycles, Count::DramBytes, misses("l2"), misses("texture")]
+}
+
+/// Values of what is compared; none where a fidelity does not tell.
+type Values = [Option<f64>; QUANTITIES.len()];
 
 /// Published marks: name, times as fast, relative error in cycles.
 pub const MARKS: [(&str, f64, f64); 2] = [("MEGsim (2022)", 126.0, 0.0084), ("SMARTS (2003)", 47.0, 0.0064)];
@@ -62,45 +72,43 @@ pub struct Front {
     pub points: Vec<Point>,
 }
 
-/// What is compared, of the statistics of a run.
-fn quantities(tree: &Tree) -> [Option<f64>; QUANTITIES.len()] {
-    let told = |path: &str| match path.strip_prefix("caches.").and_then(|rest| rest.split_once('.')) {
-        Some((cache, what)) => tree.number(&format!("caches.{cache}[0].{what}")).is_some(),
-        None => tree.number(&path.replace("dram.bytes", "dram.read_bytes")).is_some(),
-    };
-    PATHS.map(|path| told(path).then(|| counted(tree, path)))
+/// What is compared, of the statistics of a machine.
+fn values(tree: &Tree) -> Values {
+    counts().map(|count| count.is_in(tree).then(|| count.of(tree)))
 }
 
-fn point(fidelity: String, run: &Replay, truth: &[Option<f64>; QUANTITIES.len()]) -> Point {
-    let measured = quantities(&run.total);
+/// What is compared, of estimates.
+fn estimates(sum: &Estimated) -> Values {
+    let dram = sum.memory.read.round() + sum.memory.written.round();
+    [sum.cycles.round(), dram, sum.memory.misses.round(), sum.textures[1].round()].map(Some)
+}
+
+fn point(fidelity: String, [time, whole]: [Duration; 2], measured: &Values, truth: &Values) -> Point {
     let errors = std::array::from_fn(|i| {
         let (measured, truth) = measured[i].zip(truth[i])?;
         (truth > 0.0).then(|| (measured / truth - 1.0).abs())
     });
-    let margins = std::array::from_fn(|i| {
-        let value = measured[i].filter(|&value| value > 0.0)?;
-        margin(&run.total, PATHS[i]).map(|margin| margin / value)
-    });
-    Point { fidelity, time: run.machine_time, whole: run.clock_time, errors, margins, resampled: Resampled::default() }
+    Point { fidelity, time, whole, errors, margins: Values::default(), resampled: Resampled::default() }
 }
 
-/// Half the interval of a count, as the statistics have it under its path as a name.
-fn margin(tree: &Tree, path: &str) -> Option<f64> {
-    let Some(Node::Tree(sampled)) = tree.get("sampled") else { return None };
-    let Some(Node::Tree(margins)) = sampled.get("margins") else { return None };
-    margins.entries().find(|(name, _)| *name == path).and_then(|(_, node)| match node {
-        Node::Leaf(Leaf::Real(margin)) => Some(*margin),
-        _ => None,
+/// Half the intervals, relative.
+fn margins(run: &Outcome, measured: &Values) -> Values {
+    let counts = counts();
+    std::array::from_fn(|i| {
+        let value = measured[i].filter(|&value| value > 0.0)?;
+        let of = |quantity: &Quantity| matches!(quantity, Quantity::Count(count) if *count == counts[i]);
+        let found = run.sampled.as_ref()?.margins.iter().find(|margin| of(&margin.of))?;
+        Some(found.margin / value)
     })
 }
 
-/// Draws frames again and again, of a sequence that is known whole.
-pub fn resample(survey: &Survey, frames: &[&Tree], samples: usize) -> Resampled {
+/// Draws frames again and again, of a sequence that is known whole: `frames` has what was counted in each.
+pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: usize) -> Resampled {
     let clusters = Clusters::new(&survey.signatures, samples);
     let mut resampled = Resampled::default();
-    for (at, path) in PATHS.iter().enumerate() {
-        let own: Vec<f64> = frames.iter().map(|tree| counted(tree, path)).collect();
-        let estimates = survey.estimates(path);
+    for (at, count) in counts().iter().enumerate() {
+        let own: Vec<f64> = frames.iter().map(|counted| counted[at]).collect();
+        let estimates = survey.estimates(count);
         let truth: f64 = own.iter().sum();
         if truth <= 0.0 {
             continue;
@@ -121,24 +129,44 @@ pub fn resample(survey: &Survey, frames: &[&Tree], samples: usize) -> Resampled 
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
 ///
+/// The trace is rendered once for `cycle`, `bound` and the survey, once without recording for `functional`, and once for each number of samples, with
+/// other frames recorded. Time in all is that of rendering and of the fidelity's own, one after the other.
+///
 /// # Errors
 /// If the trace cannot be rendered, a fidelity does not know the configuration, or the machine stops.
 pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed: u64) -> Result<Front> {
-    let run = |fidelity| replay(trace, &Options { fidelity, ..options.clone() }, &|_| ());
-    let cycle = run(Fidelity::Cycle)?;
-    let truth = quantities(&cycle.total);
-    let mut points = vec![point("cycle".into(), &cycle, &truth)];
-    let frames: Vec<&Tree> = cycle.frames.iter().map(|frame| &frame.tree).collect();
-    let survey = survey(trace, options)?;
+    let config = &options.config;
+    let (mut simulated, mut bound, mut survey) = (Simulated::default(), Estimated::default(), Survey::default());
+    let mut frames: Vec<[f64; QUANTITIES.len()]> = Vec::new();
+    let count = |frame: Frame| {
+        frames.push(counts().map(|count| count.of(&frame.tree)));
+        Ok(())
+    };
+    let mut rendering = options.rendering(trace);
+    simulate(&mut rendering, (config, options.clock), None, Exit::new(count), &mut simulated)?;
+    estimate(&mut rendering, config, Exit::new(|_| Ok(())), &mut bound)?;
+    take(&mut rendering, config, &mut survey);
+    let rendered = rendering.run()?;
+    let recorded = rendered.time + rendered.profiling;
+
+    let truth = values(&simulated.total);
+    let times = [simulated.machine_time, rendered.time + simulated.machine_time];
+    let mut points = vec![point("cycle".into(), times, &truth, &truth)];
     for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < frames.len()) {
         let sampling = Sampling { samples, seed, ..Sampling::default() };
-        let run = run(Fidelity::Sampled(sampling))?;
-        let resampled = resample(&survey, &frames, samples as usize);
-        points.push(Point { resampled, ..point(format!("sampled, {samples} frames"), &run, &truth) });
+        let run = of_survey(&survey, trace, options, &sampling, Exit::new(|_| Ok(())))?;
+        let measured = values(&run.total);
+        let times = [run.machine_time + survey.time, recorded + survey.time + run.clock_time];
+        points.push(Point {
+            margins: margins(&run, &measured),
+            resampled: resample(&survey, &frames, samples as usize),
+            ..point(format!("sampled, {samples} frames"), times, &measured, &truth)
+        });
     }
-    points.push(point("bound".into(), &run(Fidelity::Bound)?, &truth));
-    let functional = run(Fidelity::Functional)?;
-    points.push(Point { fidelity: "functional".into(), ..point(String::new(), &functional, &truth) });
+    points.push(point("bound".into(), [bound.time, recorded + bound.time], &estimates(&bound), &truth));
+    let functional =
+        replay_to(trace, &Options { fidelity: Fidelity::Functional, ..options.clone() }, &|_| (), &mut |_| Ok(()))?;
+    points.push(point("functional".into(), [Duration::ZERO, functional.clock_time], &Values::default(), &truth));
     Ok(Front { trace: name.to_owned(), frames: frames.len(), cycles: truth[0].unwrap_or(0.0), points })
 }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::skips::sum;
 use crate::gfx::format::Format;
 use crate::machine::Config;
-use crate::run::replay::{Fidelity, Options, Replay, replay};
+use crate::run::machines::{self, Ran};
 use crate::sim::Clock;
 use crate::trace::Trace;
 use crate::trace::record::{self, Recorder};
@@ -171,35 +171,39 @@ impl Taken {
 /// # Errors
 /// If the trace cannot be rendered, or a machine stops.
 pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
-    let mut known: Vec<(Vec<&str>, Clock, Replay)> = Vec::new();
-    let mut run = |settings: &[&'static str], clock: Clock| -> Result<Replay> {
-        if let Some((.., replay)) = known.iter().find(|(of, by, _)| of == settings && *by == clock) {
-            return Ok(replay.clone());
-        }
-        let mut config = config.clone();
-        for setting in settings {
-            config.set(setting)?;
-        }
-        config.check()?;
-        let made =
-            replay(trace, &Options { config, fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX, watch: None }, &|_| ())?;
-        known.push((settings.to_vec(), clock, made.clone()));
-        Ok(made)
+    // Each machine once, however many shortcuts are measured on it.
+    let mut settings: Vec<(Vec<&str>, Clock)> = Vec::new();
+    let mut place = |of: Vec<&'static str>, clock: Clock| {
+        settings.iter().position(|known| *known == (of.clone(), clock)).unwrap_or_else(|| {
+            settings.push((of, clock));
+            settings.len() - 1
+        })
     };
-    let mut found = Vec::new();
-    for shortcut in SHORTCUTS {
-        let quick = run(shortcut.both, Clock::SkipIdle)?;
-        let exact = run(&[shortcut.both, shortcut.on_top].concat(), shortcut.clock)?;
-        let pair = |paths: &[&str]| [&quick, &exact].map(|run| sum(&run.total, paths));
-        let pictures = |run: &Replay| run.frames.iter().map(|frame| frame.shown.clone()).collect::<Vec<_>>();
-        found.push(Taken {
+    let of_shortcut = |shortcut: &Shortcut| {
+        let exact = [shortcut.both, shortcut.on_top].concat();
+        [place(shortcut.both.to_vec(), Clock::SkipIdle), place(exact, shortcut.clock)]
+    };
+    let pairs: Vec<[usize; 2]> = SHORTCUTS.iter().map(of_shortcut).collect();
+    let set = |(settings, clock): &(Vec<&str>, Clock)| -> Result<(Config, Clock)> {
+        let mut config = config.clone();
+        settings.iter().try_for_each(|setting| config.set(setting))?;
+        config.check()?;
+        Ok((config, *clock))
+    };
+    let machines = settings.iter().map(set).collect::<Result<Vec<_>>>()?;
+    let machines: Vec<(&Config, Clock)> = machines.iter().map(|(config, clock)| (config, *clock)).collect();
+    let ran = machines::run(trace, &machines)?;
+    let taken = |(shortcut, places): (&'static Shortcut, [usize; 2])| {
+        let runs: [&Ran; 2] = places.map(|at| &ran[at]);
+        let pair = |paths: &[&str]| runs.map(|run| sum(&run.total, paths));
+        Taken {
             shortcut,
-            cycles: pair(&["cycles"]),
+            cycles: runs.map(|run| run.cycles as f64),
             work: pair(shortcut.work.1),
-            same_pictures: pictures(&quick) == pictures(&exact),
-        });
-    }
-    Ok(found)
+            same_pictures: runs[0].shown == runs[1].shown,
+        }
+    };
+    Ok(SHORTCUTS.iter().zip(pairs).map(taken).collect())
 }
 
 /// How far off cycles are on traces, by shortcut, as a table in Markdown.

@@ -7,7 +7,7 @@ use anyhow::Result;
 use crate::machine::Config;
 use crate::render::{self, Skips};
 use crate::run::host::Stopwatch;
-use crate::run::replay::{Fidelity, Options, Replay, replay};
+use crate::run::machines::{self, Ran};
 use crate::sim::Clock;
 use crate::stats::Tree;
 use crate::trace::Trace;
@@ -245,17 +245,6 @@ const KEPT: [&str; 10] = [
     "funnel.fragments_written",
 ];
 
-/// A machine, and its clock.
-type Timed<'c> = (&'c Config, Clock);
-
-fn simulate(trace: &Trace, (config, clock): Timed<'_>) -> Result<Replay> {
-    replay(
-        trace,
-        &Options { config: config.clone(), fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX, watch: None },
-        &|_| (),
-    )
-}
-
 /// How long both sides of a skip are run by turns to tell their host times apart.
 #[derive(Clone, Copy, Debug)]
 pub struct Turns {
@@ -318,11 +307,11 @@ pub(super) fn sum(tree: &Tree, paths: &[&str]) -> f64 {
 }
 
 /// What differs between two replays that must be the same, beside what the skip is about.
-fn differs(skip: &Skip, on: &Replay, off: &Replay) -> Option<String> {
-    if on.frames.len() != off.frames.len() {
+fn differs(skip: &Skip, on: &Ran, off: &Ran) -> Option<String> {
+    if on.shown.len() != off.shown.len() {
         return Some("number of frames".into());
     }
-    if let Some((frame, _)) = on.frames.iter().zip(&off.frames).find(|(a, b)| a.shown != b.shown) {
+    if let Some((frame, _)) = on.shown.iter().zip(&off.shown).find(|(a, b)| a != b) {
         return Some(format!("picture of frame {}", frame.number));
     }
     let free = |path: &str| skip.changes.contains(&path) || skip.work.1.contains(&path);
@@ -361,28 +350,66 @@ pub(super) fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
     Ok(Rendered { pictures, funnel, colors, time: watch.clock() })
 }
 
-/// Every skip on a trace, on and off.
+/// A machine by its settings on top of others, and its clock.
+type Timed = (Vec<&'static str>, Clock);
+
+/// The machines of a skip, with it and without; none for a skip of the renderer's.
+fn sides(skip: &Skip) -> Option<[Timed; 2]> {
+    match skip.how {
+        Switch::Renderer(_) => None,
+        Switch::Machine { base, off } => {
+            Some([base.to_vec(), [base, off].concat()].map(|settings| (settings, Clock::SkipIdle)))
+        }
+        Switch::Clock => Some([Clock::SkipIdle, Clock::EveryCycle].map(|clock| (Vec::new(), clock))),
+    }
+}
+
+/// Every skip on a trace, on and off. Machines are run behind one rendering, each once however many skips need it, and again for their host
+/// times: from one time to the next in the other order.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or a machine stops.
 pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Saving>> {
-    let with = |settings: &[&str]| -> Result<Config> {
+    let mut timed: Vec<Timed> = Vec::new();
+    let mut place = |machine: Timed| {
+        timed.iter().position(|known| *known == machine).unwrap_or_else(|| {
+            timed.push(machine);
+            timed.len() - 1
+        })
+    };
+    let places: Vec<Option<[usize; 2]>> = SKIPS.iter().map(|skip| sides(skip).map(|sides| sides.map(&mut place))).collect();
+    let set = |(settings, clock): &Timed| -> Result<(Config, Clock)> {
         let mut config = config.clone();
-        for setting in settings {
-            config.set(setting)?;
+        settings.iter().try_for_each(|setting| config.set(setting))?;
+        Ok((config, *clock))
+    };
+    let machines = timed.iter().map(set).collect::<Result<Vec<_>>>()?;
+    let machines: Vec<(&Config, Clock)> = machines.iter().map(|(config, clock)| (config, *clock)).collect();
+    let watch = Stopwatch::start();
+    let ran = machines::run(trace, &machines)?;
+    let mut times: Vec<Vec<Duration>> = vec![ran.iter().map(|ran| ran.machine_time).collect()];
+    let skips = places.iter().flatten().count() as u32;
+    while times.len() < turns.least || watch.clock() < skips * turns.time {
+        let reversed = times.len() % 2 == 1;
+        let order = |mut machines: Vec<_>| {
+            if reversed {
+                machines.reverse();
+            }
+            machines
+        };
+        let again = machines::run(trace, &order(machines.clone()))?;
+        let mut own: Vec<Duration> = again.iter().map(|ran| ran.machine_time).collect();
+        if reversed {
+            own.reverse();
         }
-        Ok(config)
-    };
-    let plain = simulate(trace, (config, Clock::SkipIdle))?;
+        times.push(own);
+    }
+
     let plain_render = rendered(trace, Skips::default())?;
-    let of_machines = |machines: [Timed<'_>; 2], pair: &[Replay; 2]| {
-        let first = [0, 1].map(|at: usize| pair[at].machine_time);
-        HostTimes::take(turns, first, |side| Ok(simulate(trace, machines[side])?.machine_time))
-    };
     let mut found = Vec::new();
-    for skip in SKIPS {
-        let saving = match skip.how {
-            Switch::Renderer(off) => {
+    for (skip, places) in SKIPS.iter().zip(places) {
+        let saving = match (skip.how, places) {
+            (Switch::Renderer(off), _) => {
                 let mut skips = [Skips::default(); 2];
                 off(&mut skips[1]);
                 let (on, off) = (&plain_render, rendered(trace, skips[1])?);
@@ -393,27 +420,19 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
                 let work = (!skip.work.0.is_empty()).then_some([on.colors, off.colors]);
                 Saving { skip, cycles: None, host, work, differs }
             }
-            Switch::Machine { base, off } => {
-                let [with_base, without] = [with(base)?, with(&[base, off].concat())?];
-                let machines = [&with_base, &without].map(|config| (config, Clock::SkipIdle));
-                let on = if base.is_empty() { plain.clone() } else { simulate(trace, machines[0])? };
-                let pair = [on, simulate(trace, machines[1])?];
-                let both = |paths: &[&str]| [0, 1].map(|at: usize| sum(&pair[at].total, paths));
-                Saving {
-                    skip,
-                    cycles: Some(both(&["cycles"])),
-                    host: of_machines(machines, &pair)?,
-                    work: Some(both(skip.work.1)),
-                    differs: differs(skip, &pair[0], &pair[1]),
+            (how, Some(places)) => {
+                let pair = places.map(|at| &ran[at]);
+                let host = HostTimes(times.iter().map(|times| places.map(|at| times[at])).collect());
+                let differs = differs(skip, pair[0], pair[1]);
+                if let Switch::Clock = how {
+                    let other = || (pair[0].total != pair[1].total).then(|| "statistics".to_owned());
+                    Saving { skip, cycles: None, host, work: None, differs: differs.or_else(other) }
+                } else {
+                    let work = pair.map(|run| sum(&run.total, skip.work.1));
+                    Saving { skip, cycles: Some(pair.map(|run| run.cycles as f64)), host, work: Some(work), differs }
                 }
             }
-            Switch::Clock => {
-                let machines = [Clock::SkipIdle, Clock::EveryCycle].map(|clock| (config, clock));
-                let pair = [plain.clone(), simulate(trace, machines[1])?];
-                let differs = differs(skip, &pair[0], &pair[1])
-                    .or_else(|| (pair[0].total.json() != pair[1].total.json()).then(|| "statistics".to_owned()));
-                Saving { skip, cycles: None, host: of_machines(machines, &pair)?, work: None, differs }
-            }
+            (_, None) => continue,
         };
         found.push(saving);
     }

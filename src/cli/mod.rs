@@ -21,6 +21,7 @@ mod configs;
 mod import;
 mod inspect;
 mod pareto;
+mod progress;
 mod reading;
 mod replay;
 mod shortcuts;

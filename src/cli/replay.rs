@@ -1,25 +1,21 @@
 //! `fillrate replay`
 
-use std::io::IsTerminal;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::str::FromStr;
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::sync::Arc;
 
-use anyhow::{Result, anyhow, bail};
-use indicatif::{ProgressBar, ProgressStyle};
+use anyhow::{Result, bail};
 
 use super::Verdict;
+use super::progress::Told;
 use super::threads::MOST;
 use crate::render::Watch;
 use crate::report::files::About;
 use crate::report::folder::Folder;
-use crate::report::summary::{self, Phases};
-use crate::run::replay::{Fidelity, Frame, Options, Outcome, replay_to};
-use crate::run::sampled::Sampling;
+use crate::report::terminal::{self, Seen};
+use crate::run::replay::{Fidelity, Frame, Options, replay_to};
+use crate::run::sample::Sampling;
 use crate::sim::Clock;
 
 /// Replay a trace on a configured card: images, statistics, a short report
@@ -124,18 +120,16 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let trace = arguments.reading.open(&arguments.trace)?;
     let name = arguments.trace.display().to_string();
-    let about = About { trace: name, config: options.config.name.clone(), fidelity: options.fidelity.name() };
+    let about = About { trace: name.clone(), config: options.config.name.clone(), fidelity: options.fidelity.name() };
     let create = |out| Folder::create(out, about, &options.config.resolved());
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // What is said of all frames; the frames themselves are kept by nobody.
     let mut seen = Seen::default();
     let mut taker = |frame: Frame| {
-        seen.frames += 1;
-        seen.phases.add(&frame.phases);
+        seen.add(&frame);
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
-    let bar = progress_bar();
-    let told = Told::begin(&bar, &watch);
+    let told = Told::begin(&watch);
     let done = replay_to(&trace, &options, &|frame| told.frame(frame), &mut taker);
     told.end();
     let done = done?;
@@ -145,128 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
     }
-    print(&done, &seen, &options, arguments)
-}
-
-/// What is kept of frames that have left.
-#[derive(Default)]
-struct Seen {
-    frames: usize,
-    phases: Phases,
-}
-
-/// A spinner on a terminal, nothing elsewhere.
-fn progress_bar() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    let bar = ProgressBar::new_spinner().with_style(style).with_message("rendering");
-    let ticking = bar.clone();
-    let tick = move || {
-        while !ticking.is_finished() {
-            ticking.tick();
-            std::thread::sleep(Duration::from_millis(100));
-        }
-    };
-    // Not the library's own ticker: it panics where no thread can be started. Without one the bar moves at the end of each frame.
-    let _ = std::thread::Builder::new().name("progress".into()).spawn(tick);
-    bar
-}
-
-/// What the spinner says: the last frame, and once a limit comes near, the command that runs and how much of the limit is used.
-struct Told {
-    bar: ProgressBar,
-    frame: Arc<Mutex<String>>,
-    /// Goes when the replay is over, which the thread that tells waits for.
-    over: Sender<()>,
-    teller: Option<JoinHandle<()>>,
-}
-
-impl Told {
-    fn begin(bar: &ProgressBar, watch: &Arc<Watch>) -> Told {
-        let (over, end) = channel();
-        let frame = Arc::new(Mutex::new(String::from("rendering")));
-        let (mine, bar_of, watch) = (frame.clone(), bar.clone(), watch.clone());
-        let tell = move || {
-            while end.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
-                let frame = mine.lock().unwrap_or_else(PoisonError::into_inner).clone();
-                bar_of.set_message(watch.line().map_or(frame.clone(), |line| format!("{frame}; {line}")));
-            }
-        };
-        // Without a terminal nobody reads it; without a thread to be had it is left out.
-        let teller = if bar.is_hidden() { None } else { std::thread::Builder::new().spawn(tell).ok() };
-        Told { bar: bar.clone(), frame, over, teller }
-    }
-
-    fn frame(&self, frame: u32) {
-        let text = format!("frame {frame} done");
-        self.bar.set_message(text.clone());
-        self.bar.inc(1);
-        *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = text;
-    }
-
-    fn end(self) {
-        drop(self.over);
-        // A teller that panicked told nothing more; the replay is not touched by that.
-        drop(self.teller.map(JoinHandle::join));
-        self.bar.finish_and_clear();
-    }
-}
-
-fn print(done: &Outcome, seen: &Seen, options: &Options, arguments: &Arguments) -> Result<Verdict> {
-    let frames = seen.frames;
-    let s = if frames == 1 { "" } else { "s" };
-    println!("{} on {}: {frames} frame{s}", arguments.trace.display(), options.config.name);
-    print!("\nWhat was drawn, and what was thrown away where\n{}", summary::funnel(&done.total));
-    let host = done.machine_time.as_secs_f64();
-    let all = done.clock_time.as_secs_f64();
-    if options.fidelity == Fidelity::Functional {
-        println!(
-            "\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\nhost: {all:.3} s in all"
-        );
-    } else {
-        let sampled = matches!(options.fidelity, Fidelity::Sampled(_));
-        let number = |path: &str| done.total.number(path).ok_or_else(|| anyhow!("the statistics have no {path}"));
-        let (cycles, seconds) = (number("cycles")?, number("seconds")?);
-        if !seen.phases.is_empty() {
-            print!("\nWhere the cycles went, one phase after another\n{}", seen.phases.text(12));
-        }
-        if options.fidelity != Fidelity::Bound {
-            print!("\nWhat the units did, in shares of the cycles\n{}", summary::units(&done.total));
-            print!("\nWhat moved through memory\n{}", summary::memory(&done.total));
-            let pipelines = options.config.card.pipelines;
-            print!("\nWhat sorting cost\n{}", summary::sorting(&done.total, pipelines));
-        }
-        if sampled {
-            print!("\nWhat is estimated\n{}", summary::sampled(&done.total));
-        }
-        let frames = done.total.number("sampled.frames").unwrap_or(frames as f64);
-        let rate = if seconds > 0.0 { frames / seconds } else { 0.0 };
-        println!(
-            "\n{} cycles, {rate:.1} frames a second at {} MHz",
-            summary::grouped(cycles as u64),
-            options.config.card.clock_mhz
-        );
-        let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
-        match options.fidelity {
-            Fidelity::Bound => {
-                println!(
-                    "estimated from counts and rates: off by 3 % in the middle, up to 15 % on the baseline, more on short queues (docs/fidelity.md)"
-                );
-                println!("host: {:.3} ms for the estimates, {all:.3} s in all", 1e3 * host);
-            }
-            _ if sampled => {
-                println!("host: {host:.2} s in the machine, {all:.2} s in all")
-            }
-            _ => println!(
-                "every cycle of every unit, nothing estimated\n\
-                 host: {host:.2} s in the machine ({:.2} million cycles and {:.2} million shaded fragments a second), {all:.2} s in all",
-                cycles / host.max(1e-9) / 1e6,
-                shaded / host.max(1e-9) / 1e6,
-            ),
-        }
-    }
+    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &seen, &options));
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());
     }

@@ -10,8 +10,6 @@ use crate::unit::phase::Phase;
 /// The version of `stats.json`. It rises when a name goes or means something else, so that readers notice; what is only added leaves it.
 pub const VERSION: u32 = 1;
 
-/// The statistics of a frame.
-
 /// What statistics are of.
 #[derive(Clone, Debug, Default)]
 pub struct About {

@@ -8,3 +8,4 @@ pub mod limits;
 pub mod pages;
 pub mod picture;
 pub mod summary;
+pub mod terminal;

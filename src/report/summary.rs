@@ -2,6 +2,9 @@
 
 use crate::host::one_line;
 use crate::num::Cycle;
+use crate::run::sample::clusters::LEVEL;
+use crate::run::sample::survey::Count;
+use crate::run::sample::{Margin, Quantity, Sampled};
 use crate::stats::{Leaf, Node, Tree};
 use crate::unit::phase::{Phase, PhaseKind};
 
@@ -282,30 +285,22 @@ fn clip(text: &str, most: usize) -> String {
 }
 
 /// What a sampled replay estimates, with the margins of its intervals.
-pub fn sampled(total: &Tree) -> String {
-    let n = |path: &str| total.number(path).unwrap_or(0.0);
-    let (counted, simulated) = (n("sampled.counted_frames"), n("sampled.simulated_frames"));
-    let from = format!("{counted} of {} frames ({simulated} simulated)", n("sampled.frames"));
-    let mut out = format!("  from {from}; intervals hold with a probability of {:.1} %\n", 100.0 * n("sampled.level"));
-    let Some(Node::Tree(margins)) = total.get("sampled").and_then(|node| match node {
-        Node::Tree(tree) => tree.get("margins"),
-        _ => None,
-    }) else {
-        return out;
-    };
-    for (path, _) in margins.entries() {
-        let margin = margins.entries().find(|(name, _)| *name == path).and_then(|(_, node)| match node {
-            Node::Leaf(Leaf::Real(margin)) => Some(*margin),
-            _ => None,
-        });
-        let margin = margin.unwrap_or(f64::INFINITY);
-        if let Some(cache) = path.strip_prefix("caches.").and_then(|rest| rest.strip_suffix(".hit_rate")) {
-            let sum = |what: &str| (0..).map_while(|i| total.number(&format!("caches.{cache}[{i}].{what}"))).sum::<f64>();
-            let rate = 100.0 * sum("hits") / sum("accesses").max(1.0);
-            out.push_str(&format!("  {path:<34} {rate:>15.2} %   +- {:.2} points\n", 100.0 * margin));
-        } else if n(path) > 0.0 {
-            let value = n(path);
-            out.push_str(&format!("  {path:<34} {:>17}   +- {:.2} %\n", grouped(value as u64), 100.0 * margin / value));
+pub fn sampled(sampled: &Sampled) -> String {
+    let from = format!("{} of {} frames ({} simulated)", sampled.counted, sampled.frames, sampled.simulated);
+    let mut out = format!("  from {from}; intervals hold with a probability of {:.1} %\n", 100.0 * LEVEL);
+    for Margin { of, value, margin } in &sampled.margins {
+        let name = of.to_string();
+        match of {
+            Quantity::HitRate(_) => {
+                out.push_str(&format!("  {name:<34} {:>15.2} %   +- {:.2} points\n", 100.0 * value, 100.0 * margin));
+            }
+            // Both are told otherwise.
+            Quantity::Count(Count::DramBytes | Count::Cache(..)) => {}
+            Quantity::Count(_) if *value > 0.0 => {
+                let share = 100.0 * margin / value;
+                out.push_str(&format!("  {name:<34} {:>17}   +- {share:.2} %\n", grouped(*value as u64)));
+            }
+            Quantity::Count(_) => {}
         }
     }
     out

@@ -1,7 +1,12 @@
-//! Floor 5: replay: render and machine side by side.
+//! Floor 5: replay: one rendering, and those who read its work side by side.
 
 pub mod bound;
+pub mod cycle;
+pub mod exit;
+mod functional;
 pub mod host;
+pub mod machines;
+pub mod profiles;
+pub mod rendering;
 pub mod replay;
 pub mod sample;
-pub mod sampled;

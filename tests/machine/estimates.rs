@@ -6,7 +6,7 @@ use std::path::Path;
 use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
-use fillrate::run::sampled::Sampling;
+use fillrate::run::sample::Sampling;
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;

@@ -97,7 +97,8 @@ fn frames_without_end_leave_as_they_end() {
     let hostile = Hostile::new(card);
     // Nothing is claimed for frames that have left.
     for fidelity in ["functional", "cycle"] {
-        let output = hostile.replay(&["--config", "tiny", "--fidelity", fidelity, "--limit", "memory.bytes=1_000_000"]);
+        let run = fillrate(["replay".as_ref(), hostile.path().as_os_str()]).arg("--fidelity").arg(fidelity);
+        let output = run.arg("--config").arg("tiny").arg("--limit").arg("memory.bytes=1_000_000").run();
         done(&output);
         below_mib(&output, 100);
     }

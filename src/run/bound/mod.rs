@@ -9,6 +9,7 @@
 //! ([`memory`]), whose contents stay from frame to frame. Arbitration and conflicts of banks are not in it.
 
 mod flow;
+pub mod frames;
 mod memory;
 mod pass;
 mod shading;
@@ -39,10 +40,6 @@ const COMPRESSED_SAMPLES: f64 = 0.36;
 fn compressed(attachment: &AttachmentProfile) -> f64 {
     if attachment.multisampled { COMPRESSED_SAMPLES } else { COMPRESSED }
 }
-
-/// Frames of which profiles are gathered before estimates are made of all: between two frames of a renderer whatever estimates need has left
-/// the host's caches.
-pub const BATCH: usize = 64;
 
 /// Blocks along the edge of a screen tile.
 const BLOCKS: u32 = TILE / BLOCK;
@@ -84,21 +81,11 @@ pub struct FrameEstimate {
 }
 
 impl FrameEstimate {
-    /// Cycles of all phases.
-    pub fn cycles(&self) -> f64 {
-        self.phases.iter().map(|phase| phase.cycles).sum()
-    }
-
     /// The phases with whole cycles, as a report has them.
     pub fn phases(&self) -> Vec<(Phase, Cycle)> {
         let phase =
             |p: &PhaseEstimate| Phase { kind: p.kind, number: p.number, label: p.label.clone(), begin: 0, limit: p.limit };
         self.phases.iter().map(|p| (phase(p), p.cycles.round() as Cycle)).collect()
-    }
-
-    /// Bytes that DRAM reads and writes.
-    pub fn dram_bytes(&self) -> f64 {
-        self.phases.iter().map(|phase| phase.memory.read + phase.memory.written).sum()
     }
 }
 

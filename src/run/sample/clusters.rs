@@ -1,6 +1,6 @@
 //! Sampling over frames: frames that are alike by their profiles are simulated once.
 //!
-//! 1. Each frame's profile becomes a signature: what every unit has to do in it, by [`Bound`](super::bound::Bound).
+//! 1. Each frame's profile becomes a signature: what every unit has to do in it, by [`Bound`](crate::run::bound::Bound).
 //! 2. Frames are put into clusters by signature, as many as are to be simulated (k-means, from centres that are farthest apart).
 //! 3. Of each cluster one frame is drawn at random and simulated, behind some frames that warm the caches and are not counted.
 //! 4. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
@@ -13,7 +13,7 @@
 pub const LEVEL: f64 = 0.997;
 
 /// Student's t for a two-sided interval of [`LEVEL`], for 1 to 30 degrees of freedom; beyond, nearly the normal's 2.968.
-pub(super) const STUDENT: [f64; 30] = [
+const STUDENT: [f64; 30] = [
     212.205, 18.2163, 8.89146, 6.43485, 5.37603, 4.80024, 4.44213, 4.19915, 4.02399, 3.89195, 3.78898, 3.70649, 3.63895,
     3.58265, 3.53502, 3.49421, 3.45885, 3.42793, 3.40066, 3.37643, 3.35476, 3.33527, 3.31764, 3.30162, 3.287, 3.27361, 3.26129,
     3.24993, 3.23941, 3.22965,
@@ -148,7 +148,7 @@ impl Clusters {
     }
 }
 
-/// A generator of random numbers (SplitMix64: Steele, Lea and Flood 2014).
+/// The sampling generator (SplitMix64: Steele, Lea and Flood 2014).
 pub fn random(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed;
     move || {

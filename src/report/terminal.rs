@@ -1,0 +1,75 @@
+//! What a replay says on the terminal.
+
+use std::fmt::Write;
+
+use super::summary::{self, Phases};
+use crate::run::replay::{Fidelity, Frame, Options, Outcome, seconds};
+
+/// What is kept of frames that have left.
+#[derive(Default)]
+pub struct Seen {
+    /// How many there were.
+    pub frames: usize,
+    phases: Phases,
+}
+
+impl Seen {
+    /// A frame leaves.
+    pub fn add(&mut self, frame: &Frame) {
+        self.frames += 1;
+        self.phases.add(&frame.phases);
+    }
+}
+
+/// What a replay came to: how many frames, where the work went and where the cycles, and the host's time.
+pub fn report(done: &Outcome, seen: &Seen, options: &Options) -> String {
+    let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
+    let mut section = |title: &str, text: &str| {
+        // A text takes all that is written to it.
+        let _ = write!(out, "\n{title}\n{text}");
+    };
+    section("What was drawn, and what was thrown away where", &summary::funnel(&done.total));
+    let Some(cycles) = done.cycles else {
+        let all = done.clock_time.as_secs_f64();
+        out.push_str("\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\n");
+        return out + &format!("host: {all:.3} s in all");
+    };
+    if !seen.phases.is_empty() {
+        section("Where the cycles went, one phase after another", &seen.phases.text(12));
+    }
+    if options.fidelity != Fidelity::Bound {
+        section("What the units did, in shares of the cycles", &summary::units(&done.total));
+        section("What moved through memory", &summary::memory(&done.total));
+        section("What sorting cost", &summary::sorting(&done.total, options.config.card.pipelines));
+    }
+    if let Some(sampled) = &done.sampled {
+        section("What is estimated", &summary::sampled(sampled));
+    }
+    out + &times(done, cycles, seen, options)
+}
+
+/// Cycles, frames a second, and the host's time.
+fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
+    let mhz = options.config.card.clock_mhz;
+    let seconds = seconds(cycles, &options.config);
+    let frames = done.sampled.as_ref().map_or(seen.frames as f64, |sampled| sampled.frames as f64);
+    let rate = if seconds > 0.0 { frames / seconds } else { 0.0 };
+    let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
+    let cost = match options.fidelity {
+        Fidelity::Bound => format!(
+            "estimated from counts and rates: off by 3 % in the middle, up to 15 % on the baseline, more on short queues \
+             (docs/fidelity.md)\nhost: {:.3} ms for the estimates, {all:.3} s in all",
+            1e3 * host
+        ),
+        Fidelity::Sampled(_) => format!("host: {host:.2} s in the machine, {all:.2} s in all"),
+        _ => {
+            let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
+            let [cycles, shaded] = [cycles, shaded].map(|count| count / host.max(1e-9) / 1e6);
+            format!(
+                "every cycle of every unit, nothing estimated\nhost: {host:.2} s in the machine ({cycles:.2} million cycles and \
+                 {shaded:.2} million shaded fragments a second), {all:.2} s in all"
+            )
+        }
+    };
+    format!("\n{} cycles, {rate:.1} frames a second at {mhz} MHz\n{cost}", summary::grouped(cycles.round() as u64))
+}

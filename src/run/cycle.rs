@@ -1,0 +1,79 @@
+//! The `cycle` fidelity: a machine that reads the work of a rendering.
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::exit::{Exit, Frame};
+use super::host::Stopwatch;
+use super::rendering::{Consumer, Rendering, Work};
+use crate::machine::{Config, Machine};
+use crate::num::Cycle;
+use crate::render::Held;
+use crate::sim::Clock;
+use crate::stats::Tree;
+use crate::work::Event;
+
+/// What simulating frames came to.
+#[derive(Clone, Debug, Default)]
+pub struct Simulated {
+    /// Cycles.
+    pub cycles: Cycle,
+    /// Statistics over all frames.
+    pub total: Tree,
+    /// Host time in the machine (processor time where the system tells).
+    pub machine_time: Duration,
+}
+
+/// Which frames only warm up for others.
+pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
+
+/// Adds a machine to a rendering. Frames that only warm up are drawn at once ([`apply`](crate::unit::apply)).
+///
+/// # Errors
+/// If knobs do not fit each other.
+pub fn simulate<'r>(
+    rendering: &mut Rendering<'r>,
+    (config, clock): (&'r Config, Clock),
+    warms_up: Option<WarmsUp<'r>>,
+    mut exit: Exit<'r>,
+    out: &'r mut Simulated,
+) -> Result<()> {
+    let mut machine = Machine::new(config)?;
+    let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: exit.keeps };
+    let frames = rendering.frames().clone();
+    let mut under_way = frames.next(0);
+    let role = move |event| match event {
+        Event::Segment(segment) if under_way.zip(warms_up).is_some_and(|(frame, warms_up)| warms_up(frame)) => {
+            Event::Applied(segment)
+        }
+        Event::EndFrame(end) => {
+            under_way = frames.next(end.number + 1);
+            Event::EndFrame(end)
+        }
+        other => other,
+    };
+    let run = move |work: Work| {
+        let busy = Stopwatch::start();
+        let (closed, mut failed) = (Cell::new(false), None);
+        let run = machine.run_each(work.take_while(|_| !closed.get()).map(role), clock, |frame| {
+            if failed.is_some() {
+                return;
+            }
+            let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
+            failed = exit.put(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }).err();
+            closed.set(failed.is_some());
+        });
+        let machine_time = busy.elapsed();
+        // A machine that lost its input has nothing to add.
+        if let Some(failed) = failed {
+            return Err(failed);
+        }
+        let run = run?;
+        *out = Simulated { cycles: run.cycles, total: run.total, machine_time };
+        Ok(())
+    };
+    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! Where frames leave a replay.
+
+use anyhow::Result;
+
+use crate::num::Cycle;
+use crate::stats::Tree;
+use crate::unit::phase::Phase;
+use crate::work::{EndFrame, Surface};
+
+/// One frame of a replay.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Its number in the trace.
+    pub number: u32,
+    /// What is shown and its bytes; none where nothing was ever drawn.
+    pub shown: Option<(Surface, Vec<u8>)>,
+    /// Its statistics.
+    pub tree: Tree,
+    /// What was done one after another, and for how long; empty where no time is simulated.
+    pub phases: Vec<(Phase, Cycle)>,
+}
+
+/// Takes frames in order, each when it ends.
+pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
+
+/// Takes frames, and says so.
+pub struct Exit<'e> {
+    /// Takes them.
+    pub taker: Box<Taker<'e>>,
+    /// Whether the taker keeps them, which the account of memory is told.
+    pub keeps: bool,
+    /// Hears the number of each.
+    pub progress: &'e (dyn Fn(u32) + Sync),
+}
+
+impl<'e> Exit<'e> {
+    /// Frames go to a taker that does not keep them.
+    pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
+        Exit { taker: Box::new(taker), keeps: false, progress: &|_| () }
+    }
+
+    /// A frame has ended.
+    ///
+    /// # Errors
+    /// Why the taker takes no more.
+    pub fn put(&mut self, frame: Frame) -> Result<()> {
+        (self.progress)(frame.number);
+        (self.taker)(frame)
+    }
+}
+
+/// What a frame shows, where the renderer's picture is the picture.
+pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Vec<u8>)> {
+    end.shown.map(|surface| (surface, end.reference.to_vec()))
+}

@@ -1,0 +1,304 @@
+//! The `sampled` fidelity: some frames are simulated and stand for all.
+//!
+//! The trace is rendered twice: once for the profiles of all frames ([`survey`]), by which those to be simulated are chosen ([`clusters`]), and
+//! once more with work recorded for these alone.
+
+pub mod clusters;
+pub mod survey;
+
+use std::ops::Range;
+
+use anyhow::{Result, anyhow, bail};
+
+use super::cycle::{Simulated, simulate};
+use super::exit::{Exit, Frame};
+use super::host::Stopwatch;
+use super::replay::{Options, Outcome, seconds};
+use clusters::{Clusters, Interval, LEVEL, random};
+use survey::{CacheCount, Count, Survey, Way};
+
+use crate::machine::Config;
+use crate::machine::config::SortClass;
+use crate::render::FrameSet;
+use crate::stats::{Node, Tree};
+use crate::trace::Trace;
+use crate::unit::sorting::{EarlyTest, Keep};
+
+/// How frames are sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    /// Frames to be simulated and counted: at least 2, for an interval.
+    pub samples: u32,
+    /// Of the sampling generator.
+    pub seed: u64,
+    /// Frames before each of these that warm the caches, and are not counted: drawn at once where the machine is one on which they can be
+    /// ([`apply`](crate::unit::apply)), else simulated.
+    pub warm_up: u32,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Sampling { samples: 8, seed: 1, warm_up: 1 }
+    }
+}
+
+/// Caches of which misses are estimated.
+const ESTIMATED: [&str; 2] = ["texture", "l2"];
+
+/// What is estimated over all frames.
+#[derive(Clone, Debug)]
+pub struct Sampled {
+    /// Frames of the sequence.
+    pub frames: u64,
+    /// Frames that were simulated and counted.
+    pub counted: u64,
+    /// Frames that were simulated, those that warm up among them.
+    pub simulated: u64,
+    /// Estimates with intervals.
+    pub margins: Vec<Margin>,
+}
+
+/// What an interval is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// A count.
+    Count(Count),
+    /// The hit rate of a kind of cache.
+    HitRate(String),
+}
+
+impl std::fmt::Display for Quantity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Quantity::Count(count) => count.fmt(f),
+            Quantity::HitRate(cache) => write!(f, "caches.{cache}.hit_rate"),
+        }
+    }
+}
+
+/// An estimate with its interval.
+#[derive(Clone, Debug)]
+pub struct Margin {
+    /// What it is of.
+    pub of: Quantity,
+    /// What the statistics over all frames have.
+    pub value: f64,
+    /// Half the interval's width.
+    pub margin: f64,
+}
+
+/// Whether functional warming ([`apply`](crate::unit::apply)) leaves on this machine what simulating a frame leaves. Frames that warm up
+/// are simulated on the others: a tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image
+/// draw into copies; with some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
+fn warms_functionally(config: &Config) -> bool {
+    match config.card.sort {
+        SortClass::First | SortClass::Middle => true,
+        SortClass::LastFragment => config.order.keep == Keep::Always && config.order.early != EarlyTest::Local,
+        SortClass::MiddleBinned | SortClass::LastImage => false,
+    }
+}
+
+/// Sorted ranges of frame numbers: those drawn, each with those that warm up for it.
+fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
+    let mut numbers = numbers.to_vec();
+    numbers.sort_unstable();
+    let mut ranges: Vec<Range<u32>> = Vec::new();
+    for number in numbers {
+        let begin = number.saturating_sub(warm_up).max(first);
+        match ranges.last_mut() {
+            Some(last) if last.end >= begin => last.end = number + 1,
+            _ => ranges.push(begin..number + 1),
+        }
+    }
+    ranges.into_iter().collect()
+}
+
+/// Replays a trace with some of its frames simulated, which leave as they end; the statistics over all are estimates, with the intervals of the
+/// most important.
+///
+/// # Errors
+/// If the trace cannot be rendered, has too few frames, or the machine stops.
+pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+    let mut survey = Survey::default();
+    let mut rendering = options.rendering(trace);
+    survey::take(&mut rendering, &options.config, &mut survey);
+    rendering.run()?;
+    let outcome = of_survey(&survey, trace, options, sampling, exit)?;
+    Ok(Outcome { machine_time: outcome.machine_time + survey.time, ..outcome })
+}
+
+/// The same for frames whose estimates are known.
+///
+/// # Errors
+/// If the trace cannot be rendered, has too few frames, or the machine stops.
+pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+    let watch = Stopwatch::start();
+    let all = survey.numbers.len();
+    if sampling.samples < 2 {
+        bail!("{} frames to be sampled give no interval: 2 are the least", sampling.samples);
+    }
+    if all <= sampling.samples as usize {
+        bail!("{all} frames are too few to sample {} of them: use cycle", sampling.samples);
+    }
+    let clusters = Clusters::new(&survey.signatures, sampling.samples as usize);
+    if clusters.members.len() < 2 {
+        bail!("the {all} frames are all alike, and one cannot give an interval: use cycle with --frames");
+    }
+    let drawn = clusters.draw(&mut random(sampling.seed));
+    let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
+    let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
+    let simulated_frames = chosen.count();
+    let functional = warms_functionally(&options.config);
+    let warms_up = |number: u32| functional && !numbers.contains(&number);
+
+    // What was counted of the frames drawn; those that warm up are not reported.
+    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
+    let Exit { mut taker, keeps, progress } = exit;
+    let count = |frame: Frame| {
+        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
+        counted[at] = Some(frame.tree.clone());
+        taker(frame)
+    };
+    let mut simulated = Simulated::default();
+    let mut rendering = options.rendering_of(trace, chosen);
+    let exit = Exit { keeps, progress, ..Exit::new(count) };
+    simulate(&mut rendering, (&options.config, options.clock), Some(&warms_up), exit, &mut simulated)?;
+    rendering.run()?;
+    let found = counted.into_iter().zip(&numbers);
+    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
+    let counted = found.collect::<Result<Vec<Tree>>>()?;
+
+    let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
+    let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
+    let mut total = Tree::weighted(&trees);
+    let cycles = Count::Cycles.of(&total);
+    total.real("seconds", seconds(cycles, &options.config));
+    let trees: Vec<&Tree> = counted.iter().collect();
+    estimated(&mut total, survey, &clusters, &drawn, &trees);
+    let margins = intervals(survey, &clusters, &drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
+        let value = match &of {
+            Quantity::Count(count) => count.of(&total),
+            Quantity::HitRate(cache) => {
+                let sum = |what| Count::Cache(cache.clone(), what).of(&total);
+                sum(CacheCount::Hits) / sum(CacheCount::Accesses).max(1.0)
+            }
+        };
+        Margin { of, value, margin }
+    });
+    let sampled =
+        Sampled { frames: all as u64, counted: drawn.len() as u64, simulated: simulated_frames, margins: margins.collect() };
+    sampled.put(&mut total);
+    Ok(Outcome {
+        cycles: Some(cycles),
+        total,
+        sampled: Some(sampled),
+        machine_time: simulated.machine_time,
+        clock_time: watch.clock(),
+        ..Outcome::default()
+    })
+}
+
+impl Sampled {
+    /// Puts it into the statistics over all frames.
+    fn put(&self, total: &mut Tree) {
+        let node = total.child("sampled");
+        node.count("frames", self.frames);
+        node.count("counted_frames", self.counted);
+        node.count("simulated_frames", self.simulated);
+        node.real("level", LEVEL);
+        for Margin { of, margin, .. } in &self.margins {
+            node.child("margins").real(&of.to_string(), *margin);
+        }
+    }
+}
+
+/// Puts what caches and DRAM do into the total, by what is estimated of just that.
+fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) {
+    let sum = |by: &Count, own: &dyn Fn(&Tree) -> f64| -> f64 {
+        let weights = clusters.weights(drawn, &survey.estimates(by));
+        weights.iter().zip(frames).map(|(weight, tree)| weight * own(tree)).sum()
+    };
+    for count in [Count::Dram(Way::Read), Count::Dram(Way::Write), Count::Client("texture".into(), Way::Read)] {
+        if count.is_in(total) {
+            let bytes = sum(&count, &|tree| count.of(tree)).round() as u64;
+            let memory = total.child("memory");
+            match &count {
+                Count::Client(name, way) => memory.child("clients").child(name).count(way.name(), bytes),
+                Count::Dram(way) => memory.child("dram").count(way.name(), bytes),
+                _ => {}
+            }
+        }
+    }
+    for cache in ESTIMATED {
+        let banks = |tree: &Tree| survey::banks(tree, cache).map_or(0, <[Tree]>::len);
+        for at in 0..banks(total) {
+            let of = |by: CacheCount, what: CacheCount| {
+                let own =
+                    |tree: &Tree| survey::banks(tree, cache).and_then(|banks| banks.get(at)).map_or(0.0, |tree| what.of(tree));
+                sum(&Count::Cache(cache.to_owned(), by), &own).round() as u64
+            };
+            let misses = of(CacheCount::Misses, CacheCount::Misses);
+            let evictions = of(CacheCount::Misses, CacheCount::Evictions);
+            let accesses = of(CacheCount::Accesses, CacheCount::Accesses).max(misses);
+            let node = total.child("caches").element(cache, at);
+            node.count(CacheCount::Accesses.name(), accesses);
+            node.count(CacheCount::Hits.name(), accesses - misses);
+            node.count(CacheCount::Misses.name(), misses);
+            node.count(CacheCount::Evictions.name(), evictions);
+        }
+    }
+}
+
+/// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache; of the caches of
+/// which misses are estimated, of these too.
+fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) -> Vec<(Quantity, Interval)> {
+    let mut found = Vec::new();
+    let Some(first) = frames.first() else { return found };
+    let mut counts = vec![Count::Cycles];
+    counts.extend(survey::traffic(first));
+    counts.push(Count::DramBytes);
+    for count in counts {
+        let interval = survey.total(clusters, drawn, &count, frames);
+        found.push((Quantity::Count(count), interval));
+    }
+    let Some(Node::Tree(caches)) = first.get("caches") else { return found };
+    for (cache, _) in caches.entries() {
+        let of = |what| Count::Cache(cache.to_owned(), what);
+        let total = |what| survey.total(clusters, drawn, &of(what), frames);
+        let accesses = total(CacheCount::Accesses);
+        if accesses.value <= 0.0 {
+            continue;
+        }
+        let hit_rate = Quantity::HitRate(cache.to_owned());
+        if ESTIMATED.contains(&cache) {
+            // Lookups are known all but exactly: the rate is off by what misses are.
+            let misses = total(CacheCount::Misses);
+            let rate = 1.0 - misses.value / accesses.value;
+            found.push((hit_rate, Interval { value: rate, margin: misses.margin / accesses.value }));
+            found.push((Quantity::Count(of(CacheCount::Misses)), misses));
+            continue;
+        }
+        let counts = |what| frames.iter().map(|tree| of(what).of(tree)).collect();
+        let (hits, lookups): (Vec<f64>, Vec<f64>) = (counts(CacheCount::Hits), counts(CacheCount::Accesses));
+        let rate = total(CacheCount::Hits).value / accesses.value;
+        // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
+        let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
+        let margin = clusters.total(drawn, &survey.estimates(&Count::Cycles), &beside).margin / accesses.value;
+        found.push((hit_rate, Interval { value: rate, margin }));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_warm_up_for_each_other() {
+        let all = |set: FrameSet| (0..30).filter(|&frame| set.contains(frame)).collect::<Vec<u32>>();
+        assert_eq!(all(ranges(&[7, 3, 8, 20], 0, 1)), [2, 3, 6, 7, 8, 19, 20]);
+        assert_eq!(ranges(&[7, 3, 8, 20], 0, 1).count(), 7);
+        assert_eq!(all(ranges(&[5], 5, 3)), [5]);
+        assert_eq!(ranges(&[5, 0], 0, 2), [0..1, 3..6].into_iter().collect());
+    }
+}
