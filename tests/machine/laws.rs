@@ -12,7 +12,7 @@ use fillrate::machine::{Config, Machine, MachineError};
 use fillrate::num::Random;
 use fillrate::sim::Clock;
 use fillrate::unit::Fault;
-use fillrate::unit::knob::{Allowed, Knob};
+use fillrate::knob::{Allowed, Knob};
 use fillrate::unit::sorting::Keep;
 use fillrate::work::{Event, Funnel, RequestKind, Shade};
 

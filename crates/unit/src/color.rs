@@ -12,14 +12,14 @@ use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
 use super::traverse::fragments;
-use crate::knob::Allowed;
+use knob::Allowed;
 use gfx::rop::composes_over;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use work::{Quad, Target};
 
-crate::knobs! {
+knob::knobs! {
     /// Blending and colour writes.
     pub struct ColorConfig {
         /// Quads written a cycle, once for each target.

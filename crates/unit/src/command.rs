@@ -12,7 +12,7 @@ use super::same::{self, Use};
 use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
-use crate::knob::Allowed;
+use knob::Allowed;
 use gfx::hierarchical::depth_key;
 use gfx::texel;
 use mem::MemoryPort;
@@ -20,7 +20,7 @@ use num::Cycle;
 use sim::{Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
 use work::{Attachment, BLOCK, Dispatch, Draw, EndFrame, Event, Load, Pass, SurfaceKey};
 
-crate::choices! {
+knob::choices! {
     /// What is left out where bounds show that it lies outside the view volume.
     pub enum CullChoice {
         /// Nothing.
@@ -32,7 +32,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// The command processor.
     pub struct CommandConfig {
         /// Cycles that a command takes: a draw's segment, a dispatch, a pass.

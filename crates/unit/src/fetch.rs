@@ -11,14 +11,14 @@ use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
 use super::warp::{Item, Program};
 use crate::assembly::MAX_BATCHES;
-use crate::knob::Allowed;
+use knob::Allowed;
 use gfx::state::StepMode;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, Gate, In, Out, Tick, Unit, Wires};
 use work::LINE;
 
-crate::knobs! {
+knob::knobs! {
     /// Index and attribute fetch.
     pub struct FetchConfig {
         /// Indices read a cycle.

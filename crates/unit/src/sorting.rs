@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use super::card::Work;
 use super::network::Receiver;
 use super::token::{Kind, TriangleToken};
-use crate::knob::Allowed;
+use knob::Allowed;
 use gfx::state::Compare;
 use num::Cycle;
 use sim::{Gate, Tick, Wires};
@@ -163,7 +163,7 @@ impl PassWaits {
     }
 }
 
-crate::choices! {
+knob::choices! {
     /// Where API order is kept.
     pub enum Keep {
         /// Everywhere.
@@ -176,7 +176,7 @@ crate::choices! {
     }
 }
 
-crate::choices! {
+knob::choices! {
     /// Early depth tests in pipelines that do not own the pixels they draw.
     pub enum EarlyTest {
         /// None: every covered quad is shaded.
@@ -188,7 +188,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// API order, where it is restored, and what can be known ahead of it.
     pub struct OrderConfig {
         /// Where API order is kept.

@@ -9,13 +9,13 @@ use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::warp::{Item, Program, Warp, costs};
-use crate::knob::Allowed;
+use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{LINE, Request, RequestKind};
 
-crate::knobs! {
+knob::knobs! {
     /// A texture unit.
     pub struct TextureConfig {
         /// Quads addressed a cycle.

@@ -3,10 +3,10 @@
 use super::Config;
 use crate::class::SortClass;
 use mem::{CacheShape, DramConfig, IdealConfig, L2Config, MemoryConfig};
-use unit::knob::Allowed;
+use knob::Allowed;
 use unit::warp::MAX_WIDTH;
 
-unit::choices! {
+knob::choices! {
     /// What is behind the units' memory ports.
     pub enum MemoryKind {
         /// Second-level cache and DRAM.
@@ -16,7 +16,7 @@ unit::choices! {
     }
 }
 
-unit::knobs! {
+knob::knobs! {
     /// The card as a whole.
     pub struct CardConfig {
         /// Clock of the card, all units included; turns cycles into seconds.
@@ -33,7 +33,7 @@ unit::knobs! {
     }
 }
 
-unit::knobs! {
+knob::knobs! {
     /// The units' memory ports, and the ideal memory.
     pub struct MemoryKnobs {
         /// What is behind the ports.
@@ -51,7 +51,7 @@ unit::knobs! {
     }
 }
 
-unit::knobs! {
+knob::knobs! {
     /// The second-level cache, in slices.
     pub struct L2Knobs {
         /// Slices; a multiple of the DRAM channels.
@@ -81,7 +81,7 @@ unit::knobs! {
     }
 }
 
-unit::knobs! {
+knob::knobs! {
     /// DRAM. Times are in cycles of its command clock.
     pub struct DramKnobs {
         /// Channels.

@@ -1,6 +1,6 @@
 //! A machine's configuration: as written, as checked, as text.
 //!
-//! Every knob is declared once, in the unit that it configures ([`knobs!`](crate::knobs)). A configuration is RON: nested sections
+//! Every knob is declared once, in the unit that it configures ([`knobs!`](knob::knobs)). A configuration is RON: nested sections
 //! of `key: value`, with `extends: "NAME"` for the configuration that it changes. The baseline is complete and extends nothing.
 
 mod knobs;
@@ -12,7 +12,7 @@ pub use super::class::SortClass;
 pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs};
 pub use text::documentation;
 
-use unit::knob::Section;
+use knob::Section;
 use unit::{
     assembly::AssemblyConfig,
     bin::BinConfig,

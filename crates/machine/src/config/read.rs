@@ -9,7 +9,7 @@ use ron::value::Number;
 use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
 use num::edits;
-use unit::knob::{Allowed, Setting};
+use knob::{Allowed, Setting};
 
 /// A knob as written: its path and value.
 type Written = (String, Setting);

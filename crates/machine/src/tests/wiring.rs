@@ -2,7 +2,7 @@
 
 use crate::{Config, Machine};
 use sim::Wire;
-use unit::knob::Allowed;
+use knob::Allowed;
 
 /// The key of the queue that a channel is, if it is a knob; all others must be long enough whatever the knobs say.
 fn key(channel: &str) -> Option<&'static str> {

@@ -15,7 +15,7 @@ use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::traverse::{HierarchicalUpdate, fragments};
-use crate::knob::Allowed;
+use knob::Allowed;
 use depths::{Tested, bounds};
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
@@ -25,7 +25,7 @@ use sim::{Counted, In, Out, Tick, Unit, Wires};
 pub(super) use depths::{test_ahead, test_group};
 pub use questions::QuestionPorts;
 
-crate::knobs! {
+knob::knobs! {
     /// Depth and stencil tests, early and late.
     pub struct DepthConfig {
         /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.
