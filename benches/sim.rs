@@ -175,7 +175,7 @@ fillrate::sim::circuit! {
 fn dram(c: &mut Criterion) {
     let config = DramConfig {
         clock: 7,
-        per_card_cycles: 4,
+        card_cycles: 4,
         banks: 16,
         row_bytes: 2048,
         burst_bytes: 64,

@@ -3,8 +3,8 @@
 
 use super::card::{Ahead, Card, Group, PassState, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
-use knob::Allowed;
 use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
+use knob::Allowed;
 use num::prefetch;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{BLOCK, Block, End, Quad, TILE, Triangle};

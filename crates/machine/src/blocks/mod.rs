@@ -9,7 +9,7 @@ use super::class::Sorted;
 use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
-use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits, PortShape};
+use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
 use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
@@ -174,9 +174,7 @@ impl<'a> Builder<'a> {
 
     /// A memory port of a unit.
     fn port(&mut self, name: &'static str, index: usize, unit: UnitId) -> MemoryPort {
-        let knobs = &self.config.memory;
-        let shape = PortShape { width: knobs.port_width, latency: knobs.port_latency, queue: knobs.port_queue };
-        self.memory.client(&mut self.wiring, name, index, unit, shape)
+        self.memory.client(&mut self.wiring, name, index, unit, self.config.memory.port())
     }
 
     /// Joins units pairwise.

@@ -9,7 +9,8 @@ mod read;
 mod text;
 
 pub use super::class::SortClass;
-pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs};
+pub use knobs::CardConfig;
+pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs};
 pub use text::documentation;
 
 use knob::Section;
@@ -190,9 +191,9 @@ config! {
     /// Memory.
     memory: MemoryKnobs = "memory",
     /// The second-level cache.
-    l2: L2Knobs = "memory.l2",
+    l2: L2Config = "memory.l2",
     /// DRAM.
-    dram: DramKnobs = "memory.dram",
+    dram: DramConfig = "memory.dram",
 }
 
 impl Config {

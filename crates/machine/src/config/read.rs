@@ -8,8 +8,8 @@ use ron::value::Number;
 
 use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
-use num::edits;
 use knob::{Allowed, Setting};
+use num::edits;
 
 /// A knob as written: its path and value.
 type Written = (String, Setting);
