@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use super::apply::Touching;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
@@ -11,6 +10,7 @@ use super::depth::mark;
 use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
+use super::touch::Touching;
 use super::traverse::fragments;
 use gfx::rop::composes_over;
 use knob::Allowed;

@@ -45,6 +45,7 @@ pub mod tags;
 pub mod texture;
 pub mod tile_fetch;
 pub mod token;
+pub mod touch;
 pub mod traverse;
 pub mod warp;
 

@@ -3,11 +3,11 @@
 
 use std::collections::VecDeque;
 
-use super::apply::{Touch, Touching};
 use super::card::Card;
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
+use super::touch::{Touch, Touching};
 use super::warp::{Item, Program, Warp, costs};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};

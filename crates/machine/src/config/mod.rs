@@ -6,6 +6,7 @@
 mod knobs;
 mod places;
 mod read;
+mod rules;
 mod text;
 
 pub use super::class::SortClass;
@@ -232,7 +233,7 @@ impl Config {
     /// # Errors
     /// The rule that they break.
     pub fn check(&self) -> Result<(), ConfigError> {
-        knobs::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+        rules::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
     }
 
     /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
@@ -261,7 +262,7 @@ impl Config {
 
     /// What is allowed but hardly meant: channels too short to carry their full width.
     pub fn warnings(&self) -> Vec<String> {
-        knobs::warnings(self)
+        rules::warnings(self)
     }
 
     /// The whole configuration as RON, every knob with its meaning, unit, allowed values and source. Reading it gives this

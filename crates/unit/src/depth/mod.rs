@@ -6,7 +6,6 @@ mod questions;
 
 use std::collections::VecDeque;
 
-use super::apply::Touching;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
@@ -14,6 +13,7 @@ use super::copies::{Apart, Stamps, own};
 use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
+use super::touch::Touching;
 use super::traverse::{HierarchicalUpdate, fragments};
 use depths::{Tested, bounds};
 use knob::Allowed;

@@ -75,6 +75,7 @@ mod port;
 mod router;
 mod topology;
 mod traffic;
+mod waits;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -83,6 +84,7 @@ pub use plan::{Names, Network, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use traffic::{NetworkMap, Traffic};
+pub use waits::Waits;
 
 use knob::Allowed;
 use sim::Token;
