@@ -79,6 +79,15 @@ struct Open {
     depth_acks: Vec<Out<Ack>>,
 }
 
+/// A bank between two others.
+struct Between<'i> {
+    units: &'i [UnitId],
+    from: &'i [UnitId],
+    to: &'i [UnitId],
+    /// What its channels to the units behind it are called.
+    name: &'static str,
+}
+
 /// A machine in the making.
 pub(super) struct Builder<'a> {
     config: &'a Config,
@@ -186,6 +195,25 @@ impl<'a> Builder<'a> {
     /// Joins the units of two banks one to one.
     fn chain<T: Token>(&mut self, name: &'static str, link: Link, from: &[UnitId], to: &[UnitId]) -> Ends<T> {
         self.join(name, link, from.iter().copied().zip(to.iter().copied()))
+    }
+
+    /// Joins the units of two banks one to one, through a bank between them if the machine has it. Gives the ends at the two banks, and the
+    /// units between.
+    fn chain_through<T: Token, U>(
+        &mut self,
+        name: &'static str,
+        link: Link,
+        between: Between,
+        unit: impl Fn(usize, In<T>, Out<T>) -> U,
+    ) -> (Ends<T>, Vec<U>) {
+        let Between { units, from, to, name: behind } = between;
+        if units.is_empty() {
+            return (self.chain(name, link, from, to), Vec::new());
+        }
+        let (outputs, held) = self.chain(name, link, from, units);
+        let (passed, inputs) = self.chain(behind, link, units, to);
+        let units = held.into_iter().zip(passed).enumerate().map(|(n, (input, output))| unit(n, input, output));
+        ((outputs, inputs), units.collect())
     }
 
     /// The network that sorts, between these units.
