@@ -175,11 +175,11 @@ fillrate::sim::circuit! {
 fn dram(c: &mut Criterion) {
     let config = DramConfig {
         clock: 7,
-        per_card_cycles: 4,
+        card_cycles: 4,
         banks: 16,
         row_bytes: 2048,
         burst_bytes: 64,
-        burst: 2,
+        burst_cycles: 2,
         t_rcd: 24,
         t_rp: 24,
         cl: 24,

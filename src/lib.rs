@@ -5,7 +5,7 @@
 //! | floor | packages (`crates/`), modules of this library |
 //! |---|---|
 //! | 0 | [`num`], [`host`] |
-//! | 1 | [`gfx`], [`trace`], [`stats`], [`sim`] |
+//! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
 //! | 3 | [`render`], [`unit`] |
 //! | 4 | [`machine`] |
@@ -13,7 +13,7 @@
 //! | 6 | [`accuracy`] |
 //! | 7 | [`cli`] |
 
-pub use {gfx, host, import, machine, mem, num, render, shader, sim, stats, trace, unit, work};
+pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, trace, unit, work};
 
 pub mod report;
 pub mod run;

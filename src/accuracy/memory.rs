@@ -123,7 +123,7 @@ fn runs(setting: &Setting) -> Result<Vec<Row>> {
         let activations = (4.0 / faw).min(1.0 / rrd).min(f64::from(c.banks) / cycle);
         let bytes = f64::from(BURST);
         let usable = 1.0 - f64::from(c.t_rfc) / f64::from(c.t_refi);
-        let expected = (bytes / f64::from(c.burst)).min(k as f64 * bytes * activations) * usable;
+        let expected = (bytes / f64::from(c.burst_cycles)).min(k as f64 * bytes * activations) * usable;
         let measured = counts.read_bytes as f64 / cycles as f64;
         rows.push(Row::within(format!("runs of {k}: bytes a cycle"), expected, measured, 0.05 * expected));
         let hits = counts.row_hits as f64 / (counts.row_hits + counts.row_misses) as f64;
@@ -140,7 +140,7 @@ fn latency(setting: &Setting) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     // Far apart, so that nothing overlaps: a closed bank, then its row, then another row of the bank.
     let places = setting.pick(16, 200, 10_000);
-    let data = c.cl + c.burst;
+    let data = c.cl + c.burst_cycles;
     let expected = [c.t_rcd + data, data, c.t_rp + c.t_rcd + data].map(f64::from);
     let mut worst = expected;
     for _ in 0..places {
@@ -162,7 +162,7 @@ fn latency(setting: &Setting) -> Result<Vec<Row>> {
     let n = setting.pick(2_000, 20_000, 1_000_000);
     let start = u64::from(random.below(1 << 12)) * row;
     let (answers, _, _) = read(given, (0..n).map(|k| (0, start + k * u64::from(BURST))).collect())?;
-    let peak = f64::from(BURST) / f64::from(c.burst);
+    let peak = f64::from(BURST) / f64::from(c.burst_cycles);
     let measured = ((n - 1) * u64::from(BURST)) as f64 / (answers[n as usize - 1] - answers[0]) as f64;
     rows.push(Row::within("a stream: bytes a cycle", peak, measured, 0.02 * peak));
     Ok(rows)

@@ -62,7 +62,7 @@ pub struct Class {
 /// Declares the sort classes, each with the module that describes it.
 macro_rules! classes {
     ($($(#[doc = $doc:literal])+ $variant:ident $text:literal $module:ident),* $(,)?) => {
-        unit::choices! {
+        knob::choices! {
             /// Where work is sorted to the pipelines that own the pixels.
             pub enum SortClass { $($(#[doc = $doc])+ $variant $text,)* }
         }

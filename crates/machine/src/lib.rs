@@ -25,11 +25,12 @@ use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
 use unit::Fault;
-use unit::apply::{Keepers, Touch, Touching, apply};
+use unit::apply::{Keepers, apply};
 use unit::card::{Card, Pool};
 use unit::copies::Apart;
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
+use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
 use work::Event;
 

@@ -8,67 +8,73 @@
 use std::collections::VecDeque;
 
 use super::port::{DramAnswer, DramRequest};
+use knob::Allowed;
 use num::{Cycle, NEVER};
 use sim::{In, Out, Tick, Unit, Wires};
 
-/// A channel's geometry and timing; times in cycles of the DRAM's command clock.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DramConfig {
-    /// DRAM clock cycles for every `per_card_cycles` card cycles.
-    pub clock: u32,
-    /// Card cycles in which the DRAM's clock ticks `clock` times.
-    pub per_card_cycles: u32,
-    /// Banks, 1 to 64.
-    pub banks: u32,
-    /// Bytes of a row; a power of two, at least 256.
-    pub row_bytes: u32,
-    /// Bytes of one burst; a power of two.
-    pub burst_bytes: u32,
-    /// Cycles that a burst takes on the data bus.
-    pub burst: u32,
-    /// Activation to column access.
-    pub t_rcd: u32,
-    /// Precharge to activation.
-    pub t_rp: u32,
-    /// Column read to its data.
-    pub cl: u32,
-    /// Column write to its data.
-    pub cwl: u32,
-    /// Activation to precharge.
-    pub t_ras: u32,
-    /// Activation to activation of another bank.
-    pub t_rrd: u32,
-    /// In any window of this length there are at most four activations.
-    pub t_faw: u32,
-    /// Read to precharge.
-    pub t_rtp: u32,
-    /// End of write data to precharge.
-    pub t_wr: u32,
-    /// End of write data to a read.
-    pub t_wtr: u32,
-    /// End of read data to write data: the turn of the bus.
-    pub t_rtw: u32,
-    /// Length of a refresh, in which no bank can be used.
-    pub t_rfc: u32,
-    /// Time from refresh to refresh; 0: there is none.
-    pub t_refi: u32,
-    /// Requests among which the scheduler chooses, 1 to 64.
-    pub window: u32,
-    /// With as many writes in the window they go before reads, until half are done.
-    pub write_high: u32,
-    /// Whether the bank is mixed with row bits, so that streams that are a multiple of the rows apart use different banks.
-    pub hash_banks: bool,
+knob::knobs! {
+    /// DRAM. Times are in cycles of its command clock.
+    #[derive(Copy)]
+    pub struct DramConfig {
+        /// Channels.
+        channels: u32 ["channels", Allowed::Range(1, 64), "128 bits of GDDR5 in channels of 32, as the GeForce GTX 960"],
+        /// Cycles of the DRAM's command clock in `card_cycles` of the card.
+        clock: u32 ["cycles", Allowed::Range(1, 10000), "1.5 GHz: GDDR5 of 6 Gbit/s a pin"],
+        /// Cycles of the card in which the DRAM's clock ticks `clock` times.
+        card_cycles: u32 ["cycles", Allowed::Range(1, 10000), "see clock"],
+        /// Banks of a channel.
+        banks: u32 ["banks", Allowed::Range(1, 64), "16 (GDDR5, JESD212)"],
+        /// Bytes of a row.
+        row_bytes: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "2 KB (GDDR5); ATTILA bGPU.ini V2MemoryRowSize = 2048"],
+        /// Bytes of a burst.
+        burst_bytes: u32 ["bytes", Allowed::PowerOfTwo(8, 256), "burst of 8 on 32 bits"],
+        /// Cycles of a burst on the data bus.
+        burst_cycles: u32 ["DRAM cycles", Allowed::Range(1, 64), "8 beats, 4 a command clock"],
+        /// Activation to column access.
+        t_rcd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns (Hynix H5GQ1H24AFR)"],
+        /// Precharge to activation.
+        t_rp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        /// Column read to its data.
+        cl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        /// Column write to its data.
+        cwl: u32 ["DRAM cycles", Allowed::Range(1, 1000), "4 cycles"],
+        /// Activation to precharge.
+        t_ras: u32 ["DRAM cycles", Allowed::Range(1, 1000), "28 ns"],
+        /// Activation to activation of another bank.
+        t_rrd: u32 ["DRAM cycles", Allowed::Range(1, 1000), "6 ns"],
+        /// A window with at most four activations.
+        t_faw: u32 ["DRAM cycles", Allowed::Range(1, 1000), "23 ns"],
+        /// Read to precharge.
+        t_rtp: u32 ["DRAM cycles", Allowed::Range(1, 1000), "2 cycles"],
+        /// End of write data to precharge.
+        t_wr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "12 ns"],
+        /// End of write data to a read.
+        t_wtr: u32 ["DRAM cycles", Allowed::Range(1, 1000), "5 ns"],
+        /// End of read data to write data.
+        t_rtw: u32 ["DRAM cycles", Allowed::Range(0, 1000), "turn of the bus"],
+        /// Length of a refresh.
+        t_rfc: u32 ["DRAM cycles", Allowed::Range(0, 10000), "65 ns"],
+        /// Refresh to refresh; 0 for none.
+        t_refi: u32 ["DRAM cycles", Allowed::Range(0, 1000000), "1.9 us"],
+        /// Requests among which the scheduler chooses.
+        window: u32 ["requests", Allowed::Range(1, 64), "ATTILA bGPU.ini V2MaxChannelTransactions = 64"],
+        /// Writes in the window that make them go first.
+        write_high: u32 ["requests", Allowed::Range(1, 64), "three quarters of the window"],
+        /// Whether bank numbers are mixed with row bits.
+        hash_banks: bool ["", Allowed::Switch, "permutation-based interleaving (Zhang et al. 2000)"],
+    }
 }
 
 impl DramConfig {
     /// One channel of DDR4-3200 (JEDEC JESD79-4, speed bin 22-22-22), in cycles of its own clock, which is the card's.
     pub const DDR4_3200: DramConfig = DramConfig {
+        channels: 1,
         clock: 1,
-        per_card_cycles: 1,
+        card_cycles: 1,
         banks: 16,
         row_bytes: 8192,
         burst_bytes: 64,
-        burst: 4,
+        burst_cycles: 4,
         t_rcd: 22,
         t_rp: 22,
         cl: 22,
@@ -187,14 +193,14 @@ impl DramConfig {
     /// The rule that is broken.
     pub fn check(&self) -> Result<(), String> {
         let rules = [
-            (self.clock >= 1 && self.per_card_cycles >= 1, "the clock ratio must be positive"),
+            (self.clock >= 1 && self.card_cycles >= 1, "the clock ratio must be positive"),
             ((1..=64).contains(&self.banks), "banks must be 1 to 64"),
             (self.row_bytes.is_power_of_two() && self.row_bytes >= 256, "row_bytes must be a power of two of at least 256"),
             (
                 self.burst_bytes.is_power_of_two() && self.burst_bytes <= self.row_bytes,
                 "burst_bytes must be a power of two within a row",
             ),
-            (self.burst >= 1 && self.cl >= 1 && self.cwl >= 1, "burst, cl and cwl must be positive"),
+            (self.burst_cycles >= 1 && self.cl >= 1 && self.cwl >= 1, "burst, cl and cwl must be positive"),
             ((1..=64).contains(&self.window), "window must be 1 to 64"),
             (self.write_high >= 1 && self.write_high <= self.window, "write_high must be 1 to window"),
         ];
@@ -216,30 +222,27 @@ impl DramConfig {
         let c = |cycles: u32| u64::from(cycles);
         // 1. What was under way as the refresh came: data on the bus, rows that have to stay open.
         let bursts = c(LONGEST.div_ceil(self.burst_bytes) + 1);
-        let data = c(self.cl.max(self.cwl)) + bursts * c(self.burst);
-        let open = c(self.t_ras).max(data + c(self.t_wr)).max(bursts * c(self.burst) + c(self.t_rtp));
+        let data = c(self.cl.max(self.cwl)) + bursts * c(self.burst_cycles);
+        let open = c(self.t_ras).max(data + c(self.t_wr)).max(bursts * c(self.burst_cycles) + c(self.t_rtp));
         // 2. The refresh, an activation and the access to its row, which waits for the bus as well.
         let activation = (open + c(self.t_rp) + c(self.t_rfc)).max(c(self.t_faw.max(self.t_rrd)));
         let access = (activation + c(self.t_rcd)).max(data + c(self.t_wtr.max(self.t_rtw)));
         // 3. Refreshes begin where cycles of the card do; what has time within one such cycle is served in it.
-        let served = if c(self.clock / self.per_card_cycles) > access {
-            0
-        } else {
-            access + c(self.clock.div_ceil(self.per_card_cycles))
-        };
+        let served =
+            if c(self.clock / self.card_cycles) > access { 0 } else { access + c(self.clock.div_ceil(self.card_cycles)) };
         served.max(2 * c(self.t_rfc))
     }
 
     /// The first DRAM clock tick of a card cycle.
     #[inline(always)]
     fn ticks(&self, cycle: Cycle) -> u64 {
-        cycle * u64::from(self.clock) / u64::from(self.per_card_cycles)
+        cycle * u64::from(self.clock) / u64::from(self.card_cycles)
     }
 
     /// The card cycle in which a DRAM clock tick falls.
     #[inline(always)]
     fn cycle(&self, tick: u64) -> Cycle {
-        ((tick + 1) * u64::from(self.per_card_cycles)).div_ceil(u64::from(self.clock)) - 1
+        ((tick + 1) * u64::from(self.card_cycles)).div_ceil(u64::from(self.clock)) - 1
     }
 
     /// Bank and row of an address within the channel.
@@ -305,7 +308,7 @@ impl Dram {
 
     /// Card cycles' worth of data on the bus.
     pub fn busy_cycles(&self) -> u64 {
-        self.counts.bus_cycles * u64::from(self.config.per_card_cycles) / u64::from(self.config.clock)
+        self.counts.bus_cycles * u64::from(self.config.card_cycles) / u64::from(self.config.clock)
     }
 
     /// The request of a set that came first. Places are given out in a ring, so age is distance from the next one.
@@ -447,7 +450,7 @@ impl Dram {
         let c = &self.config;
         let request = self.window[place];
         let bank = &mut self.banks[request.bank as usize];
-        let length = u64::from(request.bursts * c.burst);
+        let length = u64::from(request.bursts * c.burst_cycles);
         let bytes = u64::from(request.bursts * c.burst_bytes);
         let start = at + u64::from(if self.writing { c.cwl } else { c.cl });
         let end = start + length;
@@ -461,7 +464,7 @@ impl Dram {
             self.items += 1;
         } else {
             self.queued_reads -= 1;
-            bank.ready_at = bank.ready_at.max(at + length - u64::from(c.burst) + u64::from(c.t_rtp));
+            bank.ready_at = bank.ready_at.max(at + length - u64::from(c.burst_cycles) + u64::from(c.t_rtp));
             self.read_at = at + length;
             self.write_at = (end + u64::from(c.t_rtw)).saturating_sub(u64::from(c.cwl)).max(self.write_at);
             self.counts.read_bytes += bytes;

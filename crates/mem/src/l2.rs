@@ -5,21 +5,48 @@ use std::collections::VecDeque;
 use super::cache::{self, CACHES, Cache, CacheCounts, CacheShape};
 use super::misses::Misses;
 use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
+use knob::Allowed;
 use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
 
-/// A slice.
-#[derive(Clone, Copy, Debug)]
-pub struct L2Config {
-    /// Lines, ways, bytes of lines and sectors.
-    pub shape: CacheShape,
-    /// Lines looked up a cycle.
-    pub lookups_per_cycle: u32,
-    /// Lines with sectors on their way from DRAM.
-    pub misses: u32,
-    /// Requests waiting for sectors.
-    pub waiting: u32,
-    /// Requests between lookup and answer.
-    pub entries: u32,
+knob::knobs! {
+    /// The second-level cache, in slices.
+    #[derive(Copy)]
+    pub struct L2Config {
+        /// Slices; a multiple of the DRAM channels.
+        slices: u32 ["slices", Allowed::Range(1, 64), "one or two a memory channel"],
+        /// Bytes that stay together in a slice.
+        interleave: u32 ["bytes", Allowed::PowerOfTwo(256, 65536), "ATTILA bGPU.ini V2ChannelInterleavingMask \"10 9 8\": 256"],
+        /// Lines of a slice.
+        lines: u32 ["lines", Allowed::PowerOfTwo(1, 1048576), "256 KB a slice: 1 MB in all, as the GeForce GTX 960"],
+        /// Ways.
+        ways: u32 ["ways", Allowed::PowerOfTwo(1, 64), "16 in cards since 2010"],
+        /// Bytes of a line.
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(32, 256), "128 in cards since 2010"],
+        /// Bytes of a sector, fetched and written by itself.
+        sector_bytes: u32 ["bytes", Allowed::PowerOfTwo(16, 256), "32 in cards since 2010"],
+        /// Lines looked up a cycle.
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 16), "one port"],
+        /// Lines with sectors on their way.
+        misses: u32 ["lines", Allowed::Range(1, 4096), "covers the latency of DRAM at full bandwidth"],
+        /// Requests waiting for sectors.
+        waiting: u32 ["requests", Allowed::Range(1, 4096), "two a missing line"],
+        /// Requests between lookup and answer.
+        entries: u32 ["requests", Allowed::Range(1, 4096), "two a missing line"],
+        /// Bytes a cycle into a slice, and out of it.
+        width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "64 a slice (Jia et al. 2018)"],
+        /// Cycles from the crossbar to a slice, and back.
+        latency: u32 ["cycles", Allowed::Range(1, 1024), "the other half of a hit's 200 cycles"],
+    }
+}
+
+impl L2Config {
+    /// Lines, ways, bytes of lines and sectors of a slice.
+    ///
+    /// # Errors
+    /// If they make no cache.
+    pub fn shape(&self) -> Result<CacheShape, String> {
+        CacheShape::new(self.lines, self.ways, self.line_bytes, self.sector_bytes)
+    }
 }
 
 stats::counters! {
@@ -74,6 +101,9 @@ const OUTGOING: usize = 4;
 
 impl L2Slice {
     /// An empty slice.
+    ///
+    /// # Panics
+    /// If its cache has no shape, which a [`MemoryPlan`](super::MemoryPlan) refuses.
     pub fn new(
         config: L2Config,
         input: In<SliceRequest>,
@@ -81,10 +111,11 @@ impl L2Slice {
         to_dram: Out<DramRequest>,
         from_dram: In<DramAnswer>,
     ) -> L2Slice {
+        let shape = config.shape().expect("a shape that was checked");
         let fresh = Entry { answer: SliceAnswer { tag: 0, client: 0, bytes: 0 }, waits: 0 };
         L2Slice {
-            cache: Cache::new(config.shape),
-            misses: Misses::new(config.shape.lines(), config.misses, config.waiting),
+            cache: Cache::new(shape),
+            misses: Misses::new(shape.lines(), config.misses, config.waiting),
             entries: vec![fresh; config.entries as usize],
             free: (0..config.entries).rev().collect(),
             ready: VecDeque::with_capacity(config.entries as usize),

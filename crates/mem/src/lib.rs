@@ -27,6 +27,8 @@ pub use misses::Misses;
 pub use port::{
     Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,
 };
-pub use system::{Interleave, Memory, MemoryConfig, MemoryIds, MemoryPlan, MemoryUnits, PortShape, memory_tree};
+pub use system::{
+    Interleave, Memory, MemoryConfig, MemoryIds, MemoryKind, MemoryKnobs, MemoryPlan, MemoryUnits, PortShape, memory_tree,
+};
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use super::dram::{Dram, DramConfig};
 use super::ideal::{Ideal, IdealConfig};
 use super::l2::{L2Config, L2Slice};
 use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
+use knob::Allowed;
 use sim::{In, Link, Out, UnitId, Wiring};
 use stats::{Group, Tree};
 
@@ -59,21 +60,46 @@ pub enum MemoryConfig {
     Ideal(IdealConfig),
     /// Crossbar, slices and DRAM channels.
     Dram {
-        /// Slices of the second-level cache; a multiple of the channels.
-        slices: u32,
-        /// Bytes that stay together in a slice.
-        interleave: u32,
-        /// Each slice.
+        /// The slices; a multiple of the channels.
         l2: L2Config,
-        /// Bytes a cycle from the crossbar into a slice and out of it.
-        slice_width: u32,
-        /// Cycles from crossbar to slice, and from slice to return path: with the client's own links, the latency of a hit.
-        slice_latency: u32,
-        /// DRAM channels.
-        channels: u32,
-        /// Each channel.
+        /// The channels.
         dram: DramConfig,
     },
+}
+
+knob::choices! {
+    /// What is behind the units' memory ports.
+    pub enum MemoryKind {
+        /// Second-level cache and DRAM.
+        Dram "dram",
+        /// A memory of fixed latency and bandwidth.
+        Ideal "ideal",
+    }
+}
+
+knob::knobs! {
+    /// The units' memory ports, and the ideal memory.
+    pub struct MemoryKnobs {
+        /// What is behind the ports.
+        kind: MemoryKind ["", Allowed::Choice(MemoryKind::NAMES), "the ideal one isolates the units"],
+        /// Bytes a cycle that each port takes and gives.
+        port_width: u32 ["bytes/cycle", Allowed::Range(8, 4096), "ATTILA bGPU.ini bus widths = 64"],
+        /// Cycles from a unit to the crossbar, and from the crossbar back.
+        port_latency: u32 ["cycles", Allowed::Range(1, 1024), "an L2 hit takes 200 cycles in cards of 2014, half of them in the network"],
+        /// Requests, and answers, under way on each port.
+        port_queue: u32 ["requests", Allowed::Range(2, 4096), "more than the latency, so that the port carries its width"],
+        /// Latency of the ideal memory.
+        ideal_latency: u32 ["cycles", Allowed::Range(1, 65535), "about an unloaded miss"],
+        /// Bytes a cycle of the ideal memory.
+        ideal_bytes_per_cycle: u32 ["bytes/cycle", Allowed::Range(1, 65536), "far more than DRAM"],
+    }
+}
+
+impl MemoryKnobs {
+    /// A unit's port.
+    pub fn port(&self) -> PortShape {
+        PortShape { width: self.port_width, latency: self.port_latency, queue: self.port_queue }
+    }
 }
 
 /// How many units of each kind a memory has.
@@ -90,12 +116,25 @@ pub struct MemoryUnits {
 }
 
 impl MemoryConfig {
+    /// The memory that knobs say.
+    ///
+    /// # Errors
+    /// If a slice's cache has no shape.
+    pub fn new(knobs: &MemoryKnobs, l2: L2Config, dram: DramConfig) -> Result<MemoryConfig, String> {
+        if knobs.kind == MemoryKind::Ideal {
+            let ideal = IdealConfig { latency: knobs.ideal_latency, bytes_per_cycle: knobs.ideal_bytes_per_cycle };
+            return Ok(MemoryConfig::Ideal(ideal));
+        }
+        l2.shape()?;
+        Ok(MemoryConfig::Dram { l2, dram })
+    }
+
     /// Its units.
     pub fn units(&self) -> MemoryUnits {
         match *self {
             MemoryConfig::Ideal(_) => MemoryUnits { crossbar: 0, l2: 0, dram: 0, ideal: 1 },
-            MemoryConfig::Dram { slices, channels, .. } => {
-                MemoryUnits { crossbar: 1, l2: slices as usize, dram: channels as usize, ideal: 0 }
+            MemoryConfig::Dram { l2, dram } => {
+                MemoryUnits { crossbar: 1, l2: l2.slices as usize, dram: dram.channels as usize, ideal: 0 }
             }
         }
     }
@@ -199,12 +238,14 @@ impl MemoryPlan {
                 }
                 Interleave::new(1, REQUEST_BYTES as u32)?
             }
-            MemoryConfig::Dram { slices, interleave: bytes, channels, dram: timing, .. } => {
-                let interleave = Interleave::new(slices, bytes)?;
+            MemoryConfig::Dram { l2, dram } => {
+                let interleave = Interleave::new(l2.slices, l2.interleave)?;
+                let (slices, channels) = (l2.slices, dram.channels);
                 if channels == 0 || slices % channels != 0 {
                     return Err(format!("{channels} channels do not share {slices} slices evenly"));
                 }
-                timing.check()?;
+                l2.shape()?;
+                dram.check()?;
                 interleave
             }
         };
@@ -240,8 +281,9 @@ impl MemoryPlan {
         memory.clients = clients;
         match self.config {
             MemoryConfig::Ideal(config) => memory.ideal = Some(Ideal::new(config, self.requests, self.answers)),
-            MemoryConfig::Dram { slices, l2, slice_width, slice_latency, channels, dram, .. } => {
-                let way = Link::bytes(slice_latency + 8, slice_width, slice_latency);
+            MemoryConfig::Dram { l2, dram } => {
+                let (slices, channels) = (l2.slices, dram.channels);
+                let way = Link::bytes(l2.latency + 8, l2.width, l2.latency);
                 // As many requests as can be under way, so that the scheduler's window fills.
                 let to_dram = Link::items(dram.window.max(4), 2, 1);
                 let (mut to_slices, mut from_slices) = (Vec::new(), Vec::new());

@@ -10,23 +10,10 @@ use super::color::{self, Color, blend_group};
 use super::depth::{Depth, test_group};
 use super::frame::Frame;
 use super::texture::{Texture, stored_bytes};
+use super::touch::{Touch, Touching};
 use super::traverse::{Territory, Traverse};
 use gfx::state::StepMode;
 use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
-
-/// A touch of memory by a cache.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Touch {
-    /// First byte.
-    pub address: u64,
-    /// Bytes.
-    pub bytes: u32,
-    /// Whether they are written.
-    pub write: bool,
-}
-
-/// Touches in order.
-pub type Touching = Vec<Touch>;
 
 /// The units that keep something from segment to segment.
 pub struct Keepers<'u> {

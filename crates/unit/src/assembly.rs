@@ -2,10 +2,10 @@
 
 use super::card::Card;
 use super::token::{Kind, Run, VertexBatch, WarpToken};
-use crate::knob::Allowed;
+use knob::Allowed;
 use sim::{Budget, In, Out, Tick, Token, Unit, Wires};
 
-crate::choices! {
+knob::choices! {
     /// How batches of primitives are dealt.
     pub enum Deal {
         /// To one after the other.
@@ -36,7 +36,7 @@ impl Deal {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// Primitive assembly.
     pub struct AssemblyConfig {
         /// Primitives assembled a cycle.

@@ -9,12 +9,12 @@ use super::network::Receiver;
 use super::same;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
-use crate::knob::Allowed;
+use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
 use sim::{Budget, Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
 use work::{BLOCK, End, Signature, Triangle};
 
-crate::knobs! {
+knob::knobs! {
     /// Binning of triangles into the lists of tiles.
     pub struct BinConfig {
         /// Edge of a tile, whose colours and depths are kept on the chip.

@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use super::apply::{Touch, Touching};
 use super::compression::Compression;
 use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
+use super::touch::{Touch, Touching};
 use mem::{MemoryPort, requests};
 use sim::{Heading, Tick, Wires};
 use work::BLOCK;

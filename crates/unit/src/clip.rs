@@ -3,10 +3,10 @@
 
 use super::card::Card;
 use super::token::{Kind, Run};
-use crate::knob::Allowed;
+use knob::Allowed;
 use sim::{Budget, In, Out, Tick, Unit, Wires};
 
-crate::knobs! {
+knob::knobs! {
     /// Clipping and culling, one unit a geometry unit.
     pub struct ClipConfig {
         /// Primitives tested a cycle, those that end here and those that go on untouched.

@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 
-use super::apply::Touching;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
@@ -11,15 +10,16 @@ use super::depth::mark;
 use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
+use super::touch::Touching;
 use super::traverse::fragments;
-use crate::knob::Allowed;
 use gfx::rop::composes_over;
+use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use work::{Quad, Target};
 
-crate::knobs! {
+knob::knobs! {
     /// Blending and colour writes.
     pub struct ColorConfig {
         /// Quads written a cycle, once for each target.

@@ -3,10 +3,10 @@
 use super::card::Card;
 use super::token::{Ack, Kind, Piece, WarpToken};
 use super::warp::{Item, Program};
-use crate::knob::Allowed;
+use knob::Allowed;
 use sim::{In, Out, Tick, Unit, Wires};
 
-crate::knobs! {
+knob::knobs! {
     /// Compute dispatch.
     pub struct ComputeConfig {
         /// Warps made a cycle.

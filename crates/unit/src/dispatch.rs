@@ -9,12 +9,12 @@ use super::sorting::SortCounts;
 use super::token::{GroupToken, Kind, WarpToken, bytes};
 use super::traverse::fragments;
 use super::warp::{Item, Program};
-use crate::knob::Allowed;
+use knob::Allowed;
 use num::{Cycle, prefetch};
 use sim::{Gate, In, Out, Tick, Unit, Wires};
 use work::QUAD_SHADED;
 
-crate::knobs! {
+knob::knobs! {
     /// Packing of quads into warps, and their order after shading.
     pub struct DispatchConfig {
         /// Quads packed a cycle.

@@ -4,12 +4,12 @@ use super::card::{Card, Work};
 use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, bytes};
-use crate::knob::Allowed;
+use knob::Allowed;
 use num::prefetch;
 use sim::{Budget, In, Tick, Unit, Wires};
 use work::{End, Triangle};
 
-crate::choices! {
+knob::choices! {
     /// How the rasterisers that a triangle is sent to are found.
     pub enum Overlap {
         /// Those that own a tile in which it covers samples.
@@ -19,7 +19,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// Distribution of triangles from each geometry unit to the rasterisers.
     pub struct DistributeConfig {
         /// Edge of the screen tiles that are dealt to pipelines.

@@ -2,7 +2,7 @@
 
 use work::BLOCK;
 
-crate::choices! {
+knob::choices! {
     /// How screen tiles are dealt to pipelines.
     pub enum Pattern {
         /// Each row of tiles goes on where a skewed step from the row above starts, so that no column belongs to few pipelines.

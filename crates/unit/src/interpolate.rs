@@ -2,10 +2,10 @@
 
 use super::card::Card;
 use super::token::{GroupToken, Kind, bytes};
-use crate::knob::Allowed;
+use knob::Allowed;
 use sim::{In, Out, Tick, Unit, Wires};
 
-crate::knobs! {
+knob::knobs! {
     /// Interpolation of attributes.
     pub struct InterpolateConfig {
         /// Quads begun a cycle.

@@ -4,8 +4,6 @@
 //! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
 //! which machine it is part of; a machine lists its units in data-flow order (see [`machine`](machine)).
 
-pub mod knob;
-
 pub mod apply;
 pub mod assembly;
 pub mod bin;
@@ -47,6 +45,7 @@ pub mod tags;
 pub mod texture;
 pub mod tile_fetch;
 pub mod token;
+pub mod touch;
 pub mod traverse;
 pub mod warp;
 

@@ -6,13 +6,13 @@ use super::card::Card;
 use super::frame::{BlockState, Frame};
 use super::misses::Misses;
 use super::token::{Ack, Kind, Piece};
-use crate::knob::Allowed;
 use gfx::rop;
+use knob::Allowed;
 use mem::{self, MemoryPort};
 use num::Cycle;
 use sim::{In, Out, Tick, Unit, Wires};
 
-crate::knobs! {
+knob::knobs! {
     /// Resolving of multisampled attachments.
     pub struct ResolveConfig {
         /// Cycles a block of 8x8 pixels takes.

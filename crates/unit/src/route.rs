@@ -12,14 +12,14 @@ use super::network::{Sender, SenderCounts};
 use super::sorting::SortCounts;
 use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Run, TriangleToken, bytes};
-use crate::knob::Allowed;
 use gfx::state::StepMode;
+use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, Heading, In, Tick, Unit, Wires};
 use work::LINE;
 
-crate::choices! {
+knob::choices! {
     /// What is sent of a primitive.
     pub enum Retained {
         /// The numbers of its vertices: every pipeline reads their attributes from memory, where the scene is kept.
@@ -29,7 +29,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// Pre-transformation of primitives and their routing to the pipelines that own the screen.
     pub struct RouteConfig {
         /// Vertices transformed a cycle: a matrix times a position, and the division.

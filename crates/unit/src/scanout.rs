@@ -3,11 +3,11 @@
 use super::card::Card;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
-use crate::knob::Allowed;
+use knob::Allowed;
 use mem::MemoryPort;
 use sim::{In, Out, Tick, Unit, Wires};
 
-crate::knobs! {
+knob::knobs! {
     /// Scan-out of finished frames.
     pub struct ScanoutConfig {
         /// Whether the shown surface is read once a frame.

@@ -4,12 +4,12 @@ use super::card::Card;
 use super::network::Receiver;
 use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
-use crate::knob::Allowed;
+use knob::Allowed;
 use num::prefetch;
 use sim::{Budget, Counted, Gate, Heading, Out, Tick, Unit, Wires};
 use work::End;
 
-crate::knobs! {
+knob::knobs! {
     /// Triangle setup in each rasteriser.
     pub struct SetupConfig {
         /// Triangles set up a cycle.

@@ -5,11 +5,12 @@ use std::collections::VecDeque;
 
 use super::card::Work;
 use super::network::Receiver;
+pub use super::network::Waits;
 use super::token::{Kind, TriangleToken};
-use crate::knob::Allowed;
 use gfx::state::Compare;
+use knob::Allowed;
 use num::Cycle;
-use sim::{Gate, Tick, Wires};
+use sim::{Gate, Wires};
 use work::Quad;
 
 stats::counters! {
@@ -54,37 +55,6 @@ stats::counters! {
     pub struct OrderCounts {
         /// Cycles in which something had come and none of it was next in order, summed over those who restore it.
         order_waiting_cycles: "cycles",
-    }
-}
-
-/// What a unit at an end of the network waits for: the state of a [`Gate`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Waits {
-    /// For nothing, or nothing of the network.
-    #[default]
-    Open,
-    /// For something to come.
-    Nothing,
-    /// For what is next in order; others have come.
-    Order,
-    /// For the network to take what is to be sent.
-    Network,
-    /// For a place at the receiver of what is to be sent.
-    Place,
-    /// For data from memory.
-    Memory,
-}
-
-impl Waits {
-    /// What a unit waits for that takes in its pipeline's work, by what it did in a cycle.
-    #[inline(always)]
-    pub fn of_front(did: Tick) -> Waits {
-        match did {
-            Tick::Starved => Waits::Nothing,
-            Tick::Memory => Waits::Memory,
-            _ => Waits::Open,
-        }
     }
 }
 
@@ -163,7 +133,7 @@ impl PassWaits {
     }
 }
 
-crate::choices! {
+knob::choices! {
     /// Where API order is kept.
     pub enum Keep {
         /// Everywhere.
@@ -176,7 +146,7 @@ crate::choices! {
     }
 }
 
-crate::choices! {
+knob::choices! {
     /// Early depth tests in pipelines that do not own the pixels they draw.
     pub enum EarlyTest {
         /// None: every covered quad is shaded.
@@ -188,7 +158,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// API order, where it is restored, and what can be known ahead of it.
     pub struct OrderConfig {
         /// Where API order is kept.

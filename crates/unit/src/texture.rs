@@ -3,19 +3,19 @@
 
 use std::collections::VecDeque;
 
-use super::apply::{Touch, Touching};
 use super::card::Card;
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
+use super::touch::{Touch, Touching};
 use super::warp::{Item, Program, Warp, costs};
-use crate::knob::Allowed;
+use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{LINE, Request, RequestKind};
 
-crate::knobs! {
+knob::knobs! {
     /// A texture unit.
     pub struct TextureConfig {
         /// Quads addressed a cycle.

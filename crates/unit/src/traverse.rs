@@ -3,13 +3,13 @@
 
 use super::card::{Ahead, Card, Group, PassState, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
-use crate::knob::Allowed;
 use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
+use knob::Allowed;
 use num::prefetch;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{BLOCK, Block, End, Quad, TILE, Triangle};
 
-crate::choices! {
+knob::choices! {
     /// When the hierarchical Z buffer learns of new depths.
     pub enum HierarchicalUpdate {
         /// When a block leaves the Z cache.
@@ -19,7 +19,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// Traversal of triangles in blocks of 8x8 pixels.
     pub struct TraverseConfig {
         /// Blocks with coverage a cycle.

@@ -7,7 +7,7 @@ use work::{Class, Cost, CostId, CostTable, Point, RequestKind, Step};
 /// Most invocations of a warp.
 pub const MAX_WIDTH: u32 = 64;
 
-crate::choices! {
+knob::choices! {
     /// What a warp executes where its parts take different paths, and in which order.
     pub enum Execution {
         /// Step by step the most that any part needs, class by class, in no order.

@@ -9,7 +9,7 @@ use super::class::Sorted;
 use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
-use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits, PortShape};
+use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
 use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
@@ -77,6 +77,15 @@ struct Open {
     /// To the command processor.
     color_acks: Vec<Out<Ack>>,
     depth_acks: Vec<Out<Ack>>,
+}
+
+/// A bank between two others.
+struct Between<'i> {
+    units: &'i [UnitId],
+    from: &'i [UnitId],
+    to: &'i [UnitId],
+    /// What its channels to the units behind it are called.
+    name: &'static str,
 }
 
 /// A machine in the making.
@@ -174,9 +183,7 @@ impl<'a> Builder<'a> {
 
     /// A memory port of a unit.
     fn port(&mut self, name: &'static str, index: usize, unit: UnitId) -> MemoryPort {
-        let knobs = &self.config.memory;
-        let shape = PortShape { width: knobs.port_width, latency: knobs.port_latency, queue: knobs.port_queue };
-        self.memory.client(&mut self.wiring, name, index, unit, shape)
+        self.memory.client(&mut self.wiring, name, index, unit, self.config.memory.port())
     }
 
     /// Joins units pairwise.
@@ -188,6 +195,25 @@ impl<'a> Builder<'a> {
     /// Joins the units of two banks one to one.
     fn chain<T: Token>(&mut self, name: &'static str, link: Link, from: &[UnitId], to: &[UnitId]) -> Ends<T> {
         self.join(name, link, from.iter().copied().zip(to.iter().copied()))
+    }
+
+    /// Joins the units of two banks one to one, through a bank between them if the machine has it. Gives the ends at the two banks, and the
+    /// units between.
+    fn chain_through<T: Token, U>(
+        &mut self,
+        name: &'static str,
+        link: Link,
+        between: Between,
+        unit: impl Fn(usize, In<T>, Out<T>) -> U,
+    ) -> (Ends<T>, Vec<U>) {
+        let Between { units, from, to, name: behind } = between;
+        if units.is_empty() {
+            return (self.chain(name, link, from, to), Vec::new());
+        }
+        let (outputs, held) = self.chain(name, link, from, units);
+        let (passed, inputs) = self.chain(behind, link, units, to);
+        let units = held.into_iter().zip(passed).enumerate().map(|(n, (input, output))| unit(n, input, output));
+        ((outputs, inputs), units.collect())
     }
 
     /// The network that sorts, between these units.

@@ -1,6 +1,6 @@
 //! From triangles that are set up to pixels in memory.
 
-use super::{Builder, CONTROL, Ends, Shaded, quads};
+use super::{Between, Builder, CONTROL, Ends, Shaded, quads};
 use sim::{Gate, In, Link, Out};
 use unit::block_cache::BlockCache;
 use unit::color::ColorPorts;
@@ -31,18 +31,12 @@ impl Builder<'_> {
         let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
         let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &depth);
         let (to_traverse, bounds) = self.chain("depth_bounds", updates, &depth, &traverse);
-        let hide = self.id.hide.clone();
-        let (to_interpolate, interpolated) = if hide.is_empty() {
-            self.chain("tested_early", tested, &depth, &interpolate)
-        } else {
-            let (to_hide, held) = self.chain("tested_early", tested, &depth, &hide);
-            let (outputs, seen) = self.chain("seen", tested, &hide, &interpolate);
-            let side = config.bin.tile / BLOCK;
-            let units = held.into_iter().zip(outputs).enumerate();
-            self.made.hide =
-                units.map(|(n, (input, output))| Hide::new(n as u8, side, d.quads_per_cycle, input, output)).collect();
-            (to_hide, seen)
-        };
+        let (hide, side) = (self.id.hide.clone(), config.bin.tile / BLOCK);
+        let hides = Between { units: &hide, from: &depth, to: &interpolate, name: "seen" };
+        let ((to_interpolate, interpolated), made) = self.chain_through("tested_early", tested, hides, |n, input, output| {
+            Hide::new(n as u8, side, d.quads_per_cycle, input, output)
+        });
+        self.made.hide = made;
         let (to_late, late) = self.chain("to_late_test", self.to_rop(), &dispatch, &depth);
         let (to_color, shaded) = self.chain("shaded", self.to_rop(), &dispatch, &color);
         let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);

@@ -1,18 +1,20 @@
 //! A machine's configuration: as written, as checked, as text.
 //!
-//! Every knob is declared once, in the unit that it configures ([`knobs!`](crate::knobs)). A configuration is RON: nested sections
+//! Every knob is declared once, in the unit that it configures ([`knobs!`](knob::knobs)). A configuration is RON: nested sections
 //! of `key: value`, with `extends: "NAME"` for the configuration that it changes. The baseline is complete and extends nothing.
 
 mod knobs;
 mod places;
 mod read;
+mod rules;
 mod text;
 
 pub use super::class::SortClass;
-pub use knobs::{CardConfig, DramKnobs, L2Knobs, MemoryKind, MemoryKnobs};
+pub use knobs::CardConfig;
+pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs};
 pub use text::documentation;
 
-use unit::knob::Section;
+use knob::Section;
 use unit::{
     assembly::AssemblyConfig,
     bin::BinConfig,
@@ -190,9 +192,9 @@ config! {
     /// Memory.
     memory: MemoryKnobs = "memory",
     /// The second-level cache.
-    l2: L2Knobs = "memory.l2",
+    l2: L2Config = "memory.l2",
     /// DRAM.
-    dram: DramKnobs = "memory.dram",
+    dram: DramConfig = "memory.dram",
 }
 
 impl Config {
@@ -231,7 +233,7 @@ impl Config {
     /// # Errors
     /// The rule that they break.
     pub fn check(&self) -> Result<(), ConfigError> {
-        knobs::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
+        rules::check(self).map_err(|message| ConfigError::Rule { file: self.name.clone(), message })
     }
 
     /// What of a render this machine's work depends on: a machine whose early tests cannot see all earlier depths shades quads
@@ -260,7 +262,7 @@ impl Config {
 
     /// What is allowed but hardly meant: channels too short to carry their full width.
     pub fn warnings(&self) -> Vec<String> {
-        knobs::warnings(self)
+        rules::warnings(self)
     }
 
     /// The whole configuration as RON, every knob with its meaning, unit, allowed values and source. Reading it gives this

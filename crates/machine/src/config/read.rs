@@ -7,10 +7,10 @@ use ron::error::Position;
 use ron::value::Number;
 
 use super::places::{self, Place};
-use super::{BUILT_IN, Config, ConfigError, Section};
+use super::{BUILT_IN, Config, ConfigError};
 use host::ron_reason;
+use knob::{Allowed, Section, Setting};
 use num::edits;
-use unit::knob::{Allowed, Setting};
 
 /// A knob as written.
 struct Written {
@@ -114,7 +114,7 @@ fn opens(text: &str) -> bool {
 /// Whether a key of the outermost level is one of a configuration: a section, a knob of the card, or `extends`.
 fn is_known(key: &str) -> bool {
     // A slip of the pen is a key too: it gets the message that names the nearest.
-    let like = |known: &str| edits(known, key) <= 2;
+    let like = |known: &str| edits(known, key) <= key.len() / 4;
     let of = |(section, knobs): (&str, &dyn Section)| {
         if section.is_empty() { knobs.knobs().iter().any(|knob| like(knob.name)) } else { like(section) }
     };

@@ -1,6 +1,6 @@
 use super::read::join;
 use super::*;
-use unit::knob::{Allowed, Knob, Setting};
+use knob::{Allowed, Knob, Setting};
 
 /// `UPDATE_BASELINE=1 cargo test --lib config` writes the comments anew.
 #[test]

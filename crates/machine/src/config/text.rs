@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Config;
 use super::read::join;
-use unit::knob::{Knob, Section};
+use knob::{Knob, Section};
 
 /// Longest line of a comment.
 const WIDTH: usize = 120;

@@ -1,8 +1,8 @@
 //! The channels of a machine against its configuration.
 
 use crate::{Config, Machine};
+use knob::Allowed;
 use sim::Wire;
-use unit::knob::Allowed;
 
 /// The key of the queue that a channel is, if it is a knob; all others must be long enough whatever the knobs say.
 fn key(channel: &str) -> Option<&'static str> {

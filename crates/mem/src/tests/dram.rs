@@ -117,7 +117,7 @@ fn closed_hit_and_conflict_latencies() {
     let other = row * u64::from(c.banks);
     // Far apart, so that nothing overlaps: first a closed bank, then a hit, then a conflict, which also waits for the precharge.
     let times = answers(c, vec![Order::read(0, 0, 64), Order::read(1000, 64, 64), Order::read(2000, other, 64)]);
-    let data = Cycle::from(c.cl + c.burst);
+    let data = Cycle::from(c.cl + c.burst_cycles);
     assert_eq!(times[0], HOPS + Cycle::from(c.t_rcd) + data);
     assert_eq!(times[1] - 1000, HOPS + data);
     // The row is closed when the request is seen: one cycle earlier than a command of the next cycle could be.
@@ -135,7 +135,7 @@ fn a_row_stays_open_for_its_time_and_a_bank_for_its_cycle() {
 
 #[test]
 fn activations_keep_trrd_and_tfaw() {
-    let c = DramConfig { burst: 1, ..still() };
+    let c = DramConfig { burst_cycles: 1, ..still() };
     let orders = (0..6).map(|bank| Order::read(0, bank * u64::from(c.row_bytes), 64)).collect();
     let times = answers(c, orders);
     let from_first: Vec<Cycle> = times.iter().map(|time| time - times[0]).collect();
@@ -147,11 +147,11 @@ fn a_read_after_a_write_waits_for_the_turn() {
     let c = still();
     let times = answers(c, vec![Order::write(0, 0, 64), Order::read(0, 64, 64)]);
     // Reads go first: the write comes after it, and the turn does not matter.
-    assert_eq!(times[0], HOPS + Cycle::from(c.t_rcd + c.cl + c.burst));
+    assert_eq!(times[0], HOPS + Cycle::from(c.t_rcd + c.cl + c.burst_cycles));
     let times = answers(c, vec![Order::write(0, 0, 64), Order::read(Cycle::from(c.t_rcd) + 2, 64, 64)]);
     // The write's column access is at 2 + tRCD; its data end, then tWTR, then the read.
-    let column = 2 + c.t_rcd + c.cwl + c.burst + c.t_wtr;
-    assert_eq!(times[0], Cycle::from(column + c.cl + c.burst) + 1);
+    let column = 2 + c.t_rcd + c.cwl + c.burst_cycles + c.t_wtr;
+    assert_eq!(times[0], Cycle::from(column + c.cl + c.burst_cycles) + 1);
 }
 
 #[test]
@@ -161,12 +161,12 @@ fn an_open_row_streams_at_the_peak() {
     let orders = (0..n).map(|i| Order::read(0, i * 64, 64)).collect();
     let times = answers(c, orders);
     for pair in times.windows(2) {
-        assert_eq!(pair[1] - pair[0], Cycle::from(c.burst));
+        assert_eq!(pair[1] - pair[0], Cycle::from(c.burst_cycles));
     }
     let machine = go(c, (0..n).map(|i| Order::read(0, i * 64, 64)).collect());
     let counts = machine.dram.counts();
     assert_eq!((counts.row_hits, counts.row_misses, counts.read_bytes), (n - 1, 1, n * 64));
-    assert_eq!(counts.bus_cycles, n * u64::from(c.burst));
+    assert_eq!(counts.bus_cycles, n * u64::from(c.burst_cycles));
 }
 
 #[test]
@@ -184,20 +184,20 @@ fn a_refresh_closes_rows_and_holds_requests_up() {
     // A request just after the refresh is due waits for its end, and finds its row closed.
     let times = answers(c, vec![Order::read(0, 0, 64), Order::read(2001, 64, 64)]);
     let end = 2000 + Cycle::from(c.t_rfc + c.t_rp);
-    assert_eq!(times[1], end + Cycle::from(c.t_rcd + c.cl + c.burst) + 1);
+    assert_eq!(times[1], end + Cycle::from(c.t_rcd + c.cl + c.burst_cycles) + 1);
     // One that comes when it is over finds the row closed, no more. Refreshes while nothing was asked for took their time alone.
     let times = answers(c, vec![Order::read(0, 0, 64), Order::read(9000, 64, 64)]);
-    assert_eq!(times[1] - 9000, HOPS + Cycle::from(c.t_rcd + c.cl + c.burst));
+    assert_eq!(times[1] - 9000, HOPS + Cycle::from(c.t_rcd + c.cl + c.burst_cycles));
 }
 
 #[test]
 fn a_faster_and_a_slower_clock_of_the_card() {
     for (clock, per) in [(2, 1), (1, 2), (7, 5), (5, 7)] {
-        let c = DramConfig { clock, per_card_cycles: per, ..still() };
+        let c = DramConfig { clock, card_cycles: per, ..still() };
         let n = 400;
         let times = answers(c, (0..n).map(|i| Order::read(0, i * 64, 64)).collect());
         let cycles = (times[n as usize - 1] - times[0]) as f64;
-        let expected = (n - 1) as f64 * f64::from(c.burst * per) / f64::from(clock);
+        let expected = (n - 1) as f64 * f64::from(c.burst_cycles * per) / f64::from(clock);
         assert!((cycles - expected).abs() <= 1.0, "{clock}/{per}: {cycles} {expected}");
     }
 }
@@ -210,7 +210,7 @@ fn mixed_reads_and_writes_at_random_are_all_served_and_the_clocks_agree() {
         (state >> 33) % bound
     };
     for config in
-        [DDR4, DramConfig { clock: 3, per_card_cycles: 2, t_refi: 3000, hash_banks: true, window: 7, write_high: 3, ..DDR4 }]
+        [DDR4, DramConfig { clock: 3, card_cycles: 2, t_refi: 3000, hash_banks: true, window: 7, write_high: 3, ..DDR4 }]
     {
         let mut from = 0;
         let orders: Vec<Order> = (0..3000)
@@ -241,7 +241,7 @@ fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
             1 + random(size)
         };
         let mut c = DramConfig {
-            burst: time().min(64),
+            burst_cycles: time().min(64),
             t_rcd: time(),
             t_rp: time(),
             cl: time(),
@@ -257,7 +257,7 @@ fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
             t_refi: 0,
             ..DDR4
         };
-        (c.clock, c.per_card_cycles) = (1 + random(9), 1 + random(9));
+        (c.clock, c.card_cycles) = (1 + random(9), 1 + random(9));
         (c.burst_bytes, c.row_bytes, c.banks) = (8 << random(6), 256 << random(5), 1 + random(4));
         c.window = 1 + random(8);
         c.write_high = 1 + random(c.window);

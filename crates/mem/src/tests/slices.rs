@@ -3,8 +3,8 @@
 use super::client::{Client, Order};
 use super::dram::DDR4;
 use crate::{
-    CacheShape, Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan,
-    PortShape, ReturnPath, memory_tree,
+    Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan, PortShape,
+    ReturnPath, memory_tree,
 };
 use num::Cycle;
 use sim::{Circuit, Clock, Wiring, run};
@@ -21,12 +21,25 @@ sim::circuit! {
 }
 
 fn l2() -> L2Config {
-    L2Config { shape: CacheShape::new(256, 8, 64, 32).unwrap(), lookups_per_cycle: 1, misses: 16, waiting: 32, entries: 32 }
+    L2Config {
+        slices: 1,
+        interleave: 256,
+        lines: 256,
+        ways: 8,
+        line_bytes: 64,
+        sector_bytes: 32,
+        lookups_per_cycle: 1,
+        misses: 16,
+        waiting: 32,
+        entries: 32,
+        width: 64,
+        latency: 4,
+    }
 }
 
 pub(super) fn dram_memory(slices: u32, channels: u32) -> MemoryConfig {
-    let dram = DramConfig { t_refi: 0, ..DDR4 };
-    MemoryConfig::Dram { slices, interleave: 256, l2: l2(), slice_width: 64, slice_latency: 4, channels, dram }
+    let dram = DramConfig { channels, t_refi: 0, ..DDR4 };
+    MemoryConfig::Dram { l2: L2Config { slices, ..l2() }, dram }
 }
 
 pub(super) fn rig(config: MemoryConfig, orders: Vec<Vec<Order>>) -> Rig {
@@ -78,7 +91,7 @@ fn a_hit_takes_the_hops_and_a_miss_the_channel_as_well() {
     assert_eq!(client.latency(1), HIT);
     let c = DDR4;
     // Looked up, sent in the next cycle, the channel's own hops and times, filled and answered in the next cycle.
-    let miss = HIT + 1 + 3 + Cycle::from(c.t_rcd + c.cl + c.burst);
+    let miss = HIT + 1 + 3 + Cycle::from(c.t_rcd + c.cl + c.burst_cycles);
     assert_eq!(client.latency(0), miss);
     assert_eq!(client.latency(2), miss - Cycle::from(c.t_rcd), "the other sector of the line comes from the open row");
     let counts = machine.l2[0].cache_counts();
@@ -102,8 +115,8 @@ fn a_request_over_four_lines_is_answered_once_all_are_there() {
     let c = DDR4;
     // The second line is there. The first is asked for at once and the others, looked up in turn, stream behind it; 256 bytes take
     // three cycles more on each of the two links back.
-    let first = HIT + 1 + 3 + Cycle::from(c.cl + c.burst);
-    assert_eq!(machine.client[0].latency(1), first + 2 * Cycle::from(c.burst) + 3 + 3);
+    let first = HIT + 1 + 3 + Cycle::from(c.cl + c.burst_cycles);
+    assert_eq!(machine.client[0].latency(1), first + 2 * Cycle::from(c.burst_cycles) + 3 + 3);
 }
 
 #[test]

@@ -23,13 +23,13 @@ use super::network::{Receiver, Sender};
 use super::resolve::{Operation, requests};
 use super::sorting::SortCounts;
 use super::token::{Ack, Kind, Piece};
-use crate::knob::Allowed;
+use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::BLOCK;
 
-crate::choices! {
+knob::choices! {
     /// How copies are composed.
     pub enum Scheme {
         /// Rounds in which pairs of nodes exchange halves of what they have left.
@@ -41,7 +41,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// Composition of the pipelines' frame buffers.
     pub struct ComposeConfig {
         /// Who sends what to whom. Where pipelines are no power of two, binary swap first composes the surplus in pairs.

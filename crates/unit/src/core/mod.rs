@@ -8,14 +8,14 @@ mod turns;
 use super::card::{Card, Fault};
 use super::token::WarpToken;
 use super::warp::{Execution, Program};
-use crate::knob::Allowed;
 use issue::{Fixed, Issue, PLACES, bits};
+use knob::Allowed;
 use num::NEVER;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use turns::Turns;
 use work::{Class, RequestKind};
 
-crate::choices! {
+knob::choices! {
     /// Which of the ready warps issues.
     pub enum Scheduling {
         /// The next after the one that issued last.
@@ -25,7 +25,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// A shader core.
     pub struct CoreConfig {
         /// Cores in each pipeline.

@@ -6,7 +6,6 @@ mod questions;
 
 use std::collections::VecDeque;
 
-use super::apply::Touching;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
@@ -14,9 +13,10 @@ use super::copies::{Apart, Stamps, own};
 use super::frame::Frame;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
+use super::touch::Touching;
 use super::traverse::{HierarchicalUpdate, fragments};
-use crate::knob::Allowed;
 use depths::{Tested, bounds};
+use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use questions::Questions;
@@ -25,7 +25,7 @@ use sim::{Counted, In, Out, Tick, Unit, Wires};
 pub(super) use depths::{test_ahead, test_group};
 pub use questions::QuestionPorts;
 
-crate::knobs! {
+knob::knobs! {
     /// Depth and stencil tests, early and late.
     pub struct DepthConfig {
         /// Whether depth and stencil are tested before shading, where that cannot change the result; else all tests come after it.

@@ -75,6 +75,7 @@ mod port;
 mod router;
 mod topology;
 mod traffic;
+mod waits;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -83,8 +84,9 @@ pub use plan::{Names, Network, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use traffic::{NetworkMap, Traffic};
+pub use waits::Waits;
 
-use crate::knob::Allowed;
+use knob::Allowed;
 use sim::Token;
 
 /// Most senders, and most receivers, of a network: a set of them is a 64-bit mask.
@@ -93,7 +95,7 @@ pub const MAX_ENDS: usize = 64;
 /// The receiver of a parcel that is for all.
 const ALL: u8 = 0xff;
 
-crate::choices! {
+knob::choices! {
     /// What lies between senders and receivers.
     pub enum Topology {
         /// A channel of its own for each sender and receiver.
@@ -111,7 +113,7 @@ crate::choices! {
     }
 }
 
-crate::choices! {
+knob::choices! {
     /// Which of several inputs an output of a router takes from.
     pub enum Arbitration {
         /// One after another.
@@ -121,7 +123,7 @@ crate::choices! {
     }
 }
 
-crate::knobs! {
+knob::knobs! {
     /// The network that sorts.
     pub struct NetworkConfig {
         /// What lies between senders and receivers.

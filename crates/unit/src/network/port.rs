@@ -1,7 +1,7 @@
 //! The ends of a network: what the sending and the receiving unit hold.
 
-use super::super::sorting::Waits;
 use super::credit::Credit;
+use super::waits::Waits;
 use super::{ALL, MAX_ENDS, Parcel, next_from};
 use num::Cycle;
 use sim::{In, Out, Token, Wires};

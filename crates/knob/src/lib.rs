@@ -1,4 +1,4 @@
-//! Declaring knobs: a unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
+//! Floor 1: declaring knobs. A unit's configuration is a struct declared with [`knobs!`](crate::knobs), once, with unit, allowed values
 //! and source. The reader, the messages, the resolved text and the documentation all come from that declaration.
 
 use std::fmt;
@@ -152,16 +152,16 @@ macro_rules! choices {
             }
         }
 
-        impl $crate::knob::Value for $name {
-            fn from_setting(setting: &$crate::knob::Setting) -> Option<Self> {
+        impl $crate::Value for $name {
+            fn from_setting(setting: &$crate::Setting) -> Option<Self> {
                 match setting {
-                    $($crate::knob::Setting::Name(name) if name == $text => Some($name::$variant),)*
+                    $($crate::Setting::Name(name) if name == $text => Some($name::$variant),)*
                     _ => None,
                 }
             }
 
-            fn to_setting(&self) -> $crate::knob::Setting {
-                $crate::knob::Setting::Name(self.name().to_owned())
+            fn to_setting(&self) -> $crate::Setting {
+                $crate::Setting::Name(self.name().to_owned())
             }
         }
     };
@@ -174,29 +174,29 @@ macro_rules! choices {
 ///     /// A unit that counts.
 ///     pub struct CounterConfig {
 ///         /// Items counted a cycle.
-///         rate: u32 ["items/cycle", fillrate::unit::knob::Allowed::Range(1, 8), "made up"],
+///         rate: u32 ["items/cycle", fillrate::knob::Allowed::Range(1, 8), "made up"],
 ///     }
 /// }
-/// use fillrate::unit::knob::{Section, Setting};
+/// use fillrate::knob::{Section, Setting};
 /// let mut config = CounterConfig::default();
 /// assert!(config.set("rate", &Setting::Number(3)) && config.rate == 3);
 /// assert!(!config.set("rate", &Setting::Number(9)) && !config.set("speed", &Setting::Number(3)));
 /// ```
 #[macro_export]
 macro_rules! knobs {
-    ($(#[doc = $about:literal])+ $vis:vis struct $name:ident {
+    ($(#[doc = $about:literal])+ $(#[derive($more:ident)])? $vis:vis struct $name:ident {
         $($(#[doc = $doc:literal])+ $field:ident: $type:ty [$unit:expr, $allowed:expr, $source:expr]),* $(,)?
     }) => {
         $(#[doc = $about])+
-        #[derive(Clone, Debug, Default, PartialEq)]
+        #[derive(Clone, Debug, Default, PartialEq $(, $more)?)]
         $vis struct $name {
             $($(#[doc = $doc])+ pub $field: $type,)*
         }
 
         impl $name {
             /// The declarations.
-            pub const KNOBS: &'static [$crate::knob::Knob] = &[
-                $($crate::knob::Knob {
+            pub const KNOBS: &'static [$crate::Knob] = &[
+                $($crate::Knob {
                     name: stringify!($field),
                     meaning: concat!($($doc),+).trim_ascii(),
                     unit: $unit,
@@ -206,8 +206,8 @@ macro_rules! knobs {
             ];
         }
 
-        impl $crate::knob::Section for $name {
-            fn knobs(&self) -> &'static [$crate::knob::Knob] {
+        impl $crate::Section for $name {
+            fn knobs(&self) -> &'static [$crate::Knob] {
                 Self::KNOBS
             }
 
@@ -215,8 +215,8 @@ macro_rules! knobs {
                 concat!($($about),+).trim_ascii()
             }
 
-            fn set(&mut self, name: &str, setting: &$crate::knob::Setting) -> bool {
-                use $crate::knob::Value;
+            fn set(&mut self, name: &str, setting: &$crate::Setting) -> bool {
+                use $crate::Value;
                 let Some(knob) = Self::KNOBS.iter().find(|knob| knob.name == name) else { return false };
                 if !knob.allowed.admits(setting) {
                     return false;
@@ -231,8 +231,8 @@ macro_rules! knobs {
                 true
             }
 
-            fn get(&self, name: &str) -> Option<$crate::knob::Setting> {
-                use $crate::knob::Value;
+            fn get(&self, name: &str) -> Option<$crate::Setting> {
+                use $crate::Value;
                 match name {
                     $(stringify!($field) => Some(self.$field.to_setting()),)*
                     _ => None,

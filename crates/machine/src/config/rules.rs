@@ -1,0 +1,92 @@
+//! The rules between knobs, and what is allowed but hardly meant.
+
+use super::Config;
+use mem::MemoryConfig;
+use unit::warp::MAX_WIDTH;
+
+/// Rules between knobs.
+pub(super) fn check(config: &Config) -> Result<(), String> {
+    let caches = [
+        ("depth", config.depth.cache_blocks, config.depth.cache_ways),
+        ("color", config.color.cache_blocks, config.color.cache_ways),
+    ];
+    for (section, blocks, ways) in caches {
+        if ways > blocks {
+            return Err(format!(
+                "{section}.cache_ways is {ways}, and must be at most {section}.cache_blocks, which is {blocks}"
+            ));
+        }
+    }
+    let (lines, ways) = (config.texture.cache_lines, config.texture.cache_ways);
+    if lines > ways && !lines.is_multiple_of(ways) {
+        return Err(format!("texture.cache_lines is {lines}, and must be a multiple of texture.cache_ways, which is {ways}"));
+    }
+    if config.color.blends_per_cycle > config.color.quads_per_cycle {
+        return Err(format!(
+            "color.blends_per_cycle is {}, and must be at most color.quads_per_cycle, which is {}",
+            config.color.blends_per_cycle, config.color.quads_per_cycle
+        ));
+    }
+    let class = config.card.sort.class();
+    if class.sorted.own_geometry() && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
+        return Err(format!(
+            "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",
+            config.core.vertex_cores,
+            config.card.pipelines,
+            config.card.sort.name()
+        ));
+    }
+    class.refusals.iter().try_for_each(|refusal| refusal(config))?;
+    debug_assert!(config.core.warp_width <= MAX_WIDTH);
+    let memory = config.memory().map_err(|message| format!("memory.l2: {message}"))?;
+    if let MemoryConfig::Dram { l2, dram } = memory {
+        dram.check().map_err(|message| format!("memory.dram: {message}"))?;
+        let (slices, channels) = (l2.slices, dram.channels);
+        if slices % channels != 0 {
+            return Err(format!(
+                "memory.l2.slices is {slices}, and must be a multiple of memory.dram.channels, which is {channels}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Channels that cannot carry their full width.
+pub(super) fn warnings(config: &Config) -> Vec<String> {
+    let group = |quads: u32| quads.div_ceil(4).max(1);
+    // Key of the queue, its capacity, tokens that it should carry a cycle, latency.
+    let channels = [
+        ("fetch.queue", config.fetch.queue, 1, config.fetch.latency),
+        ("assembly.queue", config.assembly.queue, 1, config.assembly.latency),
+        ("clip.queue", config.clip.queue, 1, config.clip.latency),
+        (
+            "network.receive_queue",
+            config.network.receive_queue,
+            config.network.link_bytes.div_ceil(unit::token::bytes::TRIANGLE),
+            config.network.link_latency,
+        ),
+        ("setup.queue", config.setup.queue, config.setup.triangles_per_cycle, config.setup.latency),
+        ("traverse.queue", config.traverse.queue, group(config.traverse.quads_per_cycle), config.traverse.latency),
+        ("traverse.hierarchical_queue", config.traverse.hierarchical_queue, 1, config.traverse.hierarchical_latency),
+        ("depth.output_queue", config.depth.output_queue, group(config.depth.quads_per_cycle), config.depth.output_latency),
+        ("interpolate.queue", config.interpolate.queue, group(config.interpolate.quads_per_cycle), config.interpolate.latency),
+        ("dispatch.queue", config.dispatch.queue, 1, config.dispatch.latency),
+        (
+            "dispatch.output_queue",
+            config.dispatch.output_queue,
+            group(config.dispatch.output_quads),
+            config.dispatch.output_latency,
+        ),
+        ("compute.queue", config.compute.queue, 1, config.compute.latency),
+        ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency),
+    ];
+    let short = channels.iter().filter(|&&(_, capacity, rate, latency)| capacity < rate * (latency + 1));
+    short
+        .map(|(key, capacity, rate, latency)| {
+            format!(
+                "{key} is {capacity}: a channel of latency {latency} that carries {rate} a cycle needs {} places to do so",
+                rate * (latency + 1)
+            )
+        })
+        .collect()
+}

@@ -1,0 +1,50 @@
+//! Why a run must stop.
+
+/// Something that the machine cannot do, or that the work got wrong; the run stops with it.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// The order of events is not one.
+    #[error("event {event} of the work comes where it cannot: {what}")]
+    Order {
+        /// Number of the event, from 0.
+        event: u64,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// A workgroup does not fit a core.
+    #[error("dispatch {dispatch}: {what} asks for {asked}, and a core of this machine has {has} (configuration key {key})")]
+    Resources {
+        /// The dispatch.
+        dispatch: u32,
+        /// What is short.
+        what: &'static str,
+        /// How much a workgroup needs.
+        asked: u64,
+        /// How much there is.
+        has: u64,
+        /// The knob that says so.
+        key: &'static str,
+    },
+    /// More primitives in a pass than pipelines with copies can number.
+    #[error("a pass has {most} primitives or more, which pipelines with copies of their own cannot number")]
+    Primitives {
+        /// How many are too many.
+        most: u32,
+    },
+    /// A segment is to be drawn at once where that cannot be.
+    #[error("a segment is to be drawn at once, but machines of class {class} keep pixels of a pass elsewhere until it ends")]
+    AtOnce {
+        /// The sort class.
+        class: &'static str,
+    },
+    /// A quad passed this machine's early tests but was not shaded in API order.
+    #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
+    Visibility {
+        /// The draw.
+        draw: u32,
+        /// Block column.
+        x: u32,
+        /// Block row.
+        y: u32,
+    },
+}

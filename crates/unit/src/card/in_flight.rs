@@ -1,0 +1,88 @@
+//! Work in flight: draws' segments, their quads, workgroups.
+
+use std::sync::Arc;
+
+use super::super::copies::Marks;
+use gfx::format::Format;
+use gfx::rop::{ColorState, DepthStencilState};
+use work::{Dispatch, Draw, Groups, Segment, Triangle, Visit};
+
+/// A draw's segment in flight.
+#[derive(Clone, Debug)]
+pub struct Work {
+    /// The segment.
+    pub segment: Arc<Segment>,
+    /// Its draw.
+    pub draw: Arc<Draw>,
+    /// Fragments of this draw are tested before shading.
+    pub early: bool,
+    /// Number of the draw on this machine, from 0: segments of one draw share it.
+    pub draw_number: u32,
+    /// Number of the segment on this machine, from 0.
+    pub number: u32,
+    /// Where quads may reach the ROP out of order: all sequence numbers before this one must have ended. None: each quad waits for all
+    /// before its own.
+    pub order_from: Option<u32>,
+    /// For each of the segment's tiles its owner; empty where a tile has several.
+    pub owners: Vec<u8>,
+    /// Depth and stencil tests, if the draw has any.
+    pub depth: Option<DepthStencilState>,
+    /// Format of the stored depths; that of no depth where there are none.
+    pub depth_format: Format,
+    /// The depth test that its quads may have ahead of that at the ROP, if there is one that is safe.
+    pub ahead: Option<DepthStencilState>,
+    /// For each colour target of the draw how it is written.
+    pub colors: Vec<Option<ColorState>>,
+    /// What its quads leave in the stamps of a copy, where pipelines have copies.
+    pub marks: Marks,
+}
+
+impl Work {
+    /// The visits of a triangle.
+    #[inline(always)]
+    pub fn visits(&self, triangle: &Triangle) -> &[Visit] {
+        &self.segment.visits[triangle.first_visit as usize..][..triangle.visits as usize]
+    }
+}
+
+/// What is known of a block's test before it is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ahead {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// All samples pass, and none is written.
+    Passes,
+    /// All samples pass and are written: what was there before need not be known.
+    Writes,
+}
+
+/// Up to four quads of one block of one triangle, on their way through a pipeline.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Group {
+    /// Slot of the segment.
+    pub slot: u16,
+    /// Number of quads.
+    pub count: u8,
+    /// The triangle in its segment.
+    pub triangle: u32,
+    /// The tile in the segment's tiles.
+    pub tile: u32,
+    /// The first quad in the tile's quads.
+    pub first: u32,
+    /// The block on the surface, numbered row by row.
+    pub block: u32,
+    /// For each quad the samples still alive.
+    pub live: [u16; 4],
+    /// What hierarchical Z knows of the early test.
+    pub ahead: Ahead,
+}
+
+/// A dispatch's workgroups in flight.
+#[derive(Clone, Debug)]
+pub struct ComputeWork {
+    /// The dispatch.
+    pub dispatch: Arc<Dispatch>,
+    /// The groups.
+    pub groups: Arc<Groups>,
+}

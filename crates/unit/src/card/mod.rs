@@ -1,0 +1,199 @@
+//! What tokens point into: the work in flight, the frame buffer, and the pools of what is too large for a token.
+//!
+//! A unit reads what belongs to the card as a whole, and reads and writes what belongs to a token that it holds. Nothing here
+//! carries information from one unit to another except behind a token; that would bring back the order of ticks.
+
+mod fault;
+mod in_flight;
+mod pass;
+mod pool;
+mod tiles;
+
+pub use self::fault::Fault;
+pub use self::in_flight::{Ahead, ComputeWork, Group, Work};
+pub use self::pass::{DepthStart, PassState};
+pub use self::pool::Pool;
+pub use self::tiles::{TileEntry, TileList};
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::copies::{self, Apart, Marks};
+use super::frame::Frame;
+use super::interleave::Interleave;
+use super::phase::Phases;
+use super::same;
+use super::warp::{Execution, Warps};
+use gfx::format::Format;
+use gfx::rop::{ColorState, DepthStencilState};
+use gfx::state::ColorTarget;
+use work::{Attachment, Draw, Event, Funnel, Quad, Segment, TILE, Target};
+
+/// Pipelines that a set of them, a 64-bit mask, can name.
+pub const MAX_PIPELINES: usize = 64;
+
+/// All that tokens point into.
+pub struct Card {
+    /// Segments in flight, by slot.
+    pub work: Vec<Option<Work>>,
+    /// Groups of workgroups in flight, by slot.
+    pub compute: Vec<Option<ComputeWork>>,
+    /// Groups of quads in flight, by pipeline.
+    pub groups: Vec<Pool<Group>>,
+    /// Warps, by cluster of cores.
+    pub warps: Vec<Warps>,
+    /// The pass being drawn.
+    pub pass: Option<PassState>,
+    /// The machine's own surfaces.
+    pub frame: Frame,
+    /// What pipelines have for themselves, and what else the machine's sort class asks.
+    pub apart: Apart,
+    /// Which pipeline owns which pixels.
+    pub interleave: Interleave,
+    /// The lists of tiles, by number, on a machine that bins.
+    pub bins: Vec<TileList>,
+    /// What the command processor has begun in this frame.
+    pub phases: Phases,
+    /// What was thrown away where, on this machine.
+    pub funnel: Funnel,
+    /// Events that the command processor has not read yet; never empty before the last.
+    pub events: VecDeque<Event>,
+    /// Whether there are no more events than these.
+    pub closed: bool,
+    /// Changes whenever what caches of read-only data hold may be stale.
+    pub epoch: u32,
+    /// Segments installed so far.
+    pub segments: u32,
+    /// Why the run must stop.
+    pub fault: Option<Fault>,
+}
+
+impl Card {
+    /// A card with nothing in flight: for so many pipelines, segments and runs of workgroups, with cores that execute warps so.
+    pub fn new(
+        pipelines: usize,
+        segments: usize,
+        runs: usize,
+        interleave: Interleave,
+        execution: Execution,
+        apart: Apart,
+    ) -> Card {
+        Card {
+            work: vec![None; segments],
+            compute: vec![None; runs],
+            groups: vec![Pool::default(); pipelines],
+            // One cluster a pipeline, and one for vertex cores.
+            warps: vec![Warps::new(execution); pipelines + 1],
+            pass: None,
+            frame: Frame::default(),
+            apart,
+            interleave,
+            bins: Vec::new(),
+            phases: Phases::default(),
+            funnel: Funnel::default(),
+            events: VecDeque::new(),
+            closed: false,
+            epoch: 0,
+            segments: 0,
+            fault: None,
+        }
+    }
+
+    /// The work in a slot.
+    ///
+    /// # Panics
+    /// If there is none: a token outlived its segment, which is a bug.
+    #[inline(always)]
+    pub fn work(&self, slot: u16) -> &Work {
+        self.work[usize::from(slot)].as_ref().expect("a token's segment is in flight")
+    }
+
+    /// The workgroups in a slot.
+    ///
+    /// # Panics
+    /// If there are none: a token outlived its workgroups, which is a bug.
+    #[inline(always)]
+    pub fn compute(&self, slot: u16) -> &ComputeWork {
+        self.compute[usize::from(slot)].as_ref().expect("a token's workgroups are in flight")
+    }
+
+    /// Puts a segment into a slot.
+    pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
+        if self.apart.same_tiles && draw.signature.is_none() {
+            // It may write more than its attachments.
+            same::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
+        }
+        let owners = if self.interleave.tile() >= TILE {
+            let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);
+            segment.tiles.iter().map(|tile| owner(tile.x, tile.y)).collect()
+        } else {
+            Vec::new()
+        };
+        let early = draw.early || draw.fragment.is_none();
+        let (depth, depth_format) = match &draw.depth_stencil {
+            Some(state) => {
+                (Some(DepthStencilState::new(state, u32::from(draw.stencil_reference), draw.depth_range)), state.format)
+            }
+            None => (None, Format::Stencil8),
+        };
+        let ahead = match (&mut self.pass, &depth) {
+            (Some(pass), Some(state)) => pass.ahead(early, state),
+            _ => None,
+        };
+        let attachments = self.pass.as_ref().map_or(&[][..], |pass| &pass.pass.color);
+        let color = |(target, attachment): (&Option<Target>, &Option<Attachment>)| {
+            let (target, attachment) = (target.as_ref()?, attachment.as_ref()?);
+            let state = ColorTarget { format: attachment.surface.format, blend: target.blend, write_mask: target.write_mask };
+            Some(ColorState::new(&state, draw.blend_constant))
+        };
+        let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();
+        let marks =
+            if self.apart.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
+        let number = self.segments;
+        self.segments = number.wrapping_add(1);
+        self.work[usize::from(slot)] = Some(Work {
+            segment,
+            draw,
+            early,
+            draw_number,
+            number,
+            order_from: None,
+            owners,
+            depth,
+            depth_format,
+            ahead,
+            colors,
+            marks,
+        });
+    }
+
+    /// Notes a segment that is drawn in copies.
+    #[cold]
+    fn note(
+        &mut self,
+        segment: &Segment,
+        draw: &Draw,
+        depth: Option<&DepthStencilState>,
+        colors: &[Option<ColorState>],
+    ) -> Marks {
+        let Some(pass) = &mut self.pass else { return Marks::default() };
+        pass.order.unnumbered = self.apart.unnumbered;
+        let marks = pass.order.note(draw, depth, colors);
+        // Depths of fragments that are discarded after an early test stay, without their colours.
+        let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
+        let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
+        pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
+        let first = self.apart.primitives;
+        self.apart.primitives = first.saturating_add(segment.primitives.len() as u32);
+        if self.apart.primitives >= copies::MAX_PRIMITIVES {
+            self.stop(Fault::Primitives { most: copies::MAX_PRIMITIVES });
+        }
+        Marks { first, over: marks.over && self.apart.chunks, ..marks }
+    }
+
+    /// Stops the run; the first fault stands.
+    #[cold]
+    pub fn stop(&mut self, fault: Fault) {
+        self.fault.get_or_insert(fault);
+    }
+}

@@ -1,0 +1,302 @@
+//! The command processor: reads the stream of events, hands draws and dispatches to the machine, keeps passes apart, clears
+//! attachments, moves memory.
+
+mod event;
+mod pass;
+mod proceed;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::card::Card;
+use super::sorting::PassWaits;
+use super::stream::Stream;
+use super::token::{Ack, Piece};
+use knob::Allowed;
+use mem::MemoryPort;
+use num::Cycle;
+use sim::{Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
+use work::{Dispatch, Draw, EndFrame, Event, SurfaceKey};
+
+knob::choices! {
+    /// What is left out where bounds show that it lies outside the view volume.
+    pub enum CullChoice {
+        /// Nothing.
+        None "none",
+        /// Whole draws.
+        Draws "draws",
+        /// Whole draws, and instances of the others.
+        Instances "instances",
+    }
+}
+
+knob::knobs! {
+    /// The command processor.
+    pub struct CommandConfig {
+        /// Cycles that a command takes: a draw's segment, a dispatch, a pass.
+        command_cycles: u32 ["cycles/command", Allowed::Range(1, 65536), "a few register writes; ATTILA writes one register a cycle"],
+        /// Segments of draws in flight.
+        segments: u32 ["segments", Allowed::Range(1, 4096), "ATTILA bGPU.ini PipelinedBatchRendering = TRUE, two batches; more hides small draws"],
+        /// Runs of workgroups in flight.
+        workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "enough to keep the cores fed"],
+        /// Requests of the copy engine in flight.
+        copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
+        /// Cycles between two passes, beside those that caches take.
+        barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
+        /// Whether a pass without draws only clears what it clears, and no pipeline hears of it.
+        skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
+        /// What is left out where bounds show that it lies outside the view volume.
+        cull: CullChoice ["", Allowed::Choice(CullChoice::NAMES), "cards leave it to programs"],
+        /// Cycles that a test of bounds takes, of a draw or of an instance.
+        cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products a cycle"],
+    }
+}
+
+stats::counters! {
+    /// What the command processor has done for passes, and left out.
+    pub struct CommandCounts {
+        /// Passes that pipelines have drawn.
+        passes: "passes",
+        /// Passes without draws that no pipeline has heard of.
+        empty_passes: "passes",
+        /// Draws, and instances of draws, whose bounds were tested against the view volume.
+        bounds_tested: "tests",
+        /// Draws left out because their bounds lie outside.
+        draws_culled: "draws",
+        /// Instances left out because their bounds lie outside, those of draws left out included.
+        instances_culled: "instances",
+        /// Their primitives, which were never assembled.
+        primitives_culled: "primitives",
+        /// Their indices (or vertices, of draws without indices), which were never read.
+        vertices_culled: "vertices",
+    }
+}
+
+/// Ports of the command processor.
+pub struct CommandPorts {
+    /// Segments and fences, to vertex fetch.
+    pub fetch: Out<Piece>,
+    /// Runs of workgroups, to compute dispatch.
+    pub compute: Out<Piece>,
+    /// Runs that are done.
+    pub computed: In<Ack>,
+    /// Attachments to be resolved.
+    pub resolve: Out<Piece>,
+    /// Attachments that are.
+    pub resolved: In<Ack>,
+    /// Surfaces to be shown.
+    pub scanout: Out<Piece>,
+    /// Surfaces that were.
+    pub scanned: In<Ack>,
+    /// Passes to be composed, to each composition unit; and what each of them has composed.
+    pub compose: Vec<Out<Piece>>,
+    /// See `compose`.
+    pub composed: Vec<In<Ack>>,
+    /// Fences seen by each colour unit, and passes ended by each depth unit.
+    pub acks: Vec<In<Ack>>,
+    /// Memory, for copies and clears.
+    pub memory: MemoryPort,
+    /// Where all units of the pipelines are told whether there is a pass or a dispatch: 1 if so, else 0.
+    pub work: Gate,
+}
+
+/// What the command processor is at.
+#[derive(Clone, Debug)]
+enum State {
+    /// The next event.
+    Ready,
+    /// Attachments are being cleared in memory: those still to do.
+    Clearing,
+    /// The pass drains: reports of its end still to come.
+    Ending(u32),
+    /// Copies of the attachments are being composed: units still to be told, and those that are not done.
+    Composing(usize, usize),
+    /// Attachments are being resolved: how many still.
+    Resolving(u32),
+    /// Memory is moved.
+    Moving(Option<(SurfaceKey, SurfaceKey)>),
+    /// The frame's picture is read.
+    Scanning,
+    /// The frame is over, until the run takes the machine up again.
+    Over,
+}
+
+/// The command processor. Its items are events.
+pub struct Command {
+    config: CommandConfig,
+    fast_clear: bool,
+    clears_per_cycle: u32,
+    scanout: bool,
+    pipelines: u32,
+    ports: CommandPorts,
+    state: State,
+    /// Nothing is begun before this cycle.
+    busy_until: Cycle,
+    /// Tests of bounds to be made one after the other from then on.
+    tests: u64,
+    /// Pieces on their way to vertex fetch.
+    pieces: VecDeque<Piece>,
+    draw: Option<Arc<Draw>>,
+    draws: u32,
+    passes: u32,
+    dispatch: Option<Arc<Dispatch>>,
+    /// Free slots, and the reports still to come for those in use.
+    free: Vec<u16>,
+    reports: Vec<u32>,
+    free_runs: Vec<u16>,
+    /// Surfaces to be cleared in memory: address and bytes.
+    clears: VecDeque<(u64, u64)>,
+    /// Attachments to be resolved, to be handed on.
+    resolves: VecDeque<u16>,
+    stream: Stream,
+    /// The depth surface whose hierarchical Z is still true.
+    depth_known: Option<SurfaceKey>,
+    /// The depth surface that a pass without draws has cleared since, and its depths as ordered keys.
+    depth_cleared: Option<(SurfaceKey, (u32, u32))>,
+    /// The frame that ended.
+    ended: Option<EndFrame>,
+    counts: CommandCounts,
+    waits: PassWaits,
+    items: u64,
+}
+
+impl Command {
+    /// One at the beginning of the stream. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
+    pub fn new(config: CommandConfig, pipelines: u32, clearing: (bool, u32), scanout: bool, ports: CommandPorts) -> Command {
+        let segments = config.segments.min(u32::from(u16::MAX)) as u16;
+        let runs = config.workgroup_runs as u16;
+        Command {
+            fast_clear: clearing.0,
+            clears_per_cycle: clearing.1,
+            scanout,
+            pipelines,
+            ports,
+            state: State::Ready,
+            busy_until: 0,
+            tests: 0,
+            pieces: VecDeque::with_capacity(4),
+            draw: None,
+            draws: 0,
+            passes: 0,
+            dispatch: None,
+            free: (0..segments).rev().collect(),
+            reports: vec![0; usize::from(segments)],
+            free_runs: (0..runs).rev().collect(),
+            clears: VecDeque::new(),
+            resolves: VecDeque::new(),
+            stream: Stream::new(config.copy_misses),
+            depth_known: None,
+            depth_cleared: None,
+            ended: None,
+            counts: CommandCounts::default(),
+            waits: PassWaits::new(pipelines as usize),
+            items: 0,
+            config,
+        }
+    }
+
+    /// Whether a frame has ended and waits to be taken.
+    pub fn frame_over(&self) -> bool {
+        matches!(self.state, State::Over)
+    }
+
+    /// How long each pipeline has waited, at the ends of passes, for the others.
+    pub fn waits(&self) -> &PassWaits {
+        &self.waits
+    }
+
+    /// What it has counted.
+    pub fn counts(&self) -> CommandCounts {
+        self.counts
+    }
+
+    /// Takes the frame that has ended; the machine goes on with the next.
+    pub fn take_frame(&mut self) -> Option<EndFrame> {
+        self.state = State::Ready;
+        self.ended.take()
+    }
+
+    /// Whether nothing is under way.
+    pub fn idle(&self) -> bool {
+        matches!(self.state, State::Ready)
+            && self.pieces.is_empty()
+            && self.free.len() == self.reports.len()
+            && self.free_runs.len() == self.config.workgroup_runs as usize
+    }
+
+    /// Installs the segment at the head of the events, which is to be drawn at once, if nothing is in flight; gives its slot.
+    pub fn apply(&mut self, card: &mut Card) -> Option<u16> {
+        let (Some(Event::Applied(segment)), Some(draw)) = (card.events.front(), &self.draw) else { return None };
+        let slot = *self.free.last().filter(|_| self.idle())?;
+        card.install(slot, segment.clone(), draw.clone(), self.draws);
+        card.events.pop_front();
+        self.items += 1;
+        Some(slot)
+    }
+
+    /// Workgroups are under way.
+    fn computing(&self) -> bool {
+        self.free_runs.len() < self.config.workgroup_runs as usize
+    }
+}
+
+impl Command {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        // 1. Reports free slots and end passes.
+        let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
+
+        // 2. Pieces go on their way.
+        while let Some(&piece) = self.pieces.front() {
+            let port = if card.pass.is_some() { &self.ports.fetch } else { &self.ports.compute };
+            if !wires.try_push(port, piece) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.pieces.pop_front();
+            did = Tick::Moved;
+        }
+
+        // 3. What is begun goes on, when its command is decoded.
+        if self.busy_until > wires.now() {
+            wires.sleep_until(self.busy_until);
+            return did.or(Tick::Working);
+        }
+        if self.tests > 0 {
+            // Each of them is progress: a draw may have more of them than units may wake in vain.
+            self.tests -= 1;
+            self.busy_until = wires.now() + Cycle::from(self.config.cull_cycles);
+            return Tick::Moved;
+        }
+        if !matches!(self.state, State::Ready) {
+            return did.or(self.proceed(wires, card));
+        }
+
+        // 4. The next event, as soon as there is place for what it brings.
+        if self.pieces.is_empty() && self.event(wires, card).is_some() {
+            did = Tick::Moved;
+        }
+        did
+    }
+}
+
+impl Unit<Card> for Command {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        let drawing = card.pass.is_some() && !matches!(self.state, State::Resolving(_));
+        wires.tell(&self.ports.work, u8::from(drawing || self.computing()));
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        (self.reports.len() - self.free.len() + self.pieces.len()) as u64 + self.stream.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let about = "Passes and draws, and what of them the command processor has left out.";
+        groups.group(Heading::new("command", about), |unit| unit.counts);
+    }
+}

@@ -1,0 +1,148 @@
+//! Batches of vertices: looked up, closed, handed to shading and assembly.
+
+use super::super::card::{Card, Work};
+use super::super::token::{Kind, VertexBatch, WarpToken};
+use super::super::warp::{Item, Program};
+use super::{Fetch, Gathered};
+use gfx::state::StepMode;
+use sim::{Tick, Wires};
+use work::LINE;
+
+impl Fetch {
+    /// Looks up the lines of the current vertex's attributes.
+    #[inline(always)]
+    pub(super) fn look_up(&mut self, wires: &mut Wires, work: &Work, budget: &mut u32) -> Result<(), Tick> {
+        let Some(&vertex) = self.vertices.back() else { return Ok(()) };
+        let vertex = &work.segment.vertices[vertex as usize];
+        while let Some(fetch) = work.draw.attributes.get(self.attribute) {
+            let element = match fetch.step {
+                StepMode::Vertex => vertex.index,
+                StepMode::Instance => vertex.instance,
+            };
+            let address = fetch.address + u64::from(element) * fetch.stride;
+            let last = (address + u64::from(fetch.bytes.max(1)) - 1) / LINE;
+            loop {
+                let line = address / LINE + self.attribute_line;
+                if line > last {
+                    break;
+                }
+                if line != self.last_line {
+                    if *budget == 0 {
+                        return Err(Tick::Moved);
+                    }
+                    self.last_needs = if let Some(place) = self.tags.find(line) {
+                        *self.tags.data(place)
+                    } else {
+                        if self.misses.room() == 0 {
+                            return Err(Tick::Memory);
+                        }
+                        if !self.ports.vertex.can_send(wires) {
+                            return Err(Tick::Blocked);
+                        }
+                        let tag = self.misses.issue();
+                        self.ports.vertex.read(wires, line * LINE, LINE as u32, tag);
+                        let place = self.tags.victim(line, |_| true).expect("any line may go");
+                        self.tags.replace(place, line, self.misses.issued());
+                        self.misses.issued()
+                    };
+                    *budget -= 1;
+                    self.last_line = line;
+                }
+                // The same line as just before, for this vertex or the one before, is not looked up again.
+                if !self.misses.reached(self.last_needs) {
+                    self.open_needs = self.misses.later(self.open_needs, self.last_needs);
+                }
+                self.attribute_line += 1;
+            }
+            self.attribute += 1;
+            self.attribute_line = 0;
+        }
+        self.vertex_open = false;
+        Ok(())
+    }
+
+    /// Closes the open batch.
+    pub(super) fn close(&mut self, slot: u16) {
+        let batch = Gathered {
+            slot,
+            number: self.number,
+            stream_end: self.stream_end(),
+            count: self.open,
+            needs: self.open_needs,
+            announced: false,
+            kind: Kind::DATA,
+        };
+        self.gathered.push_back(batch);
+        if self.ports.input.in_runs() {
+            self.closed.push_back(batch);
+        }
+        self.number = self.number.wrapping_add(1);
+        self.in_flight += u32::from(self.open > 0);
+        self.open = 0;
+        self.open_needs = None;
+    }
+
+    /// Announces batches to assembly, and starts them on cores when their attributes are there.
+    #[inline(always)]
+    pub(super) fn start(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        // Assembly may wait for a batch of runs before its announcement has a place on the way there.
+        while let Some(&batch) = self.closed.front() {
+            if let Err(stall) = self.shade(wires, card, batch) {
+                did = did.or(stall);
+                break;
+            }
+            self.closed.pop_front();
+            did = Tick::Moved;
+        }
+        while let Some(batch) = self.gathered.front_mut() {
+            if !batch.announced {
+                let Gathered { slot, kind, number, stream_end, count, .. } = *batch;
+                let token = VertexBatch { slot, kind, number, stream_end, vertices: count };
+                if !wires.try_push(&self.ports.batches, token) {
+                    return did.or(Tick::Blocked);
+                }
+                batch.announced = true;
+                did = Tick::Moved;
+            }
+            let batch = *batch;
+            if !self.ports.input.in_runs()
+                && batch.count > 0
+                && let Err(stall) = self.shade(wires, card, batch)
+            {
+                return did.or(stall);
+            }
+            self.gathered.pop_front();
+            did = Tick::Moved;
+        }
+        did
+    }
+
+    /// Starts a batch on a core.
+    #[inline(always)]
+    pub(super) fn shade(&mut self, wires: &mut Wires, card: &mut Card, batch: Gathered) -> Result<(), Tick> {
+        if batch.needs.is_some_and(|needs| !self.misses.reached(needs)) {
+            return Err(Tick::Memory);
+        }
+        let cores = self.ports.cores.len();
+        let free = (0..cores).map(|ahead| (self.core + ahead) % cores).find(|&core| {
+            let (_, output) = &self.ports.cores[core];
+            wires.can_push(output)
+        });
+        let Some(core) = free else { return Err(Tick::Blocked) };
+        self.core = (core + 1) % cores;
+        let (cluster, output) = &self.ports.cores[core];
+        let Card { work, warps, .. } = card;
+        let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");
+        let index = warps[*cluster].insert(Program::Vertex, batch.slot, work.draw.vertex.registers);
+        let warp = &mut warps[*cluster][index];
+        warp.number = batch.number;
+        for vertex in self.vertices.drain(..batch.count as usize) {
+            let vertex = &work.segment.vertices[vertex as usize];
+            warp.items.push(Item { source: 0, request: vertex.first_request, cost: vertex.cost });
+        }
+        warp.merge(|_| &work.segment.costs);
+        wires.push(output, WarpToken { warp: index });
+        Ok(())
+    }
+}

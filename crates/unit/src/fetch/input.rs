@@ -1,0 +1,276 @@
+//! What comes to fetch, in each of its four modes: segments, runs of primitives, and those that were routed or brought.
+
+use super::super::card::{Card, Work};
+use super::super::index_runs::Walk;
+use super::super::token::{Kind, Piece, Run, VertexBatch};
+use super::{Fetch, FetchInput, Gathered};
+use num::Cycle;
+use sim::{Tick, Wires};
+use work::LINE;
+
+impl Fetch {
+    /// Makes ready for a segment. What was shaded lately in the same draw is still there; a new draw starts afresh.
+    #[cold]
+    pub(super) fn begin(&mut self, card: &Card, slot: u16) {
+        let work = card.work(slot);
+        let vertices = &work.segment.vertices;
+        self.shaded_at.clear();
+        // A vertex that was never shaded stands as one of half the numbers ago; a segment is far shorter than that.
+        self.shaded_at.resize(vertices.len(), self.shaded.wrapping_sub(1 << 31));
+        if self.draw != Some(work.draw_number) {
+            self.draw = Some(work.draw_number);
+            self.recent.clear();
+        } else if !self.recent.is_empty() {
+            let mut known: Vec<_> = self.recent.iter().enumerate().map(|(at, &vertex)| (vertex, at)).collect();
+            known.sort_unstable();
+            let first = self.shaded.wrapping_sub(self.recent.len() as u32);
+            for (vertex, at) in vertices.iter().zip(&mut self.shaded_at) {
+                let wanted = (vertex.index, vertex.instance);
+                if let Ok(found) = known.binary_search_by_key(&wanted, |&(vertex, _)| vertex) {
+                    *at = first.wrapping_add(known[found].1 as u32);
+                }
+            }
+        }
+        if self.epoch != card.epoch {
+            self.epoch = card.epoch;
+            self.tags.clear();
+        }
+        self.last_line = u64::MAX;
+        self.last_needs = self.misses.frontier();
+        self.segment = Some(work.number);
+    }
+
+    /// Takes a segment or a run in hand.
+    pub(super) fn open(&mut self, card: &Card, run: Run) {
+        let work = card.work(run.slot);
+        if self.segment != Some(work.number) {
+            self.begin(card, run.slot);
+        }
+        self.walk = if self.ports.input.in_runs() {
+            self.announce(Kind::RUN, run.slot, run.sequence, run.first, run.count);
+            Walk::run(&work.segment, run.first, run.count)
+        } else {
+            Walk::segment(&work.segment)
+        };
+        self.position = 0;
+        self.index_next = 0;
+        self.begun = true;
+    }
+
+    /// Puts a mark for assembly behind the batches.
+    pub(super) fn announce(&mut self, kind: Kind, slot: u16, number: u32, stream_end: u32, count: u32) {
+        self.gathered.push_back(Gathered { slot, number, stream_end, count, needs: None, announced: false, kind });
+    }
+
+    /// Entries of the segment's stream that have been read, as far as primitives of the run at hand are concerned.
+    #[inline(always)]
+    pub(super) fn stream_end(&self) -> u32 {
+        if self.begun && self.position >= self.walk.head_count { self.walk.entry(self.position) } else { 0 }
+    }
+
+    /// Requests lines of indices ahead of their use; true if any was.
+    #[inline(always)]
+    pub(super) fn request_indices(&mut self, wires: &mut Wires, work: &Work) -> bool {
+        let Some(start) = work.segment.index_address else { return false };
+        let bytes = u64::from(self.walk.length) * u64::from(work.segment.index_bytes);
+        if bytes == 0 {
+            return false;
+        }
+        let (first, last) = (start / LINE, (start + bytes - 1) / LINE);
+        // The line of the next index is the first that still takes a place of the index buffer.
+        let used = (start % LINE + u64::from(self.position) * u64::from(work.segment.index_bytes)) / LINE;
+        let end = used + u64::from(self.config.index_lines);
+        let mut moved = false;
+        while first + self.index_next <= last && self.index_next < end && self.ports.index.can_send(wires) {
+            let tag = self.index_misses.issue();
+            self.ports.index.read(wires, (first + self.index_next) * LINE, LINE as u32, tag);
+            self.index_next += 1;
+            moved = true;
+        }
+        moved
+    }
+
+    /// The first vertex at hand whose index has not come.
+    #[inline(always)]
+    pub(super) fn indices_here(&self, work: &Work) -> u32 {
+        let length = self.walk.length;
+        let Some(start) = work.segment.index_address else { return length };
+        // The misses of this segment are the last `index_next` issued; those before the frontier are back.
+        let away = self.index_misses.in_flight().min(self.index_next as u32);
+        let lines = self.index_next - u64::from(away);
+        let bytes = (lines * LINE).saturating_sub(start % LINE);
+        // A draw with indices of no bytes reads none.
+        (bytes / u64::from(work.segment.index_bytes.max(1))).min(u64::from(length)) as u32
+    }
+
+    /// What is at the head of the input, or of the runs that have been taken in ahead.
+    #[inline(always)]
+    pub(super) fn front(&mut self, wires: &mut Wires) -> Option<Run> {
+        match &self.ports.input {
+            FetchInput::Segments(input) => {
+                let Piece { slot, kind } = wires.front(input)?;
+                Some(Run { slot, kind, sequence: 0, first: 0, count: 0 })
+            }
+            _ => self.runs.front(),
+        }
+    }
+
+    /// Takes it.
+    pub(super) fn take(&mut self, wires: &mut Wires) {
+        match &self.ports.input {
+            FetchInput::Segments(input) => wires.take(input),
+            _ => self.runs.take(),
+        }
+    }
+
+    /// With nothing at the input: in time the open batch is started as it is.
+    pub(super) fn wait(&mut self, wires: &mut Wires) -> Tick {
+        if self.open == 0 || !self.ports.input.in_runs() {
+            return Tick::Starved;
+        }
+        if self.start_at > wires.now() {
+            wires.sleep_until(self.start_at);
+            return Tick::Starved;
+        }
+        self.close(self.open_slot);
+        Tick::Moved
+    }
+
+    /// Reads indices, finds vertices that must be shaded, looks up their attributes.
+    #[inline(always)]
+    pub(super) fn read(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+        let mut indices = self.config.indices_per_cycle;
+        let mut lookups = self.config.lookups_per_cycle;
+        loop {
+            let Some(piece) = self.front(wires) else { return did.or(self.wait(wires)) };
+            if piece.kind.is_fence() {
+                // In runs the batch may still be open.
+                if self.open > 0 {
+                    self.close(self.open_slot);
+                    return Tick::Moved;
+                }
+                // A fence follows the batches before it.
+                if !self.gathered.is_empty() || !self.closed.is_empty() {
+                    return did;
+                }
+                let Run { slot, kind, sequence, .. } = piece;
+                let token = VertexBatch { slot, kind, number: sequence, stream_end: 0, vertices: 0 };
+                if !wires.try_push(&self.ports.batches, token) {
+                    return did.or(Tick::Blocked);
+                }
+                self.take(wires);
+                did = Tick::Moved;
+                continue;
+            }
+            if !self.begun && self.gathered.len() > 2 * self.config.batches as usize {
+                // What assembly waits for may be the open batch.
+                if self.open > 0 {
+                    self.close(self.open_slot);
+                    return Tick::Moved;
+                }
+                return did.or(Tick::Blocked);
+            }
+            if piece.kind == Kind::END {
+                self.announce(Kind::END, piece.slot, piece.sequence, 0, 0);
+                self.take(wires);
+                did = Tick::Moved;
+                continue;
+            }
+            if !self.begun {
+                // A warp runs one program with one state, and vertices are known by their number in a segment.
+                if self.open > 0 && self.segment != Some(card.work(piece.slot).number) {
+                    self.close(self.open_slot);
+                }
+                self.open(card, piece);
+                did = Tick::Moved;
+            }
+            let work = card.work[usize::from(piece.slot)].as_ref().expect("a piece is in flight");
+            if !self.ports.input.in_runs() && self.request_indices(wires, work) {
+                did = Tick::Moved;
+            }
+            let length = self.walk.length;
+            let here = if self.ports.input.in_runs() {
+                self.runs.here(work, &self.walk, self.position)
+            } else {
+                self.indices_here(work)
+            };
+            loop {
+                // 1. The attributes of the vertex at hand.
+                if self.vertex_open {
+                    let before = (self.attribute, self.attribute_line);
+                    let result = self.look_up(wires, work, &mut lookups);
+                    if result.is_ok() || before != (self.attribute, self.attribute_line) {
+                        did = Tick::Moved;
+                    }
+                    if let Err(stall) = result {
+                        return did.or(stall);
+                    }
+                }
+                // 2. A full batch goes on its way.
+                if self.open == self.width {
+                    self.close(piece.slot);
+                    did = Tick::Moved;
+                }
+                if self.position == length {
+                    break;
+                }
+                if self.in_flight >= self.config.batches {
+                    return did.or(Tick::Blocked);
+                }
+                // 3. Indices of vertices that are still among the last few shaded need nothing more.
+                let stream = self.walk.ahead(&work.segment, self.position, here.max(self.position));
+                let mut vertex = u32::MAX;
+                let (mut read, mut restarts) = (0, 0);
+                for &next in &stream[..stream.len().min(indices as usize)] {
+                    read += 1;
+                    if next == u32::MAX {
+                        restarts += 1;
+                    } else if self.shaded.wrapping_sub(self.shaded_at[next as usize]) > self.config.reuse {
+                        vertex = next;
+                        break;
+                    }
+                }
+                if read == 0 {
+                    return if stream.is_empty() { did.or(Tick::Memory) } else { Tick::Moved };
+                }
+                did = Tick::Moved;
+                indices -= read;
+                self.position += read;
+                self.items += u64::from(read - restarts);
+                if self.counts {
+                    card.funnel.vertices_in += u64::from(read - restarts);
+                }
+                if vertex == u32::MAX {
+                    continue;
+                }
+                // 4. It must be shaded.
+                self.shaded_at[vertex as usize] = self.shaded;
+                self.shaded = self.shaded.wrapping_add(1);
+                card.funnel.vertices_shaded += 1;
+                if self.config.reuse > 0 {
+                    if self.recent.len() as u32 == self.config.reuse {
+                        self.recent.pop_front();
+                    }
+                    let vertex = &work.segment.vertices[vertex as usize];
+                    self.recent.push_back((vertex.index, vertex.instance));
+                }
+                self.vertices.push_back(vertex);
+                self.open += 1;
+                self.open_slot = piece.slot;
+                self.start_at = wires.now() + Cycle::from(self.config.patience);
+                (self.attribute, self.attribute_line, self.vertex_open) = (0, 0, !self.brought);
+            }
+            // 5. All is read. What is left of a segment is a batch too; what is left of a run waits for that of the next.
+            if !self.ports.input.in_runs() {
+                self.close(piece.slot);
+            } else {
+                let waits = u32::from(self.open > 0);
+                self.announce(Kind::PART, piece.slot, self.number, self.stream_end(), waits);
+            }
+            self.begun = false;
+            self.take(wires);
+            did = Tick::Moved;
+        }
+    }
+}

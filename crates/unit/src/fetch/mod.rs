@@ -1,0 +1,263 @@
+//! Index and attribute fetch with post-transform reuse: reads indices in order, shades each vertex once as long as it is among the
+//! last few, gathers vertices into batches, fetches their attributes, and sends the batches to the cores.
+
+mod batch;
+mod input;
+
+use std::collections::VecDeque;
+
+use super::card::Card;
+use super::index_runs::{IndexRuns, Walk};
+use super::misses::Misses;
+use super::sorting::Waits;
+use super::tags::{CacheCounts, Tags};
+use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
+use crate::assembly::MAX_BATCHES;
+use knob::Allowed;
+use mem::{CACHES, MemoryPort};
+use num::Cycle;
+use sim::{Counted, Gate, In, Out, Tick, Unit, Wires};
+
+knob::knobs! {
+    /// Index and attribute fetch.
+    pub struct FetchConfig {
+        /// Indices read a cycle.
+        indices_per_cycle: u32 ["indices/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini STREAMER IndicesCycle = 2; three make a triangle"],
+        /// Lines of indices held or on their way: the index buffer.
+        index_lines: u32 ["lines", Allowed::Range(1, 1024), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
+        /// Vertices that are remembered as shaded, first in first out.
+        reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
+        /// Lines of vertex attributes looked up a cycle.
+        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
+        /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
+        skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
+        /// 64-byte lines of the attribute cache.
+        cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
+        /// Ways of the attribute cache.
+        cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"],
+        /// Requests for lines of attributes in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
+        /// Batches of vertices in flight, from the first index to the last primitive assembled.
+        batches: u32 ["batches", Allowed::Range(1, MAX_BATCHES as u64), "ATTILA bGPU.ini OutputMemorySize = 512 vertices: 16 batches of 32"],
+        /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
+        /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
+        patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
+        /// Cycles from here to the cores.
+        latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
+        /// Batches queued before each core.
+        queue: u32 ["batches", Allowed::Range(2, 64), "two: one arriving, one waiting"],
+    }
+}
+
+/// What vertex fetch is given.
+pub enum FetchInput {
+    /// Whole segments, from the command processor.
+    Segments(In<Piece>),
+    /// Runs of primitives, whose indices are read here.
+    Runs(In<Run>),
+    /// Runs of primitives that bring the numbers of their vertices with them.
+    Routed(In<Run>),
+    /// Runs of primitives that bring their vertices' attributes with them.
+    Brought(In<Run>),
+}
+
+impl FetchInput {
+    /// Whether they are runs.
+    #[inline(always)]
+    fn in_runs(&self) -> bool {
+        !matches!(self, FetchInput::Segments(_))
+    }
+}
+
+/// Ports of vertex fetch.
+pub struct FetchPorts {
+    /// Primitives and fences.
+    pub input: FetchInput,
+    /// Vertex batches to each core that shades vertices, with the core's cluster of warps.
+    pub cores: Vec<(usize, Out<WarpToken>)>,
+    /// Batches in order, to assembly.
+    pub batches: Out<VertexBatch>,
+    /// Batches that assembly has used up.
+    pub retired: In<WarpToken>,
+    /// Memory, for indices.
+    pub index: MemoryPort,
+    /// Memory, for attributes.
+    pub vertex: MemoryPort,
+    /// Where it is told what it waits for.
+    pub gate: Gate,
+}
+
+/// A batch whose attributes are on their way.
+#[derive(Clone, Copy, Debug)]
+struct Gathered {
+    slot: u16,
+    number: u32,
+    stream_end: u32,
+    /// First vertex of the batch in `vertices`, and how many.
+    count: u32,
+    needs: Option<u32>,
+    /// Announced to assembly already.
+    announced: bool,
+    /// Data, or a mark, which is only announced.
+    kind: Kind,
+}
+
+/// Vertex fetch. Its items are indices.
+pub struct Fetch {
+    config: FetchConfig,
+    width: u32,
+    ports: FetchPorts,
+    tags: Tags<u32>,
+    misses: Misses,
+    index_misses: Misses,
+    /// Next line of indices to be requested, and how many of the segment were; relative to its first.
+    index_next: u64,
+    /// The vertices at hand, and the next of them.
+    walk: Walk,
+    position: u32,
+    /// The segment that was begun last.
+    segment: Option<u32>,
+    /// When the open batch is started even if it is not full.
+    start_at: Cycle,
+    /// Slot of the segment whose vertices are in the open batch.
+    open_slot: u16,
+    /// The attribute and line of the current vertex to be looked up; the vertex is in the batch already.
+    attribute: usize,
+    attribute_line: u64,
+    vertex_open: bool,
+    /// The last line looked up: attributes of a vertex mostly share it.
+    last_line: u64,
+    last_needs: u32,
+    /// Vertices shaded since the start, and for each vertex of the segment its number among them, or one long gone.
+    shaded: u32,
+    shaded_at: Vec<u32>,
+    /// The last `reuse` vertices as (index, instance), kept over the segments of a draw.
+    recent: VecDeque<(u32, u32)>,
+    draw: Option<u32>,
+    begun: bool,
+    /// Runs taken in ahead.
+    runs: IndexRuns,
+    /// Whether the vertices of the input are counted here.
+    counts: bool,
+    /// Whether attributes have come with the primitives.
+    brought: bool,
+    /// Vertices of the batches gathered, in order, and of the one that is open.
+    vertices: VecDeque<u32>,
+    open: u32,
+    open_needs: Option<u32>,
+    number: u32,
+    in_flight: u32,
+    gathered: VecDeque<Gathered>,
+    /// Of runs, the batches that are closed and not yet on a core.
+    closed: VecDeque<Gathered>,
+    core: usize,
+    epoch: u32,
+    items: u64,
+}
+
+impl Fetch {
+    /// An empty one, which fills batches of `width` vertices.
+    pub fn new(config: FetchConfig, width: u32, ports: FetchPorts) -> Fetch {
+        Fetch {
+            tags: Tags::new(config.cache_lines, config.cache_ways),
+            misses: Misses::new(config.misses),
+            index_misses: Misses::new(config.index_lines),
+            index_next: 0,
+            walk: Walk::default(),
+            position: 0,
+            segment: None,
+            start_at: 0,
+            open_slot: 0,
+            attribute: 0,
+            attribute_line: 0,
+            vertex_open: false,
+            last_line: u64::MAX,
+            last_needs: 0,
+            shaded: 0,
+            shaded_at: Vec::new(),
+            recent: VecDeque::with_capacity(config.reuse as usize + 1),
+            draw: None,
+            begun: false,
+            runs: IndexRuns::new(config.index_lines),
+            counts: matches!(ports.input, FetchInput::Segments(_) | FetchInput::Runs(_)),
+            brought: matches!(ports.input, FetchInput::Brought(_)),
+            vertices: VecDeque::new(),
+            open: 0,
+            open_needs: None,
+            number: 0,
+            in_flight: 0,
+            gathered: VecDeque::new(),
+            closed: VecDeque::new(),
+            core: 0,
+            epoch: 0,
+            items: 0,
+            config,
+            width,
+            ports,
+        }
+    }
+
+    /// What the attribute cache counts.
+    pub fn cache(&self) -> CacheCounts {
+        self.tags.counts()
+    }
+}
+
+impl Fetch {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let mut did = Tick::Starved;
+
+        // 1. What memory has brought, and what assembly no longer needs.
+        while let Some(tag) = self.ports.vertex.answer(wires) {
+            self.misses.answer(tag);
+            did = Tick::Moved;
+        }
+        if !self.ports.input.in_runs() {
+            while let Some(tag) = self.ports.index.answer(wires) {
+                self.index_misses.answer(tag);
+                did = Tick::Moved;
+            }
+        }
+        while wires.pop(&self.ports.retired).is_some() {
+            self.in_flight -= 1;
+            did = Tick::Moved;
+        }
+
+        // 2. Complete batches go to the cores.
+        did = did.or(self.start(wires, card));
+
+        // 3. Indices come in.
+        match &self.ports.input {
+            FetchInput::Segments(_) => {}
+            FetchInput::Runs(input) => did = did.or(self.runs.take_in(wires, card, input, Some(&self.ports.index))),
+            FetchInput::Routed(input) | FetchInput::Brought(input) => {
+                did = did.or(self.runs.take_in(wires, card, input, None));
+            }
+        }
+        did = did.or(self.read(wires, card));
+        if self.runs.freed() { Tick::Moved } else { did }
+    }
+}
+
+impl Unit<Card> for Fetch {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        did
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        (self.gathered.len() + self.closed.len()) as u64
+            + u64::from(self.open)
+            + u64::from(self.in_flight)
+            + self.runs.resident()
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        groups.group(CACHES.named("vertex"), |unit| unit.tags.counts());
+    }
+}

@@ -1,0 +1,15 @@
+//! What caches would have asked of memory, where a segment is drawn at once.
+
+/// A touch of memory by a cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Touch {
+    /// First byte.
+    pub address: u64,
+    /// Bytes.
+    pub bytes: u32,
+    /// Whether they are written.
+    pub write: bool,
+}
+
+/// Touches in order.
+pub type Touching = Vec<Touch>;
