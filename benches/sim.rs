@@ -174,6 +174,7 @@ fillrate::sim::circuit! {
 /// A DRAM channel that is never short of requests; an iteration is 1000 of them.
 fn dram(c: &mut Criterion) {
     let config = DramConfig {
+        channels: 1,
         clock: 7,
         card_cycles: 4,
         banks: 16,

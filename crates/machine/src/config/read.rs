@@ -50,7 +50,7 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
         ConfigError::Syntax { file: format!("{file}:{line}:{col}"), message: ron_reason(&error.code) }
     })?;
     let map = match value {
-        Value::Map(map) if map.iter().any(|(key, _)| matches!(key, Value::String(key) if is_known(key))) => map,
+        Value::Map(map) if is_configuration(&map) => map,
         _ => return Err(syntax(NO_CONFIGURATION.to_owned())),
     };
     let keys = places::keys(text);
@@ -111,14 +111,21 @@ fn opens(text: &str) -> bool {
     }
 }
 
-/// Whether a key of the outermost level is one of a configuration: a section, a knob of the card, or `extends`.
-fn is_known(key: &str) -> bool {
-    // A slip of the pen is a key too: it gets the message that names the nearest.
-    let like = |known: &str| edits(known, key) <= key.len() / 4;
-    let of = |(section, knobs): (&str, &dyn Section)| {
-        if section.is_empty() { knobs.knobs().iter().any(|knob| like(knob.name)) } else { like(section) }
+/// Whether these keys of the outermost level are those of a configuration: one is a section, a knob of the card or `extends`, or at least
+/// half of them are so spelled that one of these is meant, and the message that names the nearest helps.
+fn is_configuration(map: &ron::Map) -> bool {
+    let sections = Config::default();
+    let nearest = |key: &Value| {
+        let Value::String(key) = key else { return usize::MAX };
+        let of = |(section, knobs): (&str, &dyn Section)| {
+            let names = if section.is_empty() { knobs.knobs().iter().map(|knob| knob.name).collect() } else { vec![section] };
+            names.into_iter().map(|name| edits(name, key)).min().unwrap_or(usize::MAX)
+        };
+        sections.sections().into_iter().map(of).min().unwrap_or(usize::MAX).min(edits("extends", key))
     };
-    like("extends") || Config::default().sections().into_iter().any(of)
+    let distances: Vec<usize> = map.iter().map(|(key, _)| nearest(key)).collect();
+    let meant = distances.iter().filter(|&&distance| distance <= 2).count();
+    distances.contains(&0) || meant > 0 && 2 * meant >= distances.len()
 }
 
 /// A place as messages name it.
@@ -250,6 +257,7 @@ mod tests {
         for text in texts {
             assert_eq!(message(text), format!("mine.ron: {NO_CONFIGURATION}"), "{text}");
         }
+        assert!(message("(pipelnes: 4)").contains("extends nothing must be complete"), "{}", message("(pipelnes: 4)"));
         assert_eq!(message("// (extends: 1)\n# A page"), format!("mine.ron: {NO_CONFIGURATION}"));
     }
 
