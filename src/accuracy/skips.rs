@@ -321,8 +321,8 @@ fn differs(skip: &Skip, on: &Ran, off: &Ran) -> Option<String> {
 
 /// What the renderer leaves where it does not record.
 pub(super) struct Rendered {
-    /// The picture of each frame.
-    pub pictures: Vec<Vec<u8>>,
+    /// A hash of each frame's picture.
+    pub pictures: Vec<blake3::Hash>,
     /// Counters of all frames.
     pub funnel: Funnel,
     /// Fragments whose colours it computed.
@@ -341,7 +341,7 @@ pub(super) fn rendered(trace: &Trace, skips: Skips) -> Result<Rendered> {
     let summary = render::render(trace, &options, &mut |event| {
         match event {
             Event::Segment(segment) => funnel += segment.funnel,
-            Event::EndFrame(end) => pictures.push(end.reference.to_vec()),
+            Event::EndFrame(end) => pictures.push(blake3::hash(&end.reference)),
             _ => {}
         }
         Ok(())

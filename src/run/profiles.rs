@@ -27,12 +27,15 @@ pub struct Profiled {
     pub funnel: Funnel,
 }
 
+/// Reads the next frames.
+type Read<'r> = dyn FnMut(&[Profiled]) -> Result<()> + Send + 'r;
+
 /// Reads profiles of frames in order, some at a time.
 pub struct Reader<'r> {
     /// Whether the frames are kept to the end, with their pictures.
     pub keeps: bool,
     /// Reads the next ones.
-    pub read: Box<dyn FnMut(&[Profiled]) -> Result<()> + Send + 'r>,
+    pub read: Box<Read<'r>>,
 }
 
 /// Makes profiles of the work for readers; `time` is what that takes, without the readers.

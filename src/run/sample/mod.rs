@@ -194,7 +194,6 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
         sampled: Some(sampled),
         machine_time: simulated.machine_time,
         clock_time: watch.clock(),
-        ..Outcome::default()
     })
 }
 
