@@ -170,12 +170,13 @@ fillrate::sim::circuit! {
 /// A DRAM channel that is never short of requests; an iteration is 1000 of them.
 fn dram(c: &mut Criterion) {
     let config = DramConfig {
+        channels: 1,
         clock: 7,
         card_cycles: 4,
         banks: 16,
         row_bytes: 2048,
         burst_bytes: 64,
-        burst: 2,
+        burst_cycles: 2,
         t_rcd: 24,
         t_rp: 24,
         cl: 24,
