@@ -6,6 +6,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use fillrate::mem::{Cache, CacheShape, Dram, DramAnswer, DramConfig, DramRequest};
+use fillrate::num::Random;
 use fillrate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 /// Moves an item a cycle from each of its two inputs to the output beside it; makes `seeds` items of its own at first.
@@ -109,13 +110,8 @@ fn caches(c: &mut Criterion) {
     let mut group = c.benchmark_group("cache");
     for (name, lines) in [("hits", 200u64), ("misses", 1 << 20)] {
         let mut cache = Cache::new(CacheShape::new(256, 4, 64, 64).expect("a cache"));
-        let mut state = 1u64;
-        let addresses: Vec<u64> = (0..1000)
-            .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 33) % lines
-            })
-            .collect();
+        let mut random = Random::new(1);
+        let addresses: Vec<u64> = (0..1000).map(|_| u64::from(random.below(lines as u32))).collect();
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut hits = 0;

@@ -78,7 +78,7 @@ impl Waits {
 }
 
 /// A frame's accounts, and what its loss is found by.
-pub(super) struct Frame<'a> {
+pub(super) struct Accounts<'a> {
     pub class: &'static Class,
     pub pipelines: usize,
     pub cycles: u64,
@@ -142,7 +142,7 @@ fn mean(values: impl Iterator<Item = u64>) -> u64 {
     if count == 0 { 0 } else { sum / count }
 }
 
-impl Frame<'_> {
+impl Accounts<'_> {
     /// The units of a bank.
     fn bank(&self, name: &str) -> impl Iterator<Item = Busiest> {
         let named = self.units.iter().enumerate().filter(move |(_, (unit, _))| *unit == name);

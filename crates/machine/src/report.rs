@@ -1,7 +1,7 @@
 //! What a run leaves behind: statistics by frame, and pictures.
 
 use super::Machine;
-use super::loss::{Frame, LossCounts, Waits};
+use super::loss::{Accounts, LossCounts, Waits};
 use mem::ClientCounts;
 use num::Cycle;
 use sim::Circuit;
@@ -178,7 +178,7 @@ fn waits(machine: &Machine) -> Waits {
 fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static str>, LossCounts) {
     let accounts = now.units.iter().zip(&earlier.units);
     let units: Vec<_> = accounts.map(|((name, now), (_, earlier))| (*name, now.since(earlier))).collect();
-    let frame = Frame {
+    let accounts = Accounts {
         class: machine.config.card.sort.class(),
         pipelines: machine.config.card.pipelines as usize,
         cycles: now.cycles - earlier.cycles,
@@ -186,7 +186,7 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
         sort: now.sort.since(&earlier.sort),
         waits: &now.waits.since(&earlier.waits),
     };
-    frame.split()
+    accounts.split()
 }
 
 /// The statistics between two readings.

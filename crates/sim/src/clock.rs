@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::circuit::Circuit;
-use num::{Cycle, NEVER};
+use num::{Cycle, NEVER, Random};
 
 /// How time goes on. Statistics are the same under both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,11 +22,7 @@ pub enum Clock {
 pub(super) fn shuffle(order: &mut Vec<usize>, units: usize, seed: u64, now: Cycle) {
     order.clear();
     order.extend(0..units);
-    let mut state = seed ^ now.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    for left in (1..units).rev() {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        order.swap(left, ((state >> 33) % (left as u64 + 1)) as usize);
-    }
+    Random::nth(seed, now).shuffle(order);
 }
 
 /// A machine that has stopped moving before it was done.

@@ -1,8 +1,8 @@
 //! Floor 3: the units of a graphics card. Each file is one unit: configuration, state, counters, and a `tick` that reads as
-//! numbered sentences, its stages last to first. WHEN things happen is here; WHAT they compute is in [`gfx`](gfx).
+//! numbered sentences, its stages last to first. WHEN things happen is here; WHAT they compute is in [`gfx`].
 //!
 //! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
-//! which machine it is part of; a machine lists its units in data-flow order (see [`machine`](machine)).
+//! which machine it is part of; a machine lists its units in data-flow order (see the package `machine`).
 
 pub mod apply;
 pub mod assembly;

@@ -2,6 +2,7 @@
 
 use crate::{Config, Machine};
 use knob::Allowed;
+use num::Random;
 use sim::Wire;
 
 /// The key of the queue that a channel is, if it is a knob; all others must be long enough whatever the knobs say.
@@ -26,11 +27,8 @@ fn key(channel: &str) -> Option<&'static str> {
 
 #[test]
 fn every_channel_that_cannot_carry_its_width_is_warned_of() {
-    let mut state = 5u64;
-    let mut random = |bound: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % bound
-    };
+    let mut generator = Random::new(5);
+    let mut random = |bound: u64| u64::from(generator.below(bound as u32));
     let (mut short, mut fine) = (0, 0);
     for _ in 0..60 {
         // Queues, latencies and rates at random.

@@ -2,7 +2,7 @@
 
 use super::client::Order;
 use crate::{Dram, DramAnswer, DramConfig, DramRequest};
-use num::Cycle;
+use num::{Cycle, Random};
 use sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 
 /// Sends requests to one channel and notes when they are answered.
@@ -204,11 +204,8 @@ fn a_faster_and_a_slower_clock_of_the_card() {
 
 #[test]
 fn mixed_reads_and_writes_at_random_are_all_served_and_the_clocks_agree() {
-    let mut state = 5u64;
-    let mut random = |bound: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % bound
-    };
+    let mut generator = Random::new(5);
+    let mut random = |bound: u64| u64::from(generator.below(bound as u32));
     for config in
         [DDR4, DramConfig { clock: 3, card_cycles: 2, t_refi: 3000, hash_banks: true, window: 7, write_high: 3, ..DDR4 }]
     {
@@ -230,11 +227,8 @@ fn mixed_reads_and_writes_at_random_are_all_served_and_the_clocks_agree() {
 
 #[test]
 fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
-    let mut state = 11u64;
-    let mut random = |bound: u32| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 33) % u64::from(bound)) as u32
-    };
+    let mut generator = Random::new(11);
+    let mut random = |bound: u32| generator.below(bound);
     for _ in 0..200 {
         let mut time = || {
             let size = 2 << random(9);

@@ -3,17 +3,14 @@
 use super::client::Order;
 use super::slices::{Rig, dram_memory, is_done, rig};
 use crate::{IdealConfig, Kind, MemoryConfig};
-use num::Cycle;
+use num::{Cycle, Random};
 use sim::kit::{permutations, step};
 use sim::{Circuit, Clock, run};
 
 /// Requests of every kind and size, which meet on a few lines and rows.
 fn orders(clients: u64, each: u64) -> Vec<Vec<Order>> {
-    let mut state = 3u64;
-    let mut random = |bound: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % bound
-    };
+    let mut generator = Random::new(3);
+    let mut random = |bound: u64| u64::from(generator.below(bound as u32));
     let mut order = || {
         let bytes = [4, 32, 64, 256][random(4) as usize];
         let address = random(1 << 14) / bytes * bytes;

@@ -6,7 +6,7 @@ use crate::{
     Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan, PortShape,
     ReturnPath, memory_tree,
 };
-use num::Cycle;
+use num::{Cycle, Random};
 use sim::{Circuit, Clock, Wiring, run};
 
 sim::circuit! {
@@ -168,11 +168,8 @@ fn clients_take_turns_at_a_slice() {
 
 #[test]
 fn random_traffic_is_conserved_over_slices_and_channels() {
-    let mut state = 9u64;
-    let mut random = |bound: u64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) % bound
-    };
+    let mut generator = Random::new(9);
+    let mut random = |bound: u64| u64::from(generator.below(bound as u32));
     for (slices, channels) in [(1, 1), (4, 2), (4, 4), (6, 3)] {
         let orders: Vec<Vec<Order>> = (0..5)
             .map(|_| {

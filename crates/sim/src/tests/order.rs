@@ -4,7 +4,7 @@ use super::units::{Item, Merge, Source, Split, Worker};
 use crate::clock::shuffle;
 use crate::kit::{permutations, step};
 use crate::{Circuit, Clock, Link, One, Reading, Wiring, run};
-use num::Cycle;
+use num::{Cycle, Random};
 
 crate::circuit! {
     /// A fork and a join with back pressure: the smallest circuit in which the order of ticks could matter in all the ways that
@@ -96,10 +96,9 @@ fn orders_that_change_from_cycle_to_cycle_change_nothing() {
         run(&mut reference, &mut (), Clock::SkipIdle, 100, |m, _| done(m)).unwrap();
         let expected = outcome(reference);
         let mut machine = diamond(shape, [2, 5]);
-        let mut state = 1u64;
+        let mut random = Random::new(1);
         while !done(&machine) {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            step(&mut machine, &orders[(state >> 33) as usize % orders.len()], &mut ());
+            step(&mut machine, &orders[random.below(orders.len() as u32) as usize], &mut ());
         }
         assert_eq!(outcome(machine), expected);
     }

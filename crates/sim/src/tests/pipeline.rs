@@ -2,7 +2,7 @@
 
 use super::units::{Item, Sink, Source, Worker};
 use crate::{Circuit, Clock, Link, One, Wiring, run};
-use num::Cycle;
+use num::{Cycle, Random};
 
 crate::circuit! {
     struct Tandem for () {
@@ -53,13 +53,8 @@ fn one_server_queues_as_the_formula_says() {
     for (service, rho) in [(4u64, 0.3), (4, 0.6), (10, 0.5), (10, 0.8)] {
         let n = 400_000u64;
         let p = rho / service as f64;
-        let mut state = 0x9e37_79b9_7f4a_7c15u64;
-        let mut uniform = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut random = Random::new(1);
+        let mut uniform = || f64::from(random.unit());
         let mut machine = tandem(0, &[service], Link::items(4096, 1, 1));
         let mut arrived = 0;
         // The arrivals drive the source from outside: an item is due in this cycle or it is not.

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::issue::{Fixed, Issue, PLACES};
 use super::{CoreConfig, Scheduling};
-use num::Cycle;
+use num::{Cycle, Random};
 use work::{Class, RequestKind};
 
 /// A step at work.
@@ -143,12 +143,11 @@ fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
 
 /// So many instructions of each class in some order, as classes of single ones.
 fn in_some_order(counts: [u32; Class::COUNT], order: u64) -> Vec<usize> {
-    let (mut left, mut state, mut classes) = (counts, order, Vec::new());
+    let (mut left, mut random, mut classes) = (counts, Random::new(order), Vec::new());
     while left != [0; Class::COUNT] {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         // Runs of some length, and single ones.
-        let class = (state >> 40) as usize % Class::COUNT;
-        let run = left[class].min(1 + (state >> 50) as u32 % 8);
+        let class = random.below(Class::COUNT as u32) as usize;
+        let run = left[class].min(1 + random.below(8));
         left[class] -= run;
         classes.extend(std::iter::repeat_n(class, run as usize));
     }

@@ -2,7 +2,7 @@
 
 use sim::Tick;
 
-/// What a unit at an end of the network waits for: the state of a [`Gate`].
+/// What a unit at an end of the network waits for: the state of a [`Gate`](sim::Gate).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Waits {

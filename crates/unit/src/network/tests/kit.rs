@@ -274,20 +274,6 @@ impl Outcome {
     }
 }
 
-/// A generator of numbers.
-pub struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Random {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x1234_5678)
-    }
-
-    pub fn below(&mut self, bound: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) % bound as u64) as usize
-    }
-}
-
 /// The near and the other links on the way of a pair, by the topology's formula.
 pub fn hops(config: &NetworkConfig, senders: usize, receivers: usize, from: usize, to: usize) -> (u64, u64) {
     let nodes = senders.max(receivers);

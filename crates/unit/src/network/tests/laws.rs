@@ -1,15 +1,16 @@
 //! What holds on every network whatever the traffic: nothing lost, order kept, no one stuck, the same under every clock.
 
-use super::kit::{ALL, Case, Order, Random, Taste, config, hops, is_over};
+use super::kit::{ALL, Case, Order, Taste, config, hops, is_over};
 use crate::network::{Arbitration, NetworkConfig, Topology};
-use num::Cycle;
+use num::{Cycle, Random};
 use sim::kit::{permutations, step};
 use sim::{Circuit, Clock};
 
 /// So many tokens for random receivers from every sender.
 fn random_orders(senders: usize, receivers: usize, count: usize, seed: u64) -> Vec<Vec<Order>> {
     let mut random = Random::new(seed);
-    let order = |random: &mut Random| Order::new(0, random.below(receivers), [4, 16, 24, 60][random.below(4)]);
+    let order =
+        |random: &mut Random| Order::new(0, random.below(receivers as u32) as usize, [4, 16, 24, 60][random.below(4) as usize]);
     (0..senders).map(|_| (0..count).map(|_| order(&mut random)).collect()).collect()
 }
 
@@ -20,7 +21,7 @@ fn in_global_order(orders: &[Vec<Order>], receivers: usize, seed: u64) -> Vec<(T
     let mut next = vec![0; orders.len()];
     let mut tastes = vec![Vec::new(); receivers];
     for _ in 0..orders.iter().map(Vec::len).sum() {
-        let mut sender = random.below(orders.len());
+        let mut sender = random.below(orders.len() as u32) as usize;
         while next[sender] == orders[sender].len() {
             sender = (sender + 1) % orders.len();
         }
@@ -30,7 +31,7 @@ fn in_global_order(orders: &[Vec<Order>], receivers: usize, seed: u64) -> Vec<(T
     }
     let taste = |order| if random.below(2) == 0 { Taste::Order(order) } else { Taste::Sought(order) };
     let tastes: Vec<Taste> = tastes.into_iter().map(taste).collect();
-    tastes.into_iter().map(|taste| (taste, random.below(4) as Cycle, 0)).collect()
+    tastes.into_iter().map(|taste| (taste, Cycle::from(random.below(4)), 0)).collect()
 }
 
 /// Queues as short as they may be.

@@ -1,8 +1,8 @@
 //! How much a network carries, and where it is hot.
 
-use super::kit::{ALL, Case, Order, Outcome, Random, config};
+use super::kit::{ALL, Case, Order, Outcome, config};
 use crate::network::{Arbitration, NetworkConfig, Topology};
-use num::Cycle;
+use num::{Cycle, Random};
 use sim::Clock;
 
 /// Bytes of a parcel here: one cycle of a link.
@@ -38,7 +38,8 @@ fn a_crossbar_carries_as_much_as_its_receivers_take() {
     // The same with receivers drawn at random, where the fullest receiver is the bound: queues for each output lose next to nothing.
     let (nodes, count) = (16, 4000);
     let mut random = Random::new(1);
-    let orders = (0..nodes).map(|_| (0..count).map(|_| Order::new(0, random.below(nodes), BYTES)).collect()).collect();
+    let orders =
+        (0..nodes).map(|_| (0..count).map(|_| Order::new(0, random.below(nodes as u32) as usize, BYTES)).collect()).collect();
     let outcome = Case::new(roomy(Topology::Crossbar), orders, nodes).run(Clock::SkipIdle);
     let most = outcome.got.iter().map(Vec::len).max().unwrap() as f64;
     let reached = most / outcome.last() as f64;
