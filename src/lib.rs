@@ -7,7 +7,7 @@
 //! | 0 | [`num`], [`host`] |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
-//! | 3 | [`render`], [`unit`] |
+//! | 3 | [`render`], [`mod@unit`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
 //! | 6 | [`accuracy`] |
