@@ -17,6 +17,7 @@ use crate::report::terminal::{self, Seen};
 use crate::run::replay::{Fidelity, Frame, Options, replay_to};
 use crate::run::sample::Sampling;
 use crate::sim::Clock;
+use crate::trace::check;
 
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
@@ -31,7 +32,7 @@ pub struct Arguments {
     reading: super::reading::Reading,
     #[command(flatten)]
     machine: super::configs::Choice,
-    /// Frames to replay: half-open, as in 2..4, 2.. or ..4
+    /// Frames to replay: one, as in 3, or half-open, as in 2..4, 2.. or ..4
     #[arg(long, value_name = "A..B", default_value = "..")]
     frames: Frames,
     /// Where to leave images and statistics
@@ -43,15 +44,15 @@ pub struct Arguments {
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
-    /// With --fidelity sampled: frames that are simulated and counted
-    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(2..))]
-    samples: u32,
-    /// With --fidelity sampled: frames before each of these that warm the caches and are not counted
-    #[arg(long, value_name = "N", default_value = "1")]
-    warm_up: u32,
-    /// With --fidelity sampled: seed of the sampling generator
-    #[arg(long, value_name = "N", default_value = "1")]
-    seed: u64,
+    /// With --fidelity sampled: frames that are simulated and counted [default: 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
+    samples: Option<u32>,
+    /// With --fidelity sampled: frames before each of these that warm the caches and are not counted [default: 1]
+    #[arg(long, value_name = "N")]
+    warm_up: Option<u32>,
+    /// With --fidelity sampled: seed of the sampling generator [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     /// Which clock drives the units; every statistic is the same under both
     #[arg(long, value_enum, default_value = "skip-idle")]
     clock: ClockName,
@@ -77,7 +78,7 @@ enum ClockName {
     EveryCycle,
 }
 
-/// A half-open range of frames.
+/// A half-open range of frames, or one frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Frames(Range<u32>);
 
@@ -85,17 +86,39 @@ impl FromStr for Frames {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Frames, String> {
-        let (a, b) = text.split_once("..").ok_or("write it as A..B")?;
         let number = |text: &str, default: u32| match text {
             "" => Ok(default),
             text => text.parse().map_err(|_| format!("`{text}` is no frame number")),
         };
-        let range = number(a, 0)?..number(b, u32::MAX)?;
+        let range = match text.split_once("..") {
+            Some((a, b)) => number(a, 0)?..number(b, u32::MAX)?,
+            None if text.is_empty() => return Err("write it as A..B, or as the number of one frame".into()),
+            None => {
+                let one = number(text, 0)?;
+                one..one.checked_add(1).ok_or("a trace has fewer frames")?
+            }
+        };
         if range.is_empty() { Err("it holds no frame".into()) } else { Ok(Frames(range)) }
     }
 }
 
+/// An option that the fidelity would ignore is an error: who gives it expects it to do something.
+fn refuse_ignored(arguments: &Arguments) -> Result<()> {
+    let given = [
+        ("--samples", arguments.samples.is_some()),
+        ("--warm-up", arguments.warm_up.is_some()),
+        ("--seed", arguments.seed.is_some()),
+    ];
+    match given.into_iter().find(|&(_, given)| given) {
+        Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
+            bail!("{option} is about --fidelity sampled, and would be ignored here")
+        }
+        _ => Ok(()),
+    }
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    refuse_ignored(arguments)?;
     let config = arguments.machine.load()?;
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
@@ -107,7 +130,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             FidelityName::Functional => Fidelity::Functional,
             FidelityName::Bound => Fidelity::Bound,
             FidelityName::Sampled => {
-                Fidelity::Sampled(Sampling { samples: arguments.samples, seed: arguments.seed, warm_up: arguments.warm_up })
+                let (samples, seed) = (arguments.samples.unwrap_or(8), arguments.seed.unwrap_or(1));
+                Fidelity::Sampled(Sampling { samples, seed, warm_up: arguments.warm_up.unwrap_or(1) })
             }
             FidelityName::Cycle => Fidelity::Cycle,
         },
@@ -123,7 +147,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let about = About { trace: name.clone(), config: options.config.name.clone(), fidelity: options.fidelity.name() };
     let create = |out| Folder::create(out, about, &options.config.resolved());
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
-    // What is said of all frames; the frames themselves are kept by nobody.
+    // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
     let mut taker = |frame: Frame| {
         seen.add(&frame);
@@ -134,7 +158,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     told.end();
     let done = done?;
     if seen.frames == 0 {
-        bail!("the trace has no frame in {}..{}", options.frames.start, options.frames.end);
+        let has = check(&trace)?.frames;
+        bail!("the trace has no frame in {}..{}; it has {has}, numbered from 0", options.frames.start, options.frames.end);
     }
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
@@ -157,6 +182,8 @@ mod tests {
         assert_eq!("3..".parse(), Ok(Frames(3..u32::MAX)));
         assert!("4..4".parse::<Frames>().is_err());
         assert!("x..4".parse::<Frames>().unwrap_err().contains('x'));
-        assert!("4".parse::<Frames>().is_err());
+        assert_eq!("4".parse(), Ok(Frames(4..5)));
+        assert!("".parse::<Frames>().is_err());
+        assert!("4294967295".parse::<Frames>().is_err());
     }
 }

@@ -43,7 +43,7 @@ pub fn funnel(total: &Tree) -> String {
         n("fragments_shaded"),
         n("fragments_covered"),
         &[
-            ("helpers besides", n("helper_fragments")),
+            ("helper invocations", n("helper_fragments")),
             ("discarded", n("fragments_discarded")),
             ("behind (late Z)", n("fragments_late_failed")),
         ],
@@ -164,7 +164,7 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         row("triangles and lists", bytes(written), format!("written; {} read back", bytes(n("binning.read_bytes"))));
         let empty = format!("and {} in whose lists nothing was", count("binning.empty_tiles"));
         row("tiles drawn", count("binning.tiles"), empty);
-        row("partial renders", count("binning.partial_renders"), "for want of room for lists".to_owned());
+        row("partial renders", count("binning.partial_renders"), "the lists were full".to_owned());
     }
 
     if let Some(Node::Tree(early)) = total.get("early")

@@ -95,7 +95,25 @@ fn frames_have_the_numbers_of_the_trace() {
     assert_eq!(code, 0, "{message}");
     let there = |n: u32| out.path().join(format!("frame-{n:04}.png")).exists();
     assert_eq!([0, 1, 2, 3].map(there), [false, true, true, false]);
-    assert!(refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91"));
+    assert!(
+        refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91; it has 4")
+    );
+    let one = tempfile::tempdir().expect("a folder");
+    let folder = one.path().display().to_string();
+    let (code, _, message) =
+        run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2", "--out", &folder]);
+    assert_eq!(code, 0, "{message}");
+    assert_eq!([1, 2, 3].map(|n: u32| one.path().join(format!("frame-{n:04}.png")).exists()), [false, true, false]);
+}
+
+#[test]
+fn what_would_be_ignored_is_told() {
+    let message = refused(&["replay", "traces/triangle", "--samples", "4"]);
+    assert!(message.contains("--samples") && message.contains("--fidelity sampled"), "{message}");
+    for (change, told) in [("depth.early=false", "hierarchical Z"), ("bin.hide=true", "sort-middle-binned")] {
+        let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", "--set", change]);
+        assert!(code == 0 && message.contains(told), "{change}: {message}");
+    }
 }
 
 #[test]

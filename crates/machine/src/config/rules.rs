@@ -81,12 +81,23 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
         ("memory.port_queue", config.memory.port_queue, 1, config.memory.port_latency),
     ];
     let short = channels.iter().filter(|&&(_, capacity, rate, latency)| capacity < rate * (latency + 1));
-    short
-        .map(|(key, capacity, rate, latency)| {
-            format!(
-                "{key} is {capacity}: a channel of latency {latency} that carries {rate} a cycle needs {} places to do so",
-                rate * (latency + 1)
-            )
-        })
-        .collect()
+    let short = short.map(|(key, capacity, rate, latency)| {
+        format!(
+            "{key} is {capacity}: a channel of latency {latency} that carries {rate} a cycle needs {} places to do so",
+            rate * (latency + 1)
+        )
+    });
+    short.chain(without_effect(config)).collect()
+}
+
+/// Knobs that another one switches off.
+fn without_effect(config: &Config) -> Vec<String> {
+    let mut out = Vec::new();
+    if !config.depth.early && config.traverse.hierarchical_z {
+        out.push("depth.early=false also switches hierarchical Z off: nothing is rejected before shading".to_owned());
+    }
+    if config.bin.hide && !config.card.sort.class().one_place {
+        out.push("bin.hide has no effect: only sort-middle-binned has bins".to_owned());
+    }
+    out
 }

@@ -112,7 +112,7 @@ impl Program {
         let mut masks = vec![0; self.prologue.slots];
         let shared = Words::default();
         let mut machine = Machine::new(&self.prologue, resources, &shared, 1, 1);
-        let stop = run::run::<false>(&mut machine, &mut file, &mut masks, &mut Scratch::default());
+        let stop = run::dispatch::<false>(&mut machine, &mut file, &mut masks, &mut Scratch::default());
         debug_assert!(matches!(stop, Stop::End));
         Uniforms { values: self.uniform_sources.iter().map(|&r| file[usize::from(r)].0[0]).collect() }
     }
