@@ -41,14 +41,16 @@ enum Leaving {
 }
 
 impl Folder {
-    /// A folder, which is made where it is missing, with the resolved configuration in it. The statistics of an earlier replay go: they must
-    /// not stand for the pictures of this one.
+    /// A folder, which is made where it is missing, with the resolved configuration in it. The statistics and pictures of an earlier replay go:
+    /// they must not be taken for those of this one.
     ///
     /// # Errors
-    /// If it cannot be made, or an earlier replay's statistics cannot be removed.
+    /// If it cannot be made, or what an earlier replay left cannot be removed.
     pub fn create(out: &Path, about: About, config: &str) -> Result<Folder> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-        for name in [STATISTICS, TABLE] {
+        let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
+        let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
+        for name in [STATISTICS, TABLE].map(str::to_owned).into_iter().chain(pictures) {
             let path = out.join(name);
             match std::fs::remove_file(&path) {
                 Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -106,6 +108,12 @@ impl Drop for Folder {
         // A replay that failed has said why; without a total the writer removes its tables.
         let _ = self.answer();
     }
+}
+
+/// Whether a file is named as the pictures of a replay are: `frame-NNNN.png`, of four digits or more.
+fn is_picture(name: &str) -> bool {
+    let number = name.strip_prefix("frame-").and_then(|name| name.strip_suffix(".png"));
+    number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()))
 }
 
 /// A file of the folder that grows.

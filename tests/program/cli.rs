@@ -98,12 +98,16 @@ fn frames_have_the_numbers_of_the_trace() {
     assert!(
         refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91; it has 4")
     );
+    // Into a folder with pictures of an earlier replay, and one that no replay made.
     let one = tempfile::tempdir().expect("a folder");
     let folder = one.path().display().to_string();
+    fs::copy(out.path().join("frame-0001.png"), one.path().join("frame-0001.png")).expect("a copy");
+    fs::copy(out.path().join("frame-0001.png"), one.path().join("frame-mine.png")).expect("a copy");
     let (code, _, message) =
         run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2", "--out", &folder]);
     assert_eq!(code, 0, "{message}");
     assert_eq!([1, 2, 3].map(|n: u32| one.path().join(format!("frame-{n:04}.png")).exists()), [false, true, false]);
+    assert!(one.path().join("frame-mine.png").exists());
 }
 
 #[test]
