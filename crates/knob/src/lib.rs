@@ -170,14 +170,14 @@ macro_rules! choices {
 /// Declares a section of knobs:
 ///
 /// ```
-/// fillrate::knobs! {
+/// knob::knobs! {
 ///     /// A unit that counts.
 ///     pub struct CounterConfig {
 ///         /// Items counted a cycle.
-///         rate: u32 ["items/cycle", fillrate::knob::Allowed::Range(1, 8), "made up"],
+///         rate: u32 ["items/cycle", knob::Allowed::Range(1, 8), "made up"],
 ///     }
 /// }
-/// use fillrate::knob::{Section, Setting};
+/// use knob::{Section, Setting};
 /// let mut config = CounterConfig::default();
 /// assert!(config.set("rate", &Setting::Number(3)) && config.rate == 3);
 /// assert!(!config.set("rate", &Setting::Number(9)) && !config.set("speed", &Setting::Number(3)));

@@ -228,7 +228,7 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 /// Declares a machine as its units in data-flow order. The struct reads as the block diagram:
 ///
 /// ```
-/// use fillrate::sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
+/// use sim::{Circuit, Clock, In, Link, One, Out, Tick, Unit, Wires, Wiring, run};
 ///
 /// struct Source { left: u32, output: Out<u32> }
 /// impl Unit<()> for Source {
@@ -257,7 +257,7 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 ///     fn resident(&self) -> u64 { 0 }
 /// }
 ///
-/// fillrate::circuit! {
+/// sim::circuit! {
 ///     /// One source, one sink; several would be `sink: Vec<Sink>`.
 ///     struct Pair for () {
 ///         source: One<Source>,
@@ -281,7 +281,7 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 /// A machine that is built in several ways names four more types, which this declares from the same fields:
 ///
 /// ```
-/// # use fillrate::sim::{Circuit, In, Link, One, Out, Tick, Unit, Wires, Wiring};
+/// # use sim::{Circuit, In, Link, One, Out, Tick, Unit, Wires, Wiring};
 /// # struct Source { output: Out<u32> }
 /// # impl Unit<()> for Source {
 /// #     fn tick(&mut self, _: &mut Wires, _: &mut ()) -> Tick { Tick::Idle }
@@ -297,7 +297,7 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 /// #[derive(Clone, Copy, PartialEq)]
 /// enum Stage { Front, Back }
 ///
-/// fillrate::circuit! {
+/// sim::circuit! {
 ///     /// Sources and sinks.
 ///     struct Pairs for (), sizes Sizes, numbers Numbers, banks Banks, stages Stage {
 ///         source: Vec<Source> [Front],

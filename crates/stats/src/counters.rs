@@ -34,14 +34,14 @@ pub trait Group: Copy + Default + 'static {
 /// Declares a struct of `u64` counters, each with its documentation and unit:
 ///
 /// ```
-/// fillrate::counters! {
+/// stats::counters! {
 ///     /// What set-up counts.
 ///     pub struct SetupCounters {
 ///         /// Triangles that faced away.
 ///         culled_backface: "triangles",
 ///     }
 /// }
-/// use fillrate::stats::Group;
+/// use stats::Group;
 /// let mut counters = SetupCounters::default();
 /// counters.culled_backface += 1;
 /// assert_eq!(SetupCounters::DECLARATIONS[0].meaning, "Triangles that faced away.");

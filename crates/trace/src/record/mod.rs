@@ -1,8 +1,8 @@
 //! The recorder: a small typed API that leaves a trace. Shaped like WebGPU: create resources, begin a pass, draw, present, save.
 //!
 //! ```
-//! use fillrate::gfx::format::Format;
-//! use fillrate::trace::record::{self, Recorder};
+//! use gfx::format::Format;
+//! use trace::record::{self, Recorder};
 //!
 //! let mut card = Recorder::new("triangle");
 //! let target = card.create_texture("target", record::texture_2d(64, 64, Format::Rgba8Unorm));
