@@ -10,7 +10,7 @@
 //! | 3 | [`render`], [`mod@unit`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
-//! | 6 | [`accuracy`] |
+//! | 6 | [`accuracy`], [`sweep`] |
 //! | 7 | [`cli`] |
 
 pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, trace, unit, work};
@@ -19,5 +19,6 @@ pub mod report;
 pub mod run;
 
 pub mod accuracy;
+pub mod sweep;
 
 pub mod cli;

@@ -26,6 +26,7 @@ mod reading;
 mod replay;
 mod shortcuts;
 mod skips;
+mod sweep;
 mod threads;
 
 use std::io::{ErrorKind, Write};
@@ -53,6 +54,7 @@ enum Command {
     Configs(configs::Arguments),
     Compare(compare::Arguments),
     Accuracy(accuracy::Arguments),
+    Sweep(sweep::Arguments),
 }
 
 /// How a command ended, short of an error.
@@ -115,6 +117,7 @@ fn run(command: &Command) -> Result<Verdict> {
     threads::start(match command {
         Command::Replay(arguments) => arguments.threads,
         Command::Accuracy(arguments) => arguments.threads,
+        Command::Sweep(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
     })?;
     match command {
@@ -124,6 +127,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Configs(arguments) => configs::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Accuracy(arguments) => accuracy::run(arguments),
+        Command::Sweep(arguments) => sweep::run(arguments),
     }
 }
 

@@ -11,11 +11,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::render::Watch;
 
 /// A spinner on a terminal, nothing elsewhere.
-fn bar() -> ProgressBar {
+pub fn bar(template: &str) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_spinner());
     let bar = ProgressBar::new_spinner().with_style(style).with_message("rendering");
     let ticking = bar.clone();
     let tick = move || {
@@ -41,7 +41,7 @@ pub struct Told {
 impl Told {
     /// Begins to tell, on a terminal.
     pub fn begin(watch: &Arc<Watch>) -> Told {
-        let bar = bar();
+        let bar = bar("{spinner} {elapsed} {msg}");
         let (over, end) = channel();
         let frame = Arc::new(Mutex::new(String::from("rendering")));
         let (mine, bar_of, watch) = (frame.clone(), bar.clone(), watch.clone());

@@ -14,7 +14,7 @@ use crate::render::Watch;
 use crate::report::files::About;
 use crate::report::folder::Folder;
 use crate::report::terminal::{self, Seen};
-use crate::run::replay::{Fidelity, Frame, Options, replay_to};
+use crate::run::replay::{Fidelity, Frame, Options, frame_range, replay_to};
 use crate::run::sample::Sampling;
 use crate::sim::Clock;
 use crate::trace::check;
@@ -86,19 +86,7 @@ impl FromStr for Frames {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Frames, String> {
-        let number = |text: &str, default: u32| match text {
-            "" => Ok(default),
-            text => text.parse().map_err(|_| format!("`{text}` is no frame number")),
-        };
-        let range = match text.split_once("..") {
-            Some((a, b)) => number(a, 0)?..number(b, u32::MAX)?,
-            None if text.is_empty() => return Err("write it as A..B, or as the number of one frame".into()),
-            None => {
-                let one = number(text, 0)?;
-                one..one.checked_add(1).ok_or("a trace has fewer frames")?
-            }
-        };
-        if range.is_empty() { Err("it holds no frame".into()) } else { Ok(Frames(range)) }
+        frame_range(text).map(Frames)
     }
 }
 

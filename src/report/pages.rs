@@ -167,27 +167,41 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
     places
 }
 
-/// Whether the page explains a statistic, given by its path in `stats.json`, such as `units.setup[2].busy`.
-pub fn explains(path: &str) -> bool {
-    let (place, name) = path.rsplit_once('.').unwrap_or(("", path));
-    places().iter().any(|(pattern, _, declarations)| {
-        let mut steps = place.split('.').filter(|s| !s.is_empty());
-        let mut wanted = pattern.split('.').filter(|s| !s.is_empty());
-        let fits = loop {
-            match (steps.next(), wanted.next()) {
-                (None, None) => break true,
-                (Some(step), Some(pattern)) => {
-                    let (step, index) = step.split_once('[').map_or((step, false), |(step, _)| (step, true));
-                    let (pattern, many) = pattern.strip_suffix("[i]").map_or((pattern, false), |pattern| (pattern, true));
-                    if index != many || pattern != "NAME" && pattern != step {
-                        break false;
+/// What the statistics are: places, and what is declared at each.
+pub struct Glossary(Vec<(&'static str, &'static str, Vec<Declaration>)>);
+
+impl Default for Glossary {
+    fn default() -> Glossary {
+        Glossary(places())
+    }
+}
+
+impl Glossary {
+    /// The declaration of a statistic, given by its path in `stats.json`, such as `units.setup[2].busy`, or by that in tables whose banks are
+    /// summed, `units.setup.busy`.
+    pub fn find(&self, path: &str) -> Option<&Declaration> {
+        let (place, name) = path.rsplit_once('.').unwrap_or(("", path));
+        // A path has the numbers of all its banks, or of none.
+        let summed = !place.contains('[');
+        let fits = |pattern: &str| {
+            let mut steps = place.split('.').filter(|s| !s.is_empty());
+            let mut wanted = pattern.split('.').filter(|s| !s.is_empty());
+            loop {
+                match (steps.next(), wanted.next()) {
+                    (None, None) => break true,
+                    (Some(step), Some(pattern)) => {
+                        let (step, index) = step.split_once('[').map_or((step, false), |(step, _)| (step, true));
+                        let (pattern, many) = pattern.strip_suffix("[i]").map_or((pattern, false), |pattern| (pattern, true));
+                        if index != many && !summed || pattern != "NAME" && pattern != step {
+                            break false;
+                        }
                     }
+                    _ => break false,
                 }
-                _ => break false,
             }
         };
-        fits && declarations.iter().any(|d| d.name == name)
-    })
+        self.0.iter().filter(|(pattern, ..)| fits(pattern)).find_map(|(.., list)| list.iter().find(|d| d.name == name))
+    }
 }
 
 /// `docs/data/statistics.md`

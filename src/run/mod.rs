@@ -5,6 +5,7 @@ pub mod cycle;
 pub mod exit;
 mod functional;
 pub mod host;
+pub mod kept;
 pub mod machines;
 pub mod profiles;
 pub mod rendering;

@@ -47,6 +47,26 @@ impl Fidelity {
     }
 }
 
+/// Reads a range of frames: half-open, as in `2..4`, `2..` or `..4`, or one frame, as in `3`.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn frame_range(text: &str) -> Result<Range<u32>, String> {
+    let number = |text: &str, default: u32| match text {
+        "" => Ok(default),
+        text => text.parse().map_err(|_| format!("`{text}` is no frame number")),
+    };
+    let range = match text.split_once("..") {
+        Some((a, b)) => number(a, 0)?..number(b, u32::MAX)?,
+        None if text.is_empty() => return Err("write it as A..B, or as the number of one frame".into()),
+        None => {
+            let one = number(text, 0)?;
+            one..one.checked_add(1).ok_or("a trace has fewer frames")?
+        }
+    };
+    if range.is_empty() { Err("it holds no frame".into()) } else { Ok(range) }
+}
+
 /// What to replay, and how.
 #[derive(Clone, Debug)]
 pub struct Options {

@@ -290,10 +290,10 @@ impl<'t, 's> Renderer<'t, 's> {
             return Ok(());
         }
         let piece = match &event {
-            Event::Segment(segment) if self.options.record => segment.bytes(),
-            Event::Groups(groups) => groups.bytes(),
-            Event::Contents(contents) => contents.bytes.len() as u64,
-            _ => 0,
+            // Counts alone are small, and the picture has its own claim.
+            Event::Segment(_) if !self.options.record => 0,
+            Event::EndFrame(_) => 0,
+            event => event.bytes(),
         };
         if piece > 0 {
             if self.pieces.len() as u64 >= self.options.held.pieces {

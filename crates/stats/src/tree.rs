@@ -57,6 +57,16 @@ impl Leaf {
         }
     }
 
+    /// The value, unless it is a text.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Leaf::Count(value) | Leaf::Level(value) => Some(*value as f64),
+            Leaf::Ratio { numerator, denominator } => Some(quotient(*numerator, *denominator)),
+            Leaf::Real(value) => Some(*value),
+            Leaf::Text(_) => None,
+        }
+    }
+
     /// As a JSON number or string; a real that is not finite becomes null, which JSON has no number for.
     fn json(&self) -> Value {
         match self {
@@ -207,9 +217,7 @@ impl Tree {
     /// The leaf at a path, as a number. `None` when there is none or it is a text.
     pub fn number(&self, path: &str) -> Option<f64> {
         match self.get(path)? {
-            Node::Leaf(Leaf::Count(value) | Leaf::Level(value)) => Some(*value as f64),
-            Node::Leaf(Leaf::Ratio { numerator, denominator }) => Some(quotient(*numerator, *denominator)),
-            Node::Leaf(Leaf::Real(value)) => Some(*value),
+            Node::Leaf(leaf) => leaf.number(),
             _ => None,
         }
     }
@@ -269,6 +277,19 @@ impl Tree {
             ),
         };
         Tree { entries: first.entries.iter().map(|(name, of)| (name.clone(), node(name, of))).collect() }
+    }
+
+    /// The tree with one subtree for each list: counters are summed over the units of a bank, quotients are those of the sums, real
+    /// properties are means, and what does not accumulate is the first unit's.
+    pub fn banks_summed(&self) -> Tree {
+        let node = |node: &Node| match node {
+            Node::Leaf(leaf) => Node::Leaf(leaf.clone()),
+            Node::Tree(tree) => Node::Tree(tree.banks_summed()),
+            Node::List(list) => {
+                Node::Tree(Tree::weighted(&list.iter().map(|tree| (1.0, tree)).collect::<Vec<_>>()).banks_summed())
+            }
+        };
+        Tree { entries: self.entries.iter().map(|(name, of)| (name.clone(), node(of))).collect() }
     }
 
     /// The tree as a JSON object, in order.

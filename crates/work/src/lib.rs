@@ -157,6 +157,19 @@ pub enum Event {
     EndFrame(EndFrame),
 }
 
+impl Event {
+    /// Bytes of the work in it; what is shared with the renderer and small is not counted.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Event::Segment(segment) | Event::Applied(segment) => segment.bytes(),
+            Event::Groups(groups) => groups.bytes(),
+            Event::Contents(contents) => contents.bytes.len() as u64,
+            Event::EndFrame(end) => end.reference.len() as u64,
+            _ => 0,
+        }
+    }
+}
+
 /// Names one image of a texture: all samples of one layer (or slice) of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SurfaceKey {

@@ -14,7 +14,7 @@ pub use knobs::CardConfig;
 pub use mem::{DramConfig, L2Config, MemoryKind, MemoryKnobs};
 pub use text::documentation;
 
-use knob::Section;
+use knob::{Knob, Section, Setting};
 use unit::{
     assembly::AssemblyConfig,
     bin::BinConfig,
@@ -226,6 +226,28 @@ impl Config {
     /// If there is no such knob or it does not take the value.
     pub fn set(&mut self, assignment: &str) -> Result<(), ConfigError> {
         read::assign(self, assignment)
+    }
+
+    /// The path of a knob as sections have it: knobs of the card as a whole may be written with `card.` before them.
+    pub fn path(written: &str) -> &str {
+        let path = written.trim();
+        path.strip_prefix("card.").unwrap_or(path)
+    }
+
+    /// The knob at a path, and its value.
+    ///
+    /// # Errors
+    /// If there is none; the message names the nearest. `place` is where the path was written.
+    pub fn knob(&self, place: &str, path: &str) -> Result<(&'static Knob, Setting), ConfigError> {
+        read::find(self, place, Config::path(path))
+    }
+
+    /// Sets the knob at a path.
+    ///
+    /// # Errors
+    /// If there is no such knob or it does not take the value. `place` is where it was written.
+    pub fn put(&mut self, place: &str, path: &str, setting: &Setting) -> Result<(), ConfigError> {
+        read::put(self, place, Config::path(path), setting)
     }
 
     /// Whether the knobs fit each other.

@@ -9,7 +9,7 @@ use ron::value::Number;
 use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
 use host::ron_reason;
-use knob::{Allowed, Section, Setting};
+use knob::{Allowed, Knob, Section, Setting};
 use num::edits;
 
 /// A knob as written.
@@ -140,7 +140,7 @@ pub fn assign(config: &mut Config, assignment: &str) -> Result<(), ConfigError> 
     let Some((path, value)) = assignment.split_once('=') else {
         return Err(syntax(format!("{assignment} is not path.to.key=value")));
     };
-    let (path, value) = (path.trim(), value.trim());
+    let (path, value) = (Config::path(path), value.trim());
     let digits = value.replace('_', "");
     let given = match value {
         "true" => Setting::Switch(true).into(),
@@ -206,6 +206,22 @@ fn complete(file: &str, written: &[Written]) -> Result<(), ConfigError> {
 /// The path of a knob.
 pub fn join(section: &str, name: &str) -> String {
     if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") }
+}
+
+/// The knob at a path, and its value.
+pub fn find(config: &Config, file: &str, path: &str) -> Result<(&'static Knob, Setting), ConfigError> {
+    let (section, name) = path.rsplit_once('.').unwrap_or(("", path));
+    let found = config.sections().into_iter().find(|(known, _)| *known == section);
+    let knob = found.and_then(|(_, knobs)| {
+        let knob = knobs.knobs().iter().find(|knob| knob.name == name)?;
+        Some((knob, knobs.get(name)?))
+    });
+    knob.ok_or_else(|| ConfigError::UnknownKey { file: file.to_owned(), key: path.to_owned(), hint: hint(path) })
+}
+
+/// Sets the knob at a path.
+pub fn put(config: &mut Config, file: &str, path: &str, setting: &Setting) -> Result<(), ConfigError> {
+    apply(config, file, path, &Given::from(setting.clone()))
 }
 
 /// Sets one knob.

@@ -1,0 +1,380 @@
+//! `fillrate sweep`
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use indicatif::ProgressBar;
+
+use super::Verdict;
+use super::configs::load;
+use super::threads::MOST;
+use crate::host;
+use crate::run::replay::frame_range;
+use crate::sweep::entry::Keep;
+use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
+use crate::sweep::folder::{Inputs, Results, Shard, begin, hash, hash_path, read_inputs};
+use crate::sweep::plan::{MOST_MACHINES, Plan};
+use crate::sweep::report::Outcome;
+use crate::sweep::table::{Cell, Kind, write};
+use crate::sweep::tables;
+use crate::sweep::timing::{Screened, Step, Sweep, run as run_shard};
+use crate::trace::Trace;
+
+/// Ask one question of many machines: traces are rendered once, and every machine is timed from that work
+#[derive(clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  fillrate sweep configs/experiments/sort-class.ron --out results\n  \
+fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --vary sort=all --out results\n  \
+fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n\n\
+Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
+Leaves in --out: report.md, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
+screen.csv where machines are screened, experiment.ron, base.ron, inputs.json (hashes of all inputs) and shard-I-of-N.jsonl. \
+A sweep that was killed goes on when the same command is given again."
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// An experiment (a .ron file), or traces
+    #[arg(required = true, value_name = "EXPERIMENT.ron|TRACE")]
+    inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: super::reading::Reading,
+    /// The configuration that is varied: a built-in one, or a file [default: baseline]
+    #[arg(long, value_name = "NAME|FILE")]
+    config: Option<String>,
+    /// Set one knob of all machines; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// An axis: a knob and the values that it takes; may be repeated
+    #[arg(long, value_name = "PATH=VALUES")]
+    vary: Vec<String>,
+    /// A knob that follows from others, with + - * / min(,) max(,); may be repeated
+    #[arg(long, value_name = "PATH=FORMULA")]
+    link: Vec<String>,
+    /// Which combinations: grid, one-at-a-time, random:MACHINES[:SEED] or latin-hypercube:MACHINES[:SEED] [default: grid]
+    #[arg(long, value_name = "DESIGN")]
+    design: Option<DesignName>,
+    /// Estimate all machines by `bound`, and simulate so many of the fastest
+    #[arg(long, value_name = "MACHINES", value_parser = clap::value_parser!(u32).range(1..))]
+    screen: Option<u32>,
+    /// Keep the statistics at this path and below; may be repeated [default: all]
+    #[arg(long, value_name = "PATH")]
+    keep: Vec<String>,
+    /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
+    #[arg(long, value_name = "A..B")]
+    frames: Option<String>,
+    /// The question, as the heading of the report
+    #[arg(long, value_name = "TEXT")]
+    question: Option<String>,
+    /// Where to leave the results
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+    /// Run the I-th of N parts of the machines only; `fillrate sweep merge` puts the parts together
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Run more than a million machines
+    #[arg(long)]
+    yes: bool,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Make the tables and the report of a sweep whose shards have all ended, in any order
+    Merge {
+        /// The folders that the shards were given as --out; the first one takes the tables and the report
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+    },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct DesignName(Design);
+
+impl FromStr for DesignName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<DesignName, String> {
+        let mut parts = text.split(':');
+        let name = parts.next().unwrap_or_default();
+        let number = |text: Option<&str>| match text {
+            Some(text) => text.parse().map(Some).map_err(|_| format!("`{text}` is no whole number")),
+            None => Ok(None),
+        };
+        let (machines, seed) = (number(parts.next())?, number(parts.next())?.unwrap_or(1));
+        let counted = || {
+            let machines = machines.ok_or(format!("say how many machines, as in {name}:100"))?;
+            u32::try_from(machines).map_err(|_| "too many machines".to_owned())
+        };
+        let design = match name {
+            "grid" if machines.is_none() => Design::Grid,
+            "one-at-a-time" if machines.is_none() => Design::OneAtATime,
+            "random" => Design::Random { machines: counted()?, seed },
+            "latin-hypercube" => Design::LatinHypercube { machines: counted()?, seed },
+            _ => {
+                return Err("write it as grid, one-at-a-time, random:MACHINES[:SEED] or latin-hypercube:MACHINES[:SEED]".into());
+            }
+        };
+        if parts.next().is_some() {
+            Err("has more than a number of machines and a seed".into())
+        } else {
+            Ok(DesignName(design))
+        }
+    }
+}
+
+/// Whether a path is that of an experiment, and not of a trace.
+fn is_experiment(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "ron") && path.file_name().is_some_and(|name| name != "trace.ron")
+}
+
+/// The experiment that is asked for, by a file or by options.
+fn experiment(arguments: &Arguments) -> Result<Experiment> {
+    if let [path] = &*arguments.inputs
+        && is_experiment(path)
+    {
+        let given = [
+            ("--config", arguments.config.is_some()),
+            ("--set", !arguments.set.is_empty()),
+            ("--vary", !arguments.vary.is_empty()),
+            ("--link", !arguments.link.is_empty()),
+            ("--design", arguments.design.is_some()),
+            ("--screen", arguments.screen.is_some()),
+            ("--keep", !arguments.keep.is_empty()),
+            ("--frames", arguments.frames.is_some()),
+            ("--question", arguments.question.is_some()),
+        ];
+        if let Some((option, _)) = given.into_iter().find(|&(_, given)| given) {
+            bail!("{option} is part of the experiment {}: write it there", path.display());
+        }
+        return Experiment::open(path);
+    }
+    if let Some(path) = arguments.inputs.iter().find(|path| is_experiment(path)) {
+        bail!("{} is an experiment, which names its traces itself: give it alone", path.display());
+    }
+    Ok(Experiment {
+        question: arguments.question.clone().unwrap_or_default(),
+        traces: arguments.inputs.iter().map(|path| path.display().to_string()).collect(),
+        frames: arguments.frames.clone().unwrap_or_else(|| "..".into()),
+        base: arguments.config.clone().unwrap_or_else(|| "baseline".into()),
+        set: arguments.set.clone(),
+        vary: arguments.vary.clone(),
+        link: arguments.link.clone(),
+        design: arguments.design.clone().map(|DesignName(design)| design).unwrap_or_default(),
+        screen: arguments.screen.map(|keep| Screen { by: Screener::Bound, keep }),
+        keep: arguments.keep.clone(),
+    })
+}
+
+/// The hash of the program that runs.
+fn program() -> Result<String> {
+    hash_path(&std::env::current_exe().context("cannot find the program's own file")?)
+}
+
+/// How far a sweep is, on a terminal.
+fn bar() -> ProgressBar {
+    let style = "{spinner} {elapsed} {msg} {pos} of {len}, {eta} left";
+    let bar = super::progress::bar(style);
+    bar.set_message("rendering");
+    bar
+}
+
+fn told(bar: &ProgressBar, step: Step) {
+    match step {
+        Step::Screen(all) => {
+            bar.set_length(all);
+            bar.set_message("machines estimated:");
+        }
+        Step::Simulate { all, done } => {
+            bar.set_length(all);
+            bar.set_position(done);
+            // What an earlier run has done says nothing of this one's speed.
+            bar.reset_eta();
+            bar.set_message("machines simulated:");
+        }
+        Step::Done => bar.inc(1),
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    if let Some(Command::Merge { folders }) = &arguments.command {
+        return merge(folders, &arguments.reading);
+    }
+    let experiment = experiment(arguments)?;
+    let out = arguments.out.as_deref().context("--out is missing")?;
+    let shard = arguments.shard.unwrap_or_default();
+    let plan = plan(&experiment, arguments.yes)?;
+    let (frames, traces, inputs) = open(&experiment, &plan, shard.of, &arguments.reading)?;
+    begin(out, &inputs, &plan.base().resolved())?;
+
+    let started = Instant::now();
+    let bar = bar();
+    let progress = |step| told(&bar, step);
+    let sweep = Sweep {
+        plan: &plan,
+        traces: &traces,
+        frames,
+        keep: Keep::new(&experiment.keep),
+        screen: experiment.screen.as_ref().map(|screen| screen.keep),
+        shard,
+        progress: &progress,
+    };
+    let screened = sweep.screen.map(|keep| sweep.screened(keep)).transpose()?;
+    let screen_time = started.elapsed();
+    let took = run_shard(out, &sweep, screened.as_deref())?;
+    bar.finish_and_clear();
+    match took {
+        None => println!("{} had ended before", shard.file(out).display()),
+        Some(took) => {
+            let seconds = (started.elapsed() - screen_time).as_secs_f64();
+            println!(
+                "{} machines simulated in {seconds:.1} s ({:.1} a minute), {} renderings, at most {} of work kept",
+                took.machines,
+                60.0 * took.machines as f64 / seconds.max(1e-9),
+                took.renderings,
+                crate::report::summary::bytes(took.kept_bytes as f64)
+            );
+            if screened.is_some() {
+                println!("{} machines estimated in {:.1} s", plan.len(), screen_time.as_secs_f64());
+            }
+        }
+    }
+    if shard.of > 1 {
+        println!("shard {} of {}; when all have ended: fillrate sweep merge {}", shard.index, shard.of, out.display());
+        return Ok(Verdict::Done);
+    }
+    let results = Results::open(&[out.to_owned()], 1)?;
+    finish(out, results, &inputs, &plan, screened.as_deref())
+}
+
+/// The machines of an experiment.
+fn plan(experiment: &Experiment, yes: bool) -> Result<Plan> {
+    let base = load(&experiment.base, &experiment.set)?;
+    if experiment.traces.is_empty() {
+        bail!("the experiment names no trace");
+    }
+    Plan::new(base, experiment, if yes { u64::from(u32::MAX) } else { MOST_MACHINES })
+}
+
+/// A trace with its name.
+type Named = (String, Trace);
+
+/// The traces of an experiment, and what it is made from.
+fn open(
+    experiment: &Experiment,
+    plan: &Plan,
+    shards: u32,
+    reading: &super::reading::Reading,
+) -> Result<(Range<u32>, Vec<Named>, Inputs)> {
+    let frames = frame_range(&experiment.frames).map_err(|reason| anyhow::anyhow!("frames {}: {reason}", experiment.frames))?;
+    let (mut traces, mut hashes) = (Vec::new(), Vec::new());
+    for name in &experiment.traces {
+        let path = Path::new(name);
+        traces.push((name.clone(), reading.open(path)?));
+        hashes.push(hash_path(path)?);
+    }
+    let inputs = Inputs {
+        fillrate: env!("CARGO_PKG_VERSION").into(),
+        program: program()?,
+        experiment: experiment.clone(),
+        base: hash(plan.base().resolved().as_bytes()),
+        traces: hashes,
+        machines: plan.len(),
+        shards,
+    };
+    Ok((frames, traces, inputs))
+}
+
+/// Puts shards together.
+fn merge(folders: &[PathBuf], reading: &super::reading::Reading) -> Result<Verdict> {
+    let folder = folders.first().context("no folder is given")?;
+    let inputs = read_inputs(folder)?;
+    for other in &folders[1..] {
+        if let Some(parts) = inputs.differ(&read_inputs(other)?) {
+            bail!("{} and {} are of different sweeps, with other {parts}", folder.display(), other.display());
+        }
+    }
+    let plan = plan(&inputs.experiment, true)?;
+    let base = hash(plan.base().resolved().as_bytes());
+    if base != inputs.base || plan.len() != inputs.machines {
+        bail!("the configuration {} is another one than when {} was begun", inputs.experiment.base, folder.display());
+    }
+    // All shards have ended before anything is rendered.
+    let results = Results::open(folders, inputs.shards)?;
+    let screened = match &inputs.experiment.screen {
+        None => None,
+        Some(screen) => {
+            let (frames, traces, now) = open(&inputs.experiment, &plan, inputs.shards, reading)?;
+            if now != inputs {
+                bail!("the traces or the program are others than when {} was begun", folder.display());
+            }
+            let keep = Keep::default();
+            let (shard, screen) = (Shard::default(), screen.keep);
+            let sweep = Sweep { plan: &plan, traces: &traces, frames, keep, screen: Some(screen), shard, progress: &|_| () };
+            Some(sweep.screened(screen)?)
+        }
+    };
+    finish(folder, results, &inputs, &plan, screened.as_deref())
+}
+
+/// Makes the tables and the page from the results of all shards.
+fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, screened: Option<&[Screened]>) -> Result<Verdict> {
+    let chosen = |machine: &u32| screened.is_none_or(|list| list[*machine as usize].kept);
+    let wanted = (0..plan.len()).filter(chosen).count() * inputs.experiment.traces.len();
+    if results.len() != wanted {
+        bail!("{} has {} results, and the experiment {wanted}: shards disagree", folder.display(), results.len());
+    }
+    tables::all(folder, inputs, plan, &mut results)?;
+    if let Some(screened) = screened {
+        screen_table(folder, plan, screened)?;
+    }
+    let outcome = Outcome::read(plan, inputs.experiment.traces.len(), &mut results)?;
+    let page = outcome.page(inputs, plan, screened);
+    let path = folder.join("report.md");
+    host::write_file(&path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    print!("\n{page}");
+    println!("\nwritten to {}", folder.display());
+    Ok(if outcome.timed() > 0 { Verdict::Done } else { Verdict::Failed })
+}
+
+/// Writes what the screen found.
+fn screen_table(folder: &Path, plan: &Plan, screened: &[Screened]) -> Result<()> {
+    let mut columns = vec![("machine".to_owned(), Kind::Whole)];
+    columns.extend(tables::parameters(plan)?);
+    columns.extend([("cycles".into(), Kind::Number), ("simulated".into(), Kind::Text), ("error".into(), Kind::Text)]);
+    write(folder, "screen", &columns, |table| {
+        for Screened { machine, estimate, kept } in screened {
+            let mut cells = vec![Cell::Whole((*machine).into())];
+            cells.extend(tables::settings(plan, *machine)?);
+            let (cycles, error) = match estimate {
+                Ok(traces) => (Cell::Number(traces.iter().sum()), Cell::Empty),
+                Err(error) => (Cell::Empty, Cell::Text(error.clone())),
+            };
+            cells.extend([cycles, Cell::Text(kept.to_string()), error]);
+            table.row(&cells)?;
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn designs_are_named() {
+        assert_eq!("random:12".parse(), Ok(DesignName(Design::Random { machines: 12, seed: 1 })));
+        assert_eq!("latin-hypercube:12:9".parse(), Ok(DesignName(Design::LatinHypercube { machines: 12, seed: 9 })));
+        assert_eq!("grid".parse(), Ok(DesignName(Design::Grid)));
+        for wrong in ["random", "random:x", "grid:3", "grit", "random:3:4:5", ""] {
+            assert!(wrong.parse::<DesignName>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! Work that is kept: a trace is rendered once per render key, and any number of machines are timed or estimated from what it left.
+
+use anyhow::Result;
+
+use super::bound::{Bound, FrameEstimate};
+use super::profiles::{Profiled, Reader};
+use super::rendering::{Consumer, Rendering};
+use crate::machine::{Config, FrameReport, Machine};
+use crate::render::{self, Held};
+use crate::sim::Clock;
+use crate::trace::Trace;
+use crate::work::profile::FrameProfile;
+use crate::work::{Event, RenderKey};
+
+/// The whole work of some frames.
+pub struct Kept {
+    events: Vec<Event>,
+    bytes: u64,
+}
+
+impl Kept {
+    /// Renders frames and keeps their work. None: it takes more than `most` bytes.
+    ///
+    /// `machines` is how many machines will run at one time; the account of memory is told of their images.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered.
+    pub fn render(trace: &Trace, options: &render::Options, key: RenderKey, machines: u64, most: u64) -> Result<Option<Kept>> {
+        let (mut events, mut bytes) = (Vec::new(), 0_u64);
+        let mut rendering = Rendering::new(trace, options.clone());
+        let run = |work: super::rendering::Work| {
+            for event in work {
+                bytes = bytes.saturating_add(event.bytes() + size_of::<Event>() as u64);
+                if bytes > most {
+                    events = Vec::new();
+                    break;
+                }
+                events.push(event);
+            }
+            Ok(())
+        };
+        let held = Held { images: machines, ..Held::default() };
+        rendering.consume(key, Consumer { held, recorded: true, run: Box::new(run) });
+        rendering.run()?;
+        Ok((bytes <= most).then_some(Kept { events, bytes }))
+    }
+
+    /// Bytes of the work.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Runs a machine on the work. `read` takes from the report of each frame what is wanted of it.
+    ///
+    /// # Errors
+    /// If knobs do not fit each other, or the machine stops.
+    pub fn time<R>(&self, config: &Config, read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
+        time(config, self.events.iter().cloned(), read)
+    }
+}
+
+fn time<R>(config: &Config, events: impl Iterator<Item = Event>, mut read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
+    let mut frames = Vec::new();
+    Machine::new(config)?.run_each(events, Clock::SkipIdle, |frame| frames.push(read(frame)))?;
+    Ok(frames)
+}
+
+/// Runs machines side by side behind one rendering that is not kept, all of one render key: for work that does not fit in memory. What one
+/// machine stops on is its own result.
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub fn stream<R: Send>(
+    trace: &Trace,
+    options: &render::Options,
+    configs: &[&Config],
+    read: &(dyn Fn(FrameReport) -> R + Sync),
+) -> Result<Vec<Result<Vec<R>>>> {
+    let mut results: Vec<Result<Vec<R>>> = configs.iter().map(|_| Ok(Vec::new())).collect();
+    let mut rendering = Rendering::new(trace, options.clone());
+    for (&config, result) in configs.iter().zip(&mut results) {
+        let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
+        let run = move |work: super::rendering::Work| {
+            *result = time(config, work, read);
+            Ok(())
+        };
+        rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+    }
+    rendering.run()?;
+    Ok(results)
+}
+
+/// The profiles of some frames, from which machines are estimated.
+pub struct Profiles {
+    frames: Vec<FrameProfile>,
+}
+
+impl Profiles {
+    /// Renders frames and keeps their profiles.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered.
+    pub fn render(trace: &Trace, options: &render::Options, key: RenderKey) -> Result<Profiles> {
+        let mut frames = Vec::new();
+        let mut rendering = Rendering::new(trace, options.clone());
+        let read = |profiled: &[Profiled]| {
+            frames.extend(profiled.iter().map(|frame| frame.profile.clone()));
+            Ok(())
+        };
+        rendering.profile(key, Reader { keeps: false, read: Box::new(read) });
+        rendering.run()?;
+        Ok(Profiles { frames })
+    }
+
+    /// Estimates a machine, frame by frame.
+    ///
+    /// # Errors
+    /// If the configuration is one that no rates are known of.
+    pub fn estimate(&self, config: &Config) -> Result<Vec<FrameEstimate>> {
+        let mut bound = Bound::new(config)?;
+        Ok(self.frames.iter().map(|frame| bound.frame(frame)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gfx::format::Format;
+    use crate::run::machines::run;
+    use crate::trace::record::{Recorder, texture_2d};
+
+    fn frames() -> Trace {
+        let mut card = Recorder::new("frames");
+        let texture = card.create_texture("shown", texture_2d(64, 64, Format::Rgba8Unorm));
+        (0..5).for_each(|_| card.present(texture));
+        card.finish()
+    }
+
+    #[test]
+    fn kept_work_streamed_work_and_a_replay_give_the_same_cycles() {
+        let trace = frames();
+        let options = render::Options::default();
+        let config = Config::built_in("tiny").expect("it is built in");
+        let cycles = |frame: FrameReport| frame.cycles;
+        let kept = Kept::render(&trace, &options, config.render_key(), 1, u64::MAX).expect("it renders").expect("it fits");
+        let timed = kept.time(&config, cycles).expect("it runs");
+        assert_eq!(timed.len(), 5);
+        let streamed = stream(&trace, &options, &[&config, &config], &cycles).expect("it renders");
+        for machine in streamed {
+            assert_eq!(machine.expect("it runs"), timed);
+        }
+        let replayed = run(&trace, &[(&config, Clock::SkipIdle)]).expect("it runs");
+        assert_eq!(replayed[0].cycles, timed.iter().sum::<u64>());
+    }
+
+    #[test]
+    fn work_that_does_not_fit_is_not_kept() {
+        let options = render::Options::default();
+        let kept = Kept::render(&frames(), &options, RenderKey::default(), 1, 100).expect("it renders");
+        assert!(kept.is_none());
+    }
+}

@@ -1,0 +1,228 @@
+//! Knobs that follow from others: `geometry_units=max(1, pipelines/2)`.
+
+use crate::knob::Setting;
+use crate::machine::Config;
+
+/// A knob whose value is computed from others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Its path.
+    pub path: String,
+    /// As written.
+    pub text: String,
+    formula: Formula,
+}
+
+/// A whole-number formula over knobs.
+#[derive(Clone, Debug, PartialEq)]
+enum Formula {
+    Number(u64),
+    Knob(String),
+    Of(Operation, Box<Formula>, Box<Formula>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Operation {
+    Add,
+    Subtract,
+    Multiply,
+    /// Without a remainder.
+    Divide,
+    Least,
+    Most,
+}
+
+impl Link {
+    /// Reads a link.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn parse(text: &str) -> Result<Link, String> {
+        let (path, formula) = text.split_once('=').ok_or("is no link: write it as PATH=FORMULA, with + - * / min() max()")?;
+        let mut reader = Reader { left: formula, depth: 0 };
+        let read = reader.sum().and_then(|formula| {
+            let rest = reader.left.trim_start();
+            if rest.is_empty() { Ok(formula) } else { Err(format!("has `{rest}` where it should end")) }
+        });
+        Ok(Link { path: Config::path(path).to_owned(), text: text.trim().to_owned(), formula: read? })
+    }
+
+    /// The paths that it reads.
+    pub fn reads(&self) -> Vec<&str> {
+        fn walk<'f>(formula: &'f Formula, found: &mut Vec<&'f str>) {
+            match formula {
+                Formula::Number(_) => {}
+                Formula::Knob(path) => found.push(path),
+                Formula::Of(_, a, b) => {
+                    walk(a, found);
+                    walk(b, found);
+                }
+            }
+        }
+        let mut found = Vec::new();
+        walk(&self.formula, &mut found);
+        found
+    }
+
+    /// Its value for a configuration.
+    ///
+    /// # Errors
+    /// If a knob that it reads has no number, or the result is no whole number from 0.
+    pub fn value(&self, config: &Config) -> Result<u64, String> {
+        value(&self.formula, config).map_err(|reason| format!("the link {}: {reason}", self.text))
+    }
+}
+
+fn value(formula: &Formula, config: &Config) -> Result<u64, String> {
+    match formula {
+        Formula::Number(number) => Ok(*number),
+        Formula::Knob(path) => match config.knob("the link", path).map_err(|error| error.to_string())? {
+            (_, Setting::Number(number)) => Ok(number),
+            (_, other) => Err(format!("{path} is {other}, and no number")),
+        },
+        Formula::Of(operation, a, b) => {
+            let (a, b) = (value(a, config)?, value(b, config)?);
+            let result = match operation {
+                Operation::Add => a.checked_add(b),
+                Operation::Subtract => a.checked_sub(b),
+                Operation::Multiply => a.checked_mul(b),
+                Operation::Divide if b == 0 => return Err(format!("{a} is divided by 0")),
+                Operation::Divide if a % b != 0 => {
+                    return Err(format!(
+                        "{a} / {b} is no whole number; leave such machines out, or use max(1, ...) and multiples"
+                    ));
+                }
+                Operation::Divide => Some(a / b),
+                Operation::Least => Some(a.min(b)),
+                Operation::Most => Some(a.max(b)),
+            };
+            result.ok_or_else(|| format!("{a} and {b} give no whole number from 0 to 2^64 - 1"))
+        }
+    }
+}
+
+/// Levels of brackets at most.
+const DEPTH: u32 = 32;
+
+struct Reader<'t> {
+    left: &'t str,
+    depth: u32,
+}
+
+impl Reader<'_> {
+    fn takes(&mut self, token: &str) -> bool {
+        match self.left.trim_start().strip_prefix(token) {
+            Some(rest) => {
+                self.left = rest;
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn sum(&mut self) -> Result<Formula, String> {
+        self.depth += 1;
+        if self.depth > DEPTH {
+            return Err(format!("has more than {DEPTH} levels of brackets"));
+        }
+        let mut left = self.product()?;
+        loop {
+            let operation = match () {
+                () if self.takes("+") => Operation::Add,
+                () if self.takes("-") => Operation::Subtract,
+                () => break,
+            };
+            left = Formula::Of(operation, Box::new(left), Box::new(self.product()?));
+        }
+        self.depth -= 1;
+        Ok(left)
+    }
+
+    fn product(&mut self) -> Result<Formula, String> {
+        let mut left = self.term()?;
+        loop {
+            let operation = match () {
+                () if self.takes("*") => Operation::Multiply,
+                () if self.takes("/") => Operation::Divide,
+                () => return Ok(left),
+            };
+            left = Formula::Of(operation, Box::new(left), Box::new(self.term()?));
+        }
+    }
+
+    fn term(&mut self) -> Result<Formula, String> {
+        for (name, operation) in [("min(", Operation::Least), ("max(", Operation::Most)] {
+            if self.takes(name) {
+                let first = self.sum()?;
+                self.expect(",")?;
+                let second = self.sum()?;
+                self.expect(")")?;
+                return Ok(Formula::Of(operation, Box::new(first), Box::new(second)));
+            }
+        }
+        if self.takes("(") {
+            let inner = self.sum()?;
+            self.expect(")")?;
+            return Ok(inner);
+        }
+        let left = self.left.trim_start();
+        let end = left.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '.')).unwrap_or(left.len());
+        let (word, rest) = left.split_at(end);
+        self.left = rest;
+        match word {
+            "" if rest.is_empty() => Err("ends where a number or a knob is missing".into()),
+            "" => Err(format!("has `{rest}` where a number or a knob should be")),
+            word if word.starts_with(|c: char| c.is_ascii_digit()) => {
+                word.parse().map(Formula::Number).map_err(|_| format!("has `{word}`, which is no whole number"))
+            }
+            word => Ok(Formula::Knob(Config::path(word).to_owned())),
+        }
+    }
+
+    fn expect(&mut self, token: &str) -> Result<(), String> {
+        if self.takes(token) { Ok(()) } else { Err(format!("misses `{token}`")) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Result<u64, String> {
+        let config = Config::built_in("baseline").expect("it is built in");
+        Link::parse(text)?.value(&config)
+    }
+
+    #[test]
+    fn formulae_over_knobs() {
+        assert_eq!(of("geometry_units=card.pipelines/2"), Ok(2));
+        assert_eq!(of("card.geometry_units = max(1, pipelines / 4) + 2 * 3"), Ok(7));
+        assert_eq!(of("geometry_units=(1+2)*3-min(4,9)"), Ok(5));
+        let link = Link::parse("card.geometry_units=max(pipelines, memory.dram.channels)").expect("a link");
+        assert_eq!(link.path, "geometry_units");
+        assert_eq!(link.reads(), ["pipelines", "memory.dram.channels"]);
+    }
+
+    #[test]
+    fn what_gives_no_whole_number_is_refused() {
+        for (text, told) in [
+            ("geometry_units", "no link"),
+            ("geometry_units=pipelines/3", "4 / 3 is no whole number"),
+            ("geometry_units=pipelines/0", "divided by 0"),
+            ("geometry_units=1-2", "no whole number"),
+            ("geometry_units=sort", "no number"),
+            ("geometry_units=pipelnes", "pipelines is the nearest"),
+            ("geometry_units=2 2", "where it should end"),
+            ("geometry_units=(2", "misses `)`"),
+            ("geometry_units=2+", "is missing"),
+            ("geometry_units=2x", "no whole number"),
+            ("geometry_units=99999999999999999999", "no whole number"),
+            ("geometry_units=18446744073709551615*2", "no whole number"),
+        ] {
+            let error = of(text).unwrap_err();
+            assert!(error.contains(told), "{text}: {error}");
+        }
+        let deep = format!("geometry_units={}1", "(".repeat(100_000));
+        assert!(of(&deep).unwrap_err().contains("brackets"));
+    }
+}

@@ -1,0 +1,328 @@
+//! The machines of an experiment.
+
+use anyhow::{Result, anyhow, bail};
+
+use super::experiment::{Design, Experiment};
+use super::link::Link;
+use super::values::values;
+use crate::knob::Setting;
+use crate::machine::Config;
+use crate::num::Random;
+
+/// Machines of a plan that is not asked to be larger.
+pub const MOST_MACHINES: u64 = 1_000_000;
+
+/// A knob and the values that it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Its path.
+    pub path: String,
+    /// Its values, in the order in which they were written.
+    pub values: Vec<Setting>,
+}
+
+/// One machine of a plan.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// Its number in the plan, from 0.
+    pub number: u32,
+    /// The values of the axes and then of the links, by [`Plan::parameters`].
+    pub settings: Vec<Setting>,
+    /// Its configuration, or which rule between knobs it breaks.
+    pub config: Result<Config, String>,
+}
+
+/// All machines of an experiment. A machine is made when it is asked for.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    base: Config,
+    axes: Vec<Axis>,
+    links: Vec<Link>,
+    chosen: Chosen,
+}
+
+/// Which values the machines have.
+#[derive(Clone, Debug)]
+enum Chosen {
+    /// All combinations; the last axis changes fastest.
+    Grid(u32),
+    /// For each machine, the place of its value on each axis; none: the base's.
+    Listed(Vec<Vec<Option<u32>>>),
+}
+
+impl Plan {
+    /// Plans an experiment on a base configuration, which has the experiment's settings. `most` bounds the number of machines.
+    ///
+    /// # Errors
+    /// If an axis or a link names no knob, a value is out of its range, an axis is given twice, or there are too many machines.
+    pub fn new(base: Config, experiment: &Experiment, most: u64) -> Result<Plan> {
+        let mut axes: Vec<Axis> = Vec::new();
+        for text in &experiment.vary {
+            let (path, written) =
+                text.split_once('=').ok_or_else(|| anyhow!("the axis `{text}` is not written as PATH=VALUES"))?;
+            let (knob, _) = base.knob("--vary", path)?;
+            let path = Config::path(path).to_owned();
+            let values = values(knob, written).map_err(|reason| anyhow!("the axis {path} {reason}"))?;
+            if axes.iter().any(|axis| axis.path == path) {
+                bail!("the axis {path} is given twice");
+            }
+            axes.push(Axis { path, values });
+        }
+        let mut links: Vec<Link> = Vec::new();
+        for text in &experiment.link {
+            let link = Link::parse(text).map_err(|reason| anyhow!("the link `{text}` {reason}"))?;
+            base.knob("--link", &link.path)?;
+            for path in link.reads() {
+                base.knob("--link", path)?;
+            }
+            if axes.iter().any(|axis| axis.path == link.path) || links.iter().any(|known| known.path == link.path) {
+                bail!("the link `{text}` sets {}, which is set by another axis or link, too", link.path);
+            }
+            // Links are computed in their order, so that each sees those before it.
+            if let Some(later) = links.iter().find(|known| known.reads().contains(&link.path.as_str())) {
+                bail!("the link {} reads {}, which a later link sets: change their order", later.text, link.path);
+            }
+            links.push(link);
+        }
+        let chosen = choose(&axes, &experiment.design, most)?;
+        let plan = Plan { base, axes, links, chosen };
+        // A link that gives no number or one that its knob does not take is found before anything runs.
+        for number in 0..plan.len() {
+            plan.settings(number)?;
+        }
+        Ok(plan)
+    }
+
+    /// The configuration that is varied.
+    pub fn base(&self) -> &Config {
+        &self.base
+    }
+
+    /// The axes.
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// Paths of the knobs in which machines differ: axes, then links.
+    pub fn parameters(&self) -> Vec<&str> {
+        self.axes.iter().map(|axis| axis.path.as_str()).chain(self.links.iter().map(|link| link.path.as_str())).collect()
+    }
+
+    /// How many machines there are.
+    pub fn len(&self) -> u32 {
+        match &self.chosen {
+            Chosen::Grid(machines) => *machines,
+            Chosen::Listed(list) => list.len() as u32,
+        }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The configuration of a machine before rules between knobs are looked at, and its parameters.
+    fn settings(&self, number: u32) -> Result<(Config, Vec<Setting>)> {
+        let mut config = self.base.clone();
+        let mut settings = Vec::with_capacity(self.axes.len() + self.links.len());
+        let mut left = number as usize;
+        let mut places = vec![None; self.axes.len()];
+        match &self.chosen {
+            Chosen::Grid(_) => {
+                for (axis, place) in self.axes.iter().zip(&mut places).rev() {
+                    *place = Some(left % axis.values.len());
+                    left /= axis.values.len();
+                }
+            }
+            Chosen::Listed(list) => {
+                for (own, place) in list[left].iter().zip(&mut places) {
+                    *place = own.map(|place| place as usize);
+                }
+            }
+        }
+        for (axis, place) in self.axes.iter().zip(places) {
+            let value = match place {
+                Some(place) => axis.values[place].clone(),
+                None => self.base.knob("the base", &axis.path)?.1,
+            };
+            config.put("--vary", &axis.path, &value)?;
+            settings.push(value);
+        }
+        for link in &self.links {
+            let place = || format!("machine {number}, {}", described(&self.parameters(), &settings));
+            let value = link.value(&config).map_err(|reason| anyhow!("{}: {reason}", place()))?;
+            let value = Setting::Number(value);
+            config.put(&place(), &link.path, &value)?;
+            settings.push(value);
+        }
+        Ok((config, settings))
+    }
+
+    /// A machine.
+    ///
+    /// # Errors
+    /// Those of a link, which [`Plan::new`] has found.
+    pub fn machine(&self, number: u32) -> Result<Planned> {
+        let (mut config, settings) = self.settings(number)?;
+        config.name = format!("{} with {}", self.base.name, described(&self.parameters(), &settings));
+        let config = match config.check() {
+            Ok(()) => Ok(config),
+            // The rule alone: which machine it is stands beside it.
+            Err(error) => Err(error.to_string().trim_start_matches(&format!("{}: ", config.name)).to_owned()),
+        };
+        Ok(Planned { number, settings, config })
+    }
+}
+
+/// Settings as the command line takes them.
+pub fn described(paths: &[&str], settings: &[Setting]) -> String {
+    let text = |(path, setting): (&&str, &Setting)| match setting {
+        Setting::Name(name) => format!("{path}={name}"),
+        other => format!("{path}={other}"),
+    };
+    paths.iter().zip(settings).map(text).collect::<Vec<_>>().join(" ")
+}
+
+fn choose(axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
+    let fits = |machines: u64| {
+        if machines > most {
+            bail!("these are {machines} machines; more than {most} are run with --yes only")
+        }
+        u32::try_from(machines).map_err(|_| anyhow!("these are {machines} machines, and a plan has at most {}", u32::MAX))
+    };
+    let drawn = |machines: u32| {
+        if machines == 0 { bail!("the design asks for 0 machines") } else { fits(u64::from(machines)) }
+    };
+    Ok(match design {
+        Design::Grid => {
+            let machines = axes.iter().try_fold(1_u64, |product, axis| product.checked_mul(axis.values.len() as u64));
+            Chosen::Grid(fits(machines.unwrap_or(u64::MAX))?)
+        }
+        Design::OneAtATime => {
+            fits(1 + axes.iter().map(|axis| axis.values.len() as u64).sum::<u64>())?;
+            let mut list = vec![vec![None; axes.len()]];
+            for (at, axis) in axes.iter().enumerate() {
+                for place in 0..axis.values.len() {
+                    let mut machine = vec![None; axes.len()];
+                    machine[at] = Some(place as u32);
+                    list.push(machine);
+                }
+            }
+            Chosen::Listed(list)
+        }
+        Design::Random { machines, seed } => {
+            let machines = drawn(*machines)?;
+            let mut random = Random::new(*seed);
+            let one =
+                |random: &mut Random| axes.iter().map(|axis| Some(random.below(axis.values.len() as u32))).collect::<Vec<_>>();
+            Chosen::Listed((0..machines).map(|_| one(&mut random)).collect())
+        }
+        Design::LatinHypercube { machines, seed } => {
+            let machines = drawn(*machines)?;
+            let mut list = vec![vec![None; axes.len()]; machines as usize];
+            for (at, axis) in axes.iter().enumerate() {
+                // Each value as often as the others, in a random order; which values come once more is random, too.
+                let mut random = Random::nth(*seed, at as u64);
+                let mut values: Vec<u32> = (0..axis.values.len() as u32).collect();
+                let mut column = Vec::with_capacity(machines as usize);
+                while column.len() < machines as usize {
+                    random.shuffle(&mut values);
+                    column.extend(values.iter().take(machines as usize - column.len()));
+                }
+                random.shuffle(&mut column);
+                list.iter_mut().zip(column).for_each(|(machine, place)| machine[at] = Some(place));
+            }
+            Chosen::Listed(list)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(text: &str) -> Result<Plan> {
+        let experiment = Experiment::parse("e.ron", &format!("(traces: [\"a\"], {text})"))?;
+        Plan::new(Config::built_in("baseline")?, &experiment, 1000)
+    }
+
+    fn all(text: &str) -> Vec<String> {
+        let plan = plan(text).expect("a plan");
+        let machine = |number| described(&plan.parameters(), &plan.machine(number).expect("a machine").settings);
+        (0..plan.len()).map(machine).collect()
+    }
+
+    #[test]
+    fn a_grid_has_all_combinations_and_links_follow() {
+        let machines =
+            all(r#"vary: ["card.pipelines=2,4", "memory.kind=all"], link: ["card.geometry_units=card.pipelines/2"]"#);
+        assert_eq!(
+            machines,
+            [
+                "pipelines=2 memory.kind=dram geometry_units=1",
+                "pipelines=2 memory.kind=ideal geometry_units=1",
+                "pipelines=4 memory.kind=dram geometry_units=2",
+                "pipelines=4 memory.kind=ideal geometry_units=2",
+            ]
+        );
+        assert_eq!(all("").len(), 1, "the base alone");
+    }
+
+    #[test]
+    fn one_at_a_time_begins_with_the_base() {
+        let machines = all(r#"vary: ["pipelines=1,8", "depth.early=false"], design: one_at_a_time"#);
+        assert_eq!(
+            machines,
+            [
+                "pipelines=4 depth.early=true",
+                "pipelines=1 depth.early=true",
+                "pipelines=8 depth.early=true",
+                "pipelines=4 depth.early=false"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_latin_hypercube_has_every_value_equally_often() {
+        let machines =
+            all(r#"vary: ["pipelines=1..4", "geometry_units=1..3"], design: latin_hypercube(machines: 12, seed: 7)"#);
+        for (value, times) in [("pipelines=1 ", 3), ("pipelines=4 ", 3), ("geometry_units=1", 4), ("geometry_units=3", 4)] {
+            assert_eq!(machines.iter().filter(|machine| machine.contains(value)).count(), times, "{value}: {machines:?}");
+        }
+        let random = |seed| all(&format!(r#"vary: ["pipelines=1..64"], design: random(machines: 20, seed: {seed})"#));
+        assert_eq!(random(1), random(1));
+        assert_ne!(random(1), random(2));
+    }
+
+    #[test]
+    fn a_rule_between_knobs_is_one_machines_own_error() {
+        let plan = plan(r#"vary: ["memory.l2.slices=3,4"]"#).expect("a plan");
+        let error = plan.machine(0).expect("a machine").config.expect_err("three slices for four channels");
+        assert!(error.contains("memory.l2.slices") && !error.contains(" with "), "{error}");
+        assert!(plan.machine(1).expect("a machine").config.is_ok());
+    }
+
+    #[test]
+    fn what_cannot_be_planned_is_refused() {
+        for (text, told) in [
+            (r#"vary: ["pipelnes=1..4"]"#, "pipelines is the nearest"),
+            (r#"vary: ["pipelines"]"#, "PATH=VALUES"),
+            (r#"vary: ["pipelines="]"#, "the axis pipelines has an empty value"),
+            (r#"vary: ["pipelines=0..4"]"#, "the axis pipelines has the value 0"),
+            (r#"vary: ["pipelines=1", "card.pipelines=2"]"#, "given twice"),
+            (
+                r#"vary: ["pipelines=1..4"], link: ["geometry_units=pipelines/2"]"#,
+                "machine 0, pipelines=1: the link geometry_units=pipelines/2: 1 / 2 is no whole number",
+            ),
+            (r#"vary: ["pipelines=1..64"], link: ["geometry_units=pipelines"]"#, "geometry_units is 17"),
+            (r#"vary: ["pipelines=1"], link: ["pipelines=2"]"#, "set by another"),
+            (r#"link: ["pipelines=geometry_units", "geometry_units=2"]"#, "change their order"),
+            (r#"link: ["pipelines=geometry_unit"]"#, "geometry_units is the nearest"),
+            (r#"vary: ["pipelines=1..64", "memory.dram.banks=1..64"]"#, "4096 machines; more than 1000"),
+            (r#"design: random(machines: 0, seed: 1)"#, "0 machines"),
+        ] {
+            let error = format!("{:#}", plan(text).map(|_| ()).unwrap_err());
+            assert!(error.contains(told), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The tables of a sweep: a row a machine and frame, and a long form with a row a statistic.
+
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::entry::Entry;
+use super::folder::{Inputs, Results};
+use super::plan::Plan;
+use super::table::{Cell, Kind, Table, write};
+use crate::knob::Setting;
+use crate::report::pages::Glossary;
+
+/// A setting as a field.
+fn cell(setting: &Setting) -> Cell {
+    match setting {
+        Setting::Number(value) => Cell::Whole(*value as i64),
+        Setting::Switch(value) => Cell::Text(value.to_string()),
+        Setting::Name(name) => Cell::Text(name.clone()),
+    }
+}
+
+/// Columns of the knobs in which machines differ.
+pub fn parameters(plan: &Plan) -> Result<Vec<(String, Kind)>> {
+    let kind = |path: &str| -> Result<(String, Kind)> {
+        let (_, setting) = plan.base().knob("the base", path)?;
+        let kind = if matches!(setting, Setting::Number(_)) { Kind::Whole } else { Kind::Text };
+        Ok((path.to_owned(), kind))
+    };
+    plan.parameters().into_iter().map(kind).collect()
+}
+
+/// A machine's values of these.
+pub fn settings(plan: &Plan, machine: u32) -> Result<Vec<Cell>> {
+    Ok(plan.machine(machine)?.settings.iter().map(cell).collect())
+}
+
+/// Writes `machines.csv`, `long.csv` and the same as Parquet.
+///
+/// # Errors
+/// If one cannot be written.
+pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -> Result<()> {
+    // Machines of different classes have different units: columns are those of all, in the order in which they come.
+    let mut paths: Vec<String> = Vec::new();
+    let mut known = std::collections::HashSet::new();
+    results.each(|entry| {
+        for path in entry.paths {
+            if known.insert(path.clone()) {
+                paths.push(path);
+            }
+        }
+        Ok(())
+    })?;
+    let whole = |name: &str| (name.to_owned(), Kind::Whole);
+    let text = |name: &str| (name.to_owned(), Kind::Text);
+    let numbers = |name: &str| (name.to_owned(), Kind::Number);
+
+    let mut columns = vec![whole("machine"), text("trace"), whole("frame"), text("error"), text("config_hash")];
+    columns.extend(parameters(plan)?);
+    columns.extend([whole("cycles"), numbers("seconds")]);
+    columns.extend(paths.iter().map(|path| numbers(path)));
+    let name = |entry: &Entry| Cell::Text(inputs.experiment.traces[entry.trace as usize].clone());
+    let wide = |table: &mut Table<'_>| {
+        results.each(|entry| {
+            let settings = settings(plan, entry.machine)?;
+            let places: Vec<Option<usize>> =
+                paths.iter().map(|path| entry.paths.iter().position(|known| known == path)).collect();
+            let head = |frame, error| {
+                let mut cells =
+                    vec![Cell::Whole(entry.machine.into()), name(&entry), frame, error, Cell::Text(entry.config.clone())];
+                cells.extend(settings.iter().cloned());
+                cells
+            };
+            if let Some(error) = &entry.error {
+                let mut cells = head(Cell::Empty, Cell::Text(error.clone()));
+                cells.resize(cells.len() + 2 + paths.len(), Cell::Empty);
+                return table.row(&cells);
+            }
+            for row in &entry.frames {
+                let mut cells = head(Cell::Whole(row.frame.into()), Cell::Empty);
+                cells.extend([Cell::Whole(row.cycles as i64), Cell::Number(row.seconds)]);
+                let value = |place: &Option<usize>| place.map_or(Cell::Empty, |place| Cell::Number(row.values[place]));
+                cells.extend(places.iter().map(value));
+                table.row(&cells)?;
+            }
+            Ok(())
+        })
+    };
+    write(folder, "machines", &columns, wide)?;
+
+    let glossary = Glossary::default();
+    let measures: std::collections::HashMap<&str, &str> =
+        paths.iter().map(|path| (path.as_str(), glossary.find(path).map_or("", |declared| declared.unit))).collect();
+    let columns = [
+        whole("machine"),
+        text("trace"),
+        whole("frame"),
+        text("pass"),
+        text("unit"),
+        text("counter"),
+        numbers("value"),
+        text("measure"),
+    ];
+    let long = |table: &mut Table<'_>| {
+        results.each(|entry| {
+            for row in &entry.frames {
+                let mut put = |pass: Option<&str>, path: &str, value: f64, measure: &str| {
+                    let (unit, counter) = path.rsplit_once('.').unwrap_or(("", path));
+                    let text = |text: &str| if text.is_empty() { Cell::Empty } else { Cell::Text(text.to_owned()) };
+                    table.row(&[
+                        Cell::Whole(entry.machine.into()),
+                        name(&entry),
+                        Cell::Whole(row.frame.into()),
+                        text(pass.unwrap_or("")),
+                        text(unit),
+                        text(counter),
+                        Cell::Number(value),
+                        text(measure),
+                    ])
+                };
+                put(None, "cycles", row.cycles as f64, "cycles")?;
+                for (pass, cycles) in &row.passes {
+                    put(Some(pass), "cycles", *cycles as f64, "cycles")?;
+                }
+                for (path, value) in entry.paths.iter().zip(&row.values) {
+                    put(None, path, *value, measures.get(path.as_str()).copied().unwrap_or(""))?;
+                }
+            }
+            Ok(())
+        })
+    };
+    write(folder, "long", &columns, long)
+}

@@ -1,0 +1,230 @@
+//! Running a sweep: each trace is rendered once per render key, machines run side by side on the work that is kept.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::{Result, anyhow, bail};
+use rayon::prelude::*;
+
+use super::entry::{Entry, Keep, Row};
+use super::folder::{Done, Journal, Shard, hash};
+use super::plan::{Plan, Planned};
+use crate::machine::{Config, FrameReport, Machine};
+use crate::render::{self, FrameSet};
+use crate::run::kept::{Kept, Profiles, stream};
+use crate::trace::Trace;
+use crate::work::RenderKey;
+
+/// Machines that are held at one time while plans are gone through, and that are estimated at one time.
+const CHUNK: u32 = 4096;
+
+/// Machines behind one rendering where its work does not fit in memory, for each thread.
+const STREAMED: usize = 8;
+
+/// What a sweep runs on.
+pub struct Sweep<'s> {
+    /// The machines.
+    pub plan: &'s Plan,
+    /// Traces with their names, in the experiment's order.
+    pub traces: &'s [(String, Trace)],
+    /// Frames.
+    pub frames: std::ops::Range<u32>,
+    /// Statistics that are kept.
+    pub keep: Keep,
+    /// How many machines are simulated after a screen; none: all.
+    pub screen: Option<u32>,
+    /// The machines that are run here.
+    pub shard: Shard,
+    /// Hears of every machine that is done: how many of how many.
+    pub progress: &'s (dyn Fn(Step) + Sync),
+}
+
+/// How far a sweep is.
+#[derive(Clone, Copy, Debug)]
+pub enum Step {
+    /// So many machines are to be estimated.
+    Screen(u64),
+    /// So many are to be simulated, of which some are done by an earlier run.
+    Simulate {
+        /// All of them, once a trace.
+        all: u64,
+        /// Of these, those done.
+        done: u64,
+    },
+    /// One more is done.
+    Done,
+}
+
+/// A machine and its estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Screened {
+    /// Its number.
+    pub machine: u32,
+    /// Estimated cycles of each trace; or why there is no estimate.
+    pub estimate: Result<Vec<f64>, String>,
+    /// Whether it is simulated.
+    pub kept: bool,
+}
+
+/// What a sweep took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Took {
+    /// Machines simulated in this run, once a trace.
+    pub machines: u64,
+    /// Renderings.
+    pub renderings: u64,
+    /// Most bytes of work kept at one time.
+    pub kept_bytes: u64,
+}
+
+impl Sweep<'_> {
+    fn options(&self) -> render::Options {
+        render::Options { frames: FrameSet::from(self.frames.clone()), ..render::Options::default() }
+    }
+
+    /// Estimates all machines and chooses those that are simulated: those with the fewest cycles, and all that there is no estimate of.
+    ///
+    /// # Errors
+    /// If a trace cannot be rendered, or has no frame in the range.
+    pub fn screened(&self, keep: u32) -> Result<Vec<Screened>> {
+        (self.progress)(Step::Screen(u64::from(self.plan.len()) * self.traces.len() as u64));
+        let mut found: Vec<Result<Vec<f64>, String>> = vec![Ok(Vec::new()); self.plan.len() as usize];
+        for (name, trace) in self.traces {
+            let mut profiles: HashMap<RenderKey, Profiles> = HashMap::new();
+            for begin in (0..self.plan.len()).step_by(CHUNK as usize) {
+                let machines = begin..self.plan.len().min(begin + CHUNK);
+                let planned: Vec<Planned> = machines.map(|number| self.plan.machine(number)).collect::<Result<_>>()?;
+                for config in planned.iter().flat_map(|machine| &machine.config) {
+                    let key = config.render_key();
+                    if let std::collections::hash_map::Entry::Vacant(place) = profiles.entry(key) {
+                        place.insert(Profiles::render(trace, &self.options(), key)?);
+                    }
+                }
+                let estimate = |machine: &Planned| -> Result<f64> {
+                    let config = machine.config.as_ref().map_err(|error| anyhow!("{error}"))?;
+                    let frames = profiles[&config.render_key()].estimate(config)?;
+                    if frames.is_empty() {
+                        bail!("{name} has no frame in this range");
+                    }
+                    (self.progress)(Step::Done);
+                    Ok(frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.cycles).sum())
+                };
+                let estimates: Vec<Result<f64>> = planned.par_iter().map(estimate).collect();
+                for (machine, estimate) in planned.iter().zip(estimates) {
+                    let own = &mut found[machine.number as usize];
+                    match (own.as_mut(), estimate) {
+                        (Ok(traces), Ok(cycles)) => traces.push(cycles),
+                        (Ok(_), Err(error)) => *own = Err(format!("{error:#}")),
+                        (Err(_), _) => {}
+                    }
+                }
+            }
+        }
+        let mut order: Vec<(f64, usize)> = Vec::new();
+        for (machine, estimate) in found.iter().enumerate() {
+            if let Ok(traces) = estimate {
+                order.push((traces.iter().sum(), machine));
+            }
+        }
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut kept: Vec<bool> = found.iter().map(Result::is_err).collect();
+        order.iter().take(keep as usize).for_each(|&(_, machine)| kept[machine] = true);
+        let screened = |(machine, (estimate, kept))| Screened { machine: machine as u32, estimate, kept };
+        Ok(found.into_iter().zip(kept).enumerate().map(screened).collect())
+    }
+
+    /// Runs the machines of the shard that have no result yet, and adds them to its journal. `chosen` says which machines are simulated.
+    ///
+    /// # Errors
+    /// If a trace cannot be rendered or has no frame in the range, or a result cannot be written. What a machine stops on is its result.
+    pub fn run(&self, chosen: &(dyn Fn(u32) -> bool + Sync), journal: Journal, done: &Done) -> Result<Took> {
+        let own: Vec<u32> = (0..self.plan.len()).filter(|&machine| self.shard.has(machine) && chosen(machine)).collect();
+        let all = own.len() as u64 * self.traces.len() as u64;
+        (self.progress)(Step::Simulate { all, done: done.len() as u64 });
+        let journal = Mutex::new(journal);
+        let mut took = Took::default();
+        for at in 0..self.traces.len() as u32 {
+            let left = own.iter().copied().filter(|&machine| !done.contains(&(at, machine)));
+            // Machines by render key, keys in the order in which they come.
+            let (mut keys, mut groups): (Vec<RenderKey>, Vec<Vec<(u32, Config)>>) = (Vec::new(), Vec::new());
+            for number in left {
+                match self.plan.machine(number)?.config {
+                    Err(error) => self.add(&journal, &Entry::failed(at, number, String::new(), error))?,
+                    Ok(config) => {
+                        let key = config.render_key();
+                        let group = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+                            keys.push(key);
+                            groups.push(Vec::new());
+                            keys.len() - 1
+                        });
+                        groups[group].push((number, config));
+                    }
+                }
+            }
+            for (key, group) in keys.into_iter().zip(groups) {
+                self.group(at, key, &group, &journal, &mut took)?;
+            }
+        }
+        journal.into_inner().unwrap_or_else(PoisonError::into_inner).end()?;
+        Ok(took)
+    }
+
+    fn add(&self, journal: &Mutex<Journal>, entry: &Entry) -> Result<()> {
+        journal.lock().unwrap_or_else(PoisonError::into_inner).add(entry)?;
+        (self.progress)(Step::Done);
+        Ok(())
+    }
+
+    /// Runs machines of one render key on a trace.
+    fn group(&self, at: u32, key: RenderKey, group: &[(u32, Config)], journal: &Mutex<Journal>, took: &mut Took) -> Result<()> {
+        let (name, trace) = &self.traces[at as usize];
+        let read = |report: FrameReport| self.keep.row(&report);
+        let entry = |number: u32, config: &Config, frames: Result<Vec<(Vec<String>, Row)>>| -> Result<Entry> {
+            let config = hash(config.resolved().as_bytes());
+            let frames = match frames {
+                Err(error) => return Ok(Entry::failed(at, number, config, format!("{error:#}"))),
+                Ok(frames) if frames.is_empty() => bail!("{name} has no frame in {:?}", self.frames),
+                Ok(frames) => frames,
+            };
+            let paths = frames[0].0.clone();
+            Ok(Entry {
+                trace: at,
+                machine: number,
+                config,
+                error: None,
+                paths,
+                frames: frames.into_iter().map(|f| f.1).collect(),
+            })
+        };
+        // A quarter of what the trace may have alive: the renderer and the machines need memory beside it.
+        let most = trace.limits().memory_bytes.get() / 4;
+        let images = group.iter().map(|(_, config)| Machine::images(config)).max().unwrap_or(1);
+        let threads = rayon::current_num_threads();
+        took.renderings += 1;
+        took.machines += group.len() as u64;
+        if let Some(kept) = Kept::render(trace, &self.options(), key, images * threads as u64, most)? {
+            took.kept_bytes = took.kept_bytes.max(kept.bytes());
+            let one = |(number, config): &(u32, Config)| self.add(journal, &entry(*number, config, kept.time(config, read))?);
+            return group.par_iter().try_for_each(one);
+        }
+        for wave in group.chunks(STREAMED * threads) {
+            took.renderings += 1;
+            let configs: Vec<&Config> = wave.iter().map(|(_, config)| config).collect();
+            for ((number, config), frames) in wave.iter().zip(stream(trace, &self.options(), &configs, &read)?) {
+                self.add(journal, &entry(*number, config, frames)?)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs a shard of a sweep in a folder; none: it had ended before.
+///
+/// # Errors
+/// As [`Sweep::run`], or if the folder cannot be written.
+pub fn run(folder: &Path, sweep: &Sweep<'_>, screened: Option<&[Screened]>) -> Result<Option<Took>> {
+    let Some((journal, done)) = Journal::open(folder, sweep.shard)? else { return Ok(None) };
+    let chosen = |machine: u32| screened.is_none_or(|list| list[machine as usize].kept);
+    sweep.run(&chosen, journal, &done).map(Some)
+}
