@@ -11,7 +11,7 @@ use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
-use sim::{Budget, Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
 use work::{BLOCK, End, Signature, Triangle};
 
 knob::knobs! {
@@ -142,7 +142,7 @@ impl Bin {
         Bin {
             config,
             segments,
-            merge: Merge::new(keep, Gate::default(), &ports.input),
+            merge: Merge::new(keep, StallProbe::default(), &ports.input),
             ports,
             state: State::Binning,
             tiles: Vec::new(),

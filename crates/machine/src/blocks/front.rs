@@ -1,7 +1,7 @@
 //! From the command processor to triangles that are set up.
 
 use super::{Builder, CONTROL, Ends};
-use sim::{Gate, In, Link, Out};
+use sim::{In, Link, Out, StallProbe};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
 use unit::bin::{Bin, BinPorts};
 use unit::clip::Clip;
@@ -41,7 +41,7 @@ impl Builder<'_> {
         let (composed, from_compose) = self.join("composed", CONTROL, compose.iter().map(|&compose| (compose, command)));
         self.open.compose = compose_input.into_iter().zip(composed).collect();
         let memory = self.port("command", 0, command);
-        let work = self.card_gate();
+        let probe = self.card_probe();
         self.made.command.push(Command::new(
             config.command.clone(),
             config.card.pipelines,
@@ -59,7 +59,7 @@ impl Builder<'_> {
                 composed: from_compose,
                 acks: from_acks,
                 memory,
-                work,
+                probe,
             },
         ));
         self.compute(compute_input, computed);
@@ -130,7 +130,7 @@ impl Builder<'_> {
                 retired: from_assembly,
                 index: self.port("index", indices + front, fetch[front]),
                 vertex: self.port("vertex", front, fetch[front]),
-                gate: self.front_gate(front),
+                probe: self.front_probe(front),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
             let shaded = from_shading.by_ref().take(per_front).collect();
@@ -198,8 +198,8 @@ impl Builder<'_> {
         let (outputs, gathered) = self.chain("gathered", link, &gather, &fetch);
         let rate = config.assembly.primitives_per_cycle;
         for (n, (input, output)) in receivers.into_iter().zip(outputs).enumerate() {
-            let gate = self.gate(n, true, true);
-            self.made.gather.push(Gather::new(rate, config.order.keep, gate, input, output));
+            let probe = self.probe(n, true, true);
+            self.made.gather.push(Gather::new(rate, config.order.keep, probe, input, output));
         }
         let brought = config.route.mode == Retained::Immediate;
         let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
@@ -234,8 +234,8 @@ impl Builder<'_> {
         self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.command.segments, ports));
         for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
             let memory = self.port("tile_fetch", n, fetch[n]);
-            let gate = self.gate(n, true, true);
-            let ports = TileFetchPorts { input, read, output, memory, gate };
+            let probe = self.probe(n, true, true);
+            let ports = TileFetchPorts { input, read, output, memory, probe };
             self.made.tile_fetch.push(TileFetch::new(config.bin.clone(), ports));
         }
         inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
@@ -249,8 +249,8 @@ impl Builder<'_> {
         let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
         let (outputs, set_up) = self.chain("set_up", link, &from, &to);
         for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
-            let gate = if self.behind_network == from { self.gate(n, true, true) } else { Gate::default() };
-            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, gate, output));
+            let probe = if self.behind_network == from { self.probe(n, true, true) } else { StallProbe::default() };
+            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, probe, output));
         }
         set_up
     }

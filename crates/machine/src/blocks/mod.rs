@@ -10,7 +10,7 @@ use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
-use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
+use sim::{In, Link, Out, StallProbe, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
@@ -157,28 +157,28 @@ impl<'a> Builder<'a> {
         banks.flat_map(of).collect()
     }
 
-    /// A gate that these units of a pipeline hang on.
-    fn gate(&mut self, pipeline: usize, before: bool, rop: bool) -> Gate {
+    /// A probe that watches these units of a pipeline.
+    fn probe(&mut self, pipeline: usize, before: bool, rop: bool) -> StallProbe {
         let units = self.units(pipeline, before, rop);
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
-    /// The gate of a pipeline's own front: where that is the end of all sorting before composition, its pipeline hangs on it. Whoever deals
-    /// out work does too.
-    fn front_gate(&mut self, pipeline: usize) -> Gate {
+    /// The probe of a pipeline's own front. It watches the whole pipeline if nothing is sorted before composition, and the unit that deals
+    /// out batches.
+    fn front_probe(&mut self, pipeline: usize) -> StallProbe {
         let mut units = match self.sorted() {
             Sorted::Fragments => Vec::new(),
             Sorted::Images => self.units(pipeline, true, true),
-            Sorted::Primitives | Sorted::Triangles => return Gate::default(),
+            Sorted::Primitives | Sorted::Triangles => return StallProbe::default(),
         };
         units.extend(&self.id.deal);
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
-    /// The gate that the units of all pipelines hang on, the first of a machine.
-    fn card_gate(&mut self) -> Gate {
+    /// The probe that watches the units of all pipelines, the first of a machine.
+    fn card_probe(&mut self) -> StallProbe {
         let units: Vec<_> = (0..self.pipelines()).flat_map(|pipeline| self.units(pipeline, true, true)).collect();
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
     /// A memory port of a unit.

@@ -1,7 +1,7 @@
 //! From triangles that are set up to pixels in memory.
 
 use super::{Between, Builder, CONTROL, Ends, Shaded, quads};
-use sim::{Gate, In, Link, Out};
+use sim::{In, Link, Out, StallProbe};
 use unit::block_cache::BlockCache;
 use unit::color::ColorPorts;
 use unit::compression::Compression;
@@ -100,8 +100,8 @@ impl Builder<'_> {
         self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
         let rate = config.dispatch.output_quads;
         for (n, ((input, late), color)) in receivers.into_iter().zip(to_late).zip(to_color).enumerate() {
-            let gate = self.gate(n, false, true);
-            self.made.order.push(Order::new(n as u8, rate, config.order.keep, gate, input, late, color));
+            let probe = self.probe(n, false, true);
+            self.made.order.push(Order::new(n as u8, rate, config.order.keep, probe, input, late, color));
         }
         let acks = std::mem::take(&mut self.open.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
@@ -167,8 +167,8 @@ impl Builder<'_> {
         for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
             let shaded = from_cores.by_ref().take(per_pipeline).collect();
-            let gate = if matches!(output, Outlet::Owners(_)) { self.gate(n, true, false) } else { Gate::default() };
-            let ports = DispatchPorts { input, cores, shaded, output, gate };
+            let probe = if matches!(output, Outlet::Owners(_)) { self.probe(n, true, false) } else { StallProbe::default() };
+            let ports = DispatchPorts { input, cores, shaded, output, probe };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }
