@@ -115,7 +115,7 @@ impl Color {
         self.cache.counts()
     }
 
-    /// Takes note that a block has been written of which this unit was not told.
+    /// Takes note that functional warming has written a block.
     pub(super) fn visit(&mut self, frame: &mut Frame, at: (usize, u32), memory: &mut Touching) {
         self.cache.visit(frame, at, true, memory);
     }

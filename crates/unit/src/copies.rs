@@ -13,7 +13,7 @@ use std::cmp::Ordering;
 
 use super::card::PassState;
 use super::frame::{BlockState, Frame, Store};
-use super::same::Drawn;
+use super::rendering_elimination::TileSignatures;
 use gfx::rop::{ColorState, DepthStencilState, compare_depths, composes_over, over};
 use gfx::state::Compare;
 use work::Draw;
@@ -31,7 +31,7 @@ pub struct Apart {
     pub chunks: bool,
     /// Whether copies are composed without the numbers of primitives.
     pub unnumbered: bool,
-    /// Whether tiles are looked for that are in memory already.
+    /// Whether there is rendering elimination: tiles that are in memory already are not drawn.
     pub same_tiles: bool,
     /// Primitives of the pass so far, where there are copies.
     pub primitives: u32,
@@ -229,7 +229,7 @@ fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, wri
         copy.stores.push(Store {
             codes: Vec::new(),
             blocks: Vec::new(),
-            drawn: Drawn::default(),
+            signatures: TileSignatures::default(),
             ..frame.stores[copy.stores.len()]
         });
     }
@@ -241,7 +241,7 @@ fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, wri
         state => state,
     };
     let blocks = source.blocks.iter().map(state).collect();
-    *target = Store { codes, blocks, drawn: Drawn::default(), offset, ..*source };
+    *target = Store { codes, blocks, signatures: TileSignatures::default(), offset, ..*source };
 }
 
 /// Makes the copies of the depths against which pipelines test ahead of the owners; `written` as for [`begin`]. They are all behind the

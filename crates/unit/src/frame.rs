@@ -5,7 +5,7 @@
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
 use super::copies::Stamps;
-use super::same::Drawn;
+use super::rendering_elimination::TileSignatures;
 use gfx::format::Format;
 use work::{BLOCK, Surface, SurfaceKey};
 
@@ -24,8 +24,8 @@ pub struct Store {
     pub words: u32,
     /// Words a block.
     pub block_words: u32,
-    /// How its tiles came to be, where a machine remembers that.
-    pub drawn: Drawn,
+    /// The signatures of its tiles, on a machine with rendering elimination.
+    pub signatures: TileSignatures,
     /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
     pub offset: u64,
 }
@@ -56,7 +56,7 @@ impl Store {
             across,
             words,
             block_words,
-            drawn: Drawn::default(),
+            signatures: TileSignatures::default(),
             offset: 0,
         };
         store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
@@ -109,7 +109,7 @@ impl Store {
     pub fn in_memory(&mut self) {
         let full = BlockState::Stored(self.block_bytes() as u16);
         self.blocks.fill(full);
-        self.drawn.forget();
+        self.signatures.forget();
     }
 
     /// Sets all texels to one code.
@@ -263,7 +263,7 @@ impl Frame {
                 let store = &mut self.stores[index];
                 if store.surface.address != surface.address {
                     store.surface.address = surface.address;
-                    store.drawn.forget();
+                    store.signatures.forget();
                 }
                 index
             }

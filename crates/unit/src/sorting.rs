@@ -302,7 +302,7 @@ pub struct Opaque {
 }
 
 /// Whether quads of a draw may reach the ROP in any order among those of draws of the same kind: what is nearer wins with all that it
-/// writes, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
+/// writes, nothing of what was there shows through, and no stencil counts. (Of quads with equal depths the first or the last to come wins.)
 pub fn any_order(work: &Work) -> Option<Opaque> {
     let depth = work.depth.as_ref().filter(|depth| depth.writes_depth() && !depth.uses_stencil())?;
     let less = match depth.compare() {

@@ -31,8 +31,8 @@ pub struct Sampling {
     pub samples: u32,
     /// Of the sampling generator.
     pub seed: u64,
-    /// Frames before each of these that warm the caches, and are not counted: drawn at once where the machine is one on which they can be
-    /// ([`apply`](crate::unit::apply)), else simulated.
+    /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
+    /// ([`apply`](crate::unit::apply)) are; the others simulate these frames.
     pub warm_up: u32,
 }
 

@@ -22,7 +22,7 @@ use super::copies::{self, Apart, Marks};
 use super::frame::Frame;
 use super::interleave::Interleave;
 use super::phase::Phases;
-use super::same;
+use super::rendering_elimination;
 use super::warp::{Execution, Warps};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
@@ -121,7 +121,7 @@ impl Card {
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
         if self.apart.same_tiles && draw.signature.is_none() {
             // It may write more than its attachments.
-            same::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
+            rendering_elimination::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
         }
         let owners = if self.interleave.tile() >= TILE {
             let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);

@@ -224,7 +224,7 @@ impl Command {
             && self.free_runs.len() == self.config.workgroup_runs as usize
     }
 
-    /// Installs the segment at the head of the events, which is to be drawn at once, if nothing is in flight; gives its slot.
+    /// Installs the segment at the head of the events for functional warming, if nothing is in flight; gives its slot.
     pub fn apply(&mut self, card: &mut Card) -> Option<u16> {
         let (Some(Event::Applied(segment)), Some(draw)) = (card.events.front(), &self.draw) else { return None };
         let slot = *self.free.last().filter(|_| self.idle())?;
