@@ -3,8 +3,8 @@
 use super::blocks::Built;
 use super::config::Config;
 use super::parts::Parts;
+use unit::apart::Apart;
 use unit::assembly::Deal;
-use unit::copies::Apart;
 use unit::network::SenderCounts;
 use unit::sorting::{EarlyTest, Keep, SortCounts};
 use work::Shade;

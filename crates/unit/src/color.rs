@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
-use super::copies::{Apart, own};
+use super::copies::own;
 use super::depth::mark;
 use super::frame::Frame;
 use super::tags::CacheCounts;

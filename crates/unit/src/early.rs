@@ -29,9 +29,9 @@
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
-use super::copies::Apart;
 use super::depth::test_ahead;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;

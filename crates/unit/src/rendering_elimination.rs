@@ -4,30 +4,9 @@
 //! A pass takes part under three conditions. All its attachments begin with a clear by flag, so that memory still has what was there. Its
 //! depths and stencil values are not used afterwards. All its draws have signatures; a draw that does more than write pixels has none.
 
-use super::card::{Card, PassState, Work};
-use super::frame::{BlockState, Frame, Store};
-use work::{Attachment, BLOCK, LINE, Load, Pass, Signature};
-
-/// The signatures of a surface's tiles.
-#[derive(Clone, Debug, Default)]
-pub struct TileSignatures {
-    /// For each tile the signature of what drew it; empty where that is not known.
-    tiles: Vec<Signature>,
-    /// The signatures at the last clear of the surface, with the codes of its blocks and how these lie in memory.
-    before: Vec<Signature>,
-    codes: Vec<u32>,
-    blocks: Vec<BlockState>,
-    /// Nothing has been drawn since that clear.
-    cleared: bool,
-}
-
-impl TileSignatures {
-    /// Something else has written the surface.
-    pub fn forget(&mut self) {
-        self.tiles.clear();
-        self.before.clear();
-    }
-}
+use super::card::{PassState, Work};
+use super::frame::{Frame, Store, TileSignatures};
+use work::{Attachment, BLOCK, Load, Pass, Signature};
 
 /// How a pass uses its attachments, as far as rendering elimination asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,32 +116,4 @@ fn put_back(store: &mut Store, x: u32, y: u32, side: u32) {
         store.blocks[blocks.clone()].copy_from_slice(&store.signatures.blocks[blocks]);
         store.codes[codes.clone()].copy_from_slice(&store.signatures.codes[codes]);
     }
-}
-
-/// Memory of so many bytes is written, by something other than a ROP.
-pub fn written(card: &mut Card, address: u64, bytes: u64) {
-    for store in &mut card.frame.stores {
-        let (first, end) = range(store);
-        if address < end && first < address + bytes {
-            store.signatures.forget();
-        }
-    }
-}
-
-/// These lines of memory are used by shaders that may write them.
-pub fn touched<'a>(card: &mut Card, lines: impl Iterator<Item = &'a u32> + Clone) {
-    for store in
-        card.frame.stores.iter_mut().filter(|store| !(store.signatures.tiles.is_empty() && store.signatures.before.is_empty()))
-    {
-        let (first, end) = range(store);
-        if lines.clone().any(|&line| (first / LINE..end.div_ceil(LINE)).contains(&u64::from(line))) {
-            store.signatures.forget();
-        }
-    }
-}
-
-/// Where a surface lies in memory.
-fn range(store: &Store) -> (u64, u64) {
-    let first = store.surface.address;
-    (first, first + store.blocks.len() as u64 * u64::from(store.block_bytes()))
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use super::super::card::{Card, DepthStart, PassState};
 use super::super::clears::Clears;
-use super::super::copies::{self, PassOrder};
+use super::super::copies;
 use super::super::rendering_elimination::{self, Use};
+use super::super::stamps::PassOrder;
 use gfx::hierarchical::depth_key;
 use gfx::texel;
 use num::Cycle;

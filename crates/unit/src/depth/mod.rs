@@ -6,11 +6,13 @@ mod questions;
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
-use super::copies::{Apart, Stamps, own};
+use super::copies::own;
 use super::frame::Frame;
+use super::stamps::Stamps;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::touch::Touching;
