@@ -62,6 +62,11 @@ impl Wiring {
         (Out(number, PhantomData), In(number, PhantomData))
     }
 
+    /// A channel ends at another unit than the one that it was declared with, which is given back.
+    pub fn redirect<T>(&mut self, input: &In<T>, to: UnitId) -> UnitId {
+        std::mem::replace(&mut self.channels[input.0 as usize].consumer, to)
+    }
+
     /// A probe that watches these units, in state 0.
     pub fn stall_probe(&mut self, units: &[UnitId]) -> StallProbe {
         let number = u16::try_from(self.probes.len()).expect("fewer than 65,536 probes");
