@@ -132,7 +132,9 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     let s = if pipelines == 1 { "" } else { "s" };
     let mut out = format!("  {class}, {pipelines} pipeline{s}\n");
     let mut row = |name: &str, value: String, rest: String| {
-        out.push_str(format!("  {name:<26}{value:>14}   {rest}").trim_end());
+        // A long name takes room of its value's column.
+        let left = 40usize.saturating_sub(name.len());
+        out.push_str(format!("  {name}{value:>left$}   {rest}").trim_end());
         out.push('\n');
     };
     let n = |path: &str| total.number(path).unwrap_or(0.0);
@@ -188,9 +190,19 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     if cycles > 0.0 {
         let at = |name: &str| share(n(&format!("sort.loss.{name}")), cycles);
         row("pipelines' cycles used", format!("{:.1} %", at("useful")), format!("measured at {}", text("sort.loss.stage")));
-        for part in ["overlap", "imbalance", "network", "order", "memory", "earlier", "later", "supply", "outside"] {
+        for part in [
+            "overlap",
+            "imbalance",
+            "network",
+            "reorder_stalls",
+            "memory",
+            "upstream",
+            "downstream_backpressure",
+            "front_end",
+            "outside_pass",
+        ] {
             if at(part) > 0.0 {
-                row(&format!("  lost to {part}"), format!("{:.1} %", at(part)), String::new());
+                row(&format!("  lost to {}", part.replace('_', " ")), format!("{:.1} %", at(part)), String::new());
             }
         }
     }
@@ -389,7 +401,7 @@ mod tests {
         sort.real("load_imbalance", 1.25);
         let loss = sort.child("loss");
         loss.text("stage", "core");
-        for (name, value) in [("pipeline_cycles", 4000), ("useful", 3000), ("overlap", 0), ("order", 1000)] {
+        for (name, value) in [("pipeline_cycles", 4000), ("useful", 3000), ("overlap", 0), ("reorder_stalls", 1000)] {
             loss.count(name, value);
         }
         let network = sort.child("network");
@@ -405,7 +417,7 @@ mod tests {
             "copies sent 1,800 overlap 2.000; 28.12 KiB",
             "to another pipeline 1,350 75.0 %; 21.09 KiB",
             "pipelines' cycles used 75.0 % measured at core",
-            "lost to order 25.0 %",
+            "lost to reorder stalls 25.0 %",
             "load imbalance 1.250 quads of the busiest pipeline by the mean",
             "waiting for the order 4,321 cycles, summed over those that restore it",
             "busiest link of the network 50.0 % sorted[1] from a[0] to b[1]; mean of all 12.5 %",

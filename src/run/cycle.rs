@@ -29,7 +29,7 @@ pub struct Simulated {
 /// Which frames only warm up for others.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
-/// Adds a machine to a rendering. Frames that only warm up are drawn at once ([`apply`](crate::unit::apply)).
+/// Adds a machine to a rendering. Frames that only warm up are warmed functionally ([`apply`](crate::unit::apply)).
 ///
 /// # Errors
 /// If knobs do not fit each other.

@@ -78,7 +78,7 @@ pub struct Options {
     pub clock: Clock,
     /// Frames, half-open.
     pub frames: Range<u32>,
-    /// Is told of every rendering that begins.
+    /// Gets the ledger of every rendering that begins.
     pub watch: Option<Arc<Watch>>,
 }
 

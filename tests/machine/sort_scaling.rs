@@ -12,8 +12,18 @@ use fillrate::work::{Event, Shade};
 const CLASSES: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
 
 /// The parts that the pipelines' cycles are split into.
-const PARTS: [&str; 10] =
-    ["useful", "overlap", "imbalance", "network", "order", "memory", "earlier", "later", "supply", "outside"];
+const PARTS: [&str; 10] = [
+    "useful",
+    "overlap",
+    "imbalance",
+    "network",
+    "reorder_stalls",
+    "memory",
+    "upstream",
+    "downstream_backpressure",
+    "front_end",
+    "outside_pass",
+];
 
 /// What makes a machine ideal but for its shader cores: a memory without time, links as wide as anything that is sent, with a latency of
 /// a cycle and places for all of it, fronts that are never behind, and no scan-out. A core issues an instruction a cycle.
@@ -200,9 +210,9 @@ fn waiting_for_a_turn_is_order() {
     let of = |keep| split("sort-last-fragment", 4, &[&little[..], &[keep]].concat(), &scene);
     let (kept, before) = of("order.keep=always");
     let (free, after) = of("order.keep=never");
-    before.is_most("order", "kept");
-    assert!(after.at("order") < 0.01 && after.at("useful") > 0.95, "{:?}", after.0);
+    before.is_most("reorder_stalls", "kept");
+    assert!(after.at("reorder_stalls") < 0.01 && after.at("useful") > 0.95, "{:?}", after.0);
     // What was lost to the order is what is gained without.
     let gained = 1.0 - free.cycles as f64 / kept.cycles as f64;
-    assert!((gained - before.at("order")).abs() < 0.02, "{gained} gained, {:?}", before.0);
+    assert!((gained - before.at("reorder_stalls")).abs() < 0.02, "{gained} gained, {:?}", before.0);
 }

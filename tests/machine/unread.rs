@@ -113,7 +113,7 @@ fn what_nobody_reads_costs_nothing() {
     for extra in [Extra::Unread, Extra::Levels] {
         let other = run(extra);
         assert!(other.frames[0].shown == plain.frames[0].shown, "{extra:?}");
-        // Levels come to the card by a transfer each, whoever reads them.
+        // Each level comes to the card by a transfer of its own, whether or not anything reads it.
         let uploads = "memory.clients.command.write_bytes";
         let more = if extra == Extra::Levels { (16 * 16 + 8 * 8 + 4 * 4 + 2 * 2 + 1) * 4 } else { 0 };
         assert_eq!(cost(&other, uploads), cost(&plain, uploads) + f64::from(more), "{extra:?}");

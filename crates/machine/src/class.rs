@@ -3,8 +3,8 @@
 use super::blocks::Built;
 use super::config::Config;
 use super::parts::Parts;
+use unit::apart::Apart;
 use unit::assembly::Deal;
-use unit::copies::Apart;
 use unit::network::SenderCounts;
 use unit::sorting::{EarlyTest, Keep, SortCounts};
 use work::Shade;
@@ -36,7 +36,7 @@ pub(crate) type Refusal = fn(&Config) -> Result<(), String>;
 pub struct Class {
     /// What is sorted.
     pub sorted: Sorted,
-    /// Whether a pass's pixels are in the machine's own surfaces while it is drawn, so that a segment can be drawn at once.
+    /// Whether a pass's pixels are in the machine's own surfaces while it is drawn, so that functional warming can draw a segment.
     pub in_place: bool,
     /// Whether all that is sorted comes to one place, where it stays until the pass is complete: then no pipeline waits for what the network
     /// cannot give to another.

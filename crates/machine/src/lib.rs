@@ -25,9 +25,9 @@ use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
 use unit::Fault;
+use unit::apart::Apart;
 use unit::apply::{Keepers, apply};
 use unit::card::{Card, Pool};
-use unit::copies::Apart;
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
 use unit::touch::{Touch, Touching};
@@ -136,7 +136,7 @@ impl Machine {
             while !self.card.closed && self.reads_ahead() {
                 match events.next() {
                     Some(Event::Applied(_)) if !sort.class().in_place => {
-                        return Err(Fault::AtOnce { class: sort.name() }.into());
+                        return Err(Fault::FunctionalWarming { class: sort.name() }.into());
                     }
                     Some(event) => self.card.events.push_back(event),
                     None => self.card.closed = true,
@@ -182,7 +182,7 @@ impl Machine {
         Ok(readings.total(self))
     }
 
-    /// Draws the segments at the head of the events that are to be drawn at once; whether there was one.
+    /// Functional warming of the segments at the head of the events that are marked for it; whether there was one.
     fn apply(&mut self) -> bool {
         let Machine { circuit, card, .. } = self;
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);

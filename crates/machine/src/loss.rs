@@ -9,10 +9,10 @@
 
 use super::class::{Class, Sorted};
 use super::parts::{Parts, Stage};
-use sim::{GateCounts, STATES};
+use sim::{STATES, StallProbeCounts};
 use stats::Cycles;
-use unit::network::SenderCounts;
-use unit::sorting::{SortCounts, Waits as For};
+use unit::network::{SenderCounts, Stall};
+use unit::sorting::SortCounts;
 
 stats::counters! {
     /// What became of the cycles of the pipelines.
@@ -27,18 +27,18 @@ stats::counters! {
         imbalance: "cycles",
         /// The network did not take what was to be sent, or frame buffers were composed.
         network: "cycles",
-        /// What had come was not next in order.
-        order: "cycles",
+        /// Reorder stalls: what had come was not next in order.
+        reorder_stalls: "cycles",
         /// Data from memory had not come, to the stage or to the units that fetch for it.
         memory: "cycles",
-        /// Earlier units of the same pipeline had not done their part yet.
-        earlier: "cycles",
-        /// Later units of the same pipeline had no room.
-        later: "cycles",
-        /// Nothing had come to the pipeline: geometry in front of the network was behind, or a pass began or ended.
-        supply: "cycles",
+        /// Units upstream in the same pipeline had not done their part yet.
+        upstream: "cycles",
+        /// Backpressure: units downstream in the same pipeline had no room.
+        downstream_backpressure: "cycles",
+        /// Nothing had come to the pipeline from the front end: geometry in front of the network was behind, or a pass began or ended.
+        front_end: "cycles",
         /// There was no pass: copies, resolves, scan-out.
-        outside: "cycles",
+        outside_pass: "cycles",
     }
 }
 
@@ -55,8 +55,8 @@ pub(super) struct Waits {
     pub composing: Vec<u64>,
     /// By core: instructions in all, and those of vertices.
     pub instructions: Vec<(u64, u64)>,
-    /// What units did beside others: those of all pipelines beside passes, then those of each beside its end of the network.
-    pub gates: Vec<GateCounts>,
+    /// What the probes counted: first the card's, by whether there was a pass, then those at the ends of the network, by their stalls.
+    pub probes: Vec<StallProbeCounts>,
 }
 
 impl Waits {
@@ -72,7 +72,7 @@ impl Waits {
             passes: counts(&self.passes, &earlier.passes),
             composing: counts(&self.composing, &earlier.composing),
             instructions: instructions.collect(),
-            gates: self.gates.iter().zip(&earlier.gates).map(|(now, then)| now.since(then)).collect(),
+            probes: self.probes.iter().zip(&earlier.probes).map(|(now, then)| now.since(then)).collect(),
         }
     }
 }
@@ -114,17 +114,17 @@ struct Busiest {
     account: Cycles,
 }
 
-/// The cycles in which the busiest unit of all had no input, or no work for another reason, by what its gate told meanwhile. Causes
-/// take from them.
+/// The cycles in which the busiest unit of all had no input, or no work for another reason, by the state of the probe that watches it.
+/// Causes take from them.
 struct Rest {
-    /// What is left, by the gate's state.
+    /// What is left, by the probe's state.
     left: [u64; STATES],
     pipelines: u64,
 }
 
 impl Rest {
     /// At most so many of the cycles in these states, times the pipelines.
-    fn take(&mut self, states: &[For], mut counted: u64) -> u64 {
+    fn take(&mut self, states: &[Stall], mut counted: u64) -> u64 {
         let mut sum = 0;
         for &state in states {
             let left = &mut self.left[state as usize];
@@ -188,7 +188,7 @@ impl Accounts<'_> {
             }
         }
         let Some((stage, units, busiest, worked)) = chosen else {
-            loss.outside = loss.pipeline_cycles;
+            loss.outside_pass = loss.pipeline_cycles;
             return (None, loss);
         };
         // 1. Work, and work that others had more of.
@@ -206,57 +206,58 @@ impl Accounts<'_> {
     /// Attributes the cycles in which the busiest unit of all did not work.
     fn attribute(&self, loss: &mut LossCounts, stage: &str, pipeline: usize, unit: &Busiest) {
         let (n, waits, account) = (self.pipelines as u64, self.waits, unit.account);
-        let (card, gates) = waits.gates.split_first().expect("a card has a gate");
+        let (card, probes) = waits.probes.split_first().expect("a card has a probe");
         let of_pipeline = |list: &[u64]| list.get(pipeline).copied().unwrap_or(0);
-        let all = [For::Nothing, For::Open, For::Memory];
-        // 1. By what the gate told meanwhile. What comes after a unit may have no room because the network has none.
-        let rested = gates.iter().find_map(|gate| gate.rested(unit.place));
-        let [mut left, mut blocked] = rested.expect("the units of pipelines hang on gates");
-        for state in [For::Network, For::Place] {
+        let all = [Stall::NoInput, Stall::None, Stall::Memory];
+        // 1. By the state of the probe. What comes after a unit may have no room because the network has none.
+        let rested = probes.iter().find_map(|probe| probe.rested(unit.place));
+        let [mut left, mut blocked] = rested.expect("a probe watches each unit of a pipeline");
+        for state in [Stall::NetworkFull, Stall::ReceiverFull] {
             left[state as usize] += std::mem::take(&mut blocked[state as usize]);
         }
         let mut rest = Rest { left, pipelines: n };
         // 2. The unit held something.
         loss.memory += n * account.memory;
-        loss.later += n * blocked.iter().sum::<u64>();
+        loss.downstream_backpressure += n * blocked.iter().sum::<u64>();
         // 3. There was no pass; pipelines waited for each other to end it; it was composed.
-        let [outside, ..] = card.rested(unit.place).expect("the units of pipelines hang on the card's gate")[0];
-        loss.outside += rest.take(&all, outside);
+        let [outside, ..] = card.rested(unit.place).expect("the card's probe watches each unit of a pipeline")[0];
+        loss.outside_pass += rest.take(&all, outside);
         loss.imbalance += rest.take(&all, of_pipeline(&waits.passes));
         loss.network += rest.take(&all, of_pipeline(&waits.composing));
-        // 4. Before a network that sorts fragments, its own sender told. Receivers have no place left as they keep order, or others
+        // 4. Before a network that sorts fragments, its own sender set the state. Receivers have no place left as they keep order, or others
         //    send more.
         let behind = self.class.sorted != Sorted::Fragments || is_of(Stage::Rop, stage);
-        loss.network += rest.take(&[For::Network], u64::MAX);
-        loss.order += rest.take(&[For::Place], mean(waits.order.iter().copied()));
-        loss.imbalance += rest.take(&[For::Place], u64::MAX);
-        // 5. Behind a network, its own receiver told what had come, and the senders why no more had: the network on average over them,
+        loss.network += rest.take(&[Stall::NetworkFull], u64::MAX);
+        loss.reorder_stalls += rest.take(&[Stall::ReceiverFull], mean(waits.order.iter().copied()));
+        loss.imbalance += rest.take(&[Stall::ReceiverFull], u64::MAX);
+        // 5. Behind a network, its own receiver set the state by what had come, and the senders counted why no more had: the network on average over them,
         //    and receivers without a place as long as all of them met one.
         if behind {
             let full = waits.senders.iter().map(|sender| sender.receiver).min();
             let full = full.filter(|_| !self.class.one_place).unwrap_or(0);
-            loss.network += rest.take(&[For::Nothing, For::Order], mean(waits.senders.iter().map(|sender| sender.network)));
-            loss.imbalance += rest.take(&[For::Nothing], full);
+            loss.network +=
+                rest.take(&[Stall::NoInput, Stall::OutOfOrder], mean(waits.senders.iter().map(|sender| sender.network)));
+            loss.imbalance += rest.take(&[Stall::NoInput], full);
         }
-        loss.order += rest.take(&[For::Order], u64::MAX);
+        loss.reorder_stalls += rest.take(&[Stall::OutOfOrder], u64::MAX);
         // 6. Batches are dealt in turn: one that found no room kept others from pipelines that had.
         if let Some(deal) = self.bank("deal").next() {
-            let mut fronts = gates.iter().filter_map(|gate| gate.rested(deal.place));
-            let kept = fronts.nth(pipeline).map_or(0, |[_, blocked]| blocked[For::Nothing as usize]);
+            let mut fronts = probes.iter().filter_map(|probe| probe.rested(deal.place));
+            let kept = fronts.nth(pipeline).map_or(0, |[_, blocked]| blocked[Stall::NoInput as usize]);
             loss.imbalance += rest.take(&all, kept);
         }
         // 7. Memory kept the front waiting: the pipeline's own, or that of all.
-        loss.memory += rest.take(&[For::Memory], u64::MAX);
+        loss.memory += rest.take(&[Stall::Memory], u64::MAX);
         let fronts: Vec<Cycles> = self.bank("fetch").map(|unit| unit.account).collect();
         let front = fronts.get(pipeline).or(fronts.last()).copied().unwrap_or_default();
         if stage != "fetch" && self.class.sorted != Sorted::Images {
-            loss.memory += rest.take(if fronts.len() == 1 { &[For::Nothing] } else { &[For::Open] }, front.memory);
+            loss.memory += rest.take(if fronts.len() == 1 { &[Stall::NoInput] } else { &[Stall::None] }, front.memory);
         }
         // 8. Nothing had come to the pipeline, or it had not come as far as this unit.
-        loss.supply += rest.take(&[For::Nothing], u64::MAX);
+        loss.front_end += rest.take(&[Stall::NoInput], u64::MAX);
         if !behind {
-            loss.supply += rest.take(&[For::Open], front.starved);
+            loss.front_end += rest.take(&[Stall::None], front.starved);
         }
-        loss.earlier += rest.take(&[For::Open], u64::MAX);
+        loss.upstream += rest.take(&[Stall::None], u64::MAX);
     }
 }

@@ -1,5 +1,6 @@
 //! The units that a machine of any sort class can have.
 
+use super::config::Config;
 use mem::{Crossbar, Dram, Ideal, L2Slice, ReturnPath};
 use sim::One;
 use unit::assembly::Assembly;
@@ -41,11 +42,32 @@ pub enum Stage {
     Rop,
 }
 
+/// How many units a bank has: one,
+fn one(_: &Config) -> usize {
+    1
+}
+
+/// as many as pipelines,
+fn pipelines(config: &Config) -> usize {
+    config.card.pipelines as usize
+}
+
+/// as many as cores of all pipelines,
+fn cores(config: &Config) -> usize {
+    pipelines(config) * config.core.per_pipeline as usize
+}
+
+/// or as many as cores for vertices alone.
+fn vertex_cores(config: &Config) -> usize {
+    if config.core.unified { 0 } else { config.core.vertex_cores as usize }
+}
+
 sim::circuit! {
-    /// A machine: the units of all sort classes in data-flow order. A class has of each as many as its file says, and joins them.
-    pub struct Parts for Card, sizes Shape, numbers Ids, banks Banks, stages Stage {
+    /// A machine: the units of all sort classes in data-flow order. After `=` stands how many units all classes have of a bank. Of the
+    /// others a class has as many as its file says. Each class joins them.
+    pub struct Parts for Card, sizes Shape of Config, numbers Ids, banks Banks, stages Stage {
         /// Reads events, hands out draws, keeps passes apart.
-        command: One<Command>,
+        command: One<Command> = one,
         /// Deals batches of primitives to pipelines whose geometry is their own.
         deal: Vec<Deal>,
         /// Finds the bounds of primitives and sends them to the pipelines that own what they touch, where primitives are sorted.
@@ -55,9 +77,9 @@ sim::circuit! {
         /// Reads indices, finds vertices to be shaded, fetches attributes.
         fetch: Vec<Fetch> [Geometry],
         /// Vertex cores, where shading is not unified.
-        vertex_core: Vec<Core>,
+        vertex_core: Vec<Core> = vertex_cores,
         /// Their texture units.
-        vertex_texture: Vec<Texture>,
+        vertex_texture: Vec<Texture> = vertex_cores,
         /// Makes primitives of shaded vertices, hands them to geometry units.
         assembly: Vec<Assembly> [Geometry],
         /// Clips and culls.
@@ -73,35 +95,35 @@ sim::circuit! {
         /// and the way back of its credits.
         credit_return: Option<CreditReturn>,
         /// Restores API order, sets triangles up.
-        setup: Vec<Setup> [Pixels],
+        setup: Vec<Setup> [Pixels] = pipelines,
         /// Finds blocks and quads, culls by hierarchical Z.
-        traverse: Vec<Traverse> [Pixels],
+        traverse: Vec<Traverse> [Pixels] = pipelines,
         /// Early depth tests in pipelines that do not own the pixels they draw.
         early: Vec<Early> [Pixels],
         /// Early and late depth and stencil tests.
-        depth: Vec<Depth> [Rop],
+        depth: Vec<Depth> [Rop] = pipelines,
         /// Holds opaque quads of a tile back until it is known which are seen.
         hide: Vec<Hide> [Pixels],
         /// Interpolates attributes.
-        interpolate: Vec<Interpolate> [Pixels],
+        interpolate: Vec<Interpolate> [Pixels] = pipelines,
         /// Packs quads into warps, restores their order after shading.
-        dispatch: Vec<Dispatch> [Pixels],
+        dispatch: Vec<Dispatch> [Pixels] = pipelines,
         /// Restores API order at the ROPs, where quads are sorted.
         order: Vec<Order> [Rop],
         /// Makes warps of workgroups.
-        compute: One<Compute>,
+        compute: One<Compute> = one,
         /// Shader cores of all pipelines.
-        core: Vec<Core> [Pixels],
+        core: Vec<Core> [Pixels] = cores,
         /// A texture unit for each core.
-        texture: Vec<Texture> [Pixels],
+        texture: Vec<Texture> [Pixels] = cores,
         /// Blends into colour buffers.
-        color: Vec<Color> [Rop],
+        color: Vec<Color> [Rop] = pipelines,
         /// Composes the frame buffers of pipelines that draw apart from each other.
         compose: Vec<Compose>,
         /// Turns samples into pixels.
-        resolve: One<Resolve>,
+        resolve: One<Resolve> = one,
         /// Shows frames.
-        scanout: One<Scanout>,
+        scanout: One<Scanout> = one,
         /// Memory: from the units to the slices of the second-level cache,
         crossbar: Option<Crossbar>,
         /// the slices,

@@ -170,7 +170,7 @@ fn waits(machine: &Machine) -> Waits {
         passes: circuit.command.waits().waited().to_vec(),
         composing: circuit.compose.iter().map(|unit| unit.counts().cycles).collect(),
         instructions: instructions.collect(),
-        gates: circuit.wires().gates().collect(),
+        probes: circuit.wires().stall_probes().collect(),
     }
 }
 

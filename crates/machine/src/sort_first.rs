@@ -4,8 +4,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
+use unit::apart::Apart;
 use unit::assembly::Mode;
-use unit::copies::Apart;
 use unit::route::Route;
 use unit::traverse::Territory;
 use work::Shade;

@@ -5,8 +5,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_runs};
 use super::config::Config;
+use unit::apart::Apart;
 use unit::assembly::Mode;
-use unit::copies::Apart;
 use unit::dispatch::Dispatch;
 use unit::fetch::FetchInput;
 use unit::frame::Frame;

@@ -4,8 +4,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed};
 use super::config::Config;
+use unit::apart::Apart;
 use unit::assembly::{Deal, Mode};
-use unit::copies::Apart;
 use unit::fetch::FetchInput;
 use unit::frame::Frame;
 use unit::network::SenderCounts;

@@ -144,7 +144,7 @@ impl Drop for Claim {
     }
 }
 
-/// The ledger of the rendering that is under way, for whoever waits for its end.
+/// The ledger of the rendering that is under way, for a thread that waits for its end.
 #[derive(Debug, Default)]
 pub struct Watch {
     ledger: Mutex<Option<Arc<Ledger>>>,

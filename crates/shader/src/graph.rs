@@ -126,7 +126,7 @@ impl Graph {
                 let Some(reach) = done[w as usize] else { continue };
                 below = below.max(reach.depth);
                 let used = self.nodes[w as usize];
-                // Whoever asks something of a type asks it of all its parts.
+                // A question about a type is a question about all its parts.
                 if used.is_type && self.nodes[v].is_type {
                     size = size.saturating_add(reach.size);
                 } else if mention && used.copied {

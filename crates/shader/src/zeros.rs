@@ -155,7 +155,7 @@ impl<'t> Zeros<'t, '_> {
         if let Some(known) = self.known.get(&node) {
             return *known;
         }
-        // Whoever needs itself is no valid declaration.
+        // A declaration that needs itself is not valid.
         self.known.insert(node, None);
         let name = *self.names.get(&node)?;
         let found = match self.keyword(node) {

@@ -299,13 +299,15 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 ///
 /// sim::circuit! {
 ///     /// Sources and sinks.
-///     struct Pairs for (), sizes Sizes, numbers Numbers, banks Banks, stages Stage {
-///         source: Vec<Source> [Front],
+///     struct Pairs for (), sizes Sizes of usize, numbers Numbers, banks Banks, stages Stage {
+///         source: Vec<Source> [Front] = all,
 ///         sink: Vec<Sink> [Back],
 ///     }
 /// }
 ///
-/// let sizes = Sizes { source: 2, sink: 2 };
+/// fn all(pairs: &usize) -> usize { *pairs }
+///
+/// let sizes = Sizes { sink: 2, ..Sizes::of(&2) };
 /// let mut wiring = Wiring::new();
 /// let numbers = Numbers::declare(&sizes, &mut wiring);
 /// let mut banks = Banks::default();
@@ -319,7 +321,8 @@ pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
 /// assert!(Pairs::stages(Stage::Back).eq(["sink"]));
 /// ```
 ///
-/// `Sizes` says how many units each bank has, `Numbers` what numbers the wiring gave them, `Banks` holds the units made so far. The
+/// `Sizes` says how many units each bank has. After `=` stands a function of what follows `of`, which gives the number of units that every
+/// machine has; `Sizes::of` has these, and none in the other banks. `Numbers` says what numbers the wiring gave them, `Banks` holds the units made so far. The
 /// name in brackets is the stage that a bank belongs to, if any: a variant of the type after `stages`.
 #[macro_export]
 macro_rules! circuit {
@@ -341,8 +344,8 @@ macro_rules! circuit {
     };
 
     ($(#[$meta:meta])* $vis:vis struct $name:ident for $context:ty,
-        sizes $sizes:ident, numbers $numbers:ident, banks $banks:ident, stages $stage:ident {
-        $($(#[$doc:meta])* $field:ident: $bank:ty $([$in:ident])?),* $(,)?
+        sizes $sizes:ident of $config:ty, numbers $numbers:ident, banks $banks:ident, stages $stage:ident {
+        $($(#[$doc:meta])* $field:ident: $bank:ty $([$in:ident])? $(= $count:ident)?),* $(,)?
     }) => {
         $crate::circuit! { @circuit [$(#[$meta])*] $vis $name $context; $([$(#[$doc])*] $field: $bank,)* }
 
@@ -350,6 +353,13 @@ macro_rules! circuit {
         #[derive(Clone, Copy, Debug, Default)]
         $vis struct $sizes {
             $($(#[$doc])* pub $field: usize,)*
+        }
+
+        impl $sizes {
+            /// As many units as the fields say that every machine has; none in the other banks.
+            $vis fn of(config: &$config) -> $sizes {
+                $sizes { $($field: $crate::circuit!(@count config $($count)?),)* }
+            }
         }
 
         /// Numbers of the units in the wiring.
@@ -411,6 +421,9 @@ macro_rules! circuit {
             }
         }
     };
+
+    (@count $config:ident $count:ident) => { $count($config) };
+    (@count $config:ident) => { 0 };
 
     (@stage $stage:ident [$in:ident]) => { Some($stage::$in) };
     (@stage $stage:ident) => { None };

@@ -30,8 +30,8 @@
 //! configuration is slow enough to be taken for stuck. Against a unit that breaks the rules and wakes for ever, fruitless wake-ups
 //! are counted ([`run`]).
 //!
-//! What a unit waits for may be known several units away. A unit that knows tells it in every tick to a [`Gate`]; by rule 3 it holds
-//! until its next, and the accounts of others are read whenever it changes.
+//! The reason for a stall may be known several units away. The unit that knows it sets the state of a [`StallProbe`] in every tick. By rule
+//! 3 the state holds until that unit's next tick. Whenever the state changes, the probe reads the accounts of the units that it watches.
 //!
 //! # Alternatives measured
 //!
@@ -55,9 +55,9 @@ mod budget;
 mod channel;
 mod circuit;
 mod clock;
-mod gate;
 pub mod kit;
 mod sheet;
+mod stall_probe;
 mod unit;
 mod wires;
 mod wiring;
@@ -66,8 +66,8 @@ pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble, places};
 pub use clock::{Cause, Clock, Stuck, run};
-pub use gate::{Gate, GateCounts, STATES};
 pub use sheet::{Counted, Description, Heading, Sheet};
+pub use stall_probe::{STATES, StallProbe, StallProbeCounts};
 pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};
 pub use wiring::Wiring;

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use super::agenda::Agenda;
 use super::channel::{Channel, ChannelCounts, Link, Slot};
-use super::gate::{Gate, GateCounts, GateState};
+use super::stall_probe::{StallProbe, StallProbeCounts, StallProbeState};
 use super::unit::Tick;
 use num::{Cycle, NEVER};
 use stats::{Account, Cycles, Group, Tree};
@@ -71,7 +71,7 @@ pub struct Wires {
     pub(super) units: Vec<Label>,
     pub(super) labels: Vec<Label>,
     pub(super) show: Vec<fn(&[u64; 2]) -> String>,
-    pub(super) gates: Vec<GateState>,
+    pub(super) probes: Vec<StallProbeState>,
 }
 
 impl Wires {
@@ -245,19 +245,19 @@ impl Wires {
         can
     }
 
-    /// The state of a gate from this cycle on, told in every tick of the unit that knows.
+    /// Sets the state of a probe from this cycle on. The unit that has the probe does so in every tick.
     #[inline(always)]
-    pub fn tell(&mut self, gate: &Gate, state: u8) {
-        if let Some(gate) = self.gates.get_mut(usize::from(gate.0))
-            && gate.state != state
+    pub fn set_probe(&mut self, probe: &StallProbe, state: u8) {
+        if let Some(probe) = self.probes.get_mut(usize::from(probe.0))
+            && probe.state != state
         {
-            gate.change(state, self.now, &self.agenda);
+            probe.change(state, self.now, &self.agenda);
         }
     }
 
-    /// The counts of all gates, in the order of declaration.
-    pub fn gates(&self) -> impl Iterator<Item = GateCounts> {
-        self.gates.iter().map(|gate| gate.counts(self.now, &self.agenda))
+    /// The counts of all probes, in the order of declaration.
+    pub fn stall_probes(&self) -> impl Iterator<Item = StallProbeCounts> {
+        self.probes.iter().map(|probe| probe.counts(self.now, &self.agenda))
     }
 
     #[cold]

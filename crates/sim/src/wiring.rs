@@ -1,10 +1,10 @@
-//! The declaration of a machine: its units, channels and gates before it runs.
+//! The declaration of a machine: its units, channels and probes before it runs.
 
 use std::marker::PhantomData;
 
 use super::agenda::Agenda;
 use super::channel::{Channel, Link, Slot};
-use super::gate::{Gate, GateState};
+use super::stall_probe::{StallProbe, StallProbeState};
 use super::unit::Tick;
 use super::wires::{In, Label, Out, Token, UnitId, Wires, unpack};
 use num::NEVER;
@@ -16,7 +16,7 @@ pub struct Wiring {
     channels: Vec<Channel>,
     labels: Vec<Label>,
     show: Vec<fn(&[u64; 2]) -> String>,
-    gates: Vec<GateState>,
+    probes: Vec<StallProbeState>,
     places: u32,
 }
 
@@ -62,11 +62,16 @@ impl Wiring {
         (Out(number, PhantomData), In(number, PhantomData))
     }
 
-    /// A gate that some units hang on, in state 0.
-    pub fn gate(&mut self, units: &[UnitId]) -> Gate {
-        let number = u16::try_from(self.gates.len()).expect("fewer than 65,536 gates");
-        self.gates.push(GateState::new(units));
-        Gate(number)
+    /// A channel ends at another unit than the one that it was declared with, which is given back.
+    pub fn redirect<T>(&mut self, input: &In<T>, to: UnitId) -> UnitId {
+        std::mem::replace(&mut self.channels[input.0 as usize].consumer, to)
+    }
+
+    /// A probe that watches these units, in state 0.
+    pub fn stall_probe(&mut self, units: &[UnitId]) -> StallProbe {
+        let number = u16::try_from(self.probes.len()).expect("fewer than 65,536 probes");
+        self.probes.push(StallProbeState::new(units));
+        StallProbe(number)
     }
 
     /// Declarations done: the wires at cycle 0, all channels empty and every unit awake.
@@ -83,7 +88,7 @@ impl Wiring {
             units: self.units,
             labels: self.labels,
             show: self.show,
-            gates: self.gates,
+            probes: self.probes,
         }
     }
 

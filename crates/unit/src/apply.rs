@@ -1,4 +1,4 @@
-//! Segments that are drawn at once: what a run of which only some segments are simulated has in place of the others.
+//! Functional warming: a run that simulates only some segments applies the others here.
 //!
 //! A segment's quads go through the very tests and blends of the ROPs, in API order, so that depths and colours are what they are behind
 //! a segment that was simulated. Nothing takes time and nothing is counted. What later segments meet is left as it would be, as far as it does
@@ -27,7 +27,7 @@ pub struct Keepers<'u> {
     pub texture: &'u mut [Texture],
 }
 
-/// Draws the segment in a slot at once, while nothing is in flight. `memory` gets what the caches would have asked of it.
+/// Functional warming of the segment in a slot, while nothing is in flight. `memory` gets what the caches would have asked of it.
 pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touching) {
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
     let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };

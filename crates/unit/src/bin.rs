@@ -6,12 +6,12 @@ use std::collections::VecDeque;
 use super::card::{Card, TileEntry, Work};
 use super::distribute::Overlap;
 use super::network::Receiver;
-use super::same;
+use super::rendering_elimination;
 use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
-use sim::{Budget, Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
 use work::{BLOCK, End, Signature, Triangle};
 
 knob::knobs! {
@@ -142,7 +142,7 @@ impl Bin {
         Bin {
             config,
             segments,
-            merge: Merge::new(keep, Gate::default(), &ports.input),
+            merge: Merge::new(keep, StallProbe::default(), &ports.input),
             ports,
             state: State::Binning,
             tiles: Vec::new(),
@@ -263,7 +263,7 @@ impl Bin {
         }
         list.last = number;
         if card.pass.as_ref().is_some_and(|pass| pass.signature.is_some()) {
-            match same::add(list.signature, card.work(token.slot), token.triangle) {
+            match rendering_elimination::add(list.signature, card.work(token.slot), token.triangle) {
                 Some(signature) => list.signature = signature,
                 None => self.unsigned = true,
             }
@@ -360,13 +360,13 @@ impl Bin {
         self.state = State::Drawing { tile: 0, partial };
     }
 
-    /// Whether memory has a tile of the whole pass already.
-    fn known(&self, card: &mut Card, tile: u32) -> bool {
+    /// Whether rendering elimination leaves out a tile: memory holds its result, and all of the pass is binned.
+    fn eliminates(&self, card: &mut Card, tile: u32) -> bool {
         let grid = self.grid(card);
         let Card { pass, frame, .. } = card;
         match pass {
             Some(pass) if !self.unsigned && (grid.0 * grid.1) as usize == self.lists.len() => {
-                same::known(frame, pass, self.lists[tile as usize].signature, tile, grid, self.side())
+                rendering_elimination::eliminate(frame, pass, self.lists[tile as usize].signature, tile, grid, self.side())
             }
             _ => false,
         }
@@ -389,10 +389,10 @@ impl Bin {
                         did = Tick::Moved;
                         continue;
                     }
-                    let known = card.apart.same_tiles && self.known(card, tile);
+                    let eliminated = card.apart.same_tiles && self.eliminates(card, tile);
                     if card.bins[tile as usize].entries.is_empty() {
                         self.counts.empty_tiles += 1;
-                    } else if known {
+                    } else if eliminated {
                         self.counts.same_tiles += 1;
                     } else {
                         let (across, _) = self.grid(card);

@@ -69,9 +69,6 @@ struct Operation {
     write: bool,
 }
 
-/// Why a block cannot be had now.
-pub type Stall = Tick;
-
 /// A ROP's cache of blocks.
 pub struct BlockCache {
     tags: Tags<Line>,
@@ -204,7 +201,7 @@ impl BlockCache {
         block: u32,
         quads: Quads,
         left: &mut Option<(usize, u32)>,
-    ) -> Result<usize, Stall> {
+    ) -> Result<usize, Tick> {
         let key = key(surface, block);
         if let Some(place) = self.tags.find(key) {
             let line = self.tags.data(place);
@@ -219,7 +216,7 @@ impl BlockCache {
 
     /// Goes on with a pinned block of which something is absent.
     #[inline(never)]
-    fn add(&mut self, frame: &Frame, place: usize, quads: Quads) -> Result<usize, Stall> {
+    fn add(&mut self, frame: &Frame, place: usize, quads: Quads) -> Result<usize, Tick> {
         let absent = self.tags.data(place).absent;
         if quads.part & absent == 0 {
             let absent = absent & !quads.whole;
@@ -243,7 +240,7 @@ impl BlockCache {
         block: u32,
         quads: Quads,
         left: &mut Option<(usize, u32)>,
-    ) -> Result<usize, Stall> {
+    ) -> Result<usize, Tick> {
         // A block is at most 16 requests each way.
         if self.outbox.len() + 32 > OUTBOX {
             return Err(Tick::Blocked);

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
-use super::copies::{Apart, own};
+use super::copies::own;
 use super::depth::mark;
 use super::frame::Frame;
 use super::tags::CacheCounts;
@@ -115,7 +116,7 @@ impl Color {
         self.cache.counts()
     }
 
-    /// Takes note that a block has been written of which this unit was not told.
+    /// Takes note that functional warming has written a block.
     pub(super) fn visit(&mut self, frame: &mut Frame, at: (usize, u32), memory: &mut Touching) {
         self.cache.visit(frame, at, true, memory);
     }

@@ -20,7 +20,7 @@ pub struct Deal {
     sequence: u32,
     /// The pipeline whose turn it is.
     turn: usize,
-    /// The pipeline that has the batch just dealt, and has still to be told of its end.
+    /// The pipeline that has the batch just dealt; the mark of the batch's end is still to be sent to it.
     open: Option<usize>,
     /// Whether quads of opaque draws may come in any order.
     relaxed: bool,

@@ -11,7 +11,7 @@ use super::traverse::fragments;
 use super::warp::{Item, Program};
 use knob::Allowed;
 use num::{Cycle, prefetch};
-use sim::{Gate, In, Out, Tick, Unit, Wires};
+use sim::{In, Out, StallProbe, Tick, Unit, Wires};
 use work::QUAD_SHADED;
 
 knob::knobs! {
@@ -46,8 +46,8 @@ pub struct DispatchPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Where shaded quads go.
     pub output: Outlet,
-    /// Where it is told what the network makes it wait for.
-    pub gate: Gate,
+    /// Its state is what the network makes the unit wait for.
+    pub probe: StallProbe,
 }
 
 /// Where shaded quads go.
@@ -429,7 +429,7 @@ impl Unit<Card> for Dispatch {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let did = self.step(wires, card);
         if let Outlet::Owners(network) = &self.ports.output {
-            wires.tell(&self.ports.gate, network.waits() as u8);
+            wires.set_probe(&self.ports.probe, network.stall() as u8);
         }
         did
     }

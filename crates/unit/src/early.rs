@@ -18,7 +18,7 @@
 //!    before it: what is earlier in API order, which by 1 does not raise D. Where order is kept everywhere this is all: of the
 //!    fragment's sequence number, and of none after it, anything may have come, as the number ends behind the fragment. Where opaque
 //!    draws are let through in any order, later ones may have come before and after the answer, all of which lower D too: the ROP lets
-//!    pass none but those of one direction with each other. A tie between two of them is won by whoever comes first, here as there.
+//!    pass none but those of one direction with each other. Of two with equal depths the first to come wins, here as there.
 //! 3. *The pipeline's own copy.* d is the least of the depth with which the pass began and of those of fragments that the pipeline has
 //!    sent to the same ROP before: it draws its primitives in API order, and from one pipeline to one ROP nothing overtakes. When the
 //!    fragment arrives these have been tested there: each has been written, or has failed against something less or equal. After it,
@@ -29,9 +29,9 @@
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
-use super::copies::Apart;
 use super::depth::test_ahead;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;

@@ -4,10 +4,9 @@
 //! sees. In a block lie 16 quads row by row; in a quad sample after sample, in a sample word after word, and last the four
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
-use super::copies::Stamps;
-use super::same::Drawn;
+use super::stamps::Stamps;
 use gfx::format::Format;
-use work::{BLOCK, Surface, SurfaceKey};
+use work::{BLOCK, LINE, Signature, Surface, SurfaceKey};
 
 /// A surface and its codes.
 #[derive(Clone, Debug)]
@@ -24,8 +23,8 @@ pub struct Store {
     pub words: u32,
     /// Words a block.
     pub block_words: u32,
-    /// How its tiles came to be, where a machine remembers that.
-    pub drawn: Drawn,
+    /// The signatures of its tiles, on a machine with rendering elimination.
+    pub signatures: TileSignatures,
     /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
     pub offset: u64,
 }
@@ -39,6 +38,32 @@ pub enum BlockState {
     Stored(u16),
     /// Of a copy: as this many bytes where the surface itself lies; the copy has none of its own yet.
     Shared(u16),
+}
+
+/// The signatures of a surface's tiles, for [rendering elimination](super::rendering_elimination).
+#[derive(Clone, Debug, Default)]
+pub struct TileSignatures {
+    /// For each tile the signature of what drew it; empty where that is not known.
+    pub(super) tiles: Vec<Signature>,
+    /// The signatures at the last clear of the surface, with the codes of its blocks and how these lie in memory.
+    pub(super) before: Vec<Signature>,
+    pub(super) codes: Vec<u32>,
+    pub(super) blocks: Vec<BlockState>,
+    /// Nothing has been drawn since that clear.
+    pub(super) cleared: bool,
+}
+
+impl TileSignatures {
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.tiles.is_empty() && self.before.is_empty()
+    }
+
+    /// Something else has written the surface.
+    pub fn forget(&mut self) {
+        self.tiles.clear();
+        self.before.clear();
+    }
 }
 
 impl Store {
@@ -56,7 +81,7 @@ impl Store {
             across,
             words,
             block_words,
-            drawn: Drawn::default(),
+            signatures: TileSignatures::default(),
             offset: 0,
         };
         store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
@@ -67,6 +92,12 @@ impl Store {
     #[inline(always)]
     pub fn block_bytes(&self) -> u32 {
         BLOCK * BLOCK * self.surface.samples * self.surface.format.block_bytes()
+    }
+
+    /// Where the surface lies in memory: the first address, and the first one after it.
+    fn range(&self) -> (u64, u64) {
+        let first = self.surface.address;
+        (first, first + self.blocks.len() as u64 * u64::from(self.block_bytes()))
     }
 
     /// Address of a block.
@@ -109,7 +140,7 @@ impl Store {
     pub fn in_memory(&mut self) {
         let full = BlockState::Stored(self.block_bytes() as u16);
         self.blocks.fill(full);
-        self.drawn.forget();
+        self.signatures.forget();
     }
 
     /// Sets all texels to one code.
@@ -263,13 +294,33 @@ impl Frame {
                 let store = &mut self.stores[index];
                 if store.surface.address != surface.address {
                     store.surface.address = surface.address;
-                    store.drawn.forget();
+                    store.signatures.forget();
                 }
                 index
             }
             None => {
                 self.stores.push(Store::new(*surface));
                 self.stores.len() - 1
+            }
+        }
+    }
+
+    /// Something other than a ROP writes so many bytes of memory: the signatures of surfaces there hold no longer.
+    pub fn forget_range(&mut self, address: u64, bytes: u64) {
+        for store in &mut self.stores {
+            let (first, end) = store.range();
+            if address < end && first < address + bytes {
+                store.signatures.forget();
+            }
+        }
+    }
+
+    /// Shaders that may write these lines of memory use them: the signatures of surfaces there hold no longer.
+    pub fn forget_lines<'a>(&mut self, lines: impl Iterator<Item = &'a u32> + Clone) {
+        for store in self.stores.iter_mut().filter(|store| !store.signatures.is_empty()) {
+            let (first, end) = store.range();
+            if lines.clone().any(|&line| (first / LINE..end.div_ceil(LINE)).contains(&u64::from(line))) {
+                store.signatures.forget();
             }
         }
     }

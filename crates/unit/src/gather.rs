@@ -5,7 +5,7 @@ use super::card::Card;
 use super::network::Receiver;
 use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, Run, TriangleToken};
-use sim::{Gate, Out, Tick, Unit, Wires};
+use sim::{Out, StallProbe, Tick, Unit, Wires};
 
 /// Gathering. Its items are primitives.
 pub struct Gather {
@@ -18,9 +18,9 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// One at the beginning of the order, which takes so many primitives a cycle, and tells at a gate what it waits for.
-    pub fn new(rate: u32, keep: Keep, gate: Gate, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
-        Gather { rate, merge: Merge::new(keep, gate, &input), input, output, items: 0 }
+    /// One at the beginning of the order, which takes so many primitives a cycle. The state of the probe is what it waits for.
+    pub fn new(rate: u32, keep: Keep, probe: StallProbe, input: Receiver<TriangleToken>, output: Out<Run>) -> Gather {
+        Gather { rate, merge: Merge::new(keep, probe, &input), input, output, items: 0 }
     }
 
     /// What it has counted.

@@ -4,6 +4,7 @@
 //! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
 //! which machine it is part of; a machine lists its units in data-flow order (see the package `machine`).
 
+pub mod apart;
 pub mod apply;
 pub mod assembly;
 pub mod bin;
@@ -34,12 +35,13 @@ pub mod misses;
 pub mod network;
 pub mod order;
 pub mod phase;
+pub mod rendering_elimination;
 pub mod resolve;
 pub mod route;
-pub mod same;
 pub mod scanout;
 pub mod setup;
 pub mod sorting;
+pub mod stamps;
 pub mod stream;
 pub mod tags;
 pub mod texture;

@@ -1,7 +1,7 @@
 //! Misses of a cache whose users wait in order, as behind a latency-covering FIFO (Igehy, Eldridge and Proudfoot 1998).
 //!
 //! Misses are numbered as they are sent. An entry of the FIFO knows the number after the last miss it needs; it can go on when all
-//! misses before that number are back. That is exact although answers come in any order: whoever needed an earlier miss is
+//! misses before that number are back. That is exact although answers come in any order: an entry that needed an earlier miss is
 //! ahead in the FIFO and has gone on before.
 
 /// Numbered misses in flight.

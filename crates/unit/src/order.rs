@@ -5,7 +5,7 @@ use super::card::Card;
 use super::network::Receiver;
 use super::sorting::{Ended, Keep, OrderClock, OrderCounts};
 use super::token::{GroupToken, Kind, bytes};
-use sim::{Budget, Gate, Out, Tick, Unit, Wires};
+use sim::{Budget, Out, StallProbe, Tick, Unit, Wires};
 
 /// The order at a ROP. Its items are quads.
 pub struct Order {
@@ -26,12 +26,12 @@ pub struct Order {
 }
 
 impl Order {
-    /// One at the beginning of the order, which hands on so many quads a cycle, and tells at a gate what it waits for.
+    /// One at the beginning of the order, which hands on so many quads a cycle. The state of the probe is what it waits for.
     pub fn new(
         pipeline: u8,
         rate: u32,
         keep: Keep,
-        gate: Gate,
+        probe: StallProbe,
         input: Receiver<GroupToken>,
         late: Out<GroupToken>,
         color: Out<GroupToken>,
@@ -45,7 +45,7 @@ impl Order {
             keep,
             ended: Ended::default(),
             place: 0,
-            clock: OrderClock::new(gate),
+            clock: OrderClock::new(probe),
             items: 0,
         }
     }

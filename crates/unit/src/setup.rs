@@ -6,7 +6,7 @@ use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use knob::Allowed;
 use num::prefetch;
-use sim::{Budget, Counted, Gate, Heading, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, Out, StallProbe, Tick, Unit, Wires};
 use work::End;
 
 knob::knobs! {
@@ -46,19 +46,19 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// An empty one. With `marks` the end of a sequence number is told on, for those behind it who restore the order again; what it
-    /// waits for, at the gate.
+    /// An empty one. With `marks` the marks that end sequence numbers are passed on, for units behind it that restore the order again.
+    /// The state of the probe is what it waits for.
     pub fn new(
         config: SetupConfig,
         input: Receiver<TriangleToken>,
         marks: bool,
         keep: Keep,
-        gate: Gate,
+        probe: StallProbe,
         output: Out<TriangleToken>,
     ) -> Setup {
         Setup {
             config,
-            merge: Merge::new(keep, gate, &input),
+            merge: Merge::new(keep, probe, &input),
             input,
             output,
             marks,

@@ -5,12 +5,12 @@ use std::collections::VecDeque;
 
 use super::card::Work;
 use super::network::Receiver;
-pub use super::network::Waits;
+use super::network::Stall;
 use super::token::{Kind, TriangleToken};
 use gfx::state::Compare;
 use knob::Allowed;
 use num::Cycle;
-use sim::{Gate, Wires};
+use sim::{StallProbe, Wires};
 use work::Quad;
 
 stats::counters! {
@@ -58,42 +58,42 @@ stats::counters! {
     }
 }
 
-/// Counts the cycles in which what has come waits for its turn, and tells them.
+/// Counts the cycles in which what has come waits for its turn, and sets a probe to the reason of the stall.
 #[derive(Debug, Default)]
 pub struct OrderClock {
-    gate: Gate,
-    state: Waits,
+    probe: StallProbe,
+    state: Stall,
     since: Option<Cycle>,
     counts: OrderCounts,
 }
 
 impl OrderClock {
-    /// One that tells those at a gate.
-    pub fn new(gate: Gate) -> OrderClock {
-        OrderClock { gate, ..OrderClock::default() }
+    /// One that sets this probe.
+    pub fn new(probe: StallProbe) -> OrderClock {
+        OrderClock { probe, ..OrderClock::default() }
     }
 
     /// A tick begins: whatever was, is over.
     #[inline(always)]
     pub fn begin(&mut self, now: Cycle) {
-        self.state = Waits::Open;
+        self.state = Stall::None;
         if let Some(since) = self.since.take() {
             self.counts.order_waiting_cycles += now - since;
         }
     }
 
-    /// From now on, until the next tick, there is nothing that may be taken, whether or not something is `here`. It is `counted` if
-    /// that is not for want of more from a sender whose turn it is.
+    /// From now on, until the next tick, there is nothing that may be taken, whether or not something is `here`. It is `counted`
+    /// unless the sender whose turn it is has sent nothing more.
     #[inline(always)]
     pub fn wait(&mut self, now: Cycle, here: bool, counted: bool) {
-        self.state = if here { Waits::Order } else { Waits::Nothing };
+        self.state = if here { Stall::OutOfOrder } else { Stall::NoInput };
         self.since = (here && counted).then_some(now);
     }
 
     /// The tick is over.
     #[inline(always)]
     pub fn end(&mut self, wires: &mut Wires) {
-        wires.tell(&self.gate, self.state as u8);
+        wires.set_probe(&self.probe, self.state as u8);
     }
 
     /// What was counted.
@@ -225,12 +225,12 @@ pub struct Merge {
 }
 
 impl Merge {
-    /// One at the beginning of the order, which tells at a gate what it waits for.
-    pub fn new(keep: Keep, gate: Gate, input: &Receiver<TriangleToken>) -> Merge {
+    /// One at the beginning of the order. The state of the probe is what it waits for.
+    pub fn new(keep: Keep, probe: StallProbe, input: &Receiver<TriangleToken>) -> Merge {
         let alone = input.senders() == 1;
         // Of a single sender there is nothing to be put in order, and its marks may have numbers of their own.
         let keep = if alone { Keep::Always } else { keep };
-        let (ended, clock) = (Ended::default(), OrderClock::new(gate));
+        let (ended, clock) = (Ended::default(), OrderClock::new(probe));
         Merge { keep, alone, sequence: 0, current: alone.then_some(0), ended, clock }
     }
 
@@ -302,7 +302,7 @@ pub struct Opaque {
 }
 
 /// Whether quads of a draw may reach the ROP in any order among those of draws of the same kind: what is nearer wins with all that it
-/// writes, nothing of what was there shows through, and no stencil counts. (Ties are won by whoever comes first or last.)
+/// writes, nothing of what was there shows through, and no stencil counts. (Of quads with equal depths the first or the last to come wins.)
 pub fn any_order(work: &Work) -> Option<Opaque> {
     let depth = work.depth.as_ref().filter(|depth| depth.writes_depth() && !depth.uses_stencil())?;
     let less = match depth.compare() {

@@ -8,7 +8,7 @@ use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::touch::{Touch, Touching};
-use super::warp::{Item, Program, Warp, costs};
+use super::warp::{Item, Program, Warp};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
@@ -224,7 +224,7 @@ impl Texture {
                 let warp = &card.warps[self.user.cluster][token.warp];
                 let item = warp.items[self.place.item];
                 let last = self.place.item + 1 == items;
-                let kind = warp.then(self.place.item, || &costs(card, warp.program, warp.slot, &item)[item.cost]);
+                let kind = warp.then(self.place.item, || &card.costs(warp.program, warp.slot, &item)[item.cost]);
                 if !kind.has_request() {
                     if !last {
                         self.place.item += 1;

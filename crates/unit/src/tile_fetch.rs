@@ -6,10 +6,10 @@ use std::collections::VecDeque;
 use super::bin::BinConfig;
 use super::card::Card;
 use super::misses::Misses;
-use super::sorting::Waits;
+use super::network::Stall;
 use super::token::{Kind, TileToken, TriangleToken};
 use mem::{MemoryPort, requests};
-use sim::{Gate, In, Out, Tick, Unit, Wires};
+use sim::{In, Out, StallProbe, Tick, Unit, Wires};
 
 /// Ports of tile reading.
 pub struct TileFetchPorts {
@@ -21,8 +21,8 @@ pub struct TileFetchPorts {
     pub output: Out<TriangleToken>,
     /// Memory.
     pub memory: MemoryPort,
-    /// Where it is told what it waits for.
-    pub gate: Gate,
+    /// Its state is what the unit waits for.
+    pub probe: StallProbe,
 }
 
 /// A triangle whose bytes are on their way, or a mark.
@@ -178,7 +178,7 @@ impl TileFetch {
 impl Unit<Card> for TileFetch {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let did = self.step(wires, card);
-        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        wires.set_probe(&self.ports.probe, Stall::of_front(did) as u8);
         did
     }
 

@@ -1,4 +1,4 @@
-//! What caches would have asked of memory, where a segment is drawn at once.
+//! What caches would have asked of memory during functional warming of a segment.
 
 /// A touch of memory by a cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

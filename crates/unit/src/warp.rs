@@ -1,6 +1,5 @@
 //! Warps: invocations that run in lockstep. A warp is too large for a token, so it lies here and tokens carry its number.
 
-use super::card::Card;
 use super::token::GroupToken;
 use work::{Class, Cost, CostId, CostTable, Point, RequestKind, Step};
 
@@ -216,16 +215,6 @@ impl Warp {
             Some(_) => RequestKind::End,
             None => cost().steps.get(step).map_or(RequestKind::End, |step| step.then),
         }
-    }
-}
-
-/// The cost table that an item's cost is in.
-#[inline(always)]
-pub fn costs<'a>(card: &'a Card, program: Program, slot: u16, item: &Item) -> &'a CostTable {
-    match program {
-        Program::Fragment => &card.work(slot).segment.tiles[item.source as usize].costs,
-        Program::Vertex => &card.work(slot).segment.costs,
-        Program::Compute => &card.compute(slot).groups.costs,
     }
 }
 

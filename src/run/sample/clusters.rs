@@ -38,7 +38,7 @@ impl Interval {
     }
 }
 
-/// What each unit has to do, in cycles, in the order of `units`; what is told of a unit more than once is summed up.
+/// What each unit has to do, in cycles, in the order of `units`; several entries of one unit are summed up.
 pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Vec<&'static str>) -> Vec<f64> {
     let mut signature = vec![0.0; units.len()];
     for (unit, cycles) in work {

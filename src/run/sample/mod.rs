@@ -18,7 +18,7 @@ use clusters::{Clusters, Interval, LEVEL, random};
 use survey::{CacheCount, Count, Survey, Way};
 
 use crate::machine::Config;
-use crate::machine::config::SortClass;
+use crate::machine::class::Sorted;
 use crate::render::FrameSet;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
@@ -31,8 +31,8 @@ pub struct Sampling {
     pub samples: u32,
     /// Of the sampling generator.
     pub seed: u64,
-    /// Frames before each of these that warm the caches, and are not counted: drawn at once where the machine is one on which they can be
-    /// ([`apply`](crate::unit::apply)), else simulated.
+    /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
+    /// ([`apply`](crate::unit::apply)) are; the others simulate these frames.
     pub warm_up: u32,
 }
 
@@ -91,11 +91,9 @@ pub struct Margin {
 /// are simulated on the others: a tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image
 /// draw into copies; with some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
 fn warms_functionally(config: &Config) -> bool {
-    match config.card.sort {
-        SortClass::First | SortClass::Middle => true,
-        SortClass::LastFragment => config.order.keep == Keep::Always && config.order.early != EarlyTest::Local,
-        SortClass::MiddleBinned | SortClass::LastImage => false,
-    }
+    let class = config.card.sort.class();
+    let in_order = config.order.keep == Keep::Always && config.order.early != EarlyTest::Local;
+    class.in_place && (class.sorted != Sorted::Fragments || in_order)
 }
 
 /// Sorted ranges of frame numbers: those drawn, each with those that warm up for it.

@@ -6,12 +6,12 @@ use unit::compose::{Compose, ComposePorts};
 impl Builder<'_> {
     /// Composition in each pipeline, over the network that sorts.
     pub fn compose(&mut self) {
-        let compose = self.id.compose.clone();
-        let nodes = compose.len();
-        let (senders, receivers) = self.sort_network(&compose, &compose);
+        let id = self.id.clone();
+        let nodes = id.compose.len();
+        let (senders, receivers) = self.sort_network(&id.compose, &id.compose);
         let ends = std::mem::take(&mut self.open.compose).into_iter().zip(senders).zip(receivers);
         for (node, (((start, done), sender), receiver)) in ends.enumerate() {
-            let memory = self.port("compose", node, compose[node]);
+            let memory = self.port("compose", node, id.compose[node]);
             let ports = ComposePorts { start, done, sender, receiver, memory };
             self.made.compose.push(Compose::new(self.config.compose.clone(), node, nodes, ports));
         }

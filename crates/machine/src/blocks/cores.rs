@@ -8,19 +8,18 @@ use unit::texture::{Texture, TextureUser};
 impl Builder<'_> {
     /// All cores, with the ends that the other stages have left for them.
     pub(super) fn cores(&mut self) {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         let pipelines = self.pipelines();
         let per_pipeline = config.core.per_pipeline as usize;
         let unified = config.core.unified;
-        let (core, texture) = (self.id.core.clone(), self.id.texture.clone());
-        let (vertex_core, vertex_texture) = (self.id.vertex_core.clone(), self.id.vertex_texture.clone());
         let asks = Link::items(config.texture.queue, 1, 1);
         let answers = Link::items(config.core.warps.max(2), 1, 1);
-        let (ask, texture_input) = self.chain("texture_requests", asks, &core, &texture);
-        let (texture_output, answer) = self.chain("texture_answers", answers, &texture, &core);
-        let (vertex_ask, vertex_texture_input) = self.chain("vertex_texture_requests", asks, &vertex_core, &vertex_texture);
+        let (ask, texture_input) = self.chain("texture_requests", asks, &id.core, &id.texture);
+        let (texture_output, answer) = self.chain("texture_answers", answers, &id.texture, &id.core);
+        let (vertex_ask, vertex_texture_input) =
+            self.chain("vertex_texture_requests", asks, &id.vertex_core, &id.vertex_texture);
         let (vertex_texture_output, vertex_answer) =
-            self.chain("vertex_texture_answers", answers, &vertex_texture, &vertex_core);
+            self.chain("vertex_texture_answers", answers, &id.vertex_texture, &id.vertex_core);
 
         let mut vertex_ends = std::mem::take(&mut self.open.vertex);
         let fragment_ends = std::mem::take(&mut self.open.fragment);
@@ -35,7 +34,7 @@ impl Builder<'_> {
             .collect();
         let ends = texture_input.into_iter().zip(texture_output).enumerate();
         for (n, (input, output)) in ends {
-            let memory = self.port("texture", n, texture[n]);
+            let memory = self.port("texture", n, id.texture[n]);
             let user = TextureUser { cluster: n / per_pipeline, number: n, vertices: false };
             self.made.texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
         }
@@ -50,8 +49,8 @@ impl Builder<'_> {
             .collect();
         let ends = vertex_texture_input.into_iter().zip(vertex_texture_output).enumerate();
         for (n, (input, output)) in ends {
-            let number = core.len() + n;
-            let memory = self.port("texture", number, vertex_texture[n]);
+            let number = id.core.len() + n;
+            let memory = self.port("texture", number, id.vertex_texture[n]);
             let user = TextureUser { cluster: pipelines, number, vertices: true };
             self.made.vertex_texture.push(Texture::new(config.texture.clone(), user, input, output, memory));
         }

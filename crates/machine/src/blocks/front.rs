@@ -1,7 +1,7 @@
 //! From the command processor to triangles that are set up.
 
 use super::{Builder, CONTROL, Ends};
-use sim::{Gate, In, Link, Out};
+use sim::{In, Link, Out, StallProbe};
 use unit::assembly::{Assembly, AssemblyPorts, Mode};
 use unit::bin::{Bin, BinPorts};
 use unit::clip::Clip;
@@ -20,28 +20,27 @@ use unit::token::{Ack, Piece, Run, TriangleToken, WarpToken};
 impl Builder<'_> {
     /// The command processor and what it commands directly: compute dispatch, resolve, scan-out. Gives the stream of segments.
     pub fn command(&mut self) -> In<Piece> {
-        let config = self.config;
-        let (command, compute) = (self.id.command[0], self.id.compute[0]);
-        let (resolve, scanout) = (self.id.resolve[0], self.id.scanout[0]);
+        let (config, id) = (self.config, self.id.clone());
+        let (command, compute) = (id.command[0], id.compute[0]);
+        let (resolve, scanout) = (id.resolve[0], id.scanout[0]);
         let (to_fetch, pieces) =
-            self.wiring.channel("pieces", 0, CONTROL, command, self.id.deal.first().copied().unwrap_or(self.id.fetch[0]));
+            self.wiring.channel("pieces", 0, CONTROL, command, id.deal.first().copied().unwrap_or(id.fetch[0]));
         let (to_compute, compute_input) = self.wiring.channel("workgroups", 0, CONTROL, command, compute);
         let (computed, from_compute) = self.wiring.channel("workgroups_done", 0, CONTROL, compute, command);
         let (to_resolve, resolve_input) = self.wiring.channel("resolves", 0, CONTROL, command, resolve);
         let (resolved, from_resolve) = self.wiring.channel("resolved", 0, CONTROL, resolve, command);
         let (to_scanout, scanout_input) = self.wiring.channel("shown", 0, CONTROL, command, scanout);
         let (scanned, from_scanout) = self.wiring.channel("scanned", 0, CONTROL, scanout, command);
-        let acking: Vec<_> = self.id.color.iter().chain(&self.id.depth).copied().collect();
+        let acking: Vec<_> = id.color.iter().chain(&id.depth).copied().collect();
         let (mut acks, from_acks) = self.join("acks", CONTROL, acking.into_iter().map(|unit| (unit, command)));
         self.open.depth_acks = acks.split_off(self.pipelines());
         self.open.color_acks = acks;
 
-        let compose = self.id.compose.clone();
-        let (to_compose, compose_input) = self.join("composes", CONTROL, compose.iter().map(|&compose| (command, compose)));
-        let (composed, from_compose) = self.join("composed", CONTROL, compose.iter().map(|&compose| (compose, command)));
+        let (to_compose, compose_input) = self.join("composes", CONTROL, id.compose.iter().map(|&compose| (command, compose)));
+        let (composed, from_compose) = self.join("composed", CONTROL, id.compose.iter().map(|&compose| (compose, command)));
         self.open.compose = compose_input.into_iter().zip(composed).collect();
         let memory = self.port("command", 0, command);
-        let work = self.card_gate();
+        let probe = self.card_probe();
         self.made.command.push(Command::new(
             config.command.clone(),
             config.card.pipelines,
@@ -59,7 +58,7 @@ impl Builder<'_> {
                 composed: from_compose,
                 acks: from_acks,
                 memory,
-                work,
+                probe,
             },
         ));
         self.compute(compute_input, computed);
@@ -70,13 +69,14 @@ impl Builder<'_> {
 
     /// Compute dispatch, with its ways to all cores and back.
     fn compute(&mut self, input: In<Piece>, ack: Out<Ack>) {
-        let config = self.config;
-        let (compute, cores) = (self.id.compute[0], self.id.core.clone());
+        let (config, id) = (self.config, self.id.clone());
+        let compute = id.compute[0];
         let groups = Link::items(config.compute.queue, 1, config.compute.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
         let (outputs, group_input): Ends<WarpToken> =
-            self.join("compute_warps", groups, cores.iter().map(|&core| (compute, core)));
-        let (group_output, finished): Ends<WarpToken> = self.join("computed", done, cores.iter().map(|&core| (core, compute)));
+            self.join("compute_warps", groups, id.core.iter().map(|&core| (compute, core)));
+        let (group_output, finished): Ends<WarpToken> =
+            self.join("computed", done, id.core.iter().map(|&core| (core, compute)));
         self.open.compute = group_input.into_iter().zip(group_output).collect();
         let per_pipeline = config.core.per_pipeline as usize;
         let cores = outputs.into_iter().enumerate().map(|(n, output)| (n / per_pipeline, output)).collect();
@@ -89,32 +89,31 @@ impl Builder<'_> {
     /// Vertex fetch, shading and assembly: a front for each input. The primitives of front `f` go to the clippers whose number
     /// modulo the number of fronts is `f`.
     pub fn vertices(&mut self, inputs: Vec<FetchInput>, mode: Mode) -> Vec<In<Run>> {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         let fronts = inputs.len();
         let unified = config.core.unified;
-        let shading = if unified { self.id.core.clone() } else { self.id.vertex_core.clone() };
+        let shading = if unified { &id.core } else { &id.vertex_core };
         let per_front = shading.len() / fronts;
         let to_core = Link::items(config.fetch.queue, 1, config.fetch.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
-        let (fetch, assembly, clip) = (self.id.fetch.clone(), self.id.assembly.clone(), self.id.clip.clone());
         let fronts_cores: Vec<_> = shading.iter().enumerate().map(|(n, &core)| (n / per_front, core)).collect();
         let (to_shading, vertex_input): Ends<WarpToken> =
-            self.join("vertex_warps", to_core, fronts_cores.iter().map(|&(front, core)| (fetch[front], core)));
+            self.join("vertex_warps", to_core, fronts_cores.iter().map(|&(front, core)| (id.fetch[front], core)));
         let (vertex_output, from_shading): Ends<WarpToken> =
-            self.join("vertices_shaded", done, fronts_cores.iter().map(|&(front, core)| (core, assembly[front])));
+            self.join("vertices_shaded", done, fronts_cores.iter().map(|&(front, core)| (core, id.assembly[front])));
         self.open.vertex = vertex_input.into_iter().zip(vertex_output).map(Some).collect();
         let batches = Link::items(config.fetch.batches.max(2) + 2, 2, 1);
-        let (to_assembly, from_fetch) = self.chain("vertex_batches", batches, &fetch, &assembly);
-        let (retired, from_assembly) = self.chain("vertices_retired", batches, &assembly, &fetch);
+        let (to_assembly, from_fetch) = self.chain("vertex_batches", batches, &id.fetch, &id.assembly);
+        let (retired, from_assembly) = self.chain("vertices_retired", batches, &id.assembly, &id.fetch);
         let primitives = Link::items(config.assembly.queue, 1, config.assembly.latency);
         let (to_clip, clip_input) =
-            self.join("primitives", primitives, clip.iter().enumerate().map(|(n, &clip)| (assembly[n % fronts], clip)));
+            self.join("primitives", primitives, id.clip.iter().enumerate().map(|(n, &clip)| (id.assembly[n % fronts], clip)));
 
         // A cluster of warps is a pipeline's; vertex cores have one of their own.
         let per_pipeline = config.core.per_pipeline as usize;
         let cluster = |n: usize| if unified { n / per_pipeline } else { config.card.pipelines as usize };
         // Those that route have read the indices.
-        let indices = self.id.route.len();
+        let indices = id.route.len();
         let mut to_shading = to_shading.into_iter().enumerate().map(|(n, output)| (cluster(n), output));
         let mut from_shading = from_shading.into_iter();
         let mut geometry: Vec<Vec<_>> = (0..fronts).map(|_| Vec::new()).collect();
@@ -128,9 +127,9 @@ impl Builder<'_> {
                 cores: to_shading.by_ref().take(per_front).collect(),
                 batches,
                 retired: from_assembly,
-                index: self.port("index", indices + front, fetch[front]),
-                vertex: self.port("vertex", front, fetch[front]),
-                gate: self.front_gate(front),
+                index: self.port("index", indices + front, id.fetch[front]),
+                vertex: self.port("vertex", front, id.fetch[front]),
+                probe: self.front_probe(front),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
             let shaded = from_shading.by_ref().take(per_front).collect();
@@ -153,13 +152,12 @@ impl Builder<'_> {
     /// Clipping, culling, and distribution of triangles to the rasterisers that own what they touch: for each of these its ways
     /// from all distribution units.
     pub fn clip_and_distribute(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
-        let config = self.config;
-        let (clip, distribute) = (self.id.clip.clone(), self.id.distribute.clone());
-        let to = if self.id.bin.is_empty() { self.id.setup.clone() } else { self.id.bin.clone() };
+        let (config, id) = (self.config, self.id.clone());
+        let to = if id.bin.is_empty() { &id.setup } else { &id.bin };
         let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
-        let (outputs, clipped) = self.chain("triangles", triangles, &clip, &distribute);
+        let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         let clipped = self.clip(inputs, outputs, clipped);
-        let (senders, receivers) = self.sort_network(&distribute, &to);
+        let (senders, receivers) = self.sort_network(&id.distribute, to);
         for (n, (input, network)) in clipped.into_iter().zip(senders).enumerate() {
             self.made.distribute.push(Distribute::new(config.distribute.clone(), n, input, network));
         }
@@ -168,13 +166,12 @@ impl Builder<'_> {
 
     /// Clipping and culling in pipelines whose geometry is their own, each with a way to its own rasteriser.
     pub fn clip_in_place(&mut self, inputs: Vec<In<Run>>) -> Vec<Receiver<TriangleToken>> {
-        let config = self.config;
-        let (clip, distribute, setup) = (self.id.clip.clone(), self.id.distribute.clone(), self.id.setup.clone());
+        let (config, id) = (self.config, self.id.clone());
         let triangles = Link::items(config.clip.queue, 1, config.clip.latency);
-        let (outputs, clipped) = self.chain("triangles", triangles, &clip, &distribute);
+        let (outputs, clipped) = self.chain("triangles", triangles, &id.clip, &id.distribute);
         let clipped = self.clip(inputs, outputs, clipped);
         let link = Link::items(config.setup.queue, config.distribute.triangles_per_cycle, 1);
-        let (outputs, inputs) = self.chain("clipped", link, &distribute, &setup);
+        let (outputs, inputs) = self.chain("clipped", link, &id.distribute, &id.setup);
         for (input, output) in clipped.into_iter().zip(outputs) {
             let network = Sender::direct(vec![output]);
             self.made.distribute.push(Distribute::new(config.distribute.clone(), 0, input, network));
@@ -184,22 +181,21 @@ impl Builder<'_> {
 
     /// Routing of primitives by their bounds, to the fronts of the pipelines that own what they touch.
     pub fn route(&mut self, inputs: Vec<In<Run>>) -> Vec<FetchInput> {
-        let config = self.config;
-        let (route, gather, fetch) = (self.id.route.clone(), self.id.gather.clone(), self.id.fetch.clone());
-        let (senders, receivers) = self.sort_network(&route, &gather);
+        let (config, id) = (self.config, self.id.clone());
+        let (senders, receivers) = self.sort_network(&id.route, &id.gather);
         for (n, (input, network)) in inputs.into_iter().zip(senders).enumerate() {
-            let index = self.port("index", n, route[n]);
-            let position = self.port("position", n, route[n]);
+            let index = self.port("index", n, id.route[n]);
+            let position = self.port("position", n, id.route[n]);
             let ports = RoutePorts { input, network, index, position };
             let (overlap, lines) = (config.distribute.overlap, config.fetch.index_lines);
             self.made.route.push(Route::new(config.route.clone(), overlap, lines, n as u8, ports));
         }
         let link = Link::items(config.assembly.queue, 2, 1);
-        let (outputs, gathered) = self.chain("gathered", link, &gather, &fetch);
+        let (outputs, gathered) = self.chain("gathered", link, &id.gather, &id.fetch);
         let rate = config.assembly.primitives_per_cycle;
         for (n, (input, output)) in receivers.into_iter().zip(outputs).enumerate() {
-            let gate = self.gate(n, true, true);
-            self.made.gather.push(Gather::new(rate, config.order.keep, gate, input, output));
+            let probe = self.probe(n, true, true);
+            self.made.gather.push(Gather::new(rate, config.order.keep, probe, input, output));
         }
         let brought = config.route.mode == Retained::Immediate;
         let input = |input| if brought { FetchInput::Brought(input) } else { FetchInput::Routed(input) };
@@ -208,34 +204,33 @@ impl Builder<'_> {
 
     /// Dealing of batches to units of all pipelines.
     pub fn deal(&mut self, input: In<Piece>) -> Vec<In<Run>> {
-        let config = self.config;
-        let deal = self.id.deal[0];
+        let (config, id) = (self.config, self.id.clone());
+        let deal = id.deal[0];
         let link = Link::items(config.assembly.queue, 1, 1);
-        let to = if self.id.route.is_empty() { self.id.fetch.clone() } else { self.id.route.clone() };
-        let (outputs, inputs) = self.join("batches", link, to.into_iter().map(|to| (deal, to)));
+        let to = if id.route.is_empty() { &id.fetch } else { &id.route };
+        let (outputs, inputs) = self.join("batches", link, to.iter().map(|&to| (deal, to)));
         // Where nothing behind tells all pipelines of a fence, it is done here.
-        let everyone = !self.id.compose.is_empty();
+        let everyone = !id.compose.is_empty();
         self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, input, outputs));
         inputs
     }
 
     /// Binning of all triangles into the lists of tiles, which the pipelines read one after the other.
     pub fn bin(&mut self, input: Receiver<TriangleToken>) -> Vec<Receiver<TriangleToken>> {
-        let config = self.config;
-        let bin = self.id.bin[0];
-        let (fetch, setup) = (self.id.tile_fetch.clone(), self.id.setup.clone());
+        let (config, id) = (self.config, self.id.clone());
+        let bin = id.bin[0];
         let tiles = Link::items(4, 1, 1);
-        let (to_fetch, fetch_input) = self.join("tiles", tiles, fetch.iter().map(|&fetch| (bin, fetch)));
-        let (read, from_fetch) = self.join("tiles_read", tiles, fetch.iter().map(|&fetch| (fetch, bin)));
+        let (to_fetch, fetch_input) = self.join("tiles", tiles, id.tile_fetch.iter().map(|&fetch| (bin, fetch)));
+        let (read, from_fetch) = self.join("tiles_read", tiles, id.tile_fetch.iter().map(|&fetch| (fetch, bin)));
         let link = Link::items(config.setup.queue, config.setup.triangles_per_cycle, 1);
-        let (outputs, inputs) = self.chain("binned", link, &fetch, &setup);
+        let (outputs, inputs) = self.chain("binned", link, &id.tile_fetch, &id.setup);
         let memory = self.port("bin", 0, bin);
         let ports = BinPorts { input, tiles: to_fetch, read: from_fetch, memory };
         self.made.bin.push(Bin::new(config.bin.clone(), config.order.keep, config.command.segments, ports));
         for (n, ((input, read), output)) in fetch_input.into_iter().zip(read).zip(outputs).enumerate() {
-            let memory = self.port("tile_fetch", n, fetch[n]);
-            let gate = self.gate(n, true, true);
-            let ports = TileFetchPorts { input, read, output, memory, gate };
+            let memory = self.port("tile_fetch", n, id.tile_fetch[n]);
+            let probe = self.probe(n, true, true);
+            let ports = TileFetchPorts { input, read, output, memory, probe };
             self.made.tile_fetch.push(TileFetch::new(config.bin.clone(), ports));
         }
         inputs.into_iter().map(|input| Receiver::direct(vec![input])).collect()
@@ -243,14 +238,13 @@ impl Builder<'_> {
 
     /// Triangle setup in each pipeline. With `marks` the order is restored behind it.
     pub fn setup(&mut self, inputs: Vec<Receiver<TriangleToken>>, marks: bool) -> Vec<In<TriangleToken>> {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         let (setup, keep) = (&config.setup, config.order.keep);
         let link = Link::items(setup.queue, setup.triangles_per_cycle, setup.latency);
-        let (from, to) = (self.id.setup.clone(), self.id.traverse.clone());
-        let (outputs, set_up) = self.chain("set_up", link, &from, &to);
+        let (outputs, set_up) = self.chain("set_up", link, &id.setup, &id.traverse);
         for (n, (input, output)) in inputs.into_iter().zip(outputs).enumerate() {
-            let gate = if self.behind_network == from { self.gate(n, true, true) } else { Gate::default() };
-            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, gate, output));
+            let probe = if self.behind_network == id.setup { self.probe(n, true, true) } else { StallProbe::default() };
+            self.made.setup.push(Setup::new(setup.clone(), input, marks, keep, probe, output));
         }
         set_up
     }

@@ -5,12 +5,14 @@ mod cores;
 mod front;
 mod pixels;
 
+use std::rc::Rc;
+
 use super::class::Sorted;
 use super::config::Config;
 pub(super) use super::parts::Shape;
 use super::parts::{Banks, Ids, Parts, Stage};
 use mem::{Memory, MemoryIds, MemoryPlan, MemoryPort, MemoryUnits};
-use sim::{Gate, In, Link, Out, Token, UnitId, Wiring};
+use sim::{In, Link, Out, StallProbe, Token, UnitId, Wiring};
 use unit::color::{Color, ColorConfig, ColorPorts};
 use unit::network::{Names, Network, NetworkMap, NetworkPlan, Receiver, Sender};
 use unit::resolve::Resolve;
@@ -33,32 +35,6 @@ pub(super) struct Built {
 /// Names of memory clients, and the number of ports of each.
 pub type Clients = Vec<(&'static str, usize)>;
 
-impl Shape {
-    /// What each pipeline has one of in all classes, and what a machine has one of, with its cores.
-    pub(super) fn of(config: &Config) -> Shape {
-        let pipelines = config.card.pipelines as usize;
-        let cores = pipelines * config.core.per_pipeline as usize;
-        let vertex_cores = if config.core.unified { 0 } else { config.core.vertex_cores as usize };
-        Shape {
-            command: 1,
-            vertex_core: vertex_cores,
-            vertex_texture: vertex_cores,
-            setup: pipelines,
-            traverse: pipelines,
-            depth: pipelines,
-            interpolate: pipelines,
-            dispatch: pipelines,
-            compute: 1,
-            core: cores,
-            texture: cores,
-            color: pipelines,
-            resolve: 1,
-            scanout: 1,
-            ..Shape::default()
-        }
-    }
-}
-
 /// Ends that wait for their units.
 #[derive(Default)]
 struct Open {
@@ -79,15 +55,6 @@ struct Open {
     depth_acks: Vec<Out<Ack>>,
 }
 
-/// A bank between two others.
-struct Between<'i> {
-    units: &'i [UnitId],
-    from: &'i [UnitId],
-    to: &'i [UnitId],
-    /// What its channels to the units behind it are called.
-    name: &'static str,
-}
-
 /// A machine in the making.
 pub(super) struct Builder<'a> {
     config: &'a Config,
@@ -97,7 +64,7 @@ pub(super) struct Builder<'a> {
     map: Option<NetworkMap>,
     /// The units at the end of the network, when it is joined.
     behind_network: Vec<UnitId>,
-    id: Ids,
+    id: Rc<Ids>,
     made: Banks,
     open: Open,
 }
@@ -123,7 +90,7 @@ impl<'a> Builder<'a> {
         let MemoryUnits { crossbar, l2, dram, ideal } = memory.units();
         shape = Shape { crossbar, l2, dram, return_path: crossbar, ideal, ..shape };
         let mut wiring = Wiring::new();
-        let id = Ids::declare(&shape, &mut wiring);
+        let id = Rc::new(Ids::declare(&shape, &mut wiring));
         let network = network.at(id.router.clone(), id.credit_return.first().copied());
         let (front, back) = (id.crossbar.first().or(id.ideal.first()), id.return_path.first().or(id.ideal.first()));
         let (Some(&front), Some(&back)) = (front, back) else { return Err("a machine has a memory".to_owned()) };
@@ -157,28 +124,28 @@ impl<'a> Builder<'a> {
         banks.flat_map(of).collect()
     }
 
-    /// A gate that these units of a pipeline hang on.
-    fn gate(&mut self, pipeline: usize, before: bool, rop: bool) -> Gate {
+    /// A probe that watches these units of a pipeline.
+    fn probe(&mut self, pipeline: usize, before: bool, rop: bool) -> StallProbe {
         let units = self.units(pipeline, before, rop);
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
-    /// The gate of a pipeline's own front: where that is the end of all sorting before composition, its pipeline hangs on it. Whoever deals
-    /// out work does too.
-    fn front_gate(&mut self, pipeline: usize) -> Gate {
+    /// The probe of a pipeline's own front. It watches the whole pipeline if nothing is sorted before composition, and the unit that deals
+    /// out batches.
+    fn front_probe(&mut self, pipeline: usize) -> StallProbe {
         let mut units = match self.sorted() {
             Sorted::Fragments => Vec::new(),
             Sorted::Images => self.units(pipeline, true, true),
-            Sorted::Primitives | Sorted::Triangles => return Gate::default(),
+            Sorted::Primitives | Sorted::Triangles => return StallProbe::default(),
         };
         units.extend(&self.id.deal);
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
-    /// The gate that the units of all pipelines hang on, the first of a machine.
-    fn card_gate(&mut self) -> Gate {
+    /// The probe that watches the units of all pipelines, the first of a machine.
+    fn card_probe(&mut self) -> StallProbe {
         let units: Vec<_> = (0..self.pipelines()).flat_map(|pipeline| self.units(pipeline, true, true)).collect();
-        self.wiring.gate(&units)
+        self.wiring.stall_probe(&units)
     }
 
     /// A memory port of a unit.
@@ -197,23 +164,29 @@ impl<'a> Builder<'a> {
         self.join(name, link, from.iter().copied().zip(to.iter().copied()))
     }
 
-    /// Joins the units of two banks one to one, through a bank between them if the machine has it. Gives the ends at the two banks, and the
-    /// units between.
-    fn chain_through<T: Token, U>(
+    /// Puts a bank in front of these inputs, if the machine has it. Each of its units gets what came to one of the inputs, and sends over a
+    /// new channel to the unit behind. `make` makes a unit and puts it into its bank. Gives the inputs of the units behind.
+    fn splice<T: Token>(
         &mut self,
+        bank: &[UnitId],
         name: &'static str,
         link: Link,
-        between: Between,
-        unit: impl Fn(usize, In<T>, Out<T>) -> U,
-    ) -> (Ends<T>, Vec<U>) {
-        let Between { units, from, to, name: behind } = between;
-        if units.is_empty() {
-            return (self.chain(name, link, from, to), Vec::new());
+        inputs: Vec<In<T>>,
+        make: impl Fn(&mut Banks, usize, In<T>, Out<T>),
+    ) -> Vec<In<T>> {
+        if bank.is_empty() {
+            return inputs;
         }
-        let (outputs, held) = self.chain(name, link, from, units);
-        let (passed, inputs) = self.chain(behind, link, units, to);
-        let units = held.into_iter().zip(passed).enumerate().map(|(n, (input, output))| unit(n, input, output));
-        ((outputs, inputs), units.collect())
+        assert_eq!(bank.len(), inputs.len(), "a bank that is put in between has a unit for each channel");
+        let units = bank.iter().zip(inputs).enumerate();
+        units
+            .map(|(n, (&unit, input))| {
+                let behind = self.wiring.redirect(&input, unit);
+                let (output, passed) = self.wiring.channel(name, n, link, unit, behind);
+                make(&mut self.made, n, input, output);
+                passed
+            })
+            .collect()
     }
 
     /// The network that sorts, between these units.

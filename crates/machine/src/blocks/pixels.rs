@@ -1,7 +1,7 @@
 //! From triangles that are set up to pixels in memory.
 
-use super::{Between, Builder, CONTROL, Ends, Shaded, quads};
-use sim::{Gate, In, Link, Out};
+use super::{Builder, CONTROL, Ends, Shaded, quads};
+use sim::{In, Link, Out, StallProbe};
 use unit::block_cache::BlockCache;
 use unit::color::ColorPorts;
 use unit::compression::Compression;
@@ -19,28 +19,25 @@ use work::BLOCK;
 impl Builder<'_> {
     /// Pipelines that own what they draw, from traversal to the colour buffer: early and late tests share a depth unit.
     pub fn pipelines_with_early_tests(&mut self, inputs: Vec<In<TriangleToken>>, territory: Territory) {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         // A tile's buffer on the chip has a place for each of its blocks, wherever it lies.
         let on_chip = matches!(territory, Territory::Bins(_));
         let depth_ways = if on_chip { config.depth.cache_blocks } else { config.depth.cache_ways };
         self.open.color_ways = if on_chip { config.color.cache_blocks } else { config.color.cache_ways };
         let (t, d) = (&config.traverse, &DepthConfig { cache_ways: depth_ways, ..config.depth.clone() });
-        let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
-        let (color, dispatch) = (self.id.color.clone(), self.id.dispatch.clone());
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
         let updates = Link::items(t.hierarchical_queue, 1, t.hierarchical_latency);
-        let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &traverse, &depth);
-        let (to_traverse, bounds) = self.chain("depth_bounds", updates, &depth, &traverse);
-        let (hide, side) = (self.id.hide.clone(), config.bin.tile / BLOCK);
-        let hides = Between { units: &hide, from: &depth, to: &interpolate, name: "seen" };
-        let ((to_interpolate, interpolated), made) = self.chain_through("tested_early", tested, hides, |n, input, output| {
-            Hide::new(n as u8, side, d.quads_per_cycle, input, output)
+        let (to_depth, early) = self.chain("rasterized", quads(t.queue, t.quads_per_cycle, t.latency), &id.traverse, &id.depth);
+        let (to_traverse, bounds) = self.chain("depth_bounds", updates, &id.depth, &id.traverse);
+        let (to_interpolate, interpolated) = self.chain("tested_early", tested, &id.depth, &id.interpolate);
+        let (rate, side) = (d.quads_per_cycle, config.bin.tile / BLOCK);
+        let interpolated = self.splice(&id.hide, "seen", tested, interpolated, |made, n, input, output| {
+            made.hide.push(Hide::new(n as u8, side, rate, input, output));
         });
-        self.made.hide = made;
-        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &dispatch, &depth);
-        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &dispatch, &color);
-        let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
-        let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
+        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &id.dispatch, &id.depth);
+        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &id.dispatch, &id.color);
+        let (tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
+        let (end, ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
 
         let traverses = inputs.into_iter().zip(bounds).zip(to_depth).enumerate();
         self.made.traverse = traverses
@@ -57,7 +54,7 @@ impl Builder<'_> {
                 end,
                 ack,
             };
-            let memory = self.port("depth", n, depth[n]);
+            let memory = self.port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
         let outlets = to_late.into_iter().zip(to_color).map(|(late, color)| Outlet::Own { late, color });
@@ -69,26 +66,23 @@ impl Builder<'_> {
     /// Pipelines that draw anywhere and send what they have shaded to the ROPs that own the pixels, where it is tested and blended
     /// in order.
     pub fn pipelines_sorting_fragments(&mut self, inputs: Vec<In<TriangleToken>>) {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         let (t, d) = (&config.traverse, &config.depth);
-        let (traverse, depth, interpolate) = (self.id.traverse.clone(), self.id.depth.clone(), self.id.interpolate.clone());
-        let (color, dispatch, order) = (self.id.color.clone(), self.id.dispatch.clone(), self.id.order.clone());
         let tested = quads(d.output_queue, d.quads_per_cycle, d.output_latency);
         let link = quads(t.queue, t.quads_per_cycle, t.latency);
-        let early = self.id.early.clone();
-        let (from_traverse, rasterized, questions) = if early.is_empty() {
-            let (outputs, rasterized) = self.chain("rasterized", link, &traverse, &interpolate);
+        let (from_traverse, rasterized, questions) = if id.early.is_empty() {
+            let (outputs, rasterized) = self.chain("rasterized", link, &id.traverse, &id.interpolate);
             (outputs, rasterized, Vec::new())
         } else {
-            let (outputs, inputs) = self.chain("rasterized", link, &traverse, &early);
-            let (tested, rasterized) = self.chain("tested_early", tested, &early, &interpolate);
+            let (outputs, inputs) = self.chain("rasterized", link, &id.traverse, &id.early);
+            let (tested, rasterized) = self.chain("tested_early", tested, &id.early, &id.interpolate);
             (outputs, rasterized, self.early_tests(inputs, tested))
         };
-        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &order, &depth);
-        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &order, &color);
-        let (tested_late, color_tested) = self.chain("tested_late", tested, &depth, &color);
-        let (end, ended) = self.chain("pass_ends", CONTROL, &color, &depth);
-        let (senders, receivers) = self.sort_network(&dispatch, &order);
+        let (to_late, late) = self.chain("to_late_test", self.to_rop(), &id.order, &id.depth);
+        let (to_color, shaded) = self.chain("shaded", self.to_rop(), &id.order, &id.color);
+        let (tested_late, color_tested) = self.chain("tested_late", tested, &id.depth, &id.color);
+        let (end, ended) = self.chain("pass_ends", CONTROL, &id.color, &id.depth);
+        let (senders, receivers) = self.sort_network(&id.dispatch, &id.order);
         self.open.color_ways = config.color.cache_ways;
 
         // Hierarchical Z would have to know what other pipelines have drawn.
@@ -100,8 +94,8 @@ impl Builder<'_> {
         self.shade(rasterized, senders.into_iter().map(Outlet::Owners).collect());
         let rate = config.dispatch.output_quads;
         for (n, ((input, late), color)) in receivers.into_iter().zip(to_late).zip(to_color).enumerate() {
-            let gate = self.gate(n, false, true);
-            self.made.order.push(Order::new(n as u8, rate, config.order.keep, gate, input, late, color));
+            let probe = self.probe(n, false, true);
+            self.made.order.push(Order::new(n as u8, rate, config.order.keep, probe, input, late, color));
         }
         let acks = std::mem::take(&mut self.open.depth_acks);
         let ends = late.into_iter().zip(tested_late).zip(ended).zip(acks).enumerate();
@@ -109,7 +103,7 @@ impl Builder<'_> {
         for (n, (((input, output), end), ack)) in ends {
             let late = Some(TestPorts { input, output });
             let ports = DepthPorts { early: None, late, questions: questions.next(), updates: None, end, ack };
-            let memory = self.port("depth", n, depth[n]);
+            let memory = self.port("depth", n, id.depth[n]);
             self.made.depth.push(Depth::new(d.clone(), n as u8, ports, memory));
         }
         let inputs = shaded.into_iter().zip(color_tested).map(|(color, late)| Shaded { late, color }).collect();
@@ -119,26 +113,26 @@ impl Builder<'_> {
     /// Early tests of quads whose pixels have other owners; gives for each of these the ways of questions, if they are asked.
     fn early_tests(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Out<GroupToken>>) -> Vec<QuestionPorts> {
         let (o, d) = (&self.config.order, &self.config.depth);
-        let (early, depth) = (self.id.early.clone(), self.id.depth.clone());
+        let id = self.id.clone();
         let rate = EarlyRate { quads_per_cycle: d.quads_per_cycle, queue: o.early_queue, latency: d.latency };
         let (known, ports) = if o.early == EarlyTest::Remote {
             // A way holds what is on it, and a little that waits at its end.
             let link = Link::bytes(o.early_queue.min(o.early_latency + 8), o.early_bytes, o.early_latency);
-            let pairs: Vec<_> = early.iter().flat_map(|&early| depth.iter().map(move |&depth| (early, depth))).collect();
-            let back: Vec<_> = depth.iter().flat_map(|&depth| early.iter().map(move |&early| (depth, early))).collect();
+            let pairs: Vec<_> = id.early.iter().flat_map(|&early| id.depth.iter().map(move |&depth| (early, depth))).collect();
+            let back: Vec<_> = id.depth.iter().flat_map(|&depth| id.early.iter().map(move |&early| (depth, early))).collect();
             let (ask, questions) = self.join("depth_questions", link, pairs);
             let (answer, answers) = self.join("depth_answers", link, back);
-            let known = by_first(ask, early.len()).zip(by_second(answers, early.len()));
+            let known = by_first(ask, id.early.len()).zip(by_second(answers, id.early.len()));
             let known: Vec<_> = known.map(|(questions, answers)| Known::Owners { questions, answers }).collect();
-            let ports = by_second(questions, depth.len()).zip(by_first(answer, depth.len()));
+            let ports = by_second(questions, id.depth.len()).zip(by_first(answer, id.depth.len()));
             (known, ports.map(|(questions, answers)| QuestionPorts { questions, answers }).collect())
         } else {
             let copy = |n: usize| {
                 let compression = Compression { enabled: d.compression };
-                let memory = self.port("early", n, early[n]);
+                let memory = self.port("early", n, id.early[n]);
                 Known::Copy(Box::new(BlockCache::new(d.cache_blocks, d.cache_ways, d.misses, compression, memory)))
             };
-            ((0..early.len()).map(copy).collect(), Vec::new())
+            ((0..id.early.len()).map(copy).collect(), Vec::new())
         };
         let units = known.into_iter().zip(inputs).zip(outputs).enumerate();
         self.made.early = units.map(|(n, ((known, input), output))| Early::new(n as u8, rate, input, output, known)).collect();
@@ -147,18 +141,17 @@ impl Builder<'_> {
 
     /// Interpolation and dispatch to the cores.
     fn shade(&mut self, inputs: Vec<In<GroupToken>>, outputs: Vec<Outlet>) {
-        let config = self.config;
+        let (config, id) = (self.config, self.id.clone());
         let (i, p) = (&config.interpolate, &config.dispatch);
         let per_pipeline = config.core.per_pipeline as usize;
-        let (interpolate, dispatch, core) = (self.id.interpolate.clone(), self.id.dispatch.clone(), self.id.core.clone());
         let (to_dispatch, interpolated) =
-            self.chain("interpolated", quads(i.queue, i.quads_per_cycle, i.latency), &interpolate, &dispatch);
+            self.chain("interpolated", quads(i.queue, i.quads_per_cycle, i.latency), &id.interpolate, &id.dispatch);
         let units = inputs.into_iter().zip(to_dispatch);
         self.made.interpolate = units.map(|(input, output)| Interpolate::new(i.clone(), input, output)).collect();
 
         let warps = Link::items(p.queue, 1, p.latency);
         let done = Link::items(config.core.output_queue, 1, 1);
-        let of_core: Vec<_> = core.iter().enumerate().map(|(n, &core)| (dispatch[n / per_pipeline], core)).collect();
+        let of_core: Vec<_> = id.core.iter().enumerate().map(|(n, &core)| (id.dispatch[n / per_pipeline], core)).collect();
         let back: Vec<_> = of_core.iter().map(|&(dispatch, core)| (core, dispatch)).collect();
         let (to_cores, fragment_input): Ends<WarpToken> = self.join("fragment_warps", warps, of_core);
         let (fragment_output, from_cores): Ends<WarpToken> = self.join("fragments_shaded", done, back);
@@ -167,8 +160,8 @@ impl Builder<'_> {
         for (n, (input, output)) in interpolated.into_iter().zip(outputs).enumerate() {
             let cores = to_cores.by_ref().take(per_pipeline).collect();
             let shaded = from_cores.by_ref().take(per_pipeline).collect();
-            let gate = if matches!(output, Outlet::Owners(_)) { self.gate(n, true, false) } else { Gate::default() };
-            let ports = DispatchPorts { input, cores, shaded, output, gate };
+            let probe = if matches!(output, Outlet::Owners(_)) { self.probe(n, true, false) } else { StallProbe::default() };
+            let ports = DispatchPorts { input, cores, shaded, output, probe };
             self.made.dispatch.push(Dispatch::new(p.clone(), n as u8, config.core.warp_width, ports));
         }
     }

@@ -1,4 +1,4 @@
-//! Segments that are drawn at once among others that are simulated.
+//! Functional warming: segments that are only applied, among others that are simulated.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use unit::Fault;
 use unit::frame::{BlockState, Store};
 use work::{Event, SurfaceKey};
 
-/// Has segments drawn at once that `chosen` says, by their number.
+/// Marks the segments that `chosen` names by their number for functional warming.
 fn applied(events: &[Event], mut chosen: impl FnMut(u32) -> bool) -> Vec<Event> {
     let mut number = 0;
     let replace = |event: &Event| match event {
@@ -63,7 +63,7 @@ fn the_same(config: &Config, scene: &str, events: &[Event]) {
 }
 
 #[test]
-fn what_is_drawn_at_once_leaves_what_a_simulation_leaves() {
+fn functional_warming_leaves_what_a_simulation_leaves() {
     let told = ["traverse.hierarchical_accept=true", "traverse.hierarchical_update=write", "color.skip_reads=true"];
     let owners = ["sort=sort-last-fragment", "order.early=remote"];
     let machines = [
@@ -85,7 +85,7 @@ fn what_is_drawn_at_once_leaves_what_a_simulation_leaves() {
 
 #[test]
 fn depths_that_are_forgotten_are_seen() {
-    // What is drawn at once leaves no depths: quads behind it pass that are not shaded in API order.
+    // What is warmed functionally leaves no depths here: quads behind it pass that are not shaded in API order.
     let events = rendered("cube", config("baseline", &[]).render_key());
     let mut forgetful = Vec::new();
     for event in applied(&events, |number| number % 2 == 0) {
@@ -113,6 +113,6 @@ fn machines_that_keep_pixels_elsewhere_refuse() {
         let events = applied(&rendered("triangle", machine.render_key()), |_| true);
         let error = Machine::new(&machine).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap_err();
         assert!(matches!(error, MachineError::Fault(_)), "{error}");
-        assert!(error.to_string().contains("at once"), "{error}");
+        assert!(error.to_string().contains("functional warming"), "{error}");
     }
 }

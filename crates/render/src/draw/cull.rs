@@ -5,8 +5,8 @@
 //! positions that come out lie outside one plane of the view volume, by the comparisons of `gfx::clip`, all primitives would have been
 //! rejected there: none of them is set up, and no pixel and no count of samples can tell.
 //!
-//! Whoever could tell is never tested: programs with side effects, programs that see who is shaded beside them (subgroups), and what a
-//! pipeline statistics query counts. Nor is what the test reads changed before the draw is over: only such programs could.
+//! What could show the difference is never tested: programs with side effects, programs that see which invocations are shaded beside them
+//! (subgroups), and what a pipeline statistics query counts. Nor is what the test reads changed before the draw is over: only such programs could.
 //!
 //! Bounds of indices and attributes are kept for as long as the contents of their buffers stay what they are.
 

@@ -374,7 +374,7 @@ impl Workers {
         task(&mut worker)
     }
 
-    /// Tells the ledger of the steps of all threads that it was not told of; whether they are still allowed.
+    /// Charges to the ledger the steps of all threads that were not charged yet; whether they are still allowed.
     ///
     /// # Errors
     /// If they are more than the limit.
@@ -387,7 +387,7 @@ impl Workers {
         ledger.steps.verify()
     }
 
-    /// Takes the counts of all threads, which are sums and so the same whoever counted.
+    /// Takes the counts of all threads, which are sums, and so the same however the work was shared.
     pub fn take_counts(&self) -> Drawn {
         let mut counts = Drawn::default();
         for worker in &self.workers {

@@ -254,11 +254,11 @@ fn find<const S: usize, const WIDE: bool>(blocks: &mut Blocks<S>, triangle: &Tri
     blocks.find_portable(triangle, area);
 }
 
-/// Steps after which the ledger is told of them.
+/// Steps after which they are charged to the ledger.
 const TELL: u64 = 1 << 18;
 
 impl TileRun<'_, '_, '_> {
-    /// Work beside shaders that the ledger was not told of, in steps: traversal and tests of triangles and quads take about so long.
+    /// Work beside shaders that was not charged to the ledger yet, in steps: traversal and tests of triangles and quads take about so long.
     fn work(&self) -> u64 {
         16 * self.visits + self.counts.quads_rasterized / 4 - self.told
     }

@@ -127,7 +127,7 @@ pub struct Executor {
     waiting: Vec<compute::Waiting>,
     shared: Words,
     scratch: Scratch,
-    /// Steps that no meter has been told of yet.
+    /// Steps that have not been charged to a meter yet.
     spent: u64,
 }
 
@@ -137,7 +137,7 @@ impl Executor {
         Executor::default()
     }
 
-    /// Steps since the last that a meter was told of ([`Bound::within`]): the caller tells it of these.
+    /// Steps that were not charged to a meter ([`Bound::within`]); the caller charges them.
     pub fn take_steps(&mut self) -> u64 {
         std::mem::take(&mut self.spent)
     }

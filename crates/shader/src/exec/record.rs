@@ -46,7 +46,7 @@ pub struct Recorder {
     pub quads: [QuadCost; QUADS],
     /// What is recorded beside what counts always.
     pub extra: Extra,
-    /// Bytes that a meter was told of.
+    /// Bytes that have been charged to a meter.
     pub(super) told: u64,
     /// Bytes of runs that count though they are not kept: what runs took for a while that took much, and those that were stopped.
     pub(super) passed: u64,
@@ -99,7 +99,7 @@ impl Recorder {
         self.bytes() + self.passed
     }
 
-    /// Bytes since the last that a meter was told of ([`Bound::within`](super::Bound::within)): the caller tells it of these.
+    /// Bytes that were not charged to a meter ([`Bound::within`](super::Bound::within)); the caller charges them.
     pub fn take_bytes(&mut self) -> u64 {
         let bytes = self.metered();
         bytes.saturating_sub(std::mem::replace(&mut self.told, bytes))

@@ -31,9 +31,11 @@ pub enum Fault {
         /// How many are too many.
         most: u32,
     },
-    /// A segment is to be drawn at once where that cannot be.
-    #[error("a segment is to be drawn at once, but machines of class {class} keep pixels of a pass elsewhere until it ends")]
-    AtOnce {
+    /// A machine cannot warm functionally.
+    #[error(
+        "functional warming of a segment was asked for, but machines of class {class} keep the pixels of a pass elsewhere until it ends"
+    )]
+    FunctionalWarming {
         /// The sort class.
         class: &'static str,
     },

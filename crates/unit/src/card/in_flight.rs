@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::copies::Marks;
+use super::super::stamps::Marks;
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use work::{Dispatch, Draw, Groups, Segment, Triangle, Visit};

@@ -18,16 +18,16 @@ pub use self::tiles::{TileEntry, TileList};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::copies::{self, Apart, Marks};
+use super::apart::Apart;
 use super::frame::Frame;
 use super::interleave::Interleave;
 use super::phase::Phases;
-use super::same;
-use super::warp::{Execution, Warps};
+use super::stamps::{MAX_PRIMITIVES, Marks};
+use super::warp::{Execution, Item, Program, Warps};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use gfx::state::ColorTarget;
-use work::{Attachment, Draw, Event, Funnel, Quad, Segment, TILE, Target};
+use work::{Attachment, CostTable, Draw, Event, Funnel, Quad, Segment, TILE, Target};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -117,11 +117,22 @@ impl Card {
         self.compute[usize::from(slot)].as_ref().expect("a token's workgroups are in flight")
     }
 
+    /// The cost table that the cost of an item of a warp is in.
+    #[inline(always)]
+    pub fn costs(&self, program: Program, slot: u16, item: &Item) -> &CostTable {
+        match program {
+            Program::Fragment => &self.work(slot).segment.tiles[item.source as usize].costs,
+            Program::Vertex => &self.work(slot).segment.costs,
+            Program::Compute => &self.compute(slot).groups.costs,
+        }
+    }
+
     /// Puts a segment into a slot.
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
         if self.apart.same_tiles && draw.signature.is_none() {
             // It may write more than its attachments.
-            same::touched(self, segment.lines.iter().chain(segment.tiles.iter().flat_map(|tile| &tile.lines)));
+            let of_tiles = segment.tiles.iter().flat_map(|tile| &tile.lines);
+            self.frame.forget_lines(segment.lines.iter().chain(of_tiles));
         }
         let owners = if self.interleave.tile() >= TILE {
             let owner = |x: u16, y: u16| self.interleave.owner(u32::from(x) * 8, u32::from(y) * 8);
@@ -185,8 +196,8 @@ impl Card {
         pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
         let first = self.apart.primitives;
         self.apart.primitives = first.saturating_add(segment.primitives.len() as u32);
-        if self.apart.primitives >= copies::MAX_PRIMITIVES {
-            self.stop(Fault::Primitives { most: copies::MAX_PRIMITIVES });
+        if self.apart.primitives >= MAX_PRIMITIVES {
+            self.stop(Fault::Primitives { most: MAX_PRIMITIVES });
         }
         Marks { first, over: marks.over && self.apart.chunks, ..marks }
     }

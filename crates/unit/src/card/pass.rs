@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::copies::PassOrder;
+use super::super::stamps::PassOrder;
 use gfx::hierarchical::may_raise_lower;
 use gfx::rop::DepthStencilState;
 use work::{Pass, Signature};

@@ -2,7 +2,6 @@
 
 use super::super::card::{Card, ComputeWork, Fault};
 use super::super::phase::PhaseKind;
-use super::super::same;
 use super::super::token::{Kind, Piece};
 use super::{Command, State};
 use num::Cycle;
@@ -93,7 +92,7 @@ impl Command {
                 let slot = self.free_runs.pop()?;
                 let (dispatch, groups) = (self.dispatch.clone()?, groups.clone());
                 if card.apart.same_tiles {
-                    same::touched(card, groups.lines.iter());
+                    card.frame.forget_lines(groups.lines.iter());
                 }
                 card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups });
                 self.pieces.push_back(Piece { slot, kind: Kind::DATA });
@@ -118,7 +117,7 @@ impl Command {
                 }
                 let transfer = *transfer;
                 if let (true, Some(to)) = (card.apart.same_tiles, transfer.to) {
-                    same::written(card, to, transfer.bytes);
+                    card.frame.forget_range(to, transfer.bytes);
                 }
                 card.phases.begin(PhaseKind::Transfers, 0, "", now);
                 self.stream.begin(transfer.from, transfer.to, transfer.bytes);

@@ -15,7 +15,7 @@ use super::token::{Ack, Piece};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{Counted, Gate, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
 use work::{Dispatch, Draw, EndFrame, Event, SurfaceKey};
 
 knob::choices! {
@@ -96,8 +96,8 @@ pub struct CommandPorts {
     pub acks: Vec<In<Ack>>,
     /// Memory, for copies and clears.
     pub memory: MemoryPort,
-    /// Where all units of the pipelines are told whether there is a pass or a dispatch: 1 if so, else 0.
-    pub work: Gate,
+    /// Its state is 1 while there is a pass or a dispatch, else 0. It watches all units of the pipelines.
+    pub probe: StallProbe,
 }
 
 /// What the command processor is at.
@@ -224,7 +224,7 @@ impl Command {
             && self.free_runs.len() == self.config.workgroup_runs as usize
     }
 
-    /// Installs the segment at the head of the events, which is to be drawn at once, if nothing is in flight; gives its slot.
+    /// Installs the segment at the head of the events for functional warming, if nothing is in flight; gives its slot.
     pub fn apply(&mut self, card: &mut Card) -> Option<u16> {
         let (Some(Event::Applied(segment)), Some(draw)) = (card.events.front(), &self.draw) else { return None };
         let slot = *self.free.last().filter(|_| self.idle())?;
@@ -283,7 +283,7 @@ impl Unit<Card> for Command {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let did = self.step(wires, card);
         let drawing = card.pass.is_some() && !matches!(self.state, State::Resolving(_));
-        wires.tell(&self.ports.work, u8::from(drawing || self.computing()));
+        wires.set_probe(&self.ports.probe, u8::from(drawing || self.computing()));
         did
     }
 

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use super::super::card::{Card, DepthStart, PassState};
 use super::super::clears::Clears;
-use super::super::copies::{self, PassOrder};
-use super::super::same::{self, Use};
+use super::super::copies;
+use super::super::rendering_elimination::{self, Use};
+use super::super::stamps::PassOrder;
 use gfx::hierarchical::depth_key;
 use gfx::texel;
 use num::Cycle;
@@ -27,7 +28,7 @@ impl Command {
                 let store = &mut card.frame.stores[index];
                 store.surface = attachment.surface;
                 if card.apart.same_tiles {
-                    same::begin(store, &attachment, of, self.fast_clear);
+                    rendering_elimination::begin(store, &attachment, of, self.fast_clear);
                 }
                 clears.color(store, &attachment);
                 index
@@ -38,7 +39,7 @@ impl Command {
         let depth = pass.depth.map(|attachment| {
             let index = card.frame.surface(&attachment.surface);
             let store = &mut card.frame.stores[index];
-            store.drawn.forget();
+            store.signatures.forget();
             clears.depth(store, &attachment);
             index
         });
@@ -64,11 +65,11 @@ impl Command {
 
     /// Installs a pass: its surfaces, its clears.
     pub(super) fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
-        let signature = if card.apart.same_tiles && self.fast_clear { same::sign(pass) } else { None };
+        let signature = if card.apart.same_tiles && self.fast_clear { rendering_elimination::sign(pass) } else { None };
         let of = if signature.is_some() { Use::Signed } else { Use::Drawn };
         for target in pass.color.iter().flatten().filter_map(|attachment| attachment.resolve) {
             if let Some(index) = card.frame.find(target.key) {
-                card.frame.stores[index].drawn.forget();
+                card.frame.stores[index].signatures.forget();
             }
         }
         let mut clears = Clears::new(self.fast_clear);

@@ -14,9 +14,10 @@ use bytemuck::{Pod, Zeroable};
 
 pub use plan::{Step, steps};
 
+use super::apart::Apart;
 use super::card::{Card, PassState};
 use super::compression::Compression;
-use super::copies::{self, Apart};
+use super::copies;
 use super::frame::{BlockState, Frame, Store};
 use super::misses::Misses;
 use super::network::{Receiver, Sender};

@@ -353,7 +353,7 @@ impl Unit<Card> for Core {
             did = did.or(self.take(wires, card, program));
         }
 
-        // 6. Whoever has something for another unit, or waits for its group, looks again in the next cycle. Else nothing can be
+        // 6. A core that has something for another unit, or waits for its group, looks again in the next cycle. Else nothing can be
         //    seen from outside until a warp comes to the end of its step; or all wait for memory.
         let moved = did == Tick::Moved;
         if moved && self.issue.any_ended() {

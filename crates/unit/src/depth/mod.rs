@@ -6,11 +6,13 @@ mod questions;
 
 use std::collections::VecDeque;
 
+use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
-use super::copies::{Apart, Stamps, own};
+use super::copies::own;
 use super::frame::Frame;
+use super::stamps::Stamps;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
 use super::touch::Touching;
@@ -59,7 +61,7 @@ pub struct DepthPorts {
     pub late: Option<TestPorts>,
     /// Questions of pipelines that draw here and own nothing, if there are any.
     pub questions: Option<QuestionPorts>,
-    /// New bounds, to hierarchical Z, and when it is told of them.
+    /// New bounds, to hierarchical Z, and when they are sent.
     pub updates: Option<(Out<DepthBounds>, HierarchicalUpdate)>,
     /// The colour unit has seen the end of the pass.
     pub end: In<Ack>,
@@ -152,14 +154,14 @@ impl Depth {
         self.told
     }
 
-    /// Whether hierarchical Z is told of new bounds then.
+    /// Whether new bounds are sent to hierarchical Z then.
     #[inline(always)]
     fn tells(&self, when: HierarchicalUpdate) -> bool {
         self.ports.updates.as_ref().is_some_and(|&(_, update)| update == when)
     }
 
-    /// Takes note that a block has been used of which this unit was not told; gives the bounds of a block that it would have told
-    /// hierarchical Z of for that.
+    /// Takes note that functional warming has used a block; gives the bounds of a block that the unit would have sent to hierarchical Z
+    /// for that.
     #[must_use]
     pub(super) fn visit(
         &mut self,

@@ -9,14 +9,14 @@ use std::collections::VecDeque;
 use super::card::Card;
 use super::index_runs::{IndexRuns, Walk};
 use super::misses::Misses;
-use super::sorting::Waits;
+use super::network::Stall;
 use super::tags::{CacheCounts, Tags};
 use super::token::{Kind, Piece, Run, VertexBatch, WarpToken};
 use crate::assembly::MAX_BATCHES;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, Gate, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
 
 knob::knobs! {
     /// Index and attribute fetch.
@@ -83,8 +83,8 @@ pub struct FetchPorts {
     pub index: MemoryPort,
     /// Memory, for attributes.
     pub vertex: MemoryPort,
-    /// Where it is told what it waits for.
-    pub gate: Gate,
+    /// Its state is what the unit waits for.
+    pub probe: StallProbe,
 }
 
 /// A batch whose attributes are on their way.
@@ -242,7 +242,7 @@ impl Fetch {
 impl Unit<Card> for Fetch {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let did = self.step(wires, card);
-        wires.tell(&self.ports.gate, Waits::of_front(did) as u8);
+        wires.set_probe(&self.ports.probe, Stall::of_front(did) as u8);
         did
     }
 

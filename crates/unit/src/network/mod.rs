@@ -73,9 +73,9 @@ mod credit;
 mod plan;
 mod port;
 mod router;
+mod stall;
 mod topology;
 mod traffic;
-mod waits;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -83,8 +83,8 @@ pub use credit::{Credit, CreditReturn};
 pub use plan::{Names, Network, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
+pub use stall::Stall;
 pub use traffic::{NetworkMap, Traffic};
-pub use waits::Waits;
 
 use knob::Allowed;
 use sim::Token;

@@ -1,7 +1,7 @@
 //! The ends of a network: what the sending and the receiving unit hold.
 
 use super::credit::Credit;
-use super::waits::Waits;
+use super::stall::Stall;
 use super::{ALL, MAX_ENDS, Parcel, next_from};
 use num::Cycle;
 use sim::{In, Out, Token, Wires};
@@ -80,13 +80,13 @@ impl<T: Token> Sender<T> {
         Sender::new(ToNetwork::Routed(Box::new(Routed { inject, credits, number, shared, receivers, full: 0, left })))
     }
 
-    /// What it waits for since its last [`Sender::poll`].
+    /// Why it stalls since its last [`Sender::poll`].
     #[inline(always)]
-    pub fn waits(&self) -> Waits {
+    pub fn stall(&self) -> Stall {
         match self.waits {
-            None => Waits::Open,
-            Some((_, true)) => Waits::Network,
-            Some((_, false)) => Waits::Place,
+            None => Stall::None,
+            Some((_, true)) => Stall::NetworkFull,
+            Some((_, false)) => Stall::ReceiverFull,
         }
     }
 

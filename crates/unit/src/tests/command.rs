@@ -11,7 +11,7 @@ use crate::token::{Ack, Kind, Piece};
 use gfx::format::Format;
 use mem::{ClientCounts, Ideal};
 use num::Cycle;
-use sim::{Circuit, Clock, Gate, In, One, Out, Tick, Unit, Wires, Wiring, run};
+use sim::{Circuit, Clock, In, One, Out, StallProbe, Tick, Unit, Wires, Wiring, run};
 use work::*;
 
 /// Stands for everything between the command processor and the ROPs: reports fences so many cycles after they came, that of a pass
@@ -140,7 +140,7 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
         composed: Vec::new(),
         acks,
         memory: port(&mut plan, &mut wiring, ids[0]),
-        work: Gate::default(),
+        probe: StallProbe::default(),
     };
     let mut card = card(1);
     card.events.extend(events.iter().cloned());

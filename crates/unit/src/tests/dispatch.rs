@@ -8,7 +8,7 @@ use crate::Card;
 use crate::dispatch::{Dispatch, DispatchConfig, DispatchPorts, Outlet};
 use crate::token::{GroupToken, Kind, WarpToken};
 use num::Cycle;
-use sim::{Circuit, Gate, One, Unit, Wiring};
+use sim::{Circuit, One, StallProbe, Unit, Wiring};
 use work::{Draw, Funnel};
 
 sim::circuit! {
@@ -74,8 +74,13 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
                 last = at;
             }
             items.push((last + 1000, mark(Kind::SEGMENT, 0)));
-            let ports =
-                DispatchPorts { input, cores: to_cores, shaded, output: Outlet::Own { late, color }, gate: Gate::default() };
+            let ports = DispatchPorts {
+                input,
+                cores: to_cores,
+                shaded,
+                output: Outlet::Own { late, color },
+                probe: StallProbe::default(),
+            };
             let circuit = DispatchCircuit::new(
                 wiring,
                 One(Source::new(items, output)),
@@ -189,7 +194,7 @@ fn settle_with(live: [u16; 4]) -> Funnel {
                 cores: vec![to],
                 shaded: vec![from_core],
                 output: Outlet::Own { late, color },
-                gate: Gate::default(),
+                probe: StallProbe::default(),
             };
             let circuit = DispatchCircuit::new(
                 wiring,

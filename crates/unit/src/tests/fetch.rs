@@ -12,7 +12,7 @@ use crate::token::{Kind, Piece, VertexBatch, WarpToken};
 use gfx::state::StepMode;
 use mem::Ideal;
 use num::Cycle;
-use sim::{Gate, One, Unit, Wiring};
+use sim::{One, StallProbe, Unit, Wiring};
 use work::*;
 
 sim::circuit! {
@@ -93,7 +93,7 @@ fn fetched(
                 retired: from_assembly,
                 index: port(&mut plan, &mut wiring, ids[1]),
                 vertex: port(&mut plan, &mut wiring, ids[1]),
-                gate: Gate::default(),
+                probe: StallProbe::default(),
             };
             let mut card = card(1);
             let draw = Arc::new(Draw { attributes: attributes.to_vec(), ..draw() });

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use crate::apart::Apart;
 use crate::card::{Ahead, Card, Group, PassState};
-use crate::copies::Apart;
 use crate::frame::BlockState;
 use crate::interleave::{Interleave, Pattern};
 use crate::token::{GroupToken, Kind, TriangleToken};

@@ -9,7 +9,7 @@ use crate::setup::{Setup, SetupConfig};
 use crate::sorting::Keep;
 use crate::token::{Kind, TriangleToken};
 use num::Cycle;
-use sim::{Gate, Link, One, Wiring};
+use sim::{Link, One, StallProbe, Wiring};
 use work::{End, Segment};
 
 sim::circuit! {
@@ -46,7 +46,7 @@ fn set_up_of(
             }
             let link = Link::items(config.queue, config.triangles_per_cycle, config.latency);
             let (output, input) = wiring.channel("out", 0, link, setup, sink);
-            let unit = Setup::new(config.clone(), Receiver::direct(into), false, Keep::Always, Gate::default(), output);
+            let unit = Setup::new(config.clone(), Receiver::direct(into), false, Keep::Always, StallProbe::default(), output);
             let mut card = card(1);
             if let Some(segment) = segment {
                 card.install(0, Arc::new(segment.clone()), Arc::new(draw()), 0);

@@ -109,7 +109,7 @@ fn instances_outside_are_left_out() {
 }
 
 #[test]
-fn whoever_could_tell_is_not_tested() {
+fn what_could_show_a_difference_is_not_tested() {
     let outside = |scene: &Scene| {
         let mut scene = scene.clone();
         scene.vertices.iter_mut().for_each(|vertex| vertex[0] = -2.0);

@@ -73,14 +73,14 @@ fn at_the_edge(
 }
 
 #[test]
-fn steps_are_counted_whoever_takes_them() {
+fn steps_are_counted_the_same_on_any_number_of_threads() {
     for record in [false, true] {
         at_the_edge(busy(), "work.shader_steps", |limits| &mut limits.work_steps, |ledger| &ledger.steps, record);
     }
 }
 
 #[test]
-fn quads_are_counted_whoever_draws_them() {
+fn quads_are_counted_the_same_on_any_number_of_threads() {
     for record in [false, true] {
         // What shaders do takes time, and no quads.
         let plain = Scene { source: PLAIN.into(), ..busy() };
@@ -137,7 +137,7 @@ fn recorded() -> Scene {
 }
 
 #[test]
-fn of_two_limits_the_same_one_is_named_whoever_comes_to_it() {
+fn of_two_limits_any_number_of_threads_names_the_same() {
     let mut scene = recorded();
     let how = How { record: true, ..USUAL };
     scene.limits.memory_bytes = scene.limits.memory_bytes.with(1 << 30);

@@ -59,7 +59,7 @@ impl Generator<'_, '_> {
         let c = if same { self.uniform_condition() } else { self.condition(depth) };
         let mut inner = Flow { uniform: same, depth: flow.depth + 1, ..flow.clone() };
         if flow.uniform && !same {
-            // Whoever leaves here would take part in no meeting after it.
+            // An invocation that leaves here would take part in no meeting after it.
             inner = self.apart(inner);
         }
         self.line(format!("if ({c}) {{"));

@@ -1,0 +1,24 @@
+//! What pipelines have for themselves.
+
+use super::frame::Frame;
+
+/// What pipelines have of a pass for themselves, and what else a sort class asks of all units: a class hands this to the card, so that no
+/// unit knows its class. By default pipelines share the machine's surfaces.
+#[derive(Default)]
+pub struct Apart {
+    /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
+    pub copies: Vec<Frame>,
+    /// Where pipelines test ahead of the owners of their pixels against what they have drawn themselves, each one's copy of the pass's
+    /// depths, by the same index; else none.
+    pub seen: Vec<Frame>,
+    /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
+    pub chunks: bool,
+    /// Whether copies are composed without the numbers of primitives.
+    pub unnumbered: bool,
+    /// Whether there is rendering elimination: tiles that are in memory already are not drawn.
+    pub same_tiles: bool,
+    /// Primitives of the pass so far, where there are copies.
+    pub primitives: u32,
+    /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
+    pub disordered: Vec<(u32, String)>,
+}
