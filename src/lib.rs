@@ -10,7 +10,7 @@
 //! | 3 | [`render`], [`mod@unit`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
-//! | 6 | [`accuracy`], [`sweep`] |
+//! | 6 | [`accuracy`], [`sweep`], [`why`](mod@why) |
 //! | 7 | [`cli`] |
 
 pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, trace, unit, work};
@@ -20,5 +20,6 @@ pub mod run;
 
 pub mod accuracy;
 pub mod sweep;
+pub mod why;
 
 pub mod cli;

@@ -28,6 +28,7 @@ mod shortcuts;
 mod skips;
 mod sweep;
 mod threads;
+mod why;
 
 use std::io::{ErrorKind, Write};
 use std::process::{ExitCode, exit};
@@ -55,6 +56,7 @@ enum Command {
     Compare(compare::Arguments),
     Accuracy(accuracy::Arguments),
     Sweep(sweep::Arguments),
+    Why(why::Arguments),
 }
 
 /// How a command ended, short of an error.
@@ -118,6 +120,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Replay(arguments) => arguments.threads,
         Command::Accuracy(arguments) => arguments.threads,
         Command::Sweep(arguments) => arguments.threads,
+        Command::Why(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
     })?;
     match command {
@@ -128,6 +131,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Accuracy(arguments) => accuracy::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
+        Command::Why(arguments) => why::run(arguments),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Work that is kept: a trace is rendered once per render key, and any number of machines are timed or estimated from what it left.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
@@ -120,6 +120,27 @@ impl Profiles {
         let mut bound = Bound::new(config)?;
         Ok(self.frames.iter().map(|frame| bound.frame(frame)).collect())
     }
+}
+
+/// The number of the frame that takes most cycles by estimate; of a class that no rates are known of, as sort-middle would draw it.
+///
+/// # Errors
+/// If the trace cannot be rendered, or has no such frame.
+pub fn slowest(trace: &Trace, options: &render::Options, config: &Config) -> Result<u32> {
+    let (mut bound, mut most) = (Bound::proxy(config), None);
+    let mut rendering = Rendering::new(trace, options.clone());
+    let read = |profiled: &[Profiled]| {
+        for frame in profiled {
+            let cycles: f64 = bound.frame(&frame.profile).phases.iter().map(|phase| phase.cycles).sum();
+            if most.is_none_or(|(_, known)| cycles > known) {
+                most = Some((frame.end.number, cycles));
+            }
+        }
+        Ok(())
+    };
+    rendering.profile(config.render_key(), Reader { keeps: false, read: Box::new(read) });
+    rendering.run()?;
+    most.map(|(number, _)| number).context("the trace has no frame in this range")
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use crate::machine::FrameReport;
 use crate::num::Cycle;
 use crate::stats::Tree;
-use crate::unit::phase::{Phase, PhaseKind};
 
 /// A frame on one machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,15 +50,6 @@ impl Entry {
     }
 }
 
-/// What a phase is called in tables.
-pub fn phase_name(phase: &Phase) -> String {
-    let number = match phase.kind {
-        PhaseKind::Pass | PhaseKind::Dispatch => format!(" {}", phase.number),
-        _ => String::new(),
-    };
-    format!("{}{number} {}", phase.kind.name(), phase.label).trim_end().to_owned()
-}
-
 /// Which statistics are kept: those at these paths and below; all, where there is none.
 #[derive(Clone, Debug, Default)]
 pub struct Keep(Vec<String>);
@@ -91,7 +81,7 @@ impl Keep {
     /// What is kept of a frame: the paths, and the row.
     pub fn row(&self, report: &FrameReport) -> (Vec<String>, Row) {
         let (paths, values) = self.of(&report.tree);
-        let passes = report.phases.iter().map(|(phase, cycles)| (phase_name(phase), *cycles)).collect();
+        let passes = report.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
         let seconds = report.tree.number("seconds").unwrap_or(0.0);
         (paths, Row { frame: report.number, cycles: report.cycles, seconds, passes, values })
     }

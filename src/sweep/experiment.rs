@@ -118,6 +118,10 @@ impl Experiment {
         let read: Result<Experiment, _> = options.from_str(text);
         match read {
             Ok(experiment) => Ok(experiment),
+            // What does not begin as RON does.
+            Err(error) if matches!(error.code, ron::Error::ExpectedAttribute) => {
+                bail!("{name}: this is not an experiment, which is (traces: [...], vary: [...], ...)")
+            }
             Err(error) => {
                 let ron::error::Position { line, col } = error.span.start;
                 bail!(
@@ -149,7 +153,7 @@ mod tests {
             ("(vary: [])", "traces"),
             ("(traces: [\"a\"], design: grit)", "e.ron:1:"),
             ("(traces: [\"a\"], screen: (by: cycle, keep: 1))", "bound"),
-            ("# a page", "e.ron:1:1"),
+            ("# a page", "e.ron: this is not an experiment"),
         ] {
             let error = format!("{:#}", Experiment::parse("e.ron", text).unwrap_err());
             assert!(error.contains(told), "{text}: {error}");

@@ -1,5 +1,7 @@
 //! Phases of a frame: what the command processor does one after another, and what nothing overlaps.
 
+use std::fmt;
+
 use num::Cycle;
 
 /// What a phase is about.
@@ -40,6 +42,17 @@ pub struct Phase {
     pub begin: Cycle,
     /// The unit that bounds it, where it was estimated; empty where it was simulated.
     pub limit: &'static str,
+}
+
+impl fmt::Display for Phase {
+    /// Its kind, the number of a pass or dispatch, and its label.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.kind.name())?;
+        if matches!(self.kind, PhaseKind::Pass | PhaseKind::Dispatch) {
+            write!(f, " {}", self.number)?;
+        }
+        if self.label.is_empty() { Ok(()) } else { write!(f, " {}", self.label) }
+    }
 }
 
 /// The phases of a frame so far.

@@ -1,0 +1,117 @@
+//! `fillrate why`
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+
+use super::Verdict;
+use super::threads::MOST;
+use crate::host;
+use crate::machine::Config;
+use crate::render::{self, FrameSet};
+use crate::report::summary::grouped;
+use crate::run::kept::slowest;
+use crate::run::replay::frame_range;
+use crate::trace::{Trace, check};
+use crate::why::{Gain, Why, why};
+
+/// Find what holds a frame back: time it again with more of one resource at a time, and rank what that gains
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  fillrate why traces/town.zip\n  fillrate why traces/flight.zip --frames 100 --config sort-middle-binned\n\n\
+Without --frames, of a trace with several frames the one is taken that takes most cycles by estimate. Caches are cold when the first frame begins."
+)]
+pub struct Arguments {
+    /// The trace: a file, or its folder; native or foreign
+    trace: PathBuf,
+    #[command(flatten)]
+    reading: super::reading::Reading,
+    #[command(flatten)]
+    machine: super::configs::Choice,
+    /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: the slowest one]
+    #[arg(long, value_name = "A..B")]
+    frames: Option<String>,
+    /// Changes that are listed
+    #[arg(long, value_name = "N", default_value = "12")]
+    rows: usize,
+    /// Where to leave all of it as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
+}
+
+/// The frame that takes most cycles by estimate.
+fn chosen(trace: &Trace, config: &Config) -> Result<u32> {
+    let frames = check(trace)?.frames;
+    match frames {
+        0 => bail!("the trace has no frame"),
+        1 => Ok(0),
+        _ => slowest(trace, &render::Options { frames: FrameSet::from(0..u32::MAX), ..render::Options::default() }, config),
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let config = arguments.machine.load()?;
+    let trace = arguments.reading.open(&arguments.trace)?;
+    let frames = match &arguments.frames {
+        Some(text) => frame_range(text).map_err(|reason| anyhow::anyhow!("--frames {text}: {reason}"))?,
+        None => {
+            let frame = chosen(&trace, &config)?;
+            frame..frame + 1
+        }
+    };
+    let bar = super::progress::bar("{spinner} {elapsed} machines timed: {pos} of {len}, {eta} left");
+    let told = |all| {
+        bar.set_length(all as u64);
+        bar.inc(1);
+    };
+    let found = why(&trace, &config, frames.clone(), &told)?;
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&found.json())?;
+        host::write_file(path, format!("{text}\n").as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let last = frames.end.saturating_sub(1);
+    let named = if frames.start == last { format!("frame {last}") } else { format!("frames {}..{}", frames.start, frames.end) };
+    println!("{} on {}, {named}: {} cycles\n", arguments.trace.display(), config.name, grouped(found.base.cycles));
+    print!("{}", table(&found, arguments.rows));
+    Ok(Verdict::Done)
+}
+
+/// The ranked changes.
+fn table(found: &Why, rows: usize) -> String {
+    let mut out = format!("{}\n\n", found.verdict());
+    out.push_str(&format!(
+        "  {:<44}{:>14}{:>9}   {}\n",
+        "with this change alone", "cycles", "change", "most in; seen without the change"
+    ));
+    let shown = |gain: &&Gain| gain.share(&found.base).is_none_or(|share| share.abs() >= 0.0005);
+    let (some, none): (Vec<&Gain>, Vec<&Gain>) = found.gains.iter().partition(shown);
+    for gain in some.iter().take(rows) {
+        let title = &gain.relaxation.title;
+        match (&gain.timed, gain.share(&found.base)) {
+            (Ok(timed), Some(share)) => {
+                let most = gain.most(&found.base).map_or("other passes than before".into(), |(name, share)| {
+                    format!("{} {:+.1} %", host::one_line(name), -100.0 * share)
+                });
+                let seen = if gain.evidence.is_empty() { String::new() } else { format!("; {}", gain.evidence) };
+                out.push_str(&format!("  {title:<44}{:>14}{:>+8.1} %  {most}{seen}\n", grouped(timed.cycles), -100.0 * share));
+            }
+            (timed, _) => {
+                out.push_str(&format!("  {title:<44}{:>14}           {}\n", "-", timed.as_ref().err().map_or("", |e| e)))
+            }
+        }
+    }
+    if some.len() > rows {
+        out.push_str(&format!("  {} more changes gain less; --rows N lists them\n", some.len() - rows));
+    }
+    if !none.is_empty() {
+        out.push_str(&format!("  {} changes gain less than 0.05 %\n", none.len()));
+    }
+    if let Some(best) = found.gains.first().filter(|gain| gain.share(&found.base).is_some_and(|share| share > 0.0)) {
+        out.push_str(&format!("\nproof of the first: replay the frame with {}\n", best.relaxation.options()));
+    }
+    out
+}

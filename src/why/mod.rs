@@ -1,0 +1,272 @@
+//! Floor 6: what holds a frame back, proven by what happens without it.
+//!
+//! A frame is rendered once (once per render key), and timed again on machines that have more of one resource each ([`relax`]). What
+//! gains most holds it back. A unit that is busy is no proof: the cycles that it takes may hide behind another's.
+
+pub mod relax;
+
+use std::ops::Range;
+
+use anyhow::{Result, bail};
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use crate::machine::{Config, FrameReport, Machine};
+use crate::num::Cycle;
+use crate::render::{self, FrameSet};
+use crate::run::kept::{Kept, stream};
+use crate::stats::{Node, Tree};
+use crate::trace::Trace;
+use crate::work::RenderKey;
+use relax::{Relaxation, Resource, relaxations};
+
+/// Cycles of a frame, and of what was done in it one after another.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timed {
+    /// Cycles of all frames.
+    pub cycles: Cycle,
+    /// Passes, dispatches, transfers and scan-out by their names, in order.
+    pub phases: Vec<(String, Cycle)>,
+}
+
+/// What a relaxation gains.
+#[derive(Clone, Debug)]
+pub struct Gain {
+    /// The change.
+    pub relaxation: Relaxation,
+    /// The frame with it; or why the machine stopped.
+    pub timed: Result<Timed, String>,
+    /// What was seen of the resource without the change, in words.
+    pub evidence: String,
+}
+
+/// What holds frames of a trace back.
+#[derive(Clone, Debug)]
+pub struct Why {
+    /// The frames as the machine is.
+    pub base: Timed,
+    /// Relaxations, those that gain most first.
+    pub gains: Vec<Gain>,
+    /// Renderings that were made.
+    pub renderings: u32,
+}
+
+impl Gain {
+    /// The share of the cycles that goes; negative where there are more. None where the machine stopped.
+    pub fn share(&self, base: &Timed) -> Option<f64> {
+        self.timed.as_ref().ok().map(|timed| gain(base.cycles, timed.cycles))
+    }
+
+    /// The phase that loses most cycles: its name, and the share of its cycles that goes. None where phases are others than before.
+    pub fn most<'t>(&self, base: &'t Timed) -> Option<(&'t str, f64)> {
+        let timed = self.timed.as_ref().ok()?;
+        let pairs = pairs(base, timed)?;
+        let (name, before, after) = pairs.into_iter().max_by_key(|(_, before, after)| *before as i64 - *after as i64)?;
+        Some((name, gain(before, after)))
+    }
+}
+
+fn gain(before: Cycle, after: Cycle) -> f64 {
+    if before == 0 { 0.0 } else { 1.0 - after as f64 / before as f64 }
+}
+
+/// Phases of two machines side by side; none where they are not the same phases.
+fn pairs<'t>(before: &'t Timed, after: &Timed) -> Option<Vec<(&'t str, Cycle, Cycle)>> {
+    let same = before.phases.len() == after.phases.len()
+        && before.phases.iter().zip(&after.phases).all(|(before, after)| before.0 == after.0);
+    let side = |(before, after): (&'t (String, Cycle), &(String, Cycle))| (before.0.as_str(), before.1, after.1);
+    same.then(|| before.phases.iter().zip(&after.phases).map(side).collect())
+}
+
+fn add(frames: Vec<(Timed, Tree)>) -> Timed {
+    let mut sum = Timed::default();
+    for (frame, _) in frames {
+        sum.cycles += frame.cycles;
+        sum.phases.extend(frame.phases);
+    }
+    sum
+}
+
+/// Times frames on machines, by render key; hears of every one that is done.
+struct Timer<'t> {
+    trace: &'t Trace,
+    frames: Range<u32>,
+    progress: &'t (dyn Fn() + Sync),
+    renderings: u32,
+}
+
+impl Timer<'_> {
+    fn time(&mut self, configs: &[&Config]) -> Result<Vec<Result<Vec<(Timed, Tree)>>>> {
+        let options = render::Options { frames: FrameSet::from(self.frames.clone()), ..render::Options::default() };
+        let read = |frame: FrameReport| {
+            let phases = frame.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
+            (Timed { cycles: frame.cycles, phases }, frame.tree)
+        };
+        let mut keys: Vec<RenderKey> = Vec::new();
+        for key in configs.iter().map(|config| config.render_key()) {
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        let mut results: Vec<Option<Result<Vec<(Timed, Tree)>>>> = configs.iter().map(|_| None).collect();
+        let threads = rayon::current_num_threads();
+        for key in keys {
+            let own: Vec<usize> = (0..configs.len()).filter(|&at| configs[at].render_key() == key).collect();
+            let images = own.iter().map(|&at| Machine::images(configs[at])).max().unwrap_or(1) * threads as u64;
+            self.renderings += 1;
+            let most = self.trace.limits().memory_bytes.get() / 4;
+            let timed: Vec<Result<Vec<(Timed, Tree)>>> = match Kept::render(self.trace, &options, key, images, most)? {
+                Some(kept) => own
+                    .par_iter()
+                    .map(|&at| {
+                        let timed = kept.time(configs[at], read);
+                        (self.progress)();
+                        timed
+                    })
+                    .collect(),
+                None => {
+                    let mut timed = Vec::new();
+                    for wave in own.chunks(8 * threads) {
+                        let wave: Vec<&Config> = wave.iter().map(|&at| configs[at]).collect();
+                        timed.extend(stream(self.trace, &options, &wave, &read)?);
+                        self.renderings += 1;
+                        wave.iter().for_each(|_| (self.progress)());
+                    }
+                    timed
+                }
+            };
+            own.into_iter().zip(timed).for_each(|(at, timed)| results[at] = Some(timed));
+        }
+        Ok(results.into_iter().map(|result| result.unwrap_or_else(|| Ok(Vec::new()))).collect())
+    }
+}
+
+/// Finds what holds frames of a trace back on a machine. `progress` hears how many machines are done, of how many.
+///
+/// # Errors
+/// If the trace cannot be rendered, has no frame in the range, or the machine itself stops.
+pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn Fn(usize) + Sync)) -> Result<Why> {
+    let has = |bank: &str| Machine::new(config).is_ok_and(|machine| machine.units().any(|(name, _)| name == bank));
+    let relaxed: Vec<(Relaxation, Config)> =
+        relaxations(config, &has).into_iter().filter_map(|own| own.of(config).map(|machine| (own, machine))).collect();
+    let mut machines = vec![config];
+    machines.extend(relaxed.iter().map(|(_, machine)| machine));
+    let all = machines.len();
+    let told = || progress(all);
+    let mut timer = Timer { trace, frames: frames.clone(), progress: &told, renderings: 0 };
+    let mut results = timer.time(&machines)?.into_iter();
+    let base = results.next().unwrap_or_else(|| Ok(Vec::new()))?;
+    if base.is_empty() {
+        bail!("the trace has no frame in {}..{}", frames.start, frames.end);
+    }
+    let tree = Tree::weighted(&base.iter().map(|(_, tree)| (1.0, tree)).collect::<Vec<_>>()).banks_summed();
+    let base = add(base);
+    let mut gains: Vec<Gain> = relaxed
+        .into_iter()
+        .zip(results)
+        .map(|((relaxation, _), timed)| {
+            let evidence = evidence(&relaxation, &tree);
+            Gain { relaxation, timed: timed.map(add).map_err(|error| format!("{error:#}")), evidence }
+        })
+        .collect();
+    let rank = |gain: &Gain| gain.timed.as_ref().map_or(Cycle::MAX, |timed| timed.cycles);
+    gains.sort_by_key(rank);
+    Ok(Why { base, gains, renderings: timer.renderings })
+}
+
+/// The bank of units of a section.
+fn bank(section: &str) -> &str {
+    if section == "memory" { "dram" } else { section }
+}
+
+/// What was seen of a resource on the machine as it is.
+fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
+    let n = |path: &str| tree.number(path).unwrap_or(0.0);
+    let share = |unit: &str, state: &str| {
+        let all: f64 =
+            ["busy", "starved", "blocked", "memory", "idle"].iter().map(|own| n(&format!("units.{unit}.{own}"))).sum();
+        if all > 0.0 { 100.0 * n(&format!("units.{unit}.{state}")) / all } else { 0.0 }
+    };
+    let unit = bank(relaxation.section);
+    match relaxation.resource {
+        Resource::Cache => {
+            let cache = match relaxation.section {
+                "fetch" => "vertex",
+                "route" => "position",
+                "memory.l2" => "l2",
+                own => own,
+            };
+            let [hits, all] = ["hits", "accesses"].map(|name| n(&format!("caches.{cache}.{name}")));
+            if all > 0.0 { format!("{:.1} % of {all:.0} lookups hit", 100.0 * hits / all) } else { String::new() }
+        }
+        Resource::MemoryLatency => {
+            let mut waits: Vec<(&str, f64)> = Vec::new();
+            if let Some(Node::Tree(units)) = tree.get("units") {
+                waits.extend(units.entries().map(|(name, _)| (name, share(name, "memory"))));
+            }
+            waits.sort_by(|a, b| b.1.total_cmp(&a.1));
+            let text = |(name, share): &(&str, f64)| format!("{name} {share:.0} %");
+            let most: Vec<String> = waits.iter().take(3).filter(|wait| wait.1 >= 1.0).map(text).collect();
+            if most.is_empty() { String::new() } else { format!("cycles in which units wait for memory: {}", most.join(", ")) }
+        }
+        Resource::MemoryBandwidth => {
+            let busy = share("dram", "busy");
+            if busy > 0.0 { format!("dram is busy in {busy:.0} % of the cycles") } else { String::new() }
+        }
+        Resource::Rate | Resource::Room | Resource::Units if n(&format!("units.{unit}.busy")) > 0.0 => format!(
+            "{unit}: busy {:.0} %, starved {:.0} %, blocked {:.0} %, waits for memory {:.0} %",
+            share(unit, "busy"),
+            share(unit, "starved"),
+            share(unit, "blocked"),
+            share(unit, "memory")
+        ),
+        _ => String::new(),
+    }
+}
+
+impl Why {
+    /// The answer in one sentence.
+    pub fn verdict(&self) -> String {
+        let told = |gain: &Gain| {
+            let share = gain.share(&self.base)?;
+            let most = gain.most(&self.base).filter(|_| self.base.phases.len() > 1);
+            let place = most.map_or(String::new(), |(name, share)| format!(" (most in {name}: {:+.1} %)", -100.0 * share));
+            Some(format!("{} {:+.1} %{place}", gain.relaxation.title, -100.0 * share))
+        };
+        let mut parts: Vec<String> = self.gains.iter().take(1).filter_map(told).collect();
+        // Beside the first, what is about another resource.
+        let first = self.gains.first().map(|gain| (gain.relaxation.section, gain.relaxation.resource));
+        let other = |gain: &&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
+        parts.extend(self.gains.iter().skip(1).filter(other).take(2).filter_map(told));
+        let cores = self.gains.iter().skip(1).find(|gain| gain.relaxation.title == "twice the cores");
+        if let Some(text) = cores.and_then(told).filter(|text| !parts.contains(text)) {
+            parts.push(text);
+        }
+        parts.join("; ")
+    }
+
+    /// As JSON.
+    pub fn json(&self) -> Value {
+        let phases = |timed: &Timed| -> Value {
+            timed.phases.iter().map(|(name, cycles)| json!({ "name": name, "cycles": cycles })).collect()
+        };
+        let gains: Vec<Value> = self
+            .gains
+            .iter()
+            .map(|gain| {
+                let changes: serde_json::Map<String, Value> =
+                    gain.relaxation.changes.iter().map(|(path, setting)| (path.clone(), json!(setting.to_string()))).collect();
+                json!({
+                    "change": gain.relaxation.title,
+                    "set": changes,
+                    "cycles": gain.timed.as_ref().ok().map(|timed| timed.cycles),
+                    "gain": gain.share(&self.base),
+                    "phases": gain.timed.as_ref().ok().map(phases),
+                    "evidence": gain.evidence,
+                    "error": gain.timed.as_ref().err(),
+                })
+            })
+            .collect();
+        json!({ "version": 1, "cycles": self.base.cycles, "phases": phases(&self.base), "changes": gains })
+    }
+}
