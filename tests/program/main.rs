@@ -8,4 +8,6 @@ mod floors;
 mod images;
 mod pages;
 mod recorded_scenes;
+mod sweep;
+mod why;
 mod workloads;

@@ -1,0 +1,207 @@
+//! `fillrate sweep`, as scripts use it: tables, shards, interruptions, bad input.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use fillrate::machine::Config;
+use fillrate::sweep::experiment::Experiment;
+use fillrate::sweep::plan::Plan;
+
+use crate::cli::{refused, run};
+
+/// Six machines on the cube, of which the first has a rule against it.
+const AXES: [&str; 8] = [
+    "--vary",
+    "memory.l2.slices=3,4",
+    "--vary",
+    "texture.cache_lines=16..256*4",
+    "--keep",
+    "caches.texture",
+    "--set",
+    "scanout.enabled=false",
+];
+
+fn sweep(out: &Path, more: &[&str]) -> (i32, String, String) {
+    let out = out.display().to_string();
+    run(&[&["sweep", "traces/cube", "--out", &out], &AXES[..], more].concat())
+}
+
+/// The files of a folder, by name.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let read =
+        |entry: fs::DirEntry| (entry.file_name().into_string().expect("a name"), fs::read(entry.path()).expect("a file"));
+    fs::read_dir(folder).expect("a folder").map(|entry| read(entry.expect("an entry"))).collect()
+}
+
+/// The rows of a table, by column.
+fn table(folder: &Path, name: &str) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(folder.join(name)).expect("a table");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let header = lines.next().expect("a header");
+    lines.map(|row| header.iter().cloned().zip(row).collect()).collect()
+}
+
+#[test]
+fn a_sweep_is_the_replays_that_it_stands_for() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("s");
+    let (code, text, message) = sweep(&out, &[]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.contains("6 machines: 3 with a result, 3 with an error") && text.contains(" 1 renderings"), "{text}");
+    let rows = table(&out, "machines.csv");
+    assert_eq!(rows.len(), 6);
+    assert!(rows[0]["error"].contains("memory.l2.slices") && rows[0]["cycles"].is_empty(), "{:?}", rows[0]);
+    for row in &rows[3..] {
+        let one = home.path().join("r");
+        let lines = format!("texture.cache_lines={}", row["texture.cache_lines"]);
+        let replay = ["replay", "traces/cube", "--set", "scanout.enabled=false", "--set", &lines, "--out"];
+        assert_eq!(run(&[&replay[..], &[&one.display().to_string()]].concat()).0, 0);
+        let json: serde_json::Value =
+            serde_json::from_slice(&fs::read(one.join("stats.json")).expect("statistics")).expect("JSON");
+        assert_eq!(row["cycles"], json["total"]["cycles"].to_string());
+        let misses: u64 = json["total"]["caches"]["texture"]
+            .as_array()
+            .expect("a bank")
+            .iter()
+            .map(|unit| unit["misses"].as_u64().expect("a count"))
+            .sum();
+        assert_eq!(row["caches.texture.misses"], misses.to_string(), "banks are summed");
+    }
+    let long = table(&out, "long.csv");
+    let passes: u64 = long
+        .iter()
+        .filter(|row| row["machine"] == "3" && !row["pass"].is_empty())
+        .map(|row| row["value"].parse::<u64>().expect("cycles"))
+        .sum();
+    assert_eq!(passes.to_string(), rows[3]["cycles"], "the passes add up to the frame");
+    assert!(
+        long.iter().any(|row| row["unit"] == "caches.texture" && row["counter"] == "misses" && row["measure"] == "accesses"),
+        "{:?}",
+        long.last()
+    );
+    assert!(out.join("machines.parquet").exists() && out.join("long.parquet").exists());
+}
+
+#[test]
+fn threads_shards_and_interruptions_change_no_byte() {
+    let home = tempfile::tempdir().expect("a folder");
+    let whole = home.path().join("whole");
+    assert_eq!(sweep(&whole, &["--threads", "1"]).0, 0);
+    let wanted = files(&whole);
+
+    // Killed in the middle of a line, with results in the order in which they came.
+    let part = home.path().join("part");
+    fs::create_dir(&part).expect("a folder");
+    let journal = "shard-1-of-1.jsonl";
+    let text = String::from_utf8(wanted[journal].clone()).expect("text");
+    let mut lines: Vec<&str> = text.lines().take(5).collect();
+    lines.swap(0, 4);
+    for name in ["inputs.json", "base.ron", "experiment.ron"] {
+        fs::write(part.join(name), &wanted[name]).expect("written");
+    }
+    let cut = &text.lines().nth(5).expect("a sixth machine")[..100];
+    fs::write(part.join(format!("{journal}.part")), format!("{}\n{cut}", lines.join("\n"))).expect("written");
+    let (code, text, message) = sweep(&part, &["--threads", "2"]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.contains("1 machines simulated"), "{text}");
+    assert!(files(&part) == wanted, "the interrupted sweep differs");
+    // Once more: nothing is left to do.
+    assert!(sweep(&part, &[]).1.contains("had ended before"));
+    assert!(files(&part) == wanted);
+
+    // Shards, one of them in a folder of its own.
+    let (shared, own) = (home.path().join("shared"), home.path().join("own"));
+    for (folder, shard) in [(&own, "2/3"), (&shared, "3/3")] {
+        assert_eq!(sweep(folder, &["--shard", shard]).0, 0);
+    }
+    let [shared_name, own_name] = [&shared, &own].map(|folder| folder.display().to_string());
+    let message = refused(&["sweep", "merge", &shared_name, &own_name]);
+    assert!(message.contains("1 of 3 shards have not ended, shard 1/3 among them"), "{message}");
+    assert_eq!(sweep(&shared, &["--shard", "1/3"]).0, 0);
+    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name]).0, 0);
+    let merged = files(&shared);
+    for name in ["machines.csv", "machines.parquet", "long.csv", "long.parquet", "report.md"] {
+        assert!(merged[name] == wanted[name], "{name} of the shards differs");
+    }
+    let message = refused(&["sweep", "merge", &shared_name, &whole.display().to_string()]);
+    assert!(message.contains("different sweeps, with other number of shards"), "{message}");
+}
+
+#[test]
+fn a_screen_simulates_the_fastest() {
+    let home = tempfile::tempdir().expect("a folder");
+    let (code, text, message) = sweep(home.path(), &["--screen", "2", "--question", "Which cache?"]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.contains("# Which cache?") && text.contains("3 machines were estimated by `bound`"), "{text}");
+    let screen = table(home.path(), "screen.csv");
+    let simulated = screen.iter().filter(|row| row["simulated"] == "true" && row["error"].is_empty()).count();
+    assert_eq!((screen.len(), simulated), (6, 2));
+    // What has no estimate is not dropped in silence.
+    assert_eq!(table(home.path(), "machines.csv").len(), 5);
+}
+
+#[test]
+fn an_experiment_in_a_file_is_the_same_as_its_options() {
+    let home = tempfile::tempdir().expect("a folder");
+    let (options, written) = (home.path().join("options"), home.path().join("written"));
+    let file = home.path().join("caches.ron");
+    let text = "// Why?\n(\n    traces: [\"traces/cube\"],\n    set: [\"scanout.enabled=false\"],\n    \
+                vary: [\"memory.l2.slices=3,4\", \"texture.cache_lines=16..256*4\"],\n    keep: [\"caches.texture\"],\n)\n";
+    fs::write(&file, text).expect("written");
+    assert_eq!(sweep(&options, &[]).0, 0);
+    let [file, out] = [&file, &written].map(|path| path.display().to_string());
+    assert_eq!(run(&["sweep", &file, "--out", &out]).0, 0);
+    assert!(files(&options) == files(&written));
+    let message = refused(&["sweep", &file, "--vary", "pipelines=1", "--out", &out]);
+    assert!(message.contains("--vary is part of the experiment"), "{message}");
+}
+
+#[test]
+fn bad_input_is_refused_with_its_place() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("out").display().to_string();
+    let cube = |more: &[&str]| refused(&[&["sweep", "traces/cube", "--out", &out], more].concat());
+    for (more, told) in [
+        (&["--vary", "pipelnes=1..4"][..], "pipelines is the nearest"),
+        (&["--vary", "pipelines="], "the axis pipelines has an empty value"),
+        (&["--vary", "pipelines=1..65"], "the axis pipelines has the value 65, and must be a whole number from 1 to 64"),
+        (&["--vary", "pipelines=3", "--link", "geometry_units=pipelines/2"], "3 / 2 is no whole number"),
+        (&["--vary", "memory.dram.t_refi=0..99999", "--vary", "pipelines=1..64"], "6400000 machines; more than 1000000"),
+        (&["--vary", "pipelines=1", "--frames", "7"], "traces/cube has no frame in 7..8"),
+        (&["--vary", "pipelines=1", "--shard", "3/2"], "I from 1 to N"),
+        (&["--vary", "pipelines=1", "--design", "grit"], "one-at-a-time"),
+    ] {
+        let message = cube(more);
+        assert!(message.contains(told), "{more:?}: {message}");
+    }
+    let out = home.path().join("other");
+    assert_eq!(sweep(&out, &[]).0, 0);
+    let before = files(&out);
+    let message = refused(&["sweep", "traces/cube", "--vary", "pipelines=2", "--out", &out.display().to_string()]);
+    assert!(message.contains("another experiment, with other base configuration, axes, design, kept statistics"), "{message}");
+    assert!(files(&out) == before, "nothing is lost");
+    let message = refused(&["sweep", "merge", "traces/cube"]);
+    assert!(message.contains("no folder of a sweep"), "{message}");
+}
+
+#[test]
+fn every_experiment_of_the_repository_has_a_question_and_machines() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = 0;
+    for entry in fs::read_dir(root.join("configs/experiments")).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let text = fs::read_to_string(&path).expect("text");
+        let experiment = Experiment::open(&path).expect("an experiment");
+        let first = text.lines().next().expect("a line");
+        assert!(first.starts_with("// ") && first.contains('?') && !experiment.question.is_empty(), "{}", path.display());
+        assert!(experiment.traces.iter().all(|trace| root.join(trace).exists()), "{}", path.display());
+        let mut base = Config::built_in(&experiment.base).expect("it is built in");
+        experiment.set.iter().for_each(|setting| base.set(setting).expect("a knob"));
+        let plan = Plan::new(base, &experiment, 1000).expect("a plan");
+        let machines = (0..plan.len()).filter(|&number| plan.machine(number).expect("a machine").config.is_ok()).count();
+        assert!(machines > 1 && 2 * machines > plan.len() as usize, "{}: {machines} of {}", path.display(), plan.len());
+        found += 1;
+    }
+    assert_eq!(found, 8);
+}

@@ -1,0 +1,84 @@
+//! `fillrate why`: machines with one resource made scarce on purpose are told so, and the gain that is promised is that of a replay.
+
+use std::path::Path;
+
+use fillrate::machine::Config;
+use fillrate::run::machines;
+use fillrate::sim::Clock;
+use fillrate::trace::Trace;
+use fillrate::why::why;
+
+use crate::cli::{refused, run};
+
+/// A trace, what is made scarce, and the title of the change that gains most.
+const SCARCE: &[(&str, &[&str], &str)] = &[
+    ("cube", &["core.float_lanes=8"], "core: twice as fast"),
+    ("cube", &["core.warps=1"], "core: twice as much in flight"),
+    (
+        "cube",
+        &["texture.filters_per_cycle=1", "texture.quads_per_cycle=1", "texture.lookups_per_cycle=1"],
+        "texture: twice as fast",
+    ),
+    ("cube", &["texture.misses=1"], "texture: twice as much in flight"),
+    ("cube", &["memory.port_latency=1000"], "half the memory latency"),
+    ("cube", &["memory.kind=ideal", "memory.ideal_bytes_per_cycle=4"], "twice the memory bandwidth"),
+    ("cube", &["command.command_cycles=20000"], "command: twice as fast"),
+    ("cube", &["command.barrier_cycles=60000"], "command: barriers half as long"),
+    ("cube", &["color.fast_clear=false"], "fast clears"),
+    ("cube", &["memory.port_width=8"], "memory: twice as wide ports and slices"),
+    ("layers", &["depth.early=false"], "early Z"),
+    (
+        "layers",
+        &[
+            "core.float_lanes=512",
+            "core.integer_lanes=512",
+            "core.special_lanes=512",
+            "core.control_lanes=512",
+            "core.issue=8",
+            "core.per_pipeline=4",
+            "color.blends_per_cycle=1",
+            "color.quads_per_cycle=1",
+        ],
+        "color: twice as fast",
+    ),
+];
+
+#[test]
+fn a_scarce_resource_is_found_and_the_gain_is_that_of_a_replay() {
+    for (name, scarce, title) in SCARCE {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
+        let trace = Trace::open(path).expect("the trace is there");
+        let mut config = Config::built_in("baseline").expect("it is built in");
+        for setting in ["scanout.enabled=false"].iter().chain(*scarce) {
+            config.set(setting).expect("a knob");
+        }
+        config.check().expect("a machine");
+        let found = why(&trace, &config, 0..1, &|_| ()).expect("it runs");
+        let first = &found.gains[0];
+        assert_eq!(first.relaxation.title, *title, "{scarce:?}: {}", found.verdict());
+        assert!(first.share(&found.base).expect("it ran") > 0.1, "{scarce:?}: {}", found.verdict());
+
+        let relaxed = first.relaxation.of(&config).expect("a machine");
+        let replayed = machines::run(&trace, &[(&config, Clock::SkipIdle), (&relaxed, Clock::SkipIdle)]).expect("it runs");
+        let promised = [found.base.cycles, first.timed.as_ref().expect("it ran").cycles];
+        assert_eq!([replayed[0].cycles, replayed[1].cycles], promised, "{scarce:?}");
+    }
+}
+
+#[test]
+fn the_answer_is_printed_and_written() {
+    let home = tempfile::tempdir().expect("a folder");
+    let file = home.path().join("why.json").display().to_string();
+    let (code, text, message) = run(&["why", "traces/triangle", "--config", "tiny", "--json", &file, "--rows", "2"]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.starts_with("traces/triangle on tiny, frame 0: "), "{text}");
+    assert!(text.contains("proof of the first: replay the frame with --set "), "{text}");
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).expect("a file")).expect("JSON");
+    let changes = json["changes"].as_array().expect("changes");
+    assert!(changes.len() > 30 && changes[0]["gain"].as_f64() >= changes[1]["gain"].as_f64());
+    let phases: u64 =
+        json["phases"].as_array().expect("phases").iter().map(|phase| phase["cycles"].as_u64().expect("cycles")).sum();
+    assert_eq!(json["cycles"], phases, "phases add up");
+    let message = refused(&["why", "traces/triangle", "--frames", "5"]);
+    assert!(message.contains("no frame in 5..6"), "{message}");
+}
