@@ -5,7 +5,7 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::image::ImageDesc;
 use fillrate::gfx::state::{AddressMode, Aspect, Compare, FilterMode, SamplerDesc, TextureDimension, ViewDimension};
 use fillrate::gfx::texture::{Footprint, Lod, Sample, Sampler, View, ViewRange};
-use fillrate::num::{LANES, Lanes, Words};
+use fillrate::num::{LANES, Lanes, Random, Words};
 use std::hint::black_box;
 
 /// A square texture of pseudo-random bytes.
@@ -13,10 +13,10 @@ fn view(format: Format, dimension: ViewDimension, edge: u32, levels: u32) -> Vie
     let layers = if dimension == ViewDimension::Cube { 6 } else { 1 };
     let image = ImageDesc { dimension: TextureDimension::D2, size: [edge, edge, layers], levels, samples: 1, format };
     let words = Words::new(image.bytes());
-    let mut seed = 7_u32;
+    let mut random = Random::new(7);
     for i in 0..words.words().len() {
-        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        words.store(i, if format == Format::Depth32Float { 0x3f00_0000 | seed >> 9 } else { seed });
+        let bits = random.bits();
+        words.store(i, if format == Format::Depth32Float { 0x3f00_0000 | bits >> 9 } else { bits });
     }
     let range = ViewRange { dimension, format, aspect: Aspect::All, base_level: 0, levels, base_layer: 0, layers };
     View::new(&words, &image, &range, 0).expect("a valid view")

@@ -9,7 +9,7 @@ use unit::apart::Apart;
 use unit::assembly::Mode;
 use unit::dispatch::Dispatch;
 use unit::fetch::FetchInput;
-use unit::frame::Frame;
+use unit::frame::FrameBuffers;
 use unit::sorting::EarlyTest;
 use work::Shade;
 
@@ -58,6 +58,6 @@ fn build(config: &Config) -> Result<Built, String> {
 /// A pipeline that tests against what it has drawn itself keeps that.
 fn apart(config: &Config) -> Apart {
     let local = config.order.early == EarlyTest::Local;
-    let seen = if local { vec![Frame::default(); config.card.pipelines as usize] } else { Vec::new() };
+    let seen = if local { vec![FrameBuffers::default(); config.card.pipelines as usize] } else { Vec::new() };
     Apart { seen, ..Apart::default() }
 }

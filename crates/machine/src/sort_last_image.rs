@@ -7,7 +7,7 @@ use super::config::Config;
 use unit::apart::Apart;
 use unit::assembly::{Deal, Mode};
 use unit::fetch::FetchInput;
-use unit::frame::Frame;
+use unit::frame::FrameBuffers;
 use unit::network::SenderCounts;
 use unit::sorting::Keep;
 use unit::traverse::Territory;
@@ -60,7 +60,7 @@ fn build(config: &Config) -> Result<Built, String> {
 fn apart(config: &Config) -> Apart {
     let pipelines = config.card.pipelines as usize;
     Apart {
-        copies: vec![Frame::default(); pipelines],
+        copies: vec![FrameBuffers::default(); pipelines],
         unnumbered: config.order.keep == Keep::Never,
         chunks: pipelines > 1 && config.assembly.deal == Deal::Contiguous,
         ..Apart::default()

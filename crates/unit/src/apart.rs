@@ -1,16 +1,16 @@
 //! What pipelines have for themselves.
 
-use super::frame::Frame;
+use super::frame::FrameBuffers;
 
 /// What pipelines have of a pass for themselves, and what else a sort class asks of all units: a class hands this to the card, so that no
 /// unit knows its class. By default pipelines share the machine's surfaces.
 #[derive(Default)]
 pub struct Apart {
     /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
-    pub copies: Vec<Frame>,
+    pub copies: Vec<FrameBuffers>,
     /// Where pipelines test ahead of the owners of their pixels against what they have drawn themselves, each one's copy of the pass's
     /// depths, by the same index; else none.
-    pub seen: Vec<Frame>,
+    pub seen: Vec<FrameBuffers>,
     /// Whether each of these pipelines has one run of a pass's primitives, so that copies that are blended can be put over each other.
     pub chunks: bool,
     /// Whether copies are composed without the numbers of primitives.

@@ -8,7 +8,7 @@
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
 use super::color::{self, Color, blend_group};
 use super::depth::{Depth, test_group};
-use super::frame::Frame;
+use super::frame::FrameBuffers;
 use super::texture::{Texture, stored_bytes};
 use super::touch::{Touch, Touching};
 use super::traverse::{Territory, Traverse};
@@ -104,7 +104,7 @@ struct Place<'w> {
 
 impl Place<'_> {
     /// Tests and blends the block's quads, four at a time.
-    fn draw(&self, frame: &mut Frame, epoch: u32, units: &mut Keepers, memory: &mut Touching) -> Result<(), Fault> {
+    fn draw(&self, frame: &mut FrameBuffers, epoch: u32, units: &mut Keepers, memory: &mut Touching) -> Result<(), Fault> {
         let Place { work, pass, .. } = self;
         let state = work.depth.as_ref().filter(|state| !state.is_idle());
         let tested = state.zip(pass.depth);
@@ -113,7 +113,7 @@ impl Place<'_> {
         for first in (0..self.block.quads).step_by(4) {
             let mut group = self.group(first);
             let quads = &self.tile.quads[group.first as usize..][..usize::from(group.count)];
-            let test = |frame: &mut Frame, group: &mut Group, late: bool| {
+            let test = |frame: &mut FrameBuffers, group: &mut Group, late: bool| {
                 if let Some((state, surface)) = tested {
                     test_group(state, work, group, pass, &mut frame.stores[surface], late);
                 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::compression::Compression;
-use super::frame::{BlockState, Frame, Store};
+use super::frame::{BlockState, FrameBuffers, Store};
 use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::touch::{Touch, Touching};
@@ -162,7 +162,7 @@ impl BlockCache {
     }
 
     /// Writes a dirty block back.
-    fn write_back(&mut self, frame: &mut Frame, surface: usize, block: u32) {
+    fn write_back(&mut self, frame: &mut FrameBuffers, surface: usize, block: u32) {
         let store = &mut frame.stores[surface];
         let full = store.block_bytes();
         let bytes = self.compression.bytes(store, block);
@@ -177,7 +177,7 @@ impl BlockCache {
     }
 
     /// Reads what is absent of a block in the cache.
-    fn complete(&mut self, frame: &Frame, place: usize) {
+    fn complete(&mut self, frame: &FrameBuffers, place: usize) {
         let Some(key) = self.tags.key(place) else { return };
         if let Some((address, bytes)) = frame.stores[(key >> 32) as usize].stored(key as u32) {
             self.counts.fills += 1;
@@ -196,7 +196,7 @@ impl BlockCache {
     #[inline(always)]
     pub fn pin(
         &mut self,
-        frame: &mut Frame,
+        frame: &mut FrameBuffers,
         surface: usize,
         block: u32,
         quads: Quads,
@@ -216,7 +216,7 @@ impl BlockCache {
 
     /// Goes on with a pinned block of which something is absent.
     #[inline(never)]
-    fn add(&mut self, frame: &Frame, place: usize, quads: Quads) -> Result<usize, Tick> {
+    fn add(&mut self, frame: &FrameBuffers, place: usize, quads: Quads) -> Result<usize, Tick> {
         let absent = self.tags.data(place).absent;
         if quads.part & absent == 0 {
             let absent = absent & !quads.whole;
@@ -235,7 +235,7 @@ impl BlockCache {
     #[inline(never)]
     fn fill(
         &mut self,
-        frame: &mut Frame,
+        frame: &mut FrameBuffers,
         surface: usize,
         block: u32,
         quads: Quads,
@@ -290,7 +290,7 @@ impl BlockCache {
     /// counted. Gives the number of a dirty block that had to leave.
     pub fn visit(
         &mut self,
-        frame: &mut Frame,
+        frame: &mut FrameBuffers,
         (surface, block): (usize, u32),
         written: bool,
         memory: &mut Touching,
@@ -342,7 +342,7 @@ impl BlockCache {
     /// Writes all dirty blocks back, as fast as memory takes them, and forgets everything; `keep` says for a surface whether its
     /// blocks are worth writing. `None` while there is more to do or in flight, with what was done; each block that is written
     /// back is told to `left`.
-    pub fn flush(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+    pub fn flush(&mut self, frame: &mut FrameBuffers, keep: impl Fn(usize) -> bool) -> Tick {
         let mut did = Tick::Memory;
         while self.completing < self.tags.len() {
             if self.outbox.len() + 16 > OUTBOX {
@@ -383,7 +383,7 @@ impl BlockCache {
     }
 
     /// [`BlockCache::flush`] at the end of a tile: what is not worth writing is forgotten without taking time.
-    pub fn flush_tile(&mut self, frame: &mut Frame, keep: impl Fn(usize) -> bool) -> Tick {
+    pub fn flush_tile(&mut self, frame: &mut FrameBuffers, keep: impl Fn(usize) -> bool) -> Tick {
         while self.flushing < self.tags.len() {
             let place = self.flushing;
             let key = self.tags.key(place);

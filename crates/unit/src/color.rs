@@ -8,7 +8,7 @@ use super::card::{Card, Group, PassState, Work};
 use super::compression::Compression;
 use super::copies::own;
 use super::depth::mark;
-use super::frame::Frame;
+use super::frame::FrameBuffers;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
 use super::touch::Touching;
@@ -117,7 +117,7 @@ impl Color {
     }
 
     /// Takes note that functional warming has written a block.
-    pub(super) fn visit(&mut self, frame: &mut Frame, at: (usize, u32), memory: &mut Touching) {
+    pub(super) fn visit(&mut self, frame: &mut FrameBuffers, at: (usize, u32), memory: &mut Touching) {
         self.cache.visit(frame, at, true, memory);
     }
 
@@ -328,7 +328,7 @@ pub(super) fn written(work: &Work, pass: &PassState, target: usize) -> Option<us
 
 /// Blends a group's quads into one target.
 #[inline(always)]
-pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: usize, frame: &mut Frame) {
+pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: usize, frame: &mut FrameBuffers) {
     let surface = pass.color.get(target).copied().flatten();
     let state = work.colors.get(target).and_then(Option::as_ref);
     let slot = work.draw.targets.get(target).and_then(Option::as_ref);
@@ -360,7 +360,7 @@ pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: 
 }
 
 /// What a group leaves of the stored colours of its quads in a target.
-fn quads(frame: &Frame, work: &Work, group: &Group, target: usize, surface: usize) -> Quads {
+fn quads(frame: &FrameBuffers, work: &Work, group: &Group, target: usize, surface: usize) -> Quads {
     if work.colors[target].as_ref().is_none_or(|state| state.reads()) {
         return Quads::ANY;
     }
@@ -379,8 +379,8 @@ fn quads(frame: &Frame, work: &Work, group: &Group, target: usize, surface: usiz
 
 /// Where a copy is blended over nothing, to be put over what is behind it later: empties the samples that are blended first.
 #[cold]
-fn empty(copy: &mut Frame, work: &Work, group: &Group, surface: usize) {
-    let Frame { stores, stamps } = copy;
+fn empty(copy: &mut FrameBuffers, work: &Work, group: &Group, surface: usize) {
+    let FrameBuffers { stores, stamps } = copy;
     let store = &mut stores[surface];
     if !composes_over(store.surface.format) {
         return;

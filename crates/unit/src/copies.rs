@@ -12,7 +12,7 @@
 use std::cmp::Ordering;
 
 use super::card::PassState;
-use super::frame::{BlockState, Frame, Store, TileSignatures};
+use super::frame::{BlockState, FrameBuffers, Store, TileSignatures};
 use super::stamps::PARTIAL;
 use gfx::rop::{compare_depths, composes_over, over};
 
@@ -31,7 +31,7 @@ pub fn offset(pipeline: usize, pipelines: usize) -> u64 {
 
 /// Where a pipeline draws: in its own copy where there are copies.
 #[inline(always)]
-pub fn own<'a>(frame: &'a mut Frame, copies: &'a mut [Frame], pipeline: u8) -> &'a mut Frame {
+pub fn own<'a>(frame: &'a mut FrameBuffers, copies: &'a mut [FrameBuffers], pipeline: u8) -> &'a mut FrameBuffers {
     match copies.get_mut(usize::from(pipeline)) {
         Some(copy) => copy,
         None => frame,
@@ -41,7 +41,7 @@ pub fn own<'a>(frame: &'a mut Frame, copies: &'a mut [Frame], pipeline: u8) -> &
 /// Makes a pipeline's copy of a surface with which a pass begins; `written`: it was cleared in memory, copy by copy.
 ///
 /// Loaded contents are not copied: until a pipeline writes back a block of its own, it reads the surface's.
-fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, written: bool) {
+fn begin_store(frame: &FrameBuffers, copy: &mut FrameBuffers, surface: usize, offset: u64, written: bool) {
     while copy.stores.len() <= surface {
         copy.stores.push(Store {
             codes: Vec::new(),
@@ -63,14 +63,14 @@ fn begin_store(frame: &Frame, copy: &mut Frame, surface: usize, offset: u64, wri
 
 /// Makes the copies of the depths against which pipelines test ahead of the owners; `written` as for [`begin`]. They are all behind the
 /// surface, that of a single pipeline too: the surface is the owner's.
-pub fn begin_seen(frame: &Frame, seen: &mut [Frame], surface: usize, written: bool) {
+pub fn begin_seen(frame: &FrameBuffers, seen: &mut [FrameBuffers], surface: usize, written: bool) {
     for (pipeline, copy) in seen.iter_mut().enumerate() {
         begin_store(frame, copy, surface, behind(pipeline), written);
     }
 }
 
 /// Makes the copies of the attachments with which a pass begins. Those in `written` were cleared in memory, copy by copy.
-pub fn begin(frame: &Frame, copies: &mut [Frame], pass: &PassState, written: &[usize]) {
+pub fn begin(frame: &FrameBuffers, copies: &mut [FrameBuffers], pass: &PassState, written: &[usize]) {
     let pipelines = copies.len();
     for (pipeline, copy) in copies.iter_mut().enumerate() {
         copy.stamps.begin(pass.blocks, pass.pass.samples);
@@ -109,7 +109,7 @@ fn put(store: &mut Store, at: usize, code: [u32; 4]) {
 
 impl PassState {
     /// The pass's attachments: index in the frame, and whether their colours are put over each other where a sample is partial.
-    fn planes(&self, frame: &Frame) -> impl Iterator<Item = (usize, bool)> {
+    fn planes(&self, frame: &FrameBuffers) -> impl Iterator<Item = (usize, bool)> {
         let blended = self.order.blended;
         let over = move |n: usize, surface: usize| blended >> n & 1 == 1 && composes_over(frame.stores[surface].surface.format);
         let colors =
@@ -119,7 +119,7 @@ impl PassState {
 }
 
 /// Composes a block of one pipeline's copies into another's.
-pub fn merge(copies: &mut [Frame], pass: &PassState, into: usize, from: usize, block: u32) {
+pub fn merge(copies: &mut [FrameBuffers], pass: &PassState, into: usize, from: usize, block: u32) {
     let (mine, theirs) = pair(copies, into, from);
     let planes: Vec<(usize, bool)> = pass.planes(theirs).collect();
     for quad in 0..16 {
@@ -155,7 +155,7 @@ pub fn merge(copies: &mut [Frame], pass: &PassState, into: usize, from: usize, b
 }
 
 /// Makes a block of one pipeline's copies the result.
-pub fn finish(frame: &mut Frame, copy: &Frame, pass: &PassState, block: u32) {
+pub fn finish(frame: &mut FrameBuffers, copy: &FrameBuffers, pass: &PassState, block: u32) {
     let planes: Vec<(usize, bool)> = pass.planes(copy).collect();
     for (surface, over_each_other) in planes {
         let (result, copy_store) = (&mut frame.stores[surface], &copy.stores[surface]);

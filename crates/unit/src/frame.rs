@@ -269,14 +269,14 @@ impl Store {
 
 /// All surfaces that the machine has seen.
 #[derive(Clone, Debug, Default)]
-pub struct Frame {
+pub struct FrameBuffers {
     /// The surfaces.
     pub stores: Vec<Store>,
     /// Of a pipeline's copies of a pass's attachments, who wrote each sample; else empty.
     pub stamps: Stamps,
 }
 
-impl Frame {
+impl FrameBuffers {
     /// The index of a surface of that name, if there is one.
     pub fn find(&self, key: SurfaceKey) -> Option<usize> {
         self.stores.iter().position(|store| store.surface.key == key)

@@ -5,7 +5,7 @@
 //! depths and stencil values are not used afterwards. All its draws have signatures; a draw that does more than write pixels has none.
 
 use super::card::{PassState, Work};
-use super::frame::{Frame, Store, TileSignatures};
+use super::frame::{FrameBuffers, Store, TileSignatures};
 use work::{Attachment, BLOCK, Load, Pass, Signature};
 
 /// How a pass uses its attachments, as far as rendering elimination asks.
@@ -85,7 +85,7 @@ fn wanted(attachment: &Option<Attachment>) -> bool {
 
 /// Whether a tile of a signed pass can be eliminated, because memory holds its result already. If so the tile is again as it was before
 /// the surface was cleared. `list` is the signature of its triangles, `grid` the pass's tiles across and down, of `side` blocks.
-pub fn eliminate(frame: &mut Frame, pass: &PassState, list: Signature, tile: u32, grid: (u32, u32), side: u32) -> bool {
+pub fn eliminate(frame: &mut FrameBuffers, pass: &PassState, list: Signature, tile: u32, grid: (u32, u32), side: u32) -> bool {
     let Some(seed) = pass.signature else { return false };
     let signature = mix(&[seed, list]);
     let surfaces =

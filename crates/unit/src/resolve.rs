@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::card::Card;
-use super::frame::{BlockState, Frame};
+use super::frame::{BlockState, FrameBuffers};
 use super::misses::Misses;
 use super::token::{Ack, Kind, Piece};
 use gfx::rop;
@@ -77,7 +77,7 @@ pub(super) fn requests(address: u64, bytes: u32, queue: &mut VecDeque<Operation>
 }
 
 /// Resolves a block of one surface into another.
-fn resolve_block(frame: &mut Frame, from: usize, to: usize, block: u32) {
+fn resolve_block(frame: &mut FrameBuffers, from: usize, to: usize, block: u32) {
     if from == to {
         return;
     }

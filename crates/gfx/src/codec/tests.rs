@@ -2,6 +2,7 @@ use super::*;
 use crate::rop::code_words;
 use crate::setup::SAMPLES_4;
 use crate::texel::depth_code;
+use num::Random;
 use proptest::prelude::*;
 
 const DEPTHS: [Format; 5] = [
@@ -43,17 +44,11 @@ fn check(format: Format, samples: usize, codes: &[u32]) -> u32 {
     stored
 }
 
-fn noise(seed: &mut u32) -> u32 {
-    *seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let x = (*seed >> ((*seed >> 28) + 4) ^ *seed).wrapping_mul(277_803_737);
-    x >> 22 ^ x
-}
-
 #[test]
 fn blocks_of_one_triangle_always_compress() {
-    let mut seed = 1;
+    let mut random = Random::new(1);
     for round in 0..2000 {
-        let mut unit = || f64::from(noise(&mut seed)) / f64::from(u32::MAX);
+        let mut unit = || f64::from(random.bits()) / f64::from(u32::MAX);
         let (z, scale) = (0.1 + 0.8 * unit(), 10_f64.powf(-6.0 * unit()) / 80.0);
         let (dx, dy) = ((unit() - 0.5) * scale, (unit() - 0.5) * scale);
         for format in DEPTHS {
@@ -72,14 +67,14 @@ fn blocks_of_one_triangle_always_compress() {
 
 #[test]
 fn noise_never_takes_more_than_raw() {
-    let mut seed = 2;
+    let mut random = Random::new(2);
     for &format in Format::ALL.iter().filter(|f| !f.is_compressed()) {
         for samples in [1, 4] {
             let width = format.block_bytes() * 8;
             let mut codes = block(format, samples, |_, _, _, _| 0);
             for (i, code) in codes.iter_mut().enumerate() {
                 let word = (i / 4 % code_words(format)) as u32;
-                *code = noise(&mut seed) & mask(width.saturating_sub(32 * word).min(32));
+                *code = random.bits() & mask(width.saturating_sub(32 * word).min(32));
             }
             assert_eq!(check(format, samples, &codes), raw_bytes(format, samples), "{format:?}");
         }
@@ -123,14 +118,14 @@ proptest! {
         let formats: Vec<Format> = Format::ALL.iter().copied().filter(|f| !f.is_compressed()).collect();
         let format = formats[pick % formats.len()];
         let samples = if four { 4 } else { 1 };
-        let mut seed = seed;
-        let start = noise(&mut seed);
+        let mut random = Random::new(seed.into());
+        let start = random.bits();
         let mut codes = block(format, samples, |_, _, _, _| 0);
         for (i, code) in codes.iter_mut().enumerate() {
             // Neighbours differ by less than 2^step.
             let word = (i / 4 % code_words(format)) as u32;
             let bits = (format.block_bytes() * 8).saturating_sub(32 * word).min(32);
-            *code = start.wrapping_add(noise(&mut seed) & mask(step)) & mask(bits);
+            *code = start.wrapping_add(random.bits() & mask(step)) & mask(bits);
         }
         check(format, samples, &codes);
     }

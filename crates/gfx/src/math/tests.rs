@@ -141,12 +141,11 @@ fn lanes_equal_scalars_bit_for_bit() {
         (atan, lanes::atan),
         (tanh, lanes::tanh),
     ];
-    let mut seed = 1_u32;
+    let mut random = num::Random::new(1);
     for _ in 0..500 {
         let mut x = Lanes::ZERO;
         for bits in &mut x.0 {
-            seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            *bits = seed ^ seed >> 15;
+            *bits = random.bits();
         }
         for (index, (scalar, batch)) in pairs.iter().enumerate() {
             let mut out = Lanes::ZERO;

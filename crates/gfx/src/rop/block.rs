@@ -187,20 +187,21 @@ mod tests {
     use crate::format::Format;
     use crate::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, is_small};
     use crate::state::{CullMode, DepthStencil, FrontFace, StencilFace};
+    use num::Random;
 
     const FORMATS: [Format; 4] = [Format::Depth32Float, Format::Depth24Plus, Format::Depth24PlusStencil8, Format::Depth16Unorm];
 
-    struct Random(u64);
+    /// Random cases.
+    struct Cases(Random);
 
-    impl Random {
+    impl Cases {
         fn next(&mut self) -> u64 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            self.0 ^ self.0 >> 29
+            u64::from(self.0.bits()) << 32 | u64::from(self.0.bits())
         }
 
         /// A number in [0, 1).
         fn unit(&mut self) -> f32 {
-            (self.next() >> 40) as f32 / (1 << 24) as f32
+            self.0.unit()
         }
 
         /// All formats and comparisons, as cases go on.
@@ -240,7 +241,7 @@ mod tests {
         if !crate::simd::host_has!("avx2") {
             return;
         }
-        let mut random = Random(7);
+        let mut random = Cases(Random::new(7));
         let mut some = 0;
         for case in 0..4000 {
             let state = random.state(case);
@@ -295,7 +296,7 @@ mod tests {
             cull: CullMode::None,
             samples: 1,
         };
-        let mut random = Random(9);
+        let mut random = Cases(Random::new(9));
         let (mut some, mut all) = (0, 0);
         for case in 0..4000 {
             let state = random.state(case);

@@ -2,7 +2,7 @@ use super::*;
 use crate::format::{Format, TexelKind};
 use crate::state::*;
 use crate::texel::{decode_code, depth_code, encode_code};
-use num::{LANES, Lanes, QUADS};
+use num::{LANES, Lanes, QUADS, Random};
 use proptest::prelude::*;
 
 /// The blend equation in f64, straight from the specification.
@@ -41,20 +41,14 @@ fn reference(blend: BlendComponent, c: usize, s: [f64; 4], s1: [f64; 4], d: [f64
     }
 }
 
-fn noise(seed: &mut u32) -> u32 {
-    *seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let x = (*seed >> ((*seed >> 28) + 4) ^ *seed).wrapping_mul(277_803_737);
-    x >> 22 ^ x
-}
-
 /// A number in [-0.5, 1.5): fixed-point targets must clamp it.
-fn colour(seed: &mut u32) -> f32 {
-    noise(seed) as f32 / 2_147_483_648.0 - 0.5
+fn colour(random: &mut Random) -> f32 {
+    random.bits() as f32 / 2_147_483_648.0 - 0.5
 }
 
 #[test]
 fn every_factor_and_operation_agrees_with_f64() {
-    let mut seed = 1;
+    let mut random = Random::new(1);
     // Bounds in the target's own steps: half a step of rounding and a little for arithmetic. Targets that blend in 8-bit codes
     // round two sources, two factors and two products: up to half a step each.
     const CODES: f64 = 255.0 / 6.0;
@@ -74,14 +68,14 @@ fn every_factor_and_operation_agrees_with_f64() {
                     let component = BlendComponent { src, dst, op };
                     let target =
                         ColorTarget { format, blend: Some(Blend { color: component, alpha: component }), write_mask: 15 };
-                    let constant: [f32; 4] = std::array::from_fn(|_| colour(&mut seed));
+                    let constant: [f32; 4] = std::array::from_fn(|_| colour(&mut random));
                     let state = ColorState::new(&target, constant);
-                    let color: [[u32; 4]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| colour(&mut seed).to_bits()));
-                    let second: [[u32; 4]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| colour(&mut seed).to_bits()));
+                    let color: [[u32; 4]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| colour(&mut random).to_bits()));
+                    let second: [[u32; 4]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| colour(&mut random).to_bits()));
                     let words = code_words(format);
                     let mut run = vec![0; 4 * words];
                     let stored: [[u32; 4]; 4] =
-                        std::array::from_fn(|_| encode_code(format, std::array::from_fn(|_| colour(&mut seed).to_bits())));
+                        std::array::from_fn(|_| encode_code(format, std::array::from_fn(|_| colour(&mut random).to_bits())));
                     for p in 0..4 {
                         for w in 0..words {
                             run[4 * w + p] = stored[p][w];
@@ -112,7 +106,7 @@ fn every_factor_and_operation_agrees_with_f64() {
 fn codes_blend_by_whole_numbers() {
     // Sources that are codes themselves: what remains is one rounding a product, in whole numbers here.
     let product = |a: i32, b: i32| (2 * a * b + 255).div_euclid(510);
-    let mut seed = 9;
+    let mut random = Random::new(9);
     for (format, shifts) in [
         (Format::Rgba8Unorm, [0, 8, 16, 24]),
         (Format::Bgra8Unorm, [16, 8, 0, 24]),
@@ -125,7 +119,7 @@ fn codes_blend_by_whole_numbers() {
                     let component = BlendComponent { src, dst, op };
                     let target =
                         ColorTarget { format, blend: Some(Blend { color: component, alpha: component }), write_mask: 15 };
-                    let mut color = || -> [i32; 4] { std::array::from_fn(|_| (noise(&mut seed) & 255) as i32) };
+                    let mut color = || -> [i32; 4] { std::array::from_fn(|_| (random.bits() & 255) as i32) };
                     let (s, s1, k, mut d) = (color(), color(), color(), color());
                     let floats = |t: [i32; 4]| t.map(|c| c as f32 / 255.0);
                     let lanes = |t: [i32; 4]| floats(t).map(|c| [c.to_bits(); 4]);
@@ -179,20 +173,20 @@ fn codes_blend_by_whole_numbers() {
 
 #[test]
 fn write_masks_keep_channels_of_every_format() {
-    let mut seed = 5;
+    let mut random = Random::new(5);
     for &format in Format::ALL {
         if format.is_compressed() || format.is_depth_stencil() || matches!(format, Format::Rgb9e5Ufloat | Format::R64Uint) {
             continue;
         }
         for mask in 0..16 {
             let state = ColorState::new(&ColorTarget { format, blend: None, write_mask: mask }, [0.0; 4]);
-            let pick = |seed: &mut u32| -> [u32; 4] {
+            let pick = |random: &mut Random| -> [u32; 4] {
                 std::array::from_fn(|_| match format.kind() {
-                    TexelKind::Float => colour(seed).abs().to_bits(),
-                    _ => noise(seed) & 3,
+                    TexelKind::Float => colour(random).abs().to_bits(),
+                    _ => random.bits() & 3,
                 })
             };
-            let (old, new) = (encode_code(format, pick(&mut seed)), pick(&mut seed));
+            let (old, new) = (encode_code(format, pick(&mut random)), pick(&mut random));
             let words = code_words(format);
             let mut run: Vec<u32> = (0..4 * words).map(|i| old[i / 4]).collect();
             let color = new.map(|b| [b; 4]);
@@ -408,19 +402,19 @@ proptest! {
             Format::Rg11b10Ufloat, Format::Rgba8Uint, Format::Rg16Sint, Format::Rg8Unorm,
         ][pick];
         let samples = if four { 4 } else { 1 };
-        let mut seed = seed;
+        let mut random = Random::new(seed.into());
         let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
         let mut lanes = || -> [Lanes; 4] {
-            std::array::from_fn(|_| Lanes(std::array::from_fn(|_| if wild { noise(&mut seed) } else { colour(&mut seed).to_bits() })))
+            std::array::from_fn(|_| Lanes(std::array::from_fn(|_| if wild { random.bits() } else { colour(&mut random).to_bits() })))
         };
         let (src, src1) = (lanes(), lanes());
         let size = 4 * samples * code_words(format);
         // Few places, so that some quads meet.
-        let at: [u32; QUADS] = std::array::from_fn(|_| noise(&mut seed) % 20);
-        let coverage: [u16; QUADS] = std::array::from_fn(|_| noise(&mut seed) as u16 & if four { !0 } else { 15 });
+        let at: [u32; QUADS] = std::array::from_fn(|_| random.bits() % 20);
+        let coverage: [u16; QUADS] = std::array::from_fn(|_| random.bits() as u16 & if four { !0 } else { 15 });
         // The unused bits of a code are zero.
         let used = if format == Format::Rg8Unorm { 0xffff } else { !0 };
-        let tile: Vec<u32> = (0..20 * size).map(|_| noise(&mut seed) & used).collect();
+        let tile: Vec<u32> = (0..20 * size).map(|_| random.bits() & used).collect();
         let (mut batch, mut single, mut packed) = (tile.clone(), tile.clone(), tile);
         state.blend_batch(samples, QUADS, &at, &coverage, src.each_ref(), src1.each_ref(), &mut batch);
         let mut codes = [Lanes::ZERO; 4];
@@ -462,9 +456,9 @@ proptest! {
         };
         let state = DepthStencilState::new(&desc, u32::from(masks[2]), [0.0, 1.0]);
         let samples = if four { 4 } else { 1 };
-        let mut seed = seed;
+        let mut random = Random::new(seed.into());
         let depth: Vec<Lanes> =
-            (0..samples).map(|_| Lanes(std::array::from_fn(|_| (noise(&mut seed) as f32 / u32::MAX as f32).to_bits()))).collect();
+            (0..samples).map(|_| Lanes(std::array::from_fn(|_| (random.bits() as f32 / u32::MAX as f32).to_bits()))).collect();
         let codes: Vec<Lanes> = depth
             .iter()
             .map(|d| {
@@ -477,12 +471,12 @@ proptest! {
             })
             .collect();
         let size = 4 * samples * code_words(format);
-        let at: [u32; QUADS] = std::array::from_fn(|_| noise(&mut seed) % 20);
-        let covered: [u16; QUADS] = std::array::from_fn(|_| noise(&mut seed) as u16 & if four { !0 } else { 15 });
+        let at: [u32; QUADS] = std::array::from_fn(|_| random.bits() % 20);
+        let covered: [u16; QUADS] = std::array::from_fn(|_| random.bits() as u16 & if four { !0 } else { 15 });
         let tile: Vec<u32> = (0..20 * size)
-            .map(|_| if format == Format::Depth32Float { (noise(&mut seed) as f32 / u32::MAX as f32).to_bits() } else { noise(&mut seed) })
+            .map(|_| if format == Format::Depth32Float { (random.bits() as f32 / u32::MAX as f32).to_bits() } else { random.bits() })
             .collect();
-        let back = noise(&mut seed) as u16;
+        let back = random.bits() as u16;
         let (mut batch, mut single) = (tile.clone(), tile);
         let mut coverage = covered;
         state.test_batch(samples, QUADS, back, &at, &codes, &mut batch, &mut coverage);

@@ -92,12 +92,9 @@ fn small_floats_round_to_nearest() {
 
 #[test]
 fn shared_exponents_are_within_half_a_unit() {
-    let mut seed = 3_u32;
+    let mut random = num::Random::new(3);
     for _ in 0..100_000 {
-        let rgb: [f32; 3] = std::array::from_fn(|_| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f32::from_bits(0x3000_0000 + (seed >> 3) % 0x1780_0000).min(65408.0)
-        });
+        let rgb: [f32; 3] = std::array::from_fn(|_| f32::from_bits(0x3000_0000 + random.below(0x1780_0000)).min(65408.0));
         let code = to_rgb9e5(rgb);
         let unit = f32::from_bits(((code >> 27) + 127 - 24) << 23);
         for (x, y) in rgb.iter().zip(from_rgb9e5(code)) {

@@ -9,10 +9,9 @@ use proptest::prelude::*;
 /// A texture of pseudo-random bytes.
 fn noise(image: &ImageDesc, seed: u32) -> Words {
     let words = Words::new(image.bytes());
-    let mut x = seed;
+    let mut random = num::Random::new(seed.into());
     for i in 0..words.words().len() {
-        x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        let bits = x ^ x >> 15;
+        let bits = random.bits();
         // Floating-point texels stay in [0.5, 1).
         let float = matches!(image.format, Format::Depth32Float | Format::R32Float | Format::Rgba32Float);
         words.store(i, if float { 0x3f00_0000 | bits >> 9 } else { bits });
@@ -264,12 +263,9 @@ fn cubes_are_seamless() {
         }
     }
     let view = View::new(&words, &desc, &whole(&desc, ViewDimension::Cube), 0).expect("a valid view");
-    let mut seed = 5_u32;
+    let mut random = num::Random::new(5);
     for _ in 0..20_000 {
-        let mut next = || {
-            seed = seed.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (seed >> 8) as f32 / 8_388_608.0 - 1.0
-        };
+        let mut next = || random.range(-1.0, 1.0);
         let d = [next(), next(), next()];
         let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         if length < 0.1 {

@@ -224,11 +224,8 @@ mod tests {
     #[test]
     fn masks_are_the_signs_up_to_the_proven_bound() {
         const M: i64 = (1 << 24) - 1;
-        let mut seed = 1u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (seed >> 20) as i64
-        };
+        let mut generator = num::Random::new(1);
+        let mut random = || i64::from(generator.bits());
         for case in 0..4000 {
             let shift = [PIXEL_SHIFT, BLOCK_SHIFT][case % 2];
             let bits = 1 + random() as u32 % 24;

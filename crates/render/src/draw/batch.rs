@@ -10,7 +10,7 @@ use gfx::state::{PolygonMode, Topology};
 use num::{SUBPIXEL, prefetch};
 use work::{Funnel, Outcome, TILE};
 
-use super::frame::{Frame, Worker};
+use super::frame::{PreparedDraw, Worker};
 use super::needless::Late;
 use super::plan::{Piece, entries_of};
 use super::stream::Stream;
@@ -133,7 +133,7 @@ pub fn cut(topology: Topology, pieces: &[Piece], batches: &mut Vec<Batch>) -> us
 
 /// What a batch needs beside itself.
 pub struct Input<'a, 'f> {
-    pub frame: &'a Frame<'f>,
+    pub frame: &'a PreparedDraw<'f>,
     pub stream: &'a Stream,
     pub vertices: &'a Vertices,
     /// Tiles across the attachments and in all.
@@ -148,13 +148,13 @@ pub struct Input<'a, 'f> {
 }
 
 /// Whether setup may be left to the tiles.
-pub fn late_setup(frame: &Frame<'_>, record: bool) -> bool {
+pub fn late_setup(frame: &PreparedDraw<'_>, record: bool) -> bool {
     let triangles = PrimitiveKind::of(frame.topology) == PrimitiveKind::Triangle;
     triangles && frame.pipeline.primitive.polygon_mode == PolygonMode::Fill && !record
 }
 
 /// Whether small triangles may be set up together, given that setup is left to the tiles.
-pub fn mark_small(frame: &Frame<'_>) -> bool {
+pub fn mark_small(frame: &PreparedDraw<'_>) -> bool {
     #[cfg(target_arch = "x86_64")]
     let wide = gfx::simd::has_avx2();
     #[cfg(not(target_arch = "x86_64"))]
@@ -323,7 +323,7 @@ impl Batch {
 
     /// A triangle, set up here where that was left to the tiles.
     #[inline(always)]
-    pub fn set_up(&self, number: usize, frame: &Frame<'_>, vertices: &Vertices) -> Triangle {
+    pub fn set_up(&self, number: usize, frame: &PreparedDraw<'_>, vertices: &Vertices) -> Triangle {
         if let Some(triangle) = self.triangles.get(number) {
             return *triangle;
         }

@@ -17,7 +17,7 @@ use num::{LANES, Lanes};
 use shader::{BuiltIn, Encloser, InputRegister, Program, Range};
 use work::{Cull, Culling};
 
-use super::frame::Frame;
+use super::frame::PreparedDraw;
 use super::{BufferRange, DrawCall};
 
 /// Entries after which what is known of buffers is forgotten.
@@ -71,7 +71,7 @@ pub struct Boxes {
 /// A draw that is to be tested.
 pub struct Candidate<'a> {
     pub call: &'a DrawCall<'a>,
-    pub frame: &'a Frame<'a>,
+    pub frame: &'a PreparedDraw<'a>,
     /// Index that ends a strip.
     pub restart: Option<u32>,
     /// Primitives of an instance, and entries of its stream.
@@ -283,7 +283,7 @@ fn remembered<K: Copy + Eq + std::hash::Hash, V: Copy + PartialEq + std::fmt::De
 }
 
 /// Whether a draw may be left out without anybody but the picture's maker noticing.
-pub fn may_cull(call: &DrawCall<'_>, frame: &Frame<'_>) -> bool {
+pub fn may_cull(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> bool {
     let pipeline = frame.pipeline;
     let alone = |program: &Program| !program.interface().subgroups;
     let company = |(_, builtin): &(usize, BuiltIn)| *builtin == BuiltIn::SubgroupInvocationId;

@@ -48,8 +48,8 @@ pub struct FrameTarget {
     pub payload_second: Option<usize>,
 }
 
-/// The state of a draw.
-pub struct Frame<'a> {
+/// A draw, checked and prepared: all that its stages read.
+pub struct PreparedDraw<'a> {
     pub pipeline: &'a RenderPipeline,
     pub width: u32,
     pub height: u32,
@@ -113,7 +113,7 @@ pub struct Frame<'a> {
     pub skips: Skips,
 }
 
-impl<'a> Frame<'a> {
+impl<'a> PreparedDraw<'a> {
     /// Resolves a call against the attachments of its pass.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ impl<'a> Frame<'a> {
         extent: (u32, u32, u32),
         colors: &[Option<(TileSurface, Format)>],
         depth: Option<&TileSurface>,
-    ) -> Result<Frame<'a>, DrawError> {
+    ) -> Result<PreparedDraw<'a>, DrawError> {
         let pipeline = call.pipeline;
         let (width, height, samples) = extent;
         let misfit = |message: String| DrawError::Pipeline { label: pipeline.label.clone(), message };
@@ -176,7 +176,7 @@ impl<'a> Frame<'a> {
         let flat = pipeline.varyings.iter().all(|v| v.interpolation == Interpolation::Flat);
         let fragment_builtins = fragment.map_or_else(Vec::new, |p| builtins(&p.interface().inputs));
         let no_builtins = fragment_builtins.is_empty();
-        Ok(Frame {
+        Ok(PreparedDraw {
             pipeline,
             width,
             height,

@@ -13,7 +13,7 @@ use work::{Cull, Culling, Event, Segment};
 
 use super::batch::{self, Batch};
 use super::cull;
-use super::frame::{Frame, Workers};
+use super::frame::{PreparedDraw, Workers};
 use super::plan::{Piece, Planner};
 use super::record;
 use super::signature;
@@ -134,7 +134,7 @@ pub struct EndedPass {
 }
 
 /// The walk over a draw's primitives, without those that bounds show to be out of view.
-fn plan(call: &DrawCall<'_>, frame: &Frame<'_>) -> Result<(Planner, Culling), DrawError> {
+fn plan(call: &DrawCall<'_>, frame: &PreparedDraw<'_>) -> Result<(Planner, Culling), DrawError> {
     let range = call.range;
     let index = call.index.map(|i| i.buffer());
     let restart = call.pipeline.primitive.strip_index_format.map(|f| if f.bytes() == 2 { 0xffff } else { u32::MAX });
@@ -200,7 +200,7 @@ impl RenderPass {
             return Err(DrawError::Attachments(self.color.len()));
         }
         let extent = (self.width, self.height, self.samples);
-        let frame = Frame::new(call, extent, &self.color, self.depth.as_ref())?;
+        let frame = PreparedDraw::new(call, extent, &self.color, self.depth.as_ref())?;
         let (planner, culling) = plan(call, &frame)?;
         if call.record {
             sink(Event::Draw(Arc::new(record::draw(call, &frame, self.depth.is_some(), culling))));
@@ -214,7 +214,7 @@ impl RenderPass {
     fn segments(
         &mut self,
         call: &DrawCall<'_>,
-        frame: &Frame<'_>,
+        frame: &PreparedDraw<'_>,
         mut planner: Planner,
         scratch: &mut Scratch,
         sink: &mut dyn FnMut(Event),
@@ -265,7 +265,7 @@ impl RenderPass {
     fn geometry(
         &self,
         call: &DrawCall<'_>,
-        frame: &Frame<'_>,
+        frame: &PreparedDraw<'_>,
         scratch: &mut Scratch,
         source: &StreamSource<'_>,
         pieces: &[Piece],
@@ -305,7 +305,7 @@ impl RenderPass {
     fn fragments(
         &mut self,
         call: &DrawCall<'_>,
-        frame: &Frame<'_>,
+        frame: &PreparedDraw<'_>,
         scratch: &mut Scratch,
         pieces: &[Piece],
         growth: &Meter,
@@ -370,7 +370,7 @@ impl RenderPass {
     }
 
     /// One tile with its parts of the attachments.
-    fn job(&mut self, frame: &Frame<'_>, tiles: [u32; 2], index: usize) -> TileJob<'_> {
+    fn job(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], index: usize) -> TileJob<'_> {
         let mut job = TileJob::new(index, tiles[0]);
         let mut locations: [Option<&mut TileSurface>; MAX_COLORS] = Default::default();
         for (location, color) in locations.iter_mut().zip(&mut self.color) {
@@ -384,7 +384,7 @@ impl RenderPass {
     }
 
     /// Some tiles, in order, with their parts of the attachments.
-    fn jobs(&mut self, frame: &Frame<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
+    fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
         let mut locations: Vec<Option<_>> =
             self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut())).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();

@@ -34,6 +34,22 @@ pub struct Pending {
     pub(super) triangles: Vec<Triangle>,
 }
 
+/// A quad of one sample, where the program runs once a sample, or of all.
+pub struct PendingQuad {
+    /// Its first pixel.
+    pub place: [u16; 2],
+    /// Its place in the tile.
+    pub at: u32,
+    /// Samples covered by geometry, scissor and sample mask.
+    pub coverage: u16,
+    /// Samples that passed early tests.
+    pub alive: u16,
+    /// The sample, where the program runs once a sample.
+    pub sample: u8,
+    /// Its place among the recorded quads.
+    pub record: u32,
+}
+
 impl Pending {
     /// Empties it.
     pub fn clear(&mut self) {
@@ -131,19 +147,10 @@ impl Pending {
         some
     }
 
-    /// Adds a quad of one sample, where the program runs once a sample, or of all. There is room.
+    /// Adds a quad of the triangle in a slot. There is room.
     #[inline(always)]
-    pub fn push(
-        &mut self,
-        slot: u32,
-        [x, y]: [u16; 2],
-        at: u32,
-        coverage: u16,
-        alive: u16,
-        sample: u8,
-        record: u32,
-        front: bool,
-    ) {
+    pub fn push(&mut self, slot: u32, front: bool, quad: PendingQuad) {
+        let PendingQuad { place: [x, y], at, coverage, alive, sample, record } = quad;
         let n = self.n & (QUADS - 1);
         self.sites[n] = Site { triangle: slot, x, y };
         self.at[n] = at;

@@ -6,7 +6,7 @@ use work::{self, AttributeFetch, CostId, Culling, End, Primitive, Segment, Shade
 
 use super::DrawCall;
 use super::batch::Batch;
-use super::frame::Frame;
+use super::frame::PreparedDraw;
 use super::needless::{self, Late};
 use super::plan::Piece;
 use super::stream::Stream;
@@ -81,7 +81,7 @@ impl TileRecord {
 }
 
 /// The state of a draw as a machine needs it.
-pub fn draw(call: &DrawCall<'_>, frame: &Frame<'_>, has_depth: bool, culling: Culling) -> work::Draw {
+pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, culling: Culling) -> work::Draw {
     let pipeline = call.pipeline;
     let shape = |program: &Program, inputs: usize| {
         let interface = program.interface();

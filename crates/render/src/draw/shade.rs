@@ -6,7 +6,7 @@ use num::{LANES, Lanes, QUADS};
 use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
 use super::batch::MADE;
-use super::frame::{FragmentWeights, Frame};
+use super::frame::{FragmentWeights, PreparedDraw};
 use super::pending::{Pending, lanes, pixels};
 use super::tile::TileRun;
 
@@ -319,7 +319,12 @@ impl TileRun<'_, '_, '_> {
 }
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.
-fn payload<const S: usize>(frame: &Frame<'_>, bound: &Bound<'_>, pending: &Pending, record: &mut super::record::TileRecord) {
+fn payload<const S: usize>(
+    frame: &PreparedDraw<'_>,
+    bound: &Bound<'_>,
+    pending: &Pending,
+    record: &mut super::record::TileRecord,
+) {
     let size = 4 * frame.payload_words;
     let first = record.work.payload.len();
     record.work.payload.resize(first + size * pending.n, 0);

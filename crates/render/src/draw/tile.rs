@@ -11,8 +11,8 @@ use work::{Funnel, TILE};
 
 use super::Drawn;
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
-use super::frame::{FragmentWeights, Frame, Worker};
-use super::pending::Pending;
+use super::frame::{FragmentWeights, PreparedDraw, Worker};
+use super::pending::{Pending, PendingQuad};
 use super::plan::Piece;
 use super::record::TileRecord;
 use super::vertex::Vertices;
@@ -52,7 +52,7 @@ impl TileJob<'_> {
 
 /// What all tiles of a segment share.
 pub struct SegmentInput<'a, 'f> {
-    pub frame: &'a Frame<'f>,
+    pub frame: &'a PreparedDraw<'f>,
     pub pieces: &'a [Piece],
     pub batches: &'a [Batch],
     pub vertices: &'a Vertices,
@@ -62,7 +62,7 @@ pub struct SegmentInput<'a, 'f> {
 
 /// A tile while it is drawn.
 pub struct TileRun<'a, 'f, 'j> {
-    pub frame: &'a Frame<'f>,
+    pub frame: &'a PreparedDraw<'f>,
     pub input: &'a SegmentInput<'a, 'f>,
     pub job: &'a mut TileJob<'j>,
     pub bound: Option<Bound<'a>>,
@@ -301,7 +301,7 @@ impl TileRun<'_, '_, '_> {
     }
 
     /// Counts what a triangle covers that a later one hides, and what would become of it: since nothing tests or discards
-    /// fragments, all of them would be shaded and written ([`Frame::overwrites`]).
+    /// fragments, all of them would be shaded and written ([`PreparedDraw::overwrites`]).
     #[inline(never)]
     fn hidden<const S: usize, const WIDE: bool>(&mut self, b: u32, reference: u32, area: Bounds, blocks: &mut Blocks<S>) {
         let batch = &self.input.batches[b as usize];
@@ -434,7 +434,8 @@ impl TileRun<'_, '_, '_> {
         record: u32,
     ) {
         let slot = self.slot(triangle);
-        self.pending.push(slot, [x, y], quad_in_tile(x, y), coverage, alive, sample, record, triangle.front);
+        let quad = PendingQuad { place: [x, y], at: quad_in_tile(x, y), coverage, alive, sample, record };
+        self.pending.push(slot, triangle.front, quad);
         self.flush_if_full::<S, RECORD>();
     }
 

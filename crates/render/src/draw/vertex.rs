@@ -9,7 +9,7 @@ use gfx::state::StepMode;
 use num::{LANES, Lanes, Mask, Meter};
 use shader::{BuiltIn, Executor, Recorder, ShaderFault};
 
-use super::frame::{Frame, Workers};
+use super::frame::{PreparedDraw, Workers};
 use super::stream::Stream;
 
 /// Batches that one task shades.
@@ -53,7 +53,7 @@ impl Vertices {
     /// If the shader does not end.
     pub fn shade(
         &mut self,
-        frame: &Frame<'_>,
+        frame: &PreparedDraw<'_>,
         workers: &Workers,
         stream: &Stream,
         record: Option<(&mut work::Segment, &Meter)>,
@@ -109,7 +109,7 @@ impl Vertices {
 
 /// Shades the vertices of a task, `LANES / SPREAD` at a time: vertex `i` of a batch is lane `SPREAD * i`.
 fn shade_task<const SPREAD: usize>(
-    frame: &Frame<'_>,
+    frame: &PreparedDraw<'_>,
     executor: &mut Executor,
     stream: &Stream,
     start: usize,
@@ -208,11 +208,11 @@ fn shade_task<const SPREAD: usize>(
 
 wide! {
     /// Finds outcodes and window positions of a batch, of which every `spread`-th lane is a vertex: the task's from `at` on.
-    fn place(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) = place_here;
+    fn place(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) = place_here;
 }
 
 #[inline(always)]
-fn place_here(frame: &Frame<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) {
+fn place_here(frame: &PreparedDraw<'_>, position: [&Lanes; 4], spread: usize, at: usize, task: &mut Task<'_>) {
     let mut codes = [0; LANES];
     let mut screen = [ScreenVertex::default(); LANES];
     frame.clip.outcodes(position, &mut codes);

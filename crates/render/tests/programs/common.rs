@@ -34,11 +34,8 @@ pub fn floats(words: &[u32]) -> Vec<f32> {
 
 /// A sequence of numbers that is the same on every run: 32 bits each.
 pub fn noise(seed: u32) -> impl FnMut() -> u32 {
-    let mut state = u64::from(seed) << 1 | 1;
-    move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 33) as u32 ^ (state >> 20) as u32
-    }
+    let mut random = Random::new(seed.into());
+    move || random.bits()
 }
 
 /// Numbers in [0, 1).

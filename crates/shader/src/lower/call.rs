@@ -4,7 +4,7 @@ use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle};
 
 use super::writes::returns_early;
-use super::{Flow, Frame, Lowerer, Place, Region, RegionKind, Result, Results, Root, Val, Var};
+use super::{Flow, InlinedCall, Lowerer, Place, Region, RegionKind, Result, Results, Root, Val, Var};
 use crate::code::Code;
 use crate::ir::{Def, Range, V};
 use crate::types::Ty;
@@ -56,7 +56,7 @@ impl<'a> Lowerer<'a> {
                 Results::Region { classes }
             }
         };
-        self.frames.push(Frame {
+        self.frames.push(InlinedCall {
             function,
             info,
             args,

@@ -83,7 +83,7 @@ pub(super) struct Kept {
 }
 
 /// A function being inlined.
-pub(super) struct Frame<'a> {
+pub(super) struct InlinedCall<'a> {
     pub function: &'a Function,
     pub info: &'a FunctionInfo,
     pub args: Vec<Val>,
@@ -142,7 +142,7 @@ pub(super) struct Lowerer<'a> {
     pub entry: &'a str,
     pub b: Builder,
     pub state: Vec<V>,
-    pub frames: Vec<Frame<'a>>,
+    pub frames: Vec<InlinedCall<'a>>,
     pub regions: Vec<Region>,
     /// Open mask constructs.
     pub depth: u32,
@@ -215,11 +215,11 @@ impl<'a> Lowerer<'a> {
         Some(module::Place::Text { line: line as u32, column: (at - begin) as u32 + 1 })
     }
 
-    pub fn frame(&self) -> &Frame<'a> {
+    pub fn frame(&self) -> &InlinedCall<'a> {
         self.frames.last().expect("a function is being lowered")
     }
 
-    pub fn frame_mut(&mut self) -> &mut Frame<'a> {
+    pub fn frame_mut(&mut self) -> &mut InlinedCall<'a> {
         self.frames.last_mut().expect("a function is being lowered")
     }
 

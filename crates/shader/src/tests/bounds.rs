@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::*;
-use num::Lanes;
+use num::{Lanes, Random};
 
 /// Compiles the only vertex entry point.
 fn vertex(source: &str) -> Option<Program> {
@@ -11,24 +11,9 @@ fn vertex(source: &str) -> Option<Program> {
     Some(compile(&module, Stage::Vertex, None, &Options::default()).unwrap_or_else(|e| panic!("{e}\n{source}")))
 }
 
-/// Numbers that look random.
-struct Random(u32);
-
-impl Random {
-    fn next(&mut self) -> u32 {
-        self.0 = self.0.wrapping_mul(0x915f_77f5).wrapping_add(0x6d2b_79f5);
-        let x = (self.0 ^ self.0 >> 15).wrapping_mul(0x2c1b_3c6d);
-        x ^ x >> 13
-    }
-
-    fn below(&mut self, n: u32) -> u32 {
-        self.next() % n
-    }
-
-    /// From -1 to 1.
-    fn unit(&mut self) -> f32 {
-        self.next() as i32 as f32 / 2_147_483_648.0
-    }
+/// From -1 to 1.
+fn unit(random: &mut Random) -> f32 {
+    random.range(-1.0, 1.0)
 }
 
 /// Ranges of all outputs, or none; and whether every one of 64 runs whose inputs are `inputs` (a lane each) lies in them.
@@ -94,7 +79,7 @@ fn control_flow_on_integers_stays_in_its_bounds() {
 fn expression(random: &mut Random, depth: u32) -> String {
     if depth == 0 {
         return match random.below(5) {
-            0 => format!("{:.3}", 4.0 * random.unit()),
+            0 => format!("{:.3}", 4.0 * unit(random)),
             k => ["a", "b", "c", "a"][k as usize - 1].to_owned(),
         };
     }
@@ -126,7 +111,7 @@ fn expression(random: &mut Random, depth: u32) -> String {
 fn arithmetic_stays_in_its_bounds() {
     let (mut seen, mut finite) = (0, 0);
     for seed in 0..400 {
-        let mut random = Random(seed * 77);
+        let mut random = Random::new(u64::from(seed * 77));
         let mut text = String::new();
         for i in 0..3 {
             writeln!(text, "let r{i} = {};", expression(&mut random, 1 + seed % 4)).expect("text");
@@ -143,7 +128,7 @@ fn arithmetic_stays_in_its_bounds() {
         let Some(program) = vertex(&source) else { continue };
         for size in [0.0, 1e-6, 0.01, 0.3, 2.0, 1e20] {
             let boxes: [(f32, f32); 3] = std::array::from_fn(|_| {
-                let (at, by) = (3.0 * random.unit(), size * random.unit().abs());
+                let (at, by) = (3.0 * unit(&mut random), size * unit(&mut random).abs());
                 (at - by, at + by)
             });
             let ranges = boxes.map(|(least, greatest)| Range::floats(least, greatest));
@@ -151,7 +136,7 @@ fn arithmetic_stays_in_its_bounds() {
             let lanes = |random: &mut Random, axis: usize| {
                 Lanes(std::array::from_fn(|i| {
                     let (least, greatest) = boxes[axis];
-                    let t = 0.5 + 0.5 * random.unit();
+                    let t = 0.5 + 0.5 * unit(random);
                     let x = match (i < 8, i >> axis & 1) {
                         (true, 0) => least,
                         (true, _) => greatest,

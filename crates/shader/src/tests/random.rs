@@ -4,6 +4,8 @@
 
 use std::fmt::Write;
 
+use num::Random;
+
 /// Variables of the function: `v0` to `v3`, and `a`, an array of five.
 const VARS: usize = 4;
 
@@ -31,13 +33,12 @@ enum Stmt {
     Return(Expr),
 }
 
-struct Random(u32);
+/// Writes random programs.
+struct Writer(Random);
 
-impl Random {
+impl Writer {
     fn below(&mut self, n: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(0x915f_77f5).wrapping_add(0x6d2b_79f5);
-        let x = (self.0 ^ self.0 >> 15).wrapping_mul(0x2c1b_3c6d);
-        (x ^ x >> 13) % n
+        self.0.below(n)
     }
 
     fn expr(&mut self, depth: u32) -> Expr {
@@ -148,7 +149,7 @@ fn show(block: &[Stmt], out: &mut String, counter: &mut u32) {
 
 /// The text of a random function `f(x: u32) -> u32`, with what it calls.
 pub(super) fn function(seed: u32) -> String {
-    let mut random = Random(seed.wrapping_mul(0x9e37_79b9));
+    let mut random = Writer(Random::new(seed.into()));
     let program = random.block(3, 0);
     let mut text = String::new();
     show(&program, &mut text, &mut 0);

@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::apart::Apart;
-use super::frame::Frame;
+use super::frame::FrameBuffers;
 use super::interleave::Interleave;
 use super::phase::Phases;
 use super::stamps::{MAX_PRIMITIVES, Marks};
@@ -45,7 +45,7 @@ pub struct Card {
     /// The pass being drawn.
     pub pass: Option<PassState>,
     /// The machine's own surfaces.
-    pub frame: Frame,
+    pub frame: FrameBuffers,
     /// What pipelines have for themselves, and what else the machine's sort class asks.
     pub apart: Apart,
     /// Which pipeline owns which pixels.
@@ -85,7 +85,7 @@ impl Card {
             // One cluster a pipeline, and one for vertex cores.
             warps: vec![Warps::new(execution); pipelines + 1],
             pass: None,
-            frame: Frame::default(),
+            frame: FrameBuffers::default(),
             apart,
             interleave,
             bins: Vec::new(),

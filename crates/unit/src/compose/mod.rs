@@ -18,7 +18,7 @@ use super::apart::Apart;
 use super::card::{Card, PassState};
 use super::compression::Compression;
 use super::copies;
-use super::frame::{BlockState, Frame, Store};
+use super::frame::{BlockState, FrameBuffers, Store};
 use super::misses::Misses;
 use super::network::{Receiver, Sender};
 use super::resolve::{Operation, requests};
@@ -239,7 +239,7 @@ impl Compose {
     }
 
     /// Bytes that a sample takes on the network.
-    fn sample_bytes(&self, frame: &Frame) -> u32 {
+    fn sample_bytes(&self, frame: &FrameBuffers) -> u32 {
         let bytes = self.planes.iter().map(|plane| frame.stores[plane.surface].surface.format.block_bytes());
         bytes.sum::<u32>() + self.config.number_bytes
     }

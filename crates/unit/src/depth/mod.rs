@@ -11,7 +11,7 @@ use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::Compression;
 use super::copies::own;
-use super::frame::Frame;
+use super::frame::FrameBuffers;
 use super::stamps::Stamps;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
@@ -165,7 +165,7 @@ impl Depth {
     #[must_use]
     pub(super) fn visit(
         &mut self,
-        frame: &mut Frame,
+        frame: &mut FrameBuffers,
         at: (usize, u32),
         written: bool,
         pass: u32,

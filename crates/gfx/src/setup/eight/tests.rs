@@ -8,11 +8,8 @@ fn eight_at_once_are_eight_one_by_one() {
     if !crate::simd::host_has!("avx2") {
         return;
     }
-    let mut seed = 11_u64;
-    let mut random = |n: i32| {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((seed >> 33) % n as u64) as i32
-    };
+    let mut generator = num::Random::new(11);
+    let mut random = |n: i32| generator.between(0, n);
     let (mut small, mut covered, mut straddling) = (0, 0, 0);
     for case in 0..6000 {
         let state = SetupState {
@@ -91,11 +88,8 @@ fn bounds_of_eight_are_those_of_each() {
     if !crate::simd::host_has!("avx2") {
         return;
     }
-    let mut seed = 5_u64;
-    let mut random = |n: i32| {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((seed >> 33) % n as u64) as i32
-    };
+    let mut generator = num::Random::new(5);
+    let mut random = |n: i32| generator.between(0, n);
     let mut outcomes = [0; 6];
     for case in 0..12_000 {
         let state = SetupState {

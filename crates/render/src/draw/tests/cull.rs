@@ -136,11 +136,8 @@ fn what_could_show_a_difference_is_not_tested() {
 
 #[test]
 fn a_box_is_rejected_only_with_all_that_is_in_it() {
-    let mut state = 1u32;
-    let mut next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-    };
+    let mut random = num::Random::new(1);
+    let mut next = || random.range(-1.0, 1.0);
     let viewport = Viewport { x: 0.0, y: 0.0, width: 64.0, height: 64.0, min_depth: 0.0, max_depth: 1.0 };
     let (mut rejected, mut least) = (0, [0; 7]);
     for unclipped in [false, true] {

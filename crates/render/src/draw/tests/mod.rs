@@ -262,11 +262,8 @@ const ALL: [f32; 4] = [-1.0, -1.0, 1.0, 1.0];
 
 /// Triangles all over the place, of all sizes, some of them clipped.
 fn soup(n: u32, seed: u32, w: bool) -> Vec<[f32; 8]> {
-    let mut state = seed;
-    let mut next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / (1 << 24) as f32
-    };
+    let mut random = num::Random::new(seed.into());
+    let mut next = || random.unit();
     let mut out = Vec::new();
     for _ in 0..n {
         let (cx, cy) = (2.4 * next() - 1.2, 2.4 * next() - 1.2);

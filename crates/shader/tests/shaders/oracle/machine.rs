@@ -123,7 +123,7 @@ pub enum Control<'a> {
 }
 
 /// A function being called.
-pub struct Frame<'a> {
+pub struct CallFrame<'a> {
     pub function: &'a Function,
     pub info: &'a FunctionInfo,
     pub arguments: Vec<Value>,
@@ -158,7 +158,7 @@ pub struct Invocation<'a> {
     /// It only takes part in derivatives.
     pub helper: bool,
     pub discarded: bool,
-    pub frames: Vec<Frame<'a>>,
+    pub frames: Vec<CallFrame<'a>>,
     pub private: Vec<Option<Value>>,
     pub state: State,
     /// What the entry point returned.
@@ -172,7 +172,7 @@ impl<'a> Invocation<'a> {
     }
 
     /// The innermost function.
-    pub fn frame(&mut self) -> Result<&mut Frame<'a>, Fault> {
+    pub fn frame(&mut self) -> Result<&mut CallFrame<'a>, Fault> {
         self.frames.last_mut().ok_or_else(|| Fault::Unsupported("no function is being called".into()))
     }
 
@@ -185,7 +185,7 @@ impl<'a> Invocation<'a> {
         arguments: Vec<Value>,
         result: Option<Handle<Expression>>,
     ) -> Result<(), Fault> {
-        self.frames.push(Frame {
+        self.frames.push(CallFrame {
             function,
             info,
             arguments,
