@@ -447,6 +447,47 @@ fn saved(pair: Option<[f64; 2]>) -> String {
     }
 }
 
+/// What a table over several traces has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Saved {
+    /// Work.
+    Work,
+    /// Simulated cycles.
+    Cycles,
+    /// Host time, in per cent with two standard errors; empty where a trace has nothing to skip.
+    Host,
+}
+
+/// The savings of several traces as one table in Markdown, a row a skip and a column a trace.
+pub fn across(what: Saved, traces: &[(String, Vec<Saving>)]) -> String {
+    let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let names = traces.iter().map(|(name, _)| name.clone());
+    let mut out = row(["skip".to_owned()].into_iter().chain(names).collect());
+    out.push_str(&format!("|---|{}\n", "--:|".repeat(traces.len())));
+    let cell = |saving: &Saving| match what {
+        Saved::Work => saved(saving.work),
+        Saved::Cycles => saved(saving.cycles),
+        Saved::Host if saving.work.is_some_and(|[on, off]| on == off) => String::new(),
+        Saved::Host => {
+            let (host, error) = saving.host.saved();
+            format!("{:.1} ± {:.1}", 100.0 * host, 100.0 * error)
+        }
+    };
+    for (at, skip) in SKIPS.iter().enumerate() {
+        // A skip of the host's alone saves no work of the card and no cycles.
+        let is_there = |saving: &Saving| match what {
+            Saved::Work => saving.work.is_some() && !matches!(skip.how, Switch::Renderer(_)),
+            Saved::Cycles => saving.cycles.is_some(),
+            Saved::Host => true,
+        };
+        let savings: Vec<&Saving> = traces.iter().map(|(_, savings)| &savings[at]).collect();
+        if savings.iter().any(|saving| is_there(saving)) {
+            out.push_str(&row([skip.name.to_owned()].into_iter().chain(savings.into_iter().map(cell)).collect()));
+        }
+    }
+    out
+}
+
 /// The savings of a trace as a table in Markdown.
 pub fn table(name: &str, savings: &[Saving]) -> String {
     let mut out = format!(

@@ -30,7 +30,7 @@ pub struct Arguments {
     /// As the page docs/data/accuracy.md, when all is done
     #[arg(long)]
     markdown: bool,
-    /// Where random numbers begin; several make several runs
+    /// Seed of the random number generator; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1")]
     seed: Vec<u64>,
     /// How much is done; several make several runs
