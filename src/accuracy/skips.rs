@@ -100,7 +100,7 @@ pub const SKIPS: &[Skip] = &[
         work: ("fragments shaded", &["funnel.fragments_shaded"]),
     },
     Skip {
-        name: "tiles as before",
+        name: "rendering elimination",
         what: "a tile that memory has already is not drawn (sort-middle-binned)",
         switch: "--config sort-middle-binned --set bin.skip_same_tiles=true",
         how: Switch::Machine {
@@ -443,7 +443,11 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
 fn saved(pair: Option<[f64; 2]>) -> String {
     match pair {
         Some([_, 0.0]) | None => "-".into(),
-        Some([on, off]) => format!("{:.1} %", 100.0 * (1.0 - on / off)),
+        Some([on, off]) => {
+            let percent = 100.0 * (1.0 - on / off);
+            // No minus sign where nothing is left of the number.
+            format!("{:.1} %", if percent.abs() < 0.05 { 0.0 } else { percent })
+        }
     }
 }
 

@@ -36,7 +36,7 @@ pub struct Arguments {
     /// How much is done; several make several runs
     #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
     size: Vec<SizeName>,
-    /// Spoil what is under test, as --list says of each target: to see it fail
+    /// Inject the fault that --list names for each target, which must then fail
     #[arg(long, alias = "faulty")]
     inject_fault: bool,
     /// Threads; no result depends on it [default: all processors]

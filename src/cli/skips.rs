@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Print tables over all traces, a row a skip and a column a trace; without host, host times are not measured
     #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
     table: Vec<TableName>,
-    /// Seconds for which both sides of each skip are run by turns; more tell host times apart [default: 1]
+    /// Seconds of host time for each skip; longer runs measure smaller differences [default: 1]
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
     #[command(flatten)]

@@ -260,7 +260,7 @@ fn a_replay_tells_what_sorting_cost() {
         let lines = sections(&["--config", class]);
         assert_eq!(lines[0], format!("{class}, 4 pipelines"));
         let wanted =
-            [what, "overlap", own, "load imbalance", "waiting for the order", "busiest link of the network", "wrong pixels 0"];
+            [what, "overlap", own, "load imbalance", "reorder stalls", "busiest link of the network", "wrong pixels 0"];
         for part in wanted {
             assert!(lines.iter().any(|line| line.contains(part)), "{part}: {lines:#?}");
         }
