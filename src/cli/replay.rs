@@ -78,7 +78,7 @@ enum FidelityName {
 enum ImagesName {
     /// One for each frame
     All,
-    /// None: statistics only
+    /// No pictures: statistics only
     None,
 }
 
