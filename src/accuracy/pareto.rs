@@ -181,7 +181,7 @@ impl Front {
     pub fn table(&self) -> String {
         let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
         let mut out = format!(
-            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | off in {} | on average of {RESAMPLINGS} draws | intervals of these | how many hold |\n|---|---|---|---|{}---|---|---|\n",
+            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | error in {} | mean error of {RESAMPLINGS} draws | half intervals | coverage |\n|---|---|---|---|{}---|---|---|\n",
             self.trace,
             self.frames,
             self.cycles,
@@ -225,6 +225,32 @@ impl Front {
             .collect();
         json!({ "trace": self.trace, "frames": self.frames, "cycles": self.cycles, "fidelities": points })
     }
+}
+
+/// The errors of all fidelities but `cycle` that tell cycles, as one table in Markdown: what no host time is in.
+pub fn errors(fronts: &[Front]) -> String {
+    let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
+    let mut out = format!(
+        "| trace | frames | cycles | fidelity | error in {} | mean error of {RESAMPLINGS} draws | half intervals | coverage |\n|---|--:|--:|---|{}---|---|---|\n",
+        QUANTITIES.join(" | in "),
+        "--:|".repeat(QUANTITIES.len())
+    );
+    for front in fronts {
+        for point in front.points[1..].iter().filter(|point| point.errors[0].is_some()) {
+            out.push_str(&format!(
+                "| `{}` | {} | {:.0} | {} | {} | {} | {} | {} |\n",
+                front.trace,
+                front.frames,
+                front.cycles,
+                point.fidelity,
+                point.errors.map(percent).join(" | "),
+                together(&point.resampled.errors, 2),
+                together(&point.margins, 1),
+                together(&point.resampled.covered, 1)
+            ));
+        }
+    }
+    out
 }
 
 /// Shares in one field of a table.

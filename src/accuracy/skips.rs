@@ -100,7 +100,7 @@ pub const SKIPS: &[Skip] = &[
         work: ("fragments shaded", &["funnel.fragments_shaded"]),
     },
     Skip {
-        name: "tiles as before",
+        name: "rendering elimination",
         what: "a tile that memory has already is not drawn (sort-middle-binned)",
         switch: "--config sort-middle-binned --set bin.skip_same_tiles=true",
         how: Switch::Machine {
@@ -443,8 +443,53 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
 fn saved(pair: Option<[f64; 2]>) -> String {
     match pair {
         Some([_, 0.0]) | None => "-".into(),
-        Some([on, off]) => format!("{:.1} %", 100.0 * (1.0 - on / off)),
+        Some([on, off]) => {
+            let percent = 100.0 * (1.0 - on / off);
+            // No minus sign where nothing is left of the number.
+            format!("{:.1} %", if percent.abs() < 0.05 { 0.0 } else { percent })
+        }
     }
+}
+
+/// What a table over several traces has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Saved {
+    /// Work.
+    Work,
+    /// Simulated cycles.
+    Cycles,
+    /// Host time, in per cent with two standard errors; empty where a trace has nothing to skip.
+    Host,
+}
+
+/// The savings of several traces as one table in Markdown, a row a skip and a column a trace.
+pub fn across(what: Saved, traces: &[(String, Vec<Saving>)]) -> String {
+    let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let names = traces.iter().map(|(name, _)| name.clone());
+    let mut out = row(["skip".to_owned()].into_iter().chain(names).collect());
+    out.push_str(&format!("|---|{}\n", "--:|".repeat(traces.len())));
+    let cell = |saving: &Saving| match what {
+        Saved::Work => saved(saving.work),
+        Saved::Cycles => saved(saving.cycles),
+        Saved::Host if saving.work.is_some_and(|[on, off]| on == off) => String::new(),
+        Saved::Host => {
+            let (host, error) = saving.host.saved();
+            format!("{:.1} ± {:.1}", 100.0 * host, 100.0 * error)
+        }
+    };
+    for (at, skip) in SKIPS.iter().enumerate() {
+        // A skip of the host's alone saves no work of the card and no cycles.
+        let is_there = |saving: &Saving| match what {
+            Saved::Work => saving.work.is_some() && !matches!(skip.how, Switch::Renderer(_)),
+            Saved::Cycles => saving.cycles.is_some(),
+            Saved::Host => true,
+        };
+        let savings: Vec<&Saving> = traces.iter().map(|(_, savings)| &savings[at]).collect();
+        if savings.iter().any(|saving| is_there(saving)) {
+            out.push_str(&row([skip.name.to_owned()].into_iter().chain(savings.into_iter().map(cell)).collect()));
+        }
+    }
+    out
 }
 
 /// The savings of a trace as a table in Markdown.

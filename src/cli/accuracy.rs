@@ -30,13 +30,13 @@ pub struct Arguments {
     /// As the page docs/data/accuracy.md, when all is done
     #[arg(long)]
     markdown: bool,
-    /// Where random numbers begin; several make several runs
+    /// Seed of the random number generator; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1")]
     seed: Vec<u64>,
     /// How much is done; several make several runs
     #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
     size: Vec<SizeName>,
-    /// Spoil what is under test, as --list says of each target: to see it fail
+    /// Inject the fault that --list names for each target, which must then fail
     #[arg(long, alias = "faulty")]
     inject_fault: bool,
     /// Threads; no result depends on it [default: all processors]

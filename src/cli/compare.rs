@@ -29,24 +29,24 @@ pub struct Arguments {
     a: PathBuf,
     /// Another one of the same kind
     b: PathBuf,
-    /// Where to write the difference image; of two folders: the folder for those of all images that differ
+    /// Images: where to write the difference image; of two folders: the folder for those of all images that differ
     #[arg(long, value_name = "PNG|DIR")]
     difference: Option<PathBuf>,
-    /// Percentage of pixels that may be off
-    #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
-    allow: f64,
+    /// Images: percentage of pixels that may be off [default: 0]
+    #[arg(long, value_name = "PERCENT")]
+    allow: Option<f64>,
     /// Statistics and knobs: only those whose path starts with this
     #[arg(long, value_name = "PATH")]
     only: Option<String>,
     /// Statistics: show each bank of a unit by itself, not their sum
     #[arg(long)]
     each_bank: bool,
-    /// Statistics: what makes a change large; the largest come first
-    #[arg(long, value_enum, value_name = "SIZE", default_value = "relative")]
-    by: By,
-    /// Statistics: how many are shown; 0: all
-    #[arg(long, value_name = "N", default_value_t = 50)]
-    most: usize,
+    /// Statistics: what makes a change large; the largest come first [default: relative]
+    #[arg(long, value_enum, value_name = "SIZE")]
+    by: Option<By>,
+    /// Statistics: how many are shown; 0: all [default: 50]
+    #[arg(long, value_name = "N")]
+    most: Option<usize>,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -92,8 +92,31 @@ impl Kind {
     }
 }
 
+/// An option that is not about what is compared is an error: a user who gives it expects an effect.
+fn refuse_ignored(arguments: &Arguments, kind: Kind) -> Result<()> {
+    let (images, statistics) = (kind == Kind::Image, matches!(kind, Kind::Json | Kind::Csv));
+    let given = [
+        ("--difference", arguments.difference.is_some(), images),
+        ("--allow", arguments.allow.is_some(), images),
+        ("--only", arguments.only.is_some(), statistics || kind == Kind::Configuration),
+        ("--each-bank", arguments.each_bank, statistics),
+        ("--by", arguments.by.is_some(), statistics),
+        ("--most", arguments.most.is_some(), statistics),
+    ];
+    match given.into_iter().find(|&(_, given, used)| given && !used) {
+        // A folder has files of all kinds.
+        Some((option, ..)) if kind != Kind::Folder => {
+            bail!("{option} does not apply to {}, and would be ignored here", kind.name())
+        }
+        _ => Ok(()),
+    }
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let (a, b) = (arguments.a.as_path(), arguments.b.as_path());
+    if Kind::of(a) == Kind::of(b) {
+        refuse_ignored(arguments, Kind::of(a))?;
+    }
     let same = match (Kind::of(a), Kind::of(b)) {
         (Kind::Folder, Kind::Folder) => folders(arguments)?,
         (Kind::Json, Kind::Json) | (Kind::Csv, Kind::Csv) => statistics(a, b, arguments)?,
@@ -199,7 +222,7 @@ fn write(path: &Path, d: &ImageDifference) -> Result<()> {
 
 /// Whether no more pixels are off than may be.
 fn fits(d: &ImageDifference, arguments: &Arguments) -> bool {
-    100.0 * d.off_share() <= arguments.allow
+    100.0 * d.off_share() <= arguments.allow.unwrap_or(0.0)
 }
 
 fn configurations(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
@@ -243,8 +266,8 @@ fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
     compare::largest_first(
         &mut found,
         match arguments.by {
-            By::Relative => Size::Relative,
-            By::Absolute => Size::Absolute,
+            None | Some(By::Relative) => Size::Relative,
+            Some(By::Absolute) => Size::Absolute,
         },
     );
     // Frames repeat what is in the total.
@@ -254,7 +277,8 @@ fn statistics(a: &Path, b: &Path, arguments: &Arguments) -> Result<bool> {
         found.retain(|d| !of_frames(d));
         frames = all - found.len();
     }
-    let shown = if arguments.most == 0 { found.len() } else { arguments.most.min(found.len()) };
+    let most = arguments.most.unwrap_or(50);
+    let shown = if most == 0 { found.len() } else { most.min(found.len()) };
     table(&found[..shown]);
     if shown < found.len() {
         println!("{} more: --most 0 shows all", found.len() - shown);

@@ -8,6 +8,7 @@ use super::Verdict;
 use crate::host;
 use crate::machine::config::BUILT_IN;
 use crate::machine::{Config, Machine};
+use crate::report::compare::{KnobDifference, configurations};
 use crate::report::diagram::Diagram;
 
 /// List the built-in configurations; with NAME, print one fully resolved, or draw its machine
@@ -69,6 +70,14 @@ impl Choice {
     /// Its configuration.
     pub fn load(&self) -> Result<Config> {
         load(&self.config, &self.set)
+    }
+
+    /// Every knob in which a configuration differs from the one that is named.
+    pub fn changed(&self, config: &Config) -> Result<Vec<KnobDifference>> {
+        if self.set.is_empty() {
+            return Ok(Vec::new());
+        }
+        Ok(configurations(&load(&self.config, &[])?, config))
     }
 }
 

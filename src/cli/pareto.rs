@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::pareto::{Front, front, plot};
+use crate::accuracy::pareto::{Front, errors, front, plot};
 use crate::host;
 use crate::run::replay::{Fidelity, Options};
 use crate::sim::Clock;
@@ -25,9 +25,12 @@ pub struct Arguments {
     /// Frames to sample; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,3,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Vec<u32>,
-    /// Of the random numbers by which frames are drawn
+    /// Seed of the sampling generator
     #[arg(long, value_name = "N", default_value = "1")]
     seed: u64,
+    /// Print one table of the errors of all traces, without host times: the same on every host
+    #[arg(long, conflicts_with = "out")]
+    errors: bool,
     /// Where to leave table and plot
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -41,8 +44,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         let trace = arguments.reading.open(path)?;
         let name = path.display().to_string();
         let found = front(&name, &trace, &options, &arguments.samples, arguments.seed).with_context(|| name.clone())?;
-        println!("{}", found.table());
+        if !arguments.errors {
+            println!("{}", found.table());
+        }
         fronts.push(found);
+    }
+    if arguments.errors {
+        print!("{}", errors(&fronts));
     }
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;

@@ -51,7 +51,7 @@ impl Told {
                 bar_of.set_message(watch.line().map_or(frame.clone(), |line| format!("{frame}; {line}")));
             }
         };
-        // Without a terminal nobody reads it; without a thread to be had it is left out.
+        // Without a terminal nobody reads it; without a thread it is left out.
         let teller = if bar.is_hidden() { None } else { std::thread::Builder::new().spawn(tell).ok() };
         Told { bar, frame, over, teller }
     }

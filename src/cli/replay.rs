@@ -12,7 +12,7 @@ use super::progress::Told;
 use super::threads::MOST;
 use crate::render::Watch;
 use crate::report::files::About;
-use crate::report::folder::Folder;
+use crate::report::folder::{Folder, Images};
 use crate::report::terminal::{self, Seen};
 use crate::run::replay::{Fidelity, Frame, Options, frame_range, replay_to};
 use crate::run::sample::Sampling;
@@ -23,8 +23,9 @@ use crate::trace::check;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  \
 fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
-fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n\n\
-Leaves in --out: frame-NNNN.png (the trace's own frame numbers), stats.json, stats.csv, config.ron.")]
+fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n  \
+fillrate replay traces/flight.zip --fidelity sampled --images none --out out\n\n\
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv, config.ron.")]
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
@@ -38,6 +39,9 @@ pub struct Arguments {
     /// Where to leave images and statistics
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Which pictures to leave in --out [default: all]
+    #[arg(long, value_enum, requires = "out")]
+    images: Option<ImagesName>,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
@@ -53,9 +57,9 @@ pub struct Arguments {
     /// With --fidelity sampled: seed of the sampling generator [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Which clock drives the units; every statistic is the same under both
-    #[arg(long, value_enum, default_value = "skip-idle")]
-    clock: ClockName,
+    /// Which clock drives the units; every statistic is the same under both [default: skip-idle]
+    #[arg(long, value_enum)]
+    clock: Option<ClockName>,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -68,6 +72,14 @@ enum FidelityName {
     Sampled,
     /// Every cycle of every unit
     Cycle,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum ImagesName {
+    /// One for each frame
+    All,
+    /// No pictures: statistics only
+    None,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -90,7 +102,7 @@ impl FromStr for Frames {
     }
 }
 
-/// An option that the fidelity would ignore is an error: who gives it expects it to do something.
+/// An option that the fidelity would ignore is an error: a user who gives it expects an effect.
 fn refuse_ignored(arguments: &Arguments) -> Result<()> {
     let given = [
         ("--samples", arguments.samples.is_some()),
@@ -101,6 +113,9 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
             bail!("{option} is about --fidelity sampled, and would be ignored here")
         }
+        _ if arguments.clock.is_some() && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
+            bail!("--clock is about --fidelity cycle and sampled, and would be ignored here")
+        }
         _ => Ok(()),
     }
 }
@@ -108,6 +123,7 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     refuse_ignored(arguments)?;
     let config = arguments.machine.load()?;
+    let changed = arguments.machine.changed(&config)?;
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
     }
@@ -124,16 +140,25 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {
-            ClockName::SkipIdle => Clock::SkipIdle,
-            ClockName::EveryCycle => Clock::EveryCycle,
+            None | Some(ClockName::SkipIdle) => Clock::SkipIdle,
+            Some(ClockName::EveryCycle) => Clock::EveryCycle,
         },
         frames: arguments.frames.0.clone(),
         watch: Some(watch.clone()),
     };
     let trace = arguments.reading.open(&arguments.trace)?;
     let name = arguments.trace.display().to_string();
-    let about = About { trace: name.clone(), config: options.config.name.clone(), fidelity: options.fidelity.name() };
-    let create = |out| Folder::create(out, about, &options.config.resolved());
+    let about = About {
+        trace: name.clone(),
+        config: options.config.name.clone(),
+        changed: changed.clone(),
+        fidelity: options.fidelity.name(),
+    };
+    let images = match arguments.images {
+        None | Some(ImagesName::All) => Images::All,
+        Some(ImagesName::None) => Images::None,
+    };
+    let create = |out| Folder::create(out, about, &options.config.resolved(), images);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
@@ -152,7 +177,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
     }
-    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &seen, &options));
+    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &seen, &options, &changed));
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());
     }

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
 use super::Verdict;
-use crate::accuracy::skips::{SKIPS, Turns, savings, table};
+use crate::accuracy::skips::{SKIPS, Saved, Saving, Turns, across, savings, table};
 
 /// What is skipped because a scene does not need it: work and time saved, and that nothing else changes
 #[derive(clap::Args)]
@@ -22,11 +22,24 @@ pub struct Arguments {
     /// Name the skips and their switches
     #[arg(long)]
     list: bool,
-    /// Seconds for which both sides of each skip are run by turns; more tell host times apart
-    #[arg(long, default_value_t = 1.0, value_name = "SECONDS")]
-    seconds: f64,
+    /// Print tables over all traces, a row a skip and a column a trace; without host, host times are not measured
+    #[arg(long, value_enum, value_name = "WHAT", value_delimiter = ',')]
+    table: Vec<TableName>,
+    /// Seconds of host time for each skip; longer runs measure smaller differences [default: 1]
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<f64>,
     #[command(flatten)]
     machine: super::configs::Choice,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum TableName {
+    /// Work saved, of what there would be without the skip
+    Work,
+    /// Simulated cycles saved
+    Cycles,
+    /// Host time saved, in per cent
+    Host,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -37,17 +50,40 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let config = arguments.machine.load()?;
-    let time = Duration::try_from_secs_f64(arguments.seconds).context("--seconds")?;
-    let turns = Turns { least: 3, time };
+    let is_timed = arguments.table.is_empty() || arguments.table.contains(&TableName::Host);
+    let turns = if is_timed {
+        Turns { least: 3, time: Duration::try_from_secs_f64(arguments.seconds.unwrap_or(1.0)).context("--seconds")? }
+    } else if arguments.seconds.is_some() {
+        bail!("--seconds is about host times, which --table work and cycles do not have");
+    } else {
+        Turns { least: 1, time: Duration::ZERO }
+    };
     let mut verdict = Verdict::Done;
+    let mut all: Vec<(String, Vec<Saving>)> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;
         let name = path.display().to_string();
         let found = savings(&trace, &config, turns).with_context(|| name.clone())?;
-        println!("{}", table(&name, &found));
-        if found.iter().any(|saving| saving.differs.is_some()) {
+        if arguments.table.is_empty() {
+            println!("{}", table(&name, &found));
+        }
+        for saving in &found {
+            let Some(what) = &saving.differs else { continue };
+            if !arguments.table.is_empty() {
+                eprintln!("{name}: {} changes {what}", saving.skip.name);
+            }
             verdict = Verdict::Failed;
         }
+        let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        all.push((stem, found));
+    }
+    for (at, table) in arguments.table.iter().enumerate() {
+        let what = match table {
+            TableName::Work => Saved::Work,
+            TableName::Cycles => Saved::Cycles,
+            TableName::Host => Saved::Host,
+        };
+        print!("{}{}", if at > 0 { "\n" } else { "" }, across(what, &all));
     }
     Ok(verdict)
 }

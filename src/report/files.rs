@@ -1,7 +1,8 @@
 //! The texts of `stats.json` and `stats.csv`, frame by frame.
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
+use super::compare::KnobDifference;
 use crate::num::Cycle;
 use crate::run::replay::Frame;
 use crate::stats::Tree;
@@ -17,8 +18,18 @@ pub struct About {
     pub trace: String,
     /// The configuration's name.
     pub config: String,
+    /// Every knob that differs from that configuration.
+    pub changed: Vec<KnobDifference>,
     /// The fidelity.
     pub fidelity: &'static str,
+}
+
+/// The changed knobs by path, each with its value in the named configuration and in this run.
+fn changed_json(changed: &[KnobDifference]) -> Value {
+    // Numbers, texts and truth values are the same in RON and in JSON; what is not is kept as text.
+    let value = |ron: &str| serde_json::from_str(ron).unwrap_or_else(|_| Value::String(ron.to_owned()));
+    let knob = |d: &KnobDifference| (d.path.clone(), json!({ "from": value(&d.a), "to": value(&d.b) }));
+    Value::Object(changed.iter().map(knob).collect::<Map<_, _>>())
 }
 
 /// `stats.json` up to its first frame: what it is of, and the statistics over all frames.
@@ -31,6 +42,7 @@ pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
         "fillrate": env!("CARGO_PKG_VERSION"),
         "trace": about.trace,
         "config": about.config,
+        "changed_knobs": changed_json(&about.changed),
         "fidelity": about.fidelity,
         "total": total.json(),
     }))?;
@@ -84,6 +96,18 @@ fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
 mod tests {
     use super::*;
     use crate::unit::phase::PhaseKind;
+
+    #[test]
+    fn changed_knobs_have_both_values() {
+        let knob = |path: &str, a: &str, b: &str| KnobDifference { path: path.into(), a: a.into(), b: b.into() };
+        let changed = [knob("pipelines", "4", "8"), knob("sort", "\"sort-middle\"", "\"sort-first\"")];
+        let expected = json!({
+            "pipelines": { "from": 4, "to": 8 },
+            "sort": { "from": "sort-middle", "to": "sort-first" },
+        });
+        assert_eq!(changed_json(&changed), expected);
+        assert_eq!(changed_json(&[]), json!({}));
+    }
 
     #[test]
     fn a_row_a_frame_and_the_same_names_in_both_files() {

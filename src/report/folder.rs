@@ -25,13 +25,22 @@ const FRAMES_IN_FLIGHT: usize = 2;
 
 /// A folder that takes frames as they end.
 ///
-/// Each frame's picture is written when the frame comes. Statistics grow in `stats.csv.part` and `stats.json.part`, frame by frame, and get
+/// Each frame's picture is written when the frame comes, unless no pictures are wanted. Statistics grow in `stats.csv.part` and `stats.json.part`, frame by frame, and get
 /// their names at the end: a folder that has `stats.json` is complete.
 pub struct Folder {
     /// None: the writer has been told the end.
     send: Option<Sender<Leaving>>,
     /// None: the writer has answered.
     writer: Option<JoinHandle<Result<()>>>,
+}
+
+/// Which pictures a folder takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Images {
+    /// One for each frame that shows something.
+    All,
+    /// None: statistics only.
+    None,
 }
 
 /// What leaves a replay.
@@ -46,7 +55,7 @@ impl Folder {
     ///
     /// # Errors
     /// If it cannot be made, or what an earlier replay left cannot be removed.
-    pub fn create(out: &Path, about: About, config: &str) -> Result<Folder> {
+    pub fn create(out: &Path, about: About, config: &str, images: Images) -> Result<Folder> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
         let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
         let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
@@ -65,7 +74,7 @@ impl Folder {
             frames: false,
             table: Growing::create(out, TABLE)?,
             json: Growing::create(out, STATISTICS)?,
-            album: Album { out: out.to_owned(), last: None },
+            album: (images == Images::All).then(|| Album { out: out.to_owned(), last: None }),
         };
         let (send, receive) = channel::bounded(FRAMES_IN_FLIGHT);
         let named = std::thread::Builder::new().name("writer".into());
@@ -142,7 +151,8 @@ struct Pages {
     table: Growing,
     /// The frames alone, as `stats.json` will have them: behind the total, which comes last.
     json: Growing,
-    album: Album,
+    /// None: no pictures are wanted.
+    album: Option<Album>,
 }
 
 impl Pages {
@@ -158,8 +168,8 @@ impl Pages {
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
-        if let Some((surface, bytes)) = &frame.shown {
-            self.album.put(frame.number, surface, bytes)?;
+        if let (Some(album), Some((surface, bytes))) = (&mut self.album, &frame.shown) {
+            album.put(frame.number, surface, bytes)?;
         }
         let first = !std::mem::replace(&mut self.frames, true);
         self.table.add(&csv_rows(frame, first))?;

@@ -31,6 +31,11 @@ fn file() -> Vec<Declaration> {
         one("fillrate", "", "Version of the program that wrote the file."),
         one("trace", "", "The trace, as it was named on the command line."),
         one("config", "", "The configuration, as it was named on the command line."),
+        one(
+            "changed_knobs",
+            "",
+            "Every knob that differs from that configuration, by its path: `from` is its value there, `to` its value in this run.",
+        ),
         one("fidelity", "", "`functional`, `bound`, `sampled` or `cycle`."),
         one("total", "", "Statistics of the run: all frames together."),
         one("frames", "", "Statistics of each frame, in the order of the trace."),

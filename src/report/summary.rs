@@ -122,7 +122,7 @@ pub fn memory(total: &Tree) -> String {
     text
 }
 
-/// Writes what the sort class cost: copies and their bytes, uneven load, waiting for the order, the network, wrong pixels.
+/// Writes what the sort class cost: copies and their bytes, uneven load, reorder stalls, the network, wrong pixels.
 pub fn sorting(total: &Tree, pipelines: u32) -> String {
     let text = |path: &str| match total.get(path) {
         Some(Node::Leaf(Leaf::Text(text))) => text.as_str(),
@@ -149,7 +149,8 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         _ => "triangles",
     };
     let (sorted, sent) = (n("sort.sorted_items"), n("sort.sent"));
-    let nowhere = if sent < sorted { format!("{} of them to nobody", grouped((sorted - sent) as u64)) } else { String::new() };
+    let nowhere =
+        if sent < sorted { format!("{} of them sent nowhere", grouped((sorted - sent) as u64)) } else { String::new() };
     row(&format!("{items} sorted"), count("sort.sorted_items"), nowhere);
     let (copies, size) = (n("sort.redistributed_items"), n("sort.redistributed_bytes"));
     let copied = match class {
@@ -164,9 +165,9 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     if class == "sort-middle-binned" {
         let written = n("binning.triangle_bytes") + n("binning.list_bytes");
         row("triangles and lists", bytes(written), format!("written; {} read back", bytes(n("binning.read_bytes"))));
-        let empty = format!("and {} in whose lists nothing was", count("binning.empty_tiles"));
+        let empty = format!("and {} empty tiles", count("binning.empty_tiles"));
         row("tiles drawn", count("binning.tiles"), empty);
-        row("partial renders", count("binning.partial_renders"), "the lists were full".to_owned());
+        row("partial renders", count("binning.partial_renders"), "because the lists were full".to_owned());
     }
 
     if let Some(Node::Tree(early)) = total.get("early")
@@ -210,13 +211,13 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     // 3. What else it cost.
     let imbalance = format!("{:.3}", n("sort.load_imbalance"));
     row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
-    row("waiting for the order", count("sort.order_waiting_cycles"), "cycles, summed over those that restore it".to_owned());
+    row("reorder stalls", count("sort.order_waiting_cycles"), "cycles, summed over the units that restore order".to_owned());
     if n("sort.network.hops") > 0.0 {
         let busiest = format!("{:.1} %", 100.0 * n("sort.network.hottest_share"));
         let mean = 100.0 * n("sort.network.mean_share");
         row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", text("sort.network.hot_spot")));
     }
-    row("wrong pixels", count("sort.wrong_pixels"), "those that differ from API order".to_owned());
+    row("wrong pixels", count("sort.wrong_pixels"), "pixels that differ from API order".to_owned());
     out
 }
 
@@ -413,15 +414,15 @@ mod tests {
         let lines: Vec<String> = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
         let expected = [
             "sort-first, 4 pipelines",
-            "primitives sorted 1,000 100 of them to nobody",
+            "primitives sorted 1,000 100 of them sent nowhere",
             "copies sent 1,800 overlap 2.000; 28.12 KiB",
             "to another pipeline 1,350 75.0 %; 21.09 KiB",
             "pipelines' cycles used 75.0 % measured at core",
             "lost to reorder stalls 25.0 %",
             "load imbalance 1.250 quads of the busiest pipeline by the mean",
-            "waiting for the order 4,321 cycles, summed over those that restore it",
+            "reorder stalls 4,321 cycles, summed over the units that restore order",
             "busiest link of the network 50.0 % sorted[1] from a[0] to b[1]; mean of all 12.5 %",
-            "wrong pixels 7 those that differ from API order",
+            "wrong pixels 7 pixels that differ from API order",
         ];
         assert_eq!(lines, expected);
     }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::compare::KnobDifference;
 use super::summary::{self, Phases};
 use crate::run::replay::{Fidelity, Frame, Options, Outcome, seconds};
 
@@ -21,9 +22,11 @@ impl Seen {
     }
 }
 
-/// What a replay came to: how many frames, where the work went and where the cycles, and the host's time.
-pub fn report(done: &Outcome, seen: &Seen, options: &Options) -> String {
+/// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
+/// and the host's time.
+pub fn report(done: &Outcome, seen: &Seen, options: &Options, changed: &[KnobDifference]) -> String {
     let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
+    out.push_str(&knobs(changed, &options.config.name));
     let mut section = |title: &str, text: &str| {
         // A text takes all that is written to it.
         let _ = write!(out, "\n{title}\n{text}");
@@ -48,6 +51,16 @@ pub fn report(done: &Outcome, seen: &Seen, options: &Options) -> String {
     out + &times(done, cycles, seen, options)
 }
 
+/// The knobs that differ from the named configuration, a line each.
+fn knobs(changed: &[KnobDifference], config: &str) -> String {
+    if changed.is_empty() {
+        return String::new();
+    }
+    let width = changed.iter().map(|d| d.path.len()).max().unwrap_or(0);
+    let lines: String = changed.iter().map(|d| format!("  {:<width$}  {} -> {}\n", d.path, d.a, d.b)).collect();
+    format!("\nKnobs that differ from {config}\n{lines}")
+}
+
 /// Cycles, frames a second, and the host's time.
 fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
@@ -57,7 +70,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
     let cost = match options.fidelity {
         Fidelity::Bound => format!(
-            "estimated from counts and rates: off by 3 % in the middle, up to 15 % on the baseline, more on short queues \
+            "estimated from counts and rates: median error 3 %, at most 15 % on the baseline, larger on machines with short queues \
              (docs/fidelity.md)\nhost: {:.3} ms for the estimates, {all:.3} s in all",
             1e3 * host
         ),

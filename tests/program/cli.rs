@@ -59,6 +59,8 @@ fn replay_leaves_image_statistics_and_configuration() {
     let text = fs::read_to_string(out.path().join("stats.json")).expect("statistics");
     let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert!(json["total"]["cycles"].as_u64().expect("cycles") > 1000);
+    assert_eq!((&json["config"], &json["changed_knobs"]), (&"tiny".into(), &serde_json::json!({})));
+    assert!(!report.contains("Knobs that differ"), "{report}");
     assert_eq!(json["frames"].as_array().expect("frames").len(), 1);
     assert_eq!(json["total"]["sort"]["wrong_pixels"], 0);
     assert_eq!(fs::read_to_string(out.path().join("stats.csv")).expect("a table").lines().count(), 2);
@@ -111,7 +113,63 @@ fn frames_have_the_numbers_of_the_trace() {
 }
 
 #[test]
+fn a_run_names_the_knobs_that_differ_from_its_configuration() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    // With --config they differ from that configuration, without from the baseline; a knob that is set to its own value does not differ.
+    for (config, name, warps) in [(&["--config", "tiny"][..], "tiny", 8), (&[], "baseline", 64)] {
+        let set = ["--set", "core.warps=3", "--set", "sort=sort-middle", "--set", "memory.kind=ideal", "--out", &folder];
+        let (code, report, message) = run(&[&["replay", "traces/triangle"], config, &set].concat());
+        assert_eq!(code, 0, "{message}");
+        let section = report.split(&format!("\nKnobs that differ from {name}\n")).nth(1).unwrap_or_else(|| panic!("{report}"));
+        let lines: Vec<&str> = section.split("\n\n").next().unwrap_or_default().lines().map(str::trim).collect();
+        assert_eq!(lines, [format!("core.warps   {warps} -> 3").as_str(), "memory.kind  \"dram\" -> \"ideal\""]);
+        let text = fs::read_to_string(out.path().join("stats.json")).expect("statistics");
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let expected = serde_json::json!({
+            "core.warps": { "from": warps, "to": 3 },
+            "memory.kind": { "from": "dram", "to": "ideal" },
+        });
+        assert_eq!((&json["config"], &json["changed_knobs"]), (&name.into(), &expected));
+    }
+}
+
+#[test]
+fn images_none_leaves_statistics_only() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let files = |images: &[&str]| {
+        let (code, _, message) = run(&[&["replay", "traces/triangle", "--config", "tiny", "--out", &folder], images].concat());
+        assert_eq!(code, 0, "{message}");
+        let mut names: Vec<String> = fs::read_dir(out.path())
+            .expect("a folder")
+            .map(|entry| entry.expect("an entry").file_name().into_string().expect("a name"))
+            .collect();
+        names.sort();
+        (names, fs::read(out.path().join("stats.json")).expect("statistics"))
+    };
+    let (all, statistics) = files(&["--images", "all"]);
+    assert_eq!(all, ["config.ron", "frame-0000.png", "stats.csv", "stats.json"]);
+    assert!(files(&[]) == (all, statistics.clone()), "all is the default");
+    // The picture of the earlier replay goes, and the statistics are the same.
+    let (none, same) = files(&["--images", "none"]);
+    assert_eq!(none, ["config.ron", "stats.csv", "stats.json"]);
+    assert!(same == statistics, "--images none changes the statistics");
+    // Without --out there is nothing that it could change.
+    let (code, _, message) = run(&["replay", "traces/triangle", "--images", "none"]);
+    assert!(code == 2 && message.contains("--out"), "{message}");
+    let (code, _, message) = run(&["replay", "traces/triangle", "--images", "some", "--out", &folder]);
+    assert!(code == 2 && message.contains("some"), "{message}");
+}
+
+#[test]
 fn what_would_be_ignored_is_told() {
+    for fidelity in ["functional", "bound"] {
+        let message = refused(&["replay", "traces/triangle", "--fidelity", fidelity, "--clock", "every-cycle"]);
+        assert!(message.contains("--clock") && message.contains("--fidelity cycle"), "{message}");
+    }
+    let message = refused(&["compare", "baseline", "tiny", "--each-bank"]);
+    assert!(message.contains("--each-bank") && message.contains("a configuration"), "{message}");
     let message = refused(&["replay", "traces/triangle", "--samples", "4"]);
     assert!(message.contains("--samples") && message.contains("--fidelity sampled"), "{message}");
     for (change, told) in [("depth.early=false", "hierarchical Z"), ("bin.hide=true", "sort-middle-binned")] {
@@ -124,7 +182,7 @@ fn what_would_be_ignored_is_told() {
 fn each_fidelity_says_what_it_expects_to_be_off_by() {
     for (fidelity, more, says) in [
         ("functional", &[][..], "counted, not timed"),
-        ("bound", &[], "estimated from counts and rates: off by"),
+        ("bound", &[], "estimated from counts and rates: median error"),
         ("sampled", &["--samples", "2"], "What is estimated"),
         ("cycle", &[], "nothing estimated"),
     ] {
@@ -202,7 +260,7 @@ fn a_replay_tells_what_sorting_cost() {
         let lines = sections(&["--config", class]);
         assert_eq!(lines[0], format!("{class}, 4 pipelines"));
         let wanted =
-            [what, "overlap", own, "load imbalance", "waiting for the order", "busiest link of the network", "wrong pixels 0"];
+            [what, "overlap", own, "load imbalance", "reorder stalls", "busiest link of the network", "wrong pixels 0"];
         for part in wanted {
             assert!(lines.iter().any(|line| line.contains(part)), "{part}: {lines:#?}");
         }

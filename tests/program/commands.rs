@@ -1,9 +1,15 @@
 //! Commands on pages print what the pages say.
 //!
-//! A fenced block that begins with ` ```console ` holds commands, each on a line after `$ `, and below each what it prints on the standard
-//! output. All blocks of a page run in order, by `sh`, in one empty folder where `traces`, `configs`, `examples` and `crates` are the repository's
-//! and `fillrate` is the program under test. A block that begins with ` ```console slow ` runs only where `FILLRATE_SLOW` is set.
-//! `FILLRATE_BLESS=1 cargo test --test program commands` writes the output anew.
+//! A page holds commands in two forms. A fenced block that begins with ` ```console ` has commands, each on a line after `$ `, and below
+//! each what it prints on the standard output. A comment `<!-- $ COMMAND -->` stands above Markdown that the command prints, which ends at
+//! `<!-- end -->`.
+//!
+//! All commands of a page run in order, by `sh`, in one empty folder where `traces`, `configs`, `examples` and `crates` are the repository's
+//! and `fillrate` is the program under test. `FILLRATE_BLESS=1 cargo test --test program commands` writes the output anew.
+//!
+//! * ` ```console slow ` or `<!-- slow $ COMMAND -->` runs only where `FILLRATE_SLOW` is set.
+//! * ` ```console host ` or `<!-- host $ COMMAND -->` prints what depends on the host, such as times. It runs only where `FILLRATE_HOST` is
+//!   set. Nothing is compared: the output is written with the host and the date.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,19 +22,52 @@ struct Step {
     output: String,
 }
 
+/// When commands run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum When {
+    Always,
+    Slow,
+    Host,
+}
+
+impl When {
+    fn of(word: &str) -> When {
+        match word {
+            "" => When::Always,
+            "slow" => When::Slow,
+            "host" => When::Host,
+            other => panic!("a command that is `{other}`: slow and host are known"),
+        }
+    }
+}
+
 /// What one page is made of.
 enum Piece {
     /// Lines that are kept.
     Text(String),
-    /// A block of commands.
-    Block { fence: String, slow: bool, steps: Vec<Step> },
+    /// A block of commands, between its first and its last line; `fenced`: the commands are lines of it.
+    Block { first: String, last: &'static str, fenced: bool, when: When, steps: Vec<Step> },
 }
+
+/// The line that ends Markdown that a command prints.
+const END: &str = "<!-- end -->";
+
+/// What begins the line with the host and the date, which follows what a host prints.
+const MEASURED: &str = "Measured on ";
 
 fn pieces(page: &str) -> Vec<Piece> {
     let mut pieces = Vec::new();
     let mut text = String::new();
     let mut lines = page.lines();
     while let Some(line) = lines.next() {
+        let comment = line.strip_prefix("<!-- ").and_then(|rest| rest.strip_suffix(" -->"));
+        if let Some((word, command)) = comment.and_then(|rest| rest.split_once("$ ")) {
+            pieces.push(Piece::Text(std::mem::take(&mut text)));
+            let output = lines.by_ref().take_while(|line| *line != END).map(|line| format!("{line}\n")).collect();
+            let steps = vec![Step { command: command.to_owned(), output }];
+            pieces.push(Piece::Block { first: line.to_owned(), last: END, fenced: false, when: When::of(word.trim()), steps });
+            continue;
+        }
         let Some(kind) = line.strip_prefix("```console") else {
             text.push_str(line);
             text.push('\n');
@@ -46,7 +85,7 @@ fn pieces(page: &str) -> Vec<Piece> {
                 (None, None) => panic!("a block begins with `{line}`, not with a command"),
             }
         }
-        pieces.push(Piece::Block { fence: line.to_owned(), slow: kind.trim() == "slow", steps });
+        pieces.push(Piece::Block { first: line.to_owned(), last: "```", fenced: true, when: When::of(kind.trim()), steps });
     }
     pieces.push(Piece::Text(text));
     pieces
@@ -57,13 +96,12 @@ fn written(pieces: &[Piece]) -> String {
     for piece in pieces {
         match piece {
             Piece::Text(text) => page.push_str(text),
-            Piece::Block { fence, steps, .. } => {
-                page.push_str(fence);
-                page.push('\n');
-                for step in steps {
-                    page.push_str(&format!("$ {}\n{}", step.command, step.output));
+            Piece::Block { first, last, fenced, steps, .. } => {
+                page.push_str(&format!("{first}\n"));
+                for Step { command, output } in steps {
+                    page.push_str(&if *fenced { format!("$ {command}\n{output}") } else { output.clone() });
                 }
-                page.push_str("```\n");
+                page.push_str(&format!("{last}\n"));
             }
         }
     }
@@ -97,6 +135,15 @@ fn run(command: &str, room: &Path) -> String {
     String::from_utf8_lossy(&out.stdout).lines().map(|line| format!("{}\n", line.trim_end())).collect()
 }
 
+/// The host and how busy it is, how the program was built, and the date.
+#[cfg(unix)]
+fn measured(room: &Path) -> String {
+    let model = "sed -n 's/^model name[^:]*: *//p' /proc/cpuinfo | head -n 1";
+    let host = run(&format!("echo \"$({model}), $(nproc) processors, load $(cut -d' ' -f1 /proc/loadavg)\""), room);
+    let build = if cfg!(debug_assertions) { "dev" } else { "release" };
+    format!("{MEASURED}{}, {build} build, {}", host.trim_end(), run("date -u +%F", room))
+}
+
 #[cfg(unix)]
 fn pages(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).expect("a folder of pages") {
@@ -116,43 +163,71 @@ fn commands_on_pages_print_what_the_pages_say() {
     let mut found = vec![root.join("README.md")];
     pages(&root.join("docs"), &mut found);
     found.sort();
-    let slow_too = std::env::var_os("FILLRATE_SLOW").is_some();
-    let bless = std::env::var_os("FILLRATE_BLESS").is_some();
-    let (mut ran, mut left_out, mut stale) = (0, 0, Vec::new());
+    let is_set = |name: &str| std::env::var_os(name).is_some();
+    let (slow_too, host_too, bless) = (is_set("FILLRATE_SLOW"), is_set("FILLRATE_HOST"), is_set("FILLRATE_BLESS"));
+    let (mut ran, mut left_out, mut stale) = (0, [0, 0], Vec::new());
     for page in found {
         let old = fs::read_to_string(&page).expect("a page");
         let mut pieces = pieces(&old);
         let room = room();
         for piece in &mut pieces {
-            let Piece::Block { slow, steps, .. } = piece else { continue };
-            if *slow && !slow_too {
-                left_out += steps.len();
-                continue;
-            }
-            for step in steps {
-                let output = run(&step.command, room.path());
-                if output != step.output {
-                    stale.push(format!("{}: $ {}\n{output}", page.display(), step.command));
+            let Piece::Block { when, steps, fenced, .. } = piece else { continue };
+            match when {
+                When::Slow if !slow_too => left_out[0] += steps.len(),
+                When::Host if !host_too => left_out[1] += steps.len(),
+                _ => {
+                    for step in &mut *steps {
+                        let output = run(&step.command, room.path());
+                        if output != step.output && *when != When::Host {
+                            stale.push(format!("{}: $ {}\n{output}", page.display(), step.command));
+                        }
+                        step.output = output;
+                        ran += 1;
+                    }
+                    if let (When::Host, Some(last)) = (&when, steps.last_mut()) {
+                        let between = if *fenced { "" } else { "\n" };
+                        last.output.push_str(&format!("{between}{}", measured(room.path())));
+                    }
                 }
-                step.output = output;
-                ran += 1;
             }
         }
         if bless && written(&pieces) != old {
             fs::write(&page, written(&pieces)).expect("the page is written");
         }
     }
-    println!("{ran} commands ran; {left_out} slow ones were left out (FILLRATE_SLOW=1 runs them)");
+    let [slow, host] = left_out;
+    println!(
+        "{ran} commands ran; {slow} slow ones were left out (FILLRATE_SLOW=1 runs them), {host} of the host (FILLRATE_HOST=1)"
+    );
     assert!(ran > 20, "only {ran} commands were found: the test looks at the wrong place");
     assert!(stale.is_empty() || bless, "stale, FILLRATE_BLESS=1 writes them anew:\n{}", stale.join("\n"));
 }
 
 #[test]
 fn a_page_is_read_and_written_back() {
-    let page = "Text.\n\n```console slow\n$ a | b\n1\n2\n$ c\n```\nMore.\n";
+    let page = "Text.\n\n```console slow\n$ a | b\n1\n2\n$ c\n```\nMore.\n<!-- A remark. -->\n<!-- host $ d $ e -->\n| 1 |\n<!-- end -->\nLast.\n";
     let parts = pieces(page);
-    let Piece::Block { slow: true, steps, .. } = &parts[1] else { panic!("a slow block") };
+    let Piece::Block { when: When::Slow, fenced: true, steps, .. } = &parts[1] else { panic!("a slow block") };
     assert_eq!(steps.len(), 2);
     assert_eq!((steps[0].command.as_str(), steps[0].output.as_str()), ("a | b", "1\n2\n"));
+    let Piece::Block { when: When::Host, fenced: false, steps, .. } = &parts[3] else { panic!("a block of the host") };
+    assert_eq!((steps[0].command.as_str(), steps[0].output.as_str()), ("d $ e", "| 1 |\n"));
     assert_eq!(written(&parts), page);
+}
+
+/// What a person reads: the longest that it may be, in words.
+#[test]
+fn pages_stay_short() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = vec![root.join("README.md")];
+    for folder in ["docs", "docs/tutorials"] {
+        let entries = fs::read_dir(root.join(folder)).expect("a folder").map(|entry| entry.expect("an entry").path());
+        found.extend(entries.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
+    let words = |path: &PathBuf| fs::read_to_string(path).expect("a page").split_whitespace().count();
+    let all: usize = found.iter().map(words).sum();
+    assert!(
+        all <= 12_000,
+        "README.md, docs/*.md and docs/tutorials/*.md have {all} words; long tables belong below docs/data/"
+    );
 }

@@ -1,37 +1,47 @@
-//! Generated pages are up to date, and explain every statistic that a replay leaves.
+//! Generated pages and drawings are up to date, and explain every statistic that a replay leaves.
 
 use std::fs;
 use std::path::Path;
 
-use fillrate::machine::Config;
 use fillrate::machine::config::SortClass;
+use fillrate::machine::{Config, Machine};
+use fillrate::report::diagram::Diagram;
 use fillrate::report::{limits, pages};
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 
 fn check(name: &str, expected: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
     if std::env::var_os("FILLRATE_BLESS").is_some() {
         fs::write(&path, expected).expect("the page can be written");
     }
     let text = fs::read_to_string(&path).unwrap_or_default();
-    assert!(text == expected, "docs/data/{name} is stale: FILLRATE_BLESS=1 cargo test --test program pages writes it anew");
+    assert!(text == expected, "docs/{name} is stale: FILLRATE_BLESS=1 cargo test --test program pages writes it anew");
 }
 
 #[test]
 fn statistics_page_is_up_to_date() {
-    check("statistics.md", &pages::statistics());
+    check("data/statistics.md", &pages::statistics());
 }
 
 #[test]
 fn configuration_page_is_up_to_date() {
-    check("configuration.md", &pages::configuration().expect("the baseline is sound"));
+    check("data/configuration.md", &pages::configuration().expect("the baseline is sound"));
 }
 
 #[test]
 fn limits_page_is_up_to_date() {
-    check("limits.md", &limits::page());
+    check("data/limits.md", &limits::page());
+}
+
+#[test]
+fn drawings_are_up_to_date() {
+    for class in SortClass::NAMES {
+        let config = Config::built_in(class).expect("built in");
+        let machine = Machine::new(&config).expect("a sound configuration");
+        check(&format!("{class}.svg"), &Diagram::new(&machine).svg());
+    }
 }
 
 #[test]

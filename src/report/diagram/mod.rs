@@ -9,7 +9,7 @@ use crate::machine::Machine;
 use crate::sim::Link;
 use crate::unit::network::Names;
 
-/// Units that make up the memory; what joins others to them is told in their boxes.
+/// Units that make up the memory; their boxes name what joins them to others.
 const MEMORY: [&str; 5] = ["crossbar", "l2", "dram", "return_path", "ideal"];
 
 /// Equal units.
