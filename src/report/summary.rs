@@ -1,11 +1,12 @@
 //! The short text that a replay prints.
 
 use crate::host::one_line;
+use crate::machine::LossCounts;
 use crate::num::Cycle;
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
-use crate::stats::{Leaf, Node, Tree};
+use crate::stats::{Group, Leaf, Node, Tree};
 use crate::unit::phase::{Phase, PhaseKind};
 
 /// Writes the funnel: what went in, and what was thrown away where.
@@ -191,17 +192,9 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     if cycles > 0.0 {
         let at = |name: &str| share(n(&format!("sort.loss.{name}")), cycles);
         row("pipelines' cycles used", format!("{:.1} %", at("useful")), format!("measured at {}", text("sort.loss.stage")));
-        for part in [
-            "overlap",
-            "imbalance",
-            "network",
-            "reorder_stalls",
-            "memory",
-            "upstream",
-            "downstream_backpressure",
-            "front_end",
-            "outside_pass",
-        ] {
+        // All that the counters declare beside the sum and the use.
+        let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name);
+        for part in parts.filter(|part| !["pipeline_cycles", "useful"].contains(part)) {
             if at(part) > 0.0 {
                 row(&format!("  lost to {}", part.replace('_', " ")), format!("{:.1} %", at(part)), String::new());
             }
