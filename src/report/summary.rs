@@ -191,19 +191,19 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     if cycles > 0.0 {
         let at = |name: &str| share(n(&format!("sort.loss.{name}")), cycles);
         row("pipelines' cycles used", format!("{:.1} %", at("useful")), format!("measured at {}", text("sort.loss.stage")));
-        for part in [
-            "overlap",
-            "imbalance",
-            "network",
-            "reorder_stalls",
-            "memory",
-            "upstream",
-            "downstream_backpressure",
-            "front_end",
-            "outside_pass",
+        for (part, name) in [
+            ("overlap", "overlap"),
+            ("imbalance", "imbalance"),
+            ("network", "network"),
+            ("reorder_stalls", "reorder stalls"),
+            ("memory", "memory"),
+            ("upstream", "upstream"),
+            ("downstream_backpressure", "downstream backpressure"),
+            ("front_end", "front end"),
+            ("outside_pass", "outside the pass"),
         ] {
             if at(part) > 0.0 {
-                row(&format!("  lost to {}", part.replace('_', " ")), format!("{:.1} %", at(part)), String::new());
+                row(&format!("  lost to {name}"), format!("{:.1} %", at(part)), String::new());
             }
         }
     }
