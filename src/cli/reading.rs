@@ -20,6 +20,12 @@ pub struct Reading {
 }
 
 impl Reading {
+    /// The options as they were given, for another process.
+    pub fn options(&self) -> Vec<String> {
+        let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
+        limits.chain(self.follow_links.then(|| "--follow-links".to_owned())).collect()
+    }
+
     /// Opens a trace of any kind.
     pub fn open(&self, path: &Path) -> Result<Trace> {
         let mut limits = Limits::default();

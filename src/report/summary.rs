@@ -86,7 +86,8 @@ pub fn units(total: &Tree) -> String {
         let most = (1..5).max_by(|&a, &b| share[a].total_cmp(&share[b])).unwrap_or(1);
         // The unit that limits the frame may be another one: busy cycles alone do not show it.
         text.push_str(&format!(
-            "  {name} is busy in the largest share of cycles, {:.1} %; of its other cycles most count as {}.\n",
+            "  {name} is busy in the largest share of cycles, {:.1} %; of its other cycles most count as {}.\n  \
+             A busy unit need not limit the frame: `fillrate why` shows what does.\n",
             share[0],
             why[most - 1]
         ));
@@ -195,8 +196,9 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         // All that the counters declare beside the sum and the use.
         let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name);
         for part in parts.filter(|part| !["pipeline_cycles", "useful"].contains(part)) {
+            let name = if part == "outside_pass" { "outside the pass".into() } else { part.replace('_', " ") };
             if at(part) > 0.0 {
-                row(&format!("  lost to {}", part.replace('_', " ")), format!("{:.1} %", at(part)), String::new());
+                row(&format!("  lost to {name}"), format!("{:.1} %", at(part)), String::new());
             }
         }
     }

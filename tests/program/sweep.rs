@@ -205,3 +205,21 @@ fn every_experiment_of_the_repository_has_a_question_and_machines() {
     }
     assert_eq!(found, 8);
 }
+
+/// `tests/slurm.sh`: a job array of a real Slurm. It starts services, so it runs only where it is asked for.
+#[test]
+fn a_job_array_leaves_what_one_process_leaves() {
+    if std::env::var_os("FILLRATE_SLURM").is_none() {
+        eprintln!("left out: a job array of Slurm runs where FILLRATE_SLURM is set (tests/slurm.sh)");
+        return;
+    }
+    let mut command = std::process::Command::new("sh");
+    command.arg("tests/slurm.sh").arg(assert_cmd::cargo::cargo_bin!("fillrate")).current_dir(env!("CARGO_MANIFEST_DIR"));
+    let done = command.output().expect("sh runs");
+    let text = String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr);
+    match done.status.code() {
+        Some(0) => {}
+        Some(77) => eprintln!("{}", text.trim()),
+        code => panic!("{code:?}: {text}"),
+    }
+}

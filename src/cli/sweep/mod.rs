@@ -1,5 +1,7 @@
 //! `fillrate sweep`
 
+mod slurm;
+
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -8,9 +10,9 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 
-use super::Verdict;
-use super::configs::load;
-use super::threads::MOST;
+use crate::cli::Verdict;
+use crate::cli::configs::load;
+use crate::cli::threads::MOST;
 use crate::host;
 use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
@@ -43,7 +45,7 @@ pub struct Arguments {
     #[arg(required = true, value_name = "EXPERIMENT.ron|TRACE")]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
-    reading: super::reading::Reading,
+    reading: crate::cli::reading::Reading,
     /// The configuration that is varied: a built-in one, or a file [default: baseline]
     #[arg(long, value_name = "NAME|FILE")]
     config: Option<String>,
@@ -77,6 +79,9 @@ pub struct Arguments {
     /// Run the I-th of N parts of the machines only; `fillrate sweep merge` puts the parts together
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
+    /// Run as a job array of Slurm with so many tasks, and merge when all have ended; --out is a folder that all nodes share
+    #[arg(long, value_name = "TASKS", conflicts_with = "shard", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    slurm: Option<u32>,
     /// Run more than a million machines
     #[arg(long)]
     yes: bool,
@@ -181,7 +186,7 @@ fn program() -> Result<String> {
 /// How far a sweep is, on a terminal.
 fn bar() -> ProgressBar {
     let style = "{spinner} {elapsed} {msg} {pos} of {len}, {eta} left";
-    let bar = super::progress::bar(style);
+    let bar = crate::cli::progress::bar(style);
     bar.set_message("rendering");
     bar
 }
@@ -209,10 +214,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     let experiment = experiment(arguments)?;
     let out = arguments.out.as_deref().context("--out is missing")?;
-    let shard = arguments.shard.unwrap_or_default();
+    let shard = match (arguments.shard, arguments.slurm) {
+        (Some(shard), _) => shard,
+        (None, Some(of)) => Shard { index: 1, of },
+        (None, None) => Shard::default(),
+    };
     let plan = plan(&experiment, arguments.yes)?;
     let (frames, traces, inputs) = open(&experiment, &plan, shard.of, &arguments.reading)?;
     begin(out, &inputs, &plan.base().resolved())?;
+    if let Some(tasks) = arguments.slurm {
+        return slurm::submit(out, tasks, &arguments.reading.options(), arguments.yes);
+    }
 
     let started = Instant::now();
     let bar = bar();
@@ -271,7 +283,7 @@ fn open(
     experiment: &Experiment,
     plan: &Plan,
     shards: u32,
-    reading: &super::reading::Reading,
+    reading: &crate::cli::reading::Reading,
 ) -> Result<(Range<u32>, Vec<Named>, Inputs)> {
     let frames = frame_range(&experiment.frames).map_err(|reason| anyhow::anyhow!("frames {}: {reason}", experiment.frames))?;
     let (mut traces, mut hashes) = (Vec::new(), Vec::new());
@@ -293,7 +305,7 @@ fn open(
 }
 
 /// Puts shards together.
-fn merge(folders: &[PathBuf], reading: &super::reading::Reading) -> Result<Verdict> {
+fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<Verdict> {
     let folder = folders.first().context("no folder is given")?;
     let inputs = read_inputs(folder)?;
     for other in &folders[1..] {
