@@ -1,6 +1,7 @@
 //! Work that is kept: a trace is rendered once per render key, and any number of machines are timed or estimated from what it left.
 
 use anyhow::{Context, Result};
+use rayon::prelude::*;
 
 use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
@@ -70,7 +71,7 @@ fn time<R>(config: &Config, events: impl Iterator<Item = Event>, mut read: impl 
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn stream<R: Send>(
+fn stream<R: Send>(
     trace: &Trace,
     options: &render::Options,
     configs: &[&Config],
@@ -88,6 +89,51 @@ pub fn stream<R: Send>(
     }
     rendering.run()?;
     Ok(results)
+}
+
+/// Machines behind one rendering where its work does not fit in memory, for each thread.
+const STREAMED: usize = 8;
+
+/// What timing machines took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Took {
+    /// Renderings.
+    pub renderings: u64,
+    /// Bytes of the work that was kept.
+    pub kept_bytes: u64,
+}
+
+/// Times machines of one render key, several at one time. The work is rendered once and kept, where it takes at most a quarter of the memory
+/// that the trace may have alive; else it is rendered again for every eight machines a thread. `done` gets the place of each machine in
+/// `configs` with its frames, or what it stopped on, as soon as they are there.
+///
+/// # Errors
+/// If the trace cannot be rendered, or `done` fails.
+pub fn time_each<R: Send>(
+    trace: &Trace,
+    options: &render::Options,
+    configs: &[&Config],
+    read: &(dyn Fn(FrameReport) -> R + Sync),
+    done: &(dyn Fn(usize, Result<Vec<R>>) -> Result<()> + Sync),
+) -> Result<Took> {
+    let Some(first) = configs.first() else { return Ok(Took::default()) };
+    let threads = rayon::current_num_threads();
+    let images = configs.iter().map(|config| Machine::images(config)).max().unwrap_or(1) * threads as u64;
+    let most = trace.limits().memory_bytes.get() / 4;
+    let mut took = Took { renderings: 1, kept_bytes: 0 };
+    if let Some(kept) = Kept::render(trace, options, first.render_key(), images, most)? {
+        took.kept_bytes = kept.bytes();
+        configs.par_iter().enumerate().try_for_each(|(at, config)| done(at, kept.time(config, read)))?;
+        return Ok(took);
+    }
+    let size = STREAMED * threads;
+    for (wave, own) in configs.chunks(size).enumerate() {
+        took.renderings += 1;
+        for (at, frames) in stream(trace, options, own, read)?.into_iter().enumerate() {
+            done(wave * size + at, frames)?;
+        }
+    }
+    Ok(took)
 }
 
 /// The profiles of some frames, from which machines are estimated.

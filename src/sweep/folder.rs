@@ -375,7 +375,11 @@ mod tests {
         assert!(Journal::open(home.path(), shard).expect("it opens").is_none());
         let mut machines = Vec::new();
         let mut results = Results::open(&[home.path().to_owned()], 1).expect("all shards");
-        results.each(|entry| Ok(machines.push(entry.machine))).expect("whole");
+        let each = |entry: Entry| {
+            machines.push(entry.machine);
+            Ok(())
+        };
+        results.each(each).expect("whole");
         assert_eq!(machines, [0, 2]);
         assert_eq!(std::fs::read_dir(home.path()).expect("a folder").count(), 1, "the part is gone");
         let error = Results::open(&[home.path().to_owned()], 2).map(|_| ()).expect_err("none of two").to_string();

@@ -10,17 +10,14 @@ use rayon::prelude::*;
 use super::entry::{Entry, Keep, Row};
 use super::folder::{Done, Journal, Shard, hash};
 use super::plan::{Plan, Planned};
-use crate::machine::{Config, FrameReport, Machine};
+use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
-use crate::run::kept::{Kept, Profiles, stream};
+use crate::run::kept::{Profiles, time_each};
 use crate::trace::Trace;
 use crate::work::RenderKey;
 
 /// Machines that are held at one time while plans are gone through, and that are estimated at one time.
 const CHUNK: u32 = 4096;
-
-/// Machines behind one rendering where its work does not fit in memory, for each thread.
-const STREAMED: usize = 8;
 
 /// What a sweep runs on.
 pub struct Sweep<'s> {
@@ -162,8 +159,8 @@ impl Sweep<'_> {
                     }
                 }
             }
-            for (key, group) in keys.into_iter().zip(groups) {
-                self.group(at, key, &group, &journal, &mut took)?;
+            for group in groups {
+                self.group(at, &group, &journal, &mut took)?;
             }
         }
         journal.into_inner().unwrap_or_else(PoisonError::into_inner).end()?;
@@ -177,7 +174,7 @@ impl Sweep<'_> {
     }
 
     /// Runs machines of one render key on a trace.
-    fn group(&self, at: u32, key: RenderKey, group: &[(u32, Config)], journal: &Mutex<Journal>, took: &mut Took) -> Result<()> {
+    fn group(&self, at: u32, group: &[(u32, Config)], journal: &Mutex<Journal>, took: &mut Took) -> Result<()> {
         let (name, trace) = &self.traces[at as usize];
         let read = |report: FrameReport| self.keep.row(&report);
         let entry = |number: u32, config: &Config, frames: Result<Vec<(Vec<String>, Row)>>| -> Result<Entry> {
@@ -197,24 +194,15 @@ impl Sweep<'_> {
                 frames: frames.into_iter().map(|f| f.1).collect(),
             })
         };
-        // A quarter of what the trace may have alive: the renderer and the machines need memory beside it.
-        let most = trace.limits().memory_bytes.get() / 4;
-        let images = group.iter().map(|(_, config)| Machine::images(config)).max().unwrap_or(1);
-        let threads = rayon::current_num_threads();
-        took.renderings += 1;
+        let configs: Vec<&Config> = group.iter().map(|(_, config)| config).collect();
+        let done = |machine: usize, frames| {
+            let (number, config) = &group[machine];
+            self.add(journal, &entry(*number, config, frames)?)
+        };
+        let own = time_each(trace, &self.options(), &configs, &read, &done)?;
+        took.renderings += own.renderings;
         took.machines += group.len() as u64;
-        if let Some(kept) = Kept::render(trace, &self.options(), key, images * threads as u64, most)? {
-            took.kept_bytes = took.kept_bytes.max(kept.bytes());
-            let one = |(number, config): &(u32, Config)| self.add(journal, &entry(*number, config, kept.time(config, read))?);
-            return group.par_iter().try_for_each(one);
-        }
-        for wave in group.chunks(STREAMED * threads) {
-            took.renderings += 1;
-            let configs: Vec<&Config> = wave.iter().map(|(_, config)| config).collect();
-            for ((number, config), frames) in wave.iter().zip(stream(trace, &self.options(), &configs, &read)?) {
-                self.add(journal, &entry(*number, config, frames)?)?;
-            }
-        }
+        took.kept_bytes = took.kept_bytes.max(own.kept_bytes);
         Ok(())
     }
 }

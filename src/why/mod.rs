@@ -6,15 +6,15 @@
 pub mod relax;
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Result, bail};
-use rayon::prelude::*;
+use anyhow::{Result, anyhow, bail};
 use serde_json::{Value, json};
 
 use crate::machine::{Config, FrameReport, Machine};
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
-use crate::run::kept::{Kept, stream};
+use crate::run::kept::time_each;
 use crate::stats::{Node, Tree};
 use crate::trace::Trace;
 use crate::work::RenderKey;
@@ -48,7 +48,7 @@ pub struct Why {
     /// Relaxations, those that gain most first.
     pub gains: Vec<Gain>,
     /// Renderings that were made.
-    pub renderings: u32,
+    pub renderings: u64,
 }
 
 impl Gain {
@@ -87,58 +87,39 @@ fn add(frames: Vec<(Timed, Tree)>) -> Timed {
     sum
 }
 
-/// Times frames on machines, by render key; hears of every one that is done.
-struct Timer<'t> {
-    trace: &'t Trace,
-    frames: Range<u32>,
-    progress: &'t (dyn Fn() + Sync),
-    renderings: u32,
-}
+/// A frame's cycles, and all its statistics.
+type Read = (Timed, Tree);
 
-impl Timer<'_> {
-    fn time(&mut self, configs: &[&Config]) -> Result<Vec<Result<Vec<(Timed, Tree)>>>> {
-        let options = render::Options { frames: FrameSet::from(self.frames.clone()), ..render::Options::default() };
-        let read = |frame: FrameReport| {
-            let phases = frame.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
-            (Timed { cycles: frame.cycles, phases }, frame.tree)
-        };
-        let mut keys: Vec<RenderKey> = Vec::new();
-        for key in configs.iter().map(|config| config.render_key()) {
-            if !keys.contains(&key) {
-                keys.push(key);
-            }
+/// A machine's frames, or why it stopped.
+type Ran = Result<Vec<Read>, String>;
+
+/// Times frames on machines, by render key; gives each machine's frames, or why it stopped, and the number of renderings.
+fn time(trace: &Trace, frames: &Range<u32>, configs: &[&Config], progress: &(dyn Fn() + Sync)) -> Result<(Vec<Ran>, u64)> {
+    let options = render::Options { frames: FrameSet::from(frames.clone()), ..render::Options::default() };
+    let read = |frame: FrameReport| {
+        let phases = frame.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
+        (Timed { cycles: frame.cycles, phases }, frame.tree)
+    };
+    let mut keys: Vec<RenderKey> = Vec::new();
+    for key in configs.iter().map(|config| config.render_key()) {
+        if !keys.contains(&key) {
+            keys.push(key);
         }
-        let mut results: Vec<Option<Result<Vec<(Timed, Tree)>>>> = configs.iter().map(|_| None).collect();
-        let threads = rayon::current_num_threads();
-        for key in keys {
-            let own: Vec<usize> = (0..configs.len()).filter(|&at| configs[at].render_key() == key).collect();
-            let images = own.iter().map(|&at| Machine::images(configs[at])).max().unwrap_or(1) * threads as u64;
-            self.renderings += 1;
-            let most = self.trace.limits().memory_bytes.get() / 4;
-            let timed: Vec<Result<Vec<(Timed, Tree)>>> = match Kept::render(self.trace, &options, key, images, most)? {
-                Some(kept) => own
-                    .par_iter()
-                    .map(|&at| {
-                        let timed = kept.time(configs[at], read);
-                        (self.progress)();
-                        timed
-                    })
-                    .collect(),
-                None => {
-                    let mut timed = Vec::new();
-                    for wave in own.chunks(8 * threads) {
-                        let wave: Vec<&Config> = wave.iter().map(|&at| configs[at]).collect();
-                        timed.extend(stream(self.trace, &options, &wave, &read)?);
-                        self.renderings += 1;
-                        wave.iter().for_each(|_| (self.progress)());
-                    }
-                    timed
-                }
-            };
-            own.into_iter().zip(timed).for_each(|(at, timed)| results[at] = Some(timed));
-        }
-        Ok(results.into_iter().map(|result| result.unwrap_or_else(|| Ok(Vec::new()))).collect())
     }
+    let results: Mutex<Vec<Ran>> = Mutex::new(configs.iter().map(|_| Ok(Vec::new())).collect());
+    let mut renderings = 0;
+    for key in keys {
+        let own: Vec<usize> = (0..configs.len()).filter(|&at| configs[at].render_key() == key).collect();
+        let machines: Vec<&Config> = own.iter().map(|&at| configs[at]).collect();
+        let done = |at: usize, frames: Result<Vec<Read>>| {
+            let frames = frames.map_err(|error| format!("{error:#}"));
+            results.lock().unwrap_or_else(PoisonError::into_inner)[own[at]] = frames;
+            progress();
+            Ok(())
+        };
+        renderings += time_each(trace, &options, &machines, &read, &done)?.renderings;
+    }
+    Ok((results.into_inner().unwrap_or_else(PoisonError::into_inner), renderings))
 }
 
 /// Finds what holds frames of a trace back on a machine. `progress` hears how many machines are done, of how many.
@@ -153,9 +134,9 @@ pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn F
     machines.extend(relaxed.iter().map(|(_, machine)| machine));
     let all = machines.len();
     let told = || progress(all);
-    let mut timer = Timer { trace, frames: frames.clone(), progress: &told, renderings: 0 };
-    let mut results = timer.time(&machines)?.into_iter();
-    let base = results.next().unwrap_or_else(|| Ok(Vec::new()))?;
+    let (results, renderings) = time(trace, &frames, &machines, &told)?;
+    let mut results = results.into_iter();
+    let base = results.next().unwrap_or_else(|| Ok(Vec::new())).map_err(|error| anyhow!("{error}"))?;
     if base.is_empty() {
         bail!("the trace has no frame in {}..{}", frames.start, frames.end);
     }
@@ -166,12 +147,12 @@ pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn F
         .zip(results)
         .map(|((relaxation, _), timed)| {
             let evidence = evidence(&relaxation, &tree);
-            Gain { relaxation, timed: timed.map(add).map_err(|error| format!("{error:#}")), evidence }
+            Gain { relaxation, timed: timed.map(add), evidence }
         })
         .collect();
     let rank = |gain: &Gain| gain.timed.as_ref().map_or(Cycle::MAX, |timed| timed.cycles);
     gains.sort_by_key(rank);
-    Ok(Why { base, gains, renderings: timer.renderings })
+    Ok(Why { base, gains, renderings })
 }
 
 /// The bank of units of a section.
