@@ -127,7 +127,7 @@ impl Outcome {
             && columns.values.len() <= SIDE
         {
             let _ = writeln!(out, "\n## Cycles by `{}` (rows) and `{}` (columns)\n", rows.path, columns.path);
-            let heads: Vec<String> = columns.values.iter().map(Setting::to_string).collect();
+            let heads: Vec<String> = columns.values.iter().map(plain).collect();
             let _ = writeln!(out, "| | {} |\n|---|{}", heads.join(" | "), "---|".repeat(heads.len()));
             for row in &rows.values {
                 let cell = |column: &Setting| {
@@ -135,7 +135,7 @@ impl Outcome {
                     mean.map_or("-".into(), |(cycles, _)| grouped(cycles.round() as u64))
                 };
                 let cells: Vec<String> = columns.values.iter().map(cell).collect();
-                let _ = writeln!(out, "| {row} | {} |", cells.join(" | "));
+                let _ = writeln!(out, "| {} | {} |", plain(row), cells.join(" | "));
             }
         }
         let mut effects = Vec::new();
@@ -160,7 +160,8 @@ impl Outcome {
                 axis.path
             );
             for (value, mean, machines) in means {
-                let _ = writeln!(out, "| {value} | {machines} | {} | {:.3} |", grouped(mean.round() as u64), mean / best);
+                let _ =
+                    writeln!(out, "| {} | {machines} | {} | {:.3} |", plain(value), grouped(mean.round() as u64), mean / best);
             }
         }
     }
@@ -173,7 +174,7 @@ impl Outcome {
             "---|".repeat(plan.parameters().len())
         );
         for Machine { number, settings, cycles } in self.machines.iter().take(LISTED) {
-            let settings: Vec<String> = settings.iter().map(Setting::to_string).collect();
+            let settings: Vec<String> = settings.iter().map(plain).collect();
             let _ = writeln!(
                 out,
                 "| {number} | {} | {} | {:.3} |",
@@ -217,6 +218,14 @@ impl Outcome {
             100.0 * errors[errors.len() / 2],
             100.0 * most
         );
+    }
+}
+
+/// A setting without the quotes of names.
+fn plain(setting: &Setting) -> String {
+    match setting {
+        Setting::Name(name) => name.clone(),
+        other => other.to_string(),
     }
 }
 
