@@ -370,7 +370,7 @@ mod tests {
         assert!(text.find("rop x2").unwrap() < text.find("setup x2").unwrap(), "{text}");
         let lines: Vec<&str> = text.lines().rev().collect();
         assert_eq!(
-            lines[0],
+            lines[1],
             "  rop is busy in the largest share of cycles, 70.0 %; of its other cycles most count as starved."
         );
         assert!(lines[1].starts_with("  starved: no input; blocked: "), "{text}");

@@ -5,6 +5,7 @@
 
 use crate::knob::{Knob, Setting};
 use crate::machine::Config;
+use crate::machine::config::MemoryKind;
 
 /// A change that gives a frame more of one resource.
 #[derive(Clone, Debug, PartialEq)]
@@ -241,14 +242,19 @@ pub fn relaxations(base: &Config, has: &dyn Fn(&str) -> bool) -> Vec<Relaxation>
         if path == "command.barrier_cycles" { finder.half(path, knob) } else { None }
     });
     finder.add("half the memory latency".into(), "memory", Resource::MemoryLatency, |finder, own, path, knob| {
-        if is_memory_latency(own, knob) { finder.half(path, knob) } else { None }
+        // Of DRAM and the ideal memory the machine has one.
+        let other = match own {
+            "memory.dram" | "memory.l2" => finder.base.memory.kind == MemoryKind::Ideal,
+            _ => knob.name == "ideal_latency" && finder.base.memory.kind != MemoryKind::Ideal,
+        };
+        if is_memory_latency(own, knob) && !other { finder.half(path, knob) } else { None }
     });
     // Bursts that take one cycle cannot be shorter: twice the channels then.
-    let wide = base.dram.burst_cycles == 1;
+    let (wide, ideal) = (base.dram.burst_cycles == 1, base.memory.kind == MemoryKind::Ideal);
     finder.add("twice the memory bandwidth".into(), "memory", Resource::MemoryBandwidth, |finder, _, path, knob| match path {
-        "memory.dram.burst_cycles" if !wide => finder.half(path, knob),
-        "memory.dram.channels" | "memory.l2.slices" if wide => finder.times(path, knob, 2),
-        "memory.ideal_bytes_per_cycle" => finder.times(path, knob, 2),
+        "memory.dram.burst_cycles" if !ideal && !wide => finder.half(path, knob),
+        "memory.dram.channels" | "memory.l2.slices" if !ideal && wide => finder.times(path, knob, 2),
+        "memory.ideal_bytes_per_cycle" if ideal => finder.times(path, knob, 2),
         _ => None,
     });
     finder.add(
@@ -303,12 +309,10 @@ mod tests {
         );
         assert_eq!(options(&list, "texture: twice as large a cache"), "--set texture.cache_lines=512");
         assert_eq!(options(&list, "twice the cores"), "--set core.per_pipeline=2");
-        assert_eq!(
-            options(&list, "twice the memory bandwidth"),
-            "--set memory.dram.burst_cycles=1 --set memory.ideal_bytes_per_cycle=2048"
-        );
+        assert_eq!(options(&list, "twice the memory bandwidth"), "--set memory.dram.burst_cycles=1");
         assert!(
-            options(&list, "half the memory latency").contains("--set memory.port_latency=10 --set memory.ideal_latency=100")
+            options(&list, "half the memory latency")
+                .starts_with("--set memory.port_latency=10 --set memory.l2.latency=15 --set memory.dram.t_rcd=9")
         );
         assert_eq!(options(&list, "draws culled by their bounds"), "--set command.cull=draws");
         // What the baseline has already is none.
