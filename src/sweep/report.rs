@@ -78,9 +78,9 @@ impl Outcome {
         experiment.set.iter().for_each(|set| base.push_str(&format!(" --set {set}")));
         let _ = writeln!(
             out,
-            "Traces: {}; frames {}. Base: `{base}`. {} machines: {} with a result, {} with an error{}.\n",
+            "Traces: {}; {}. Base: `{base}`. {} machines: {} with a result, {} with an error{}.\n",
             experiment.traces.join(", "),
-            experiment.frames,
+            if experiment.frames == ".." { "all frames".into() } else { format!("frames {}", experiment.frames) },
             plan.len(),
             self.machines.len(),
             self.failed.len(),
