@@ -38,6 +38,9 @@ impl Link {
     /// # Errors
     /// What is wrong with the text.
     pub fn parse(text: &str) -> Result<Link, String> {
+        if text.len() > LENGTH {
+            return Err(format!("has more than {LENGTH} bytes"));
+        }
         let (path, formula) = text.split_once('=').ok_or("is no link: write it as PATH=FORMULA, with + - * / min() max()")?;
         let mut reader = Reader { left: formula, depth: 0 };
         let read = reader.sum().and_then(|formula| {
@@ -100,6 +103,9 @@ fn value(formula: &Formula, config: &Config) -> Result<u64, String> {
         }
     }
 }
+
+/// Bytes of a link at most: a formula is walked level by level, and a sum of n terms has n levels.
+const LENGTH: usize = 1000;
 
 /// Levels of brackets at most.
 const DEPTH: u32 = 32;
@@ -222,7 +228,18 @@ mod tests {
             let error = of(text).unwrap_err();
             assert!(error.contains(told), "{text}: {error}");
         }
-        let deep = format!("geometry_units={}1", "(".repeat(100_000));
+        let deep = format!("geometry_units={}1", "(".repeat(100));
         assert!(of(&deep).unwrap_err().contains("brackets"));
+        let long = format!("geometry_units=1{}", "+1".repeat(500_000));
+        assert!(of(&long).unwrap_err().contains("more than 1000 bytes"));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_computed_or_refused(text in "[a-z_.]{0,12}=[0-9a-z_.+*/(), -]{0,60}", other in ".{0,80}") {
+            for text in [text, other] {
+                let _ = of(&text);
+            }
+        }
     }
 }

@@ -142,4 +142,24 @@ mod tests {
             assert!(error.contains(told), "{path}={text}: {error}");
         }
     }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_or_refused_and_a_range_has_its_ends(
+            text in "[0-9a-z.,*+]{0,24}",
+            other in ".{0,40}",
+            [low, more, step] in [1_u64..30, 0_u64..30, 1_u64..9],
+        ) {
+            for text in [text, other] {
+                let _ = (of("pipelines", &text), of("sort", &text), of("depth.early", &text));
+            }
+            let high = low + more * step;
+            if high <= 64 {
+                let values = of("pipelines", &format!("{low}..{high}+{step}")).expect("a range");
+                let ends = [values.first(), values.last()].map(|value| value.cloned());
+                proptest::prop_assert_eq!(ends, [Some(low.to_string()), Some(high.to_string())]);
+                proptest::prop_assert_eq!(values.len() as u64, more + 1);
+            }
+        }
+    }
 }
