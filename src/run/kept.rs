@@ -221,6 +221,29 @@ mod tests {
     }
 
     #[test]
+    fn machines_are_timed_alike_whether_the_work_is_kept_or_not() {
+        let config = Config::built_in("tiny").expect("it is built in");
+        let machines = vec![&config; STREAMED * rayon::current_num_threads() + 1];
+        let time = |trace: &Trace| {
+            let cycles = std::sync::Mutex::new(vec![0; machines.len()]);
+            let done = |at: usize, frames: Result<Vec<u64>>| {
+                cycles.lock().expect("no panic")[at] = frames?.iter().sum();
+                Ok(())
+            };
+            let took = time_each(trace, &render::Options::default(), &machines, &|frame| frame.cycles, &done).expect("it runs");
+            (took.renderings, took.kept_bytes > 0, cycles.into_inner().expect("no panic"))
+        };
+        let trace = frames();
+        let mut limits = *trace.limits();
+        let whole = time(&trace);
+        // Five pictures of 16 KiB do not fit into a quarter of this.
+        limits.memory_bytes = limits.memory_bytes.with(300 << 10);
+        let streamed = time(&trace.with_limits(limits));
+        assert_eq!((whole.0, whole.1, streamed.0, streamed.1), (1, true, 3, false));
+        assert!(whole.2[0] > 0 && whole.2 == streamed.2, "{whole:?} {streamed:?}");
+    }
+
+    #[test]
     fn work_that_does_not_fit_is_not_kept() {
         let options = render::Options::default();
         let kept = Kept::render(&frames(), &options, RenderKey::default(), 1, 100).expect("it renders");

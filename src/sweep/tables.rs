@@ -1,5 +1,6 @@
 //! The tables of a sweep: a row a machine and frame, and a long form with a row a statistic.
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use anyhow::Result;
@@ -42,7 +43,7 @@ pub fn settings(plan: &Plan, machine: u32) -> Result<Vec<Cell>> {
 pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -> Result<()> {
     // Machines of different classes have different units: columns are those of all, in the order in which they come.
     let mut paths: Vec<String> = Vec::new();
-    let mut known = std::collections::HashSet::new();
+    let mut known = HashSet::new();
     results.each(|entry| {
         for path in entry.paths {
             if known.insert(path.clone()) {
@@ -63,8 +64,8 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
     let wide = |table: &mut Table<'_>| {
         results.each(|entry| {
             let settings = settings(plan, entry.machine)?;
-            let places: Vec<Option<usize>> =
-                paths.iter().map(|path| entry.paths.iter().position(|known| known == path)).collect();
+            let own: HashMap<&str, usize> = entry.paths.iter().enumerate().map(|(at, path)| (path.as_str(), at)).collect();
+            let places: Vec<Option<usize>> = paths.iter().map(|path| own.get(path.as_str()).copied()).collect();
             let head = |frame, error| {
                 let mut cells =
                     vec![Cell::Whole(entry.machine.into()), name(&entry), frame, error, Cell::Text(entry.config.clone())];
@@ -89,7 +90,7 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
     write(folder, "machines", &columns, wide)?;
 
     let glossary = Glossary::default();
-    let measures: std::collections::HashMap<&str, &str> =
+    let measures: HashMap<&str, &str> =
         paths.iter().map(|path| (path.as_str(), glossary.find(path).map_or("", |declared| declared.unit))).collect();
     let columns = [
         whole("machine"),

@@ -29,8 +29,6 @@ pub struct Sweep<'s> {
     pub frames: std::ops::Range<u32>,
     /// Statistics that are kept.
     pub keep: Keep,
-    /// How many machines are simulated after a screen; none: all.
-    pub screen: Option<u32>,
     /// The machines that are run here.
     pub shard: Shard,
     /// Hears of every machine that is done: how many of how many.

@@ -155,6 +155,9 @@ fn an_experiment_in_a_file_is_the_same_as_its_options() {
     assert!(files(&options) == files(&written));
     let message = refused(&["sweep", &file, "--vary", "pipelines=1", "--out", &out]);
     assert!(message.contains("--vary is part of the experiment"), "{message}");
+    fs::write(&file, text.replace("slices", "slises")).expect("written");
+    let message = refused(&["sweep", &file, "--out", &out]);
+    assert!(message.contains("caches.ron") && message.contains("memory.l2.slices is the nearest"), "{message}");
 }
 
 #[test]

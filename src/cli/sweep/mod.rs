@@ -219,7 +219,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         (None, Some(of)) => Shard { index: 1, of },
         (None, None) => Shard::default(),
     };
-    let plan = plan(&experiment, arguments.yes)?;
+    let plan = match &*arguments.inputs {
+        // What is wrong stands in the file.
+        [path] if is_experiment(path) => plan(&experiment, arguments.yes).with_context(|| path.display().to_string())?,
+        _ => plan(&experiment, arguments.yes)?,
+    };
     let (frames, traces, inputs) = open(&experiment, &plan, shard.of, &arguments.reading)?;
     begin(out, &inputs, &plan.base().resolved())?;
     if let Some(tasks) = arguments.slurm {
@@ -229,16 +233,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let started = Instant::now();
     let bar = bar();
     let progress = |step| told(&bar, step);
-    let sweep = Sweep {
-        plan: &plan,
-        traces: &traces,
-        frames,
-        keep: Keep::new(&experiment.keep),
-        screen: experiment.screen.as_ref().map(|screen| screen.keep),
-        shard,
-        progress: &progress,
-    };
-    let screened = sweep.screen.map(|keep| sweep.screened(keep)).transpose()?;
+    let sweep = Sweep { plan: &plan, traces: &traces, frames, keep: Keep::new(&experiment.keep), shard, progress: &progress };
+    let screened = experiment.screen.as_ref().map(|screen| sweep.screened(screen.keep)).transpose()?;
     let screen_time = started.elapsed();
     let took = run_shard(out, &sweep, screened.as_deref())?;
     bar.finish_and_clear();
@@ -328,9 +324,9 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
                 bail!("the traces or the program are others than when {} was begun", folder.display());
             }
             let keep = Keep::default();
-            let (shard, screen) = (Shard::default(), screen.keep);
-            let sweep = Sweep { plan: &plan, traces: &traces, frames, keep, screen: Some(screen), shard, progress: &|_| () };
-            Some(sweep.screened(screen)?)
+            let shard = Shard::default();
+            let sweep = Sweep { plan: &plan, traces: &traces, frames, keep, shard, progress: &|_| () };
+            Some(sweep.screened(screen.keep)?)
         }
     };
     finish(folder, results, &inputs, &plan, screened.as_deref())
