@@ -243,6 +243,7 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
         let mut pass = RenderPass::begin(WIDTH, HEIGHT, 1, vec![Some((c, Format::Rgba8Unorm))], Some(d));
         let call = DrawCall {
             number: 0,
+            group: "".into(),
             pipeline: &pipeline,
             vertex_buffers: &vertices,
             index: Some(&indices),

@@ -38,7 +38,14 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let config = arguments.machine.load()?;
-    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+    let options = Options {
+        config,
+        fidelity: Fidelity::Cycle,
+        clock: Clock::SkipIdle,
+        frames: 0..u32::MAX,
+        watch: None,
+        per_draw: false,
+    };
     let mut fronts: Vec<Front> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;

@@ -25,7 +25,7 @@ use crate::trace::check;
 fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
 fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n  \
 fillrate replay traces/flight.zip --fidelity sampled --images none --out out\n\n\
-Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv, config.ron.")]
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a pass), draws.csv (a row a draw, with --per-draw), config.ron.")]
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
@@ -57,6 +57,9 @@ pub struct Arguments {
     /// With --fidelity sampled: seed of the sampling generator [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
+    #[arg(long, requires = "out")]
+    per_draw: bool,
     /// Which clock drives the units; every statistic is the same under both [default: skip-idle]
     #[arg(long, value_enum)]
     clock: Option<ClockName>,
@@ -113,6 +116,9 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
             bail!("{option} is about --fidelity sampled, and would be ignored here")
         }
+        _ if arguments.per_draw && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
+            bail!("--per-draw is about --fidelity cycle and sampled, and would be ignored here")
+        }
         _ if arguments.clock.is_some() && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--clock is about --fidelity cycle and sampled, and would be ignored here")
         }
@@ -145,6 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         },
         frames: arguments.frames.0.clone(),
         watch: Some(watch.clone()),
+        per_draw: arguments.per_draw,
     };
     let trace = arguments.reading.open(&arguments.trace)?;
     let name = arguments.trace.display().to_string();

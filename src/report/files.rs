@@ -3,10 +3,9 @@
 use serde_json::{Map, Value, json};
 
 use super::compare::KnobDifference;
-use crate::num::Cycle;
+use super::phases;
 use crate::run::replay::Frame;
 use crate::stats::Tree;
-use crate::unit::phase::Phase;
 
 /// The version of `stats.json`. It rises when a name goes or means something else, so that readers notice; what is only added leaves it.
 pub const VERSION: u32 = 1;
@@ -61,7 +60,7 @@ pub fn json_frame(frame: &Frame, first: bool) -> serde_json::Result<String> {
     if let Value::Object(map) = &mut value {
         map.shift_insert(0, "frame".into(), json!(frame.number));
         if !frame.phases.is_empty() {
-            map.insert("phases".into(), frame.phases.iter().map(phase_json).collect());
+            map.insert("phases".into(), frame.phases.iter().map(phases::json).collect());
         }
     }
     let mut text = String::from(if first { "" } else { "," });
@@ -84,18 +83,11 @@ pub fn csv_rows(frame: &Frame, first: bool) -> String {
     if first { format!("frame,{}\n{row}", frame.tree.csv_header()) } else { row }
 }
 
-fn phase_json((phase, cycles): &(Phase, Cycle)) -> Value {
-    let mut value = json!({ "kind": phase.kind.name(), "number": phase.number, "label": phase.label, "cycles": cycles });
-    if let (Value::Object(map), false) = (&mut value, phase.limit.is_empty()) {
-        map.insert("limit".into(), phase.limit.into());
-    }
-    value
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::unit::phase::PhaseKind;
+    use crate::machine::PhaseReport;
+    use crate::unit::phase::{Phase, PhaseKind};
 
     #[test]
     fn changed_knobs_have_both_values() {
@@ -118,7 +110,12 @@ mod tests {
             tree
         };
         let phase = Phase { kind: PhaseKind::Pass, number: 7, label: "sky\n}".into(), begin: 0, limit: "" };
-        let frame = |number, quads| Frame { number, shown: None, tree: tree(quads), phases: vec![(phase.clone(), 10)] };
+        let frame = |number, quads| Frame {
+            number,
+            shown: None,
+            tree: tree(quads),
+            phases: vec![PhaseReport::estimated(phase.clone(), 10)],
+        };
         let frames = [frame(3, 1), frame(4, 2)];
         let csv: String = frames.iter().enumerate().map(|(at, frame)| csv_rows(frame, at == 0)).collect();
         assert_eq!(csv, "frame,cycles,funnel.quads_shaded\n3,10,1\n4,10,2\n");

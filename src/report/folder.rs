@@ -8,6 +8,7 @@ use anyhow::{Context, Result, anyhow};
 use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, csv_rows, json_end, json_frame, json_head};
+use super::phases::{self, draw_rows, pass_rows};
 use super::picture::picture;
 use crate::host::{self, Part};
 use crate::run::replay::Frame;
@@ -19,6 +20,9 @@ const STATISTICS: &str = "stats.json";
 
 /// The table of the frames.
 const TABLE: &str = "stats.csv";
+
+/// All tables.
+const TABLES: [&str; 3] = [TABLE, phases::PASSES, phases::DRAWS];
 
 /// Frames that wait to be written. A machine that is faster than the disk waits.
 const FRAMES_IN_FLIGHT: usize = 2;
@@ -59,7 +63,7 @@ impl Folder {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
         let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
         let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
-        for name in [STATISTICS, TABLE].map(str::to_owned).into_iter().chain(pictures) {
+        for name in TABLES.into_iter().chain([STATISTICS]).map(str::to_owned).chain(pictures) {
             let path = out.join(name);
             match std::fs::remove_file(&path) {
                 Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -72,7 +76,7 @@ impl Folder {
         let pages = Pages {
             about,
             frames: false,
-            table: Growing::create(out, TABLE)?,
+            tables: [Growing::create(out, TABLES[0])?, Growing::create(out, TABLES[1])?, Growing::create(out, TABLES[2])?],
             json: Growing::create(out, STATISTICS)?,
             album: (images == Images::All).then(|| Album { out: out.to_owned(), last: None }),
         };
@@ -129,16 +133,19 @@ fn is_picture(name: &str) -> bool {
 struct Growing {
     path: PathBuf,
     part: Part,
+    /// Whether nothing was added yet.
+    empty: bool,
 }
 
 impl Growing {
     fn create(out: &Path, name: &str) -> Result<Growing> {
         let path = out.join(name);
         let part = Part::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
-        Ok(Growing { path, part })
+        Ok(Growing { path, part, empty: true })
     }
 
     fn add(&mut self, text: &str) -> Result<()> {
+        self.empty &= text.is_empty();
         self.part.add(text.as_bytes()).with_context(|| format!("cannot write {}", self.path.display()))
     }
 }
@@ -148,7 +155,8 @@ struct Pages {
     about: About,
     /// Whether there was a frame.
     frames: bool,
-    table: Growing,
+    /// The tables.
+    tables: [Growing; TABLES.len()],
     /// The frames alone, as `stats.json` will have them: behind the total, which comes last.
     json: Growing,
     /// None: no pictures are wanted.
@@ -172,13 +180,16 @@ impl Pages {
             album.put(frame.number, surface, bytes)?;
         }
         let first = !std::mem::replace(&mut self.frames, true);
-        self.table.add(&csv_rows(frame, first))?;
+        for (table, rows) in self.tables.iter_mut().zip([csv_rows, pass_rows, draw_rows]) {
+            table.add(&rows(frame, table.empty))?;
+        }
         self.json.add(&json_frame(frame, first)?)
     }
 
     fn end(self, total: &Tree) -> Result<()> {
-        let Pages { about, frames, table, mut json, .. } = self;
-        if frames {
+        let Pages { about, frames, tables, mut json, .. } = self;
+        // A table that has no row is none.
+        for table in tables.into_iter().filter(|table| !table.empty) {
             table.part.keep().with_context(|| format!("cannot write {}", table.path.display()))?;
         }
         let head = json_head(&about, total)?;

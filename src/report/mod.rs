@@ -6,6 +6,7 @@ pub mod files;
 pub mod folder;
 pub mod limits;
 pub mod pages;
+pub mod phases;
 pub mod picture;
 pub mod summary;
 pub mod terminal;

@@ -50,6 +50,13 @@ const PHASE: &[Declaration] = &[
     one("cycles", "cycles", "From its beginning to that of the next; together those of the frame."),
 ];
 
+const DRAW: &[Declaration] = &[
+    one("number", "", "Number of the draw in the trace; null: the end of the pass, behind its last draw."),
+    one("label", "", "Label of its pipeline."),
+    one("group", "", "Label of the innermost debug group that it is in."),
+    one("cycles", "cycles", "From the retirement before it to its own; together those of the pass."),
+];
+
 const UNIT: &[Declaration] =
     &[one("items", "items", "What went through: vertices, primitives, triangles, quads, warps, requests or bursts.")];
 
@@ -105,6 +112,7 @@ const ORDER: &[&str] = &[
     "",
     "funnel",
     "phases[i]",
+    "phases[i].draws[i]",
     "units.NAME[i]",
     "channels.NAME[i]",
     "caches.NAME[i]",
@@ -143,7 +151,16 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             "What went in, and where it was thrown away. Under `--fidelity functional` as a sort-middle card without hierarchical Z would count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's.",
             funnel,
         ),
-        ("phases[i]", "Of a frame, in `stats.json` only: what is done one after another.", PHASE.to_vec()),
+        (
+            "phases[i]",
+            "Of a frame: what is done one after another, in `stats.json` and `passes.csv`. Where it is simulated, each has `funnel` (passes only), `units.NAME`, `caches.NAME`, `memory.clients.NAME` and `memory.dram` of its own cycles, banks summed; `starved` includes `idle`. `stats.json` leaves out what is 0 beside the funnel. Lines that stay in a cache are written back in a later phase.",
+            PHASE.to_vec(),
+        ),
+        (
+            "phases[i].draws[i]",
+            "With `--per-draw`, of a pass: its draws in order, in `stats.json` and `draws.csv`, with the counters of phases. The funnel is the draw's own; the others count the cycles from the retirement before it to its own, in which later draws are in the machine too. A machine that bins retires draws when their tiles are drawn.",
+            DRAW.to_vec(),
+        ),
         ("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.", all(Cycles::DECLARATIONS, UNIT)),
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
         ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),

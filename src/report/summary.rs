@@ -1,7 +1,7 @@
 //! The short text that a replay prints.
 
 use crate::host::one_line;
-use crate::machine::LossCounts;
+use crate::machine::{LossCounts, PhaseReport};
 use crate::num::Cycle;
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
@@ -230,10 +230,10 @@ struct Line {
 
 impl Phases {
     /// Adds those of a frame.
-    pub fn add(&mut self, phases: &[(Phase, Cycle)]) {
+    pub fn add(&mut self, phases: &[PhaseReport]) {
         // The number of each line's kind and label so far in this frame.
         let mut from = 0;
-        for (phase, cycles) in phases {
+        for PhaseReport { phase, cycles, .. } in phases {
             let same = |line: &Line| line.phase.kind == phase.kind && line.phase.label == phase.label;
             match self.lines[from..].iter().position(same) {
                 Some(at) => {

@@ -41,6 +41,9 @@ pub fn simulate<'r>(
     out: &'r mut Simulated,
 ) -> Result<()> {
     let mut machine = Machine::new(config)?;
+    if exit.per_draw {
+        machine.watch_draws();
+    }
     let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: exit.keeps };
     let frames = rendering.frames().clone();
     let mut under_way = frames.next(0);

@@ -2,9 +2,8 @@
 
 use anyhow::Result;
 
-use crate::num::Cycle;
+use crate::machine::PhaseReport;
 use crate::stats::Tree;
-use crate::unit::phase::Phase;
 use crate::work::{EndFrame, Surface};
 
 /// One frame of a replay.
@@ -16,8 +15,8 @@ pub struct Frame {
     pub shown: Option<(Surface, Vec<u8>)>,
     /// Its statistics.
     pub tree: Tree,
-    /// What was done one after another, and for how long; empty where no time is simulated.
-    pub phases: Vec<(Phase, Cycle)>,
+    /// What was done one after another; empty where no time is simulated.
+    pub phases: Vec<PhaseReport>,
 }
 
 /// Takes frames in order, each when it ends.
@@ -29,6 +28,8 @@ pub struct Exit<'e> {
     pub taker: Box<Taker<'e>>,
     /// Whether the taker keeps them, which the account of memory is told.
     pub keeps: bool,
+    /// Whether frames report their draws, of a machine that is simulated.
+    pub per_draw: bool,
     /// Hears the number of each.
     pub progress: &'e (dyn Fn(u32) + Sync),
 }
@@ -36,7 +37,7 @@ pub struct Exit<'e> {
 impl<'e> Exit<'e> {
     /// Frames go to a taker that does not keep them.
     pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
-        Exit { taker: Box::new(taker), keeps: false, progress: &|_| () }
+        Exit { taker: Box::new(taker), keeps: false, per_draw: false, progress: &|_| () }
     }
 
     /// A frame has ended.

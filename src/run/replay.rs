@@ -80,6 +80,8 @@ pub struct Options {
     pub frames: Range<u32>,
     /// Gets the ledger of every rendering that begins.
     pub watch: Option<Arc<Watch>>,
+    /// Whether frames report their draws, under the cycle fidelity. No other result depends on it.
+    pub per_draw: bool,
 }
 
 impl Options {
@@ -137,7 +139,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
         frames.push(frame);
         Ok(())
     };
-    let done = leave(trace, options, Exit { keeps: true, progress, ..Exit::new(keep) })?;
+    let done = leave(trace, options, Exit { keeps: true, progress, per_draw: options.per_draw, ..Exit::new(keep) })?;
     Ok(Replay { frames, total: done.total, machine_time: done.machine_time, clock_time: done.clock_time })
 }
 
@@ -146,7 +148,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
 pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
-    leave(trace, options, Exit { progress, ..Exit::new(taker) })
+    leave(trace, options, Exit { progress, per_draw: options.per_draw, ..Exit::new(taker) })
 }
 
 fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {

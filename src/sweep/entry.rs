@@ -81,7 +81,7 @@ impl Keep {
     /// What is kept of a frame: the paths, and the row.
     pub fn row(&self, report: &FrameReport) -> (Vec<String>, Row) {
         let (paths, values) = self.of(&report.tree);
-        let passes = report.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
+        let passes = report.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)).collect();
         let seconds = report.tree.number("seconds").unwrap_or(0.0);
         (paths, Row { frame: report.number, cycles: report.cycles, seconds, passes, values })
     }

@@ -97,7 +97,7 @@ type Ran = Result<Vec<Read>, String>;
 fn time(trace: &Trace, frames: &Range<u32>, configs: &[&Config], progress: &(dyn Fn() + Sync)) -> Result<(Vec<Ran>, u64)> {
     let options = render::Options { frames: FrameSet::from(frames.clone()), ..render::Options::default() };
     let read = |frame: FrameReport| {
-        let phases = frame.phases.iter().map(|(phase, cycles)| (phase.to_string(), *cycles)).collect();
+        let phases = frame.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)).collect();
         (Timed { cycles: frame.cycles, phases }, frame.tree)
     };
     let mut keys: Vec<RenderKey> = Vec::new();

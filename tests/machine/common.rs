@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fillrate::machine::config::SortClass;
-use fillrate::machine::{Config, Machine, MachineReport};
+use fillrate::machine::{Config, FrameReport, Machine, MachineReport, PhaseReport, Tally};
 use fillrate::render;
 use fillrate::sim::Clock;
-use fillrate::stats::{Leaf, Node, Tree};
+use fillrate::stats::{Group, Leaf, Node, Tree};
 use fillrate::trace::Trace;
 use fillrate::unit::network::Topology;
 use fillrate::work::*;
@@ -38,6 +38,10 @@ pub fn rendered(name: &str) -> Vec<Event> {
 /// Runs work from cycle 0 to its end.
 pub fn run(config: &Config, events: &[Event], clock: Clock) -> MachineReport {
     let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));
+    // Under one clock draws are reported, under the others they are not: no statistic may show that.
+    if clock == Clock::SkipIdle {
+        machine.watch_draws();
+    }
     machine.run(events.iter().cloned(), clock).unwrap_or_else(|error| panic!("{}, {clock:?}: {error}", config.name))
 }
 
@@ -136,12 +140,7 @@ pub fn frames_add_up(report: &MachineReport) {
     let mut sums = std::collections::BTreeMap::<String, u64>::new();
     for frame in &report.frames {
         accounts_add_up(&frame.tree);
-        assert_eq!(
-            frame.phases.iter().map(|(_, cycles)| cycles).sum::<u64>(),
-            frame.cycles,
-            "phases of frame {}",
-            frame.number
-        );
+        phases_add_up(frame);
         frame.tree.leaves(&mut |path, leaf| {
             if let Leaf::Count(value) = leaf {
                 *sums.entry(path.to_owned()).or_default() += value;
@@ -156,6 +155,56 @@ pub fn frames_add_up(report: &MachineReport) {
         }
     });
     assert!(checked > 200, "{checked} counters");
+}
+
+/// A tally's counters by path, the funnel's among them.
+fn counters(tally: &Tally) -> std::collections::BTreeMap<String, u64> {
+    let funnel = Funnel::NAMES.iter().zip(tally.funnel.values()).map(|(name, value)| (format!("funnel.{name}"), value));
+    let mut counters: std::collections::BTreeMap<_, _> = funnel.collect();
+    tally.each(|(steps, of), name, value| {
+        let path: Vec<&str> = steps.iter().copied().chain(of).chain([name]).collect();
+        assert_eq!(counters.insert(path.join("."), value), None, "{path:?} is there twice");
+    });
+    counters
+}
+
+/// Counters of phases add up to those of the frame, and those of draws to their pass's.
+fn phases_add_up(frame: &FrameReport) {
+    assert_eq!(frame.phases.iter().map(|phase| phase.cycles).sum::<u64>(), frame.cycles, "phases of frame {}", frame.number);
+    let mut sums = std::collections::BTreeMap::<String, u64>::new();
+    let add = |sums: &mut std::collections::BTreeMap<String, u64>, tally: &Tally| {
+        counters(tally).into_iter().for_each(|(path, value)| *sums.entry(path).or_default() += value);
+    };
+    let units = |name: &str| Figures(&frame.tree).list(&format!("units.{name}")).len() as u64;
+    for PhaseReport { phase, cycles, counts, draws } in &frame.phases {
+        let counts = counts.as_ref().expect("it was simulated");
+        add(&mut sums, counts);
+        let spent = |tally: &Tally, cycles: u64| {
+            for (name, spent) in &tally.units {
+                assert_eq!(spent.values().sum::<u64>(), cycles * units(name), "{name} in {phase}");
+            }
+        };
+        spent(counts, *cycles);
+        let mut of_draws = std::collections::BTreeMap::new();
+        draws.iter().for_each(|draw| {
+            spent(&draw.counts, draw.cycles);
+            add(&mut of_draws, &draw.counts);
+        });
+        if !draws.is_empty() {
+            assert_eq!(draws.iter().map(|draw| draw.cycles).sum::<u64>(), *cycles, "draws of {phase}");
+            assert_eq!(of_draws, counters(counts), "draws of {phase}");
+        }
+    }
+    let frame = frame.tree.banks_summed();
+    let mut checked = 0;
+    for (path, value) in sums {
+        let of = |name: &str| Figures(&frame).at(&path.replace(".starved", name));
+        // What is starved to the end of a frame is idle; a phase does not know.
+        let whole = if path.ends_with(".starved") { of(".starved") + of(".idle") } else { of(".starved") };
+        assert_eq!(value, whole, "{path} of the phases");
+        checked += 1;
+    }
+    assert!(checked > 100, "{checked} counters");
 }
 
 /// What comes into each unit leaves it, or is counted as thrown away there. `fragments` says that every draw has a fragment stage.

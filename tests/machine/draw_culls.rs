@@ -117,7 +117,8 @@ fn simulated(trace: &Trace, sort: &str, cull: &str) -> Replay {
     for setting in [format!("sort={sort}"), format!("command.cull={cull}"), "pipelines=2".into()] {
         config.set(&setting).unwrap_or_else(|error| panic!("{error}"));
     }
-    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..1, watch: None };
+    let options =
+        Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..1, watch: None, per_draw: false };
     replay(trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{sort}, {cull}: {error:#}"))
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use fillrate::import;
-use fillrate::machine::Config;
+use fillrate::machine::{Config, PhaseReport};
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
 use fillrate::sim::Clock;
@@ -22,7 +22,7 @@ fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>)
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames, watch: None };
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames, watch: None, per_draw: false };
     replay(&trace, &options, &|_| ()).expect("a replay")
 }
 
@@ -60,7 +60,7 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
         let error = cycles(&bound) / cycles(&cycle) - 1.0;
         assert!(error.abs() < allowed, "{trace}: {} for {}", cycles(&bound), cycles(&cycle));
         for (bound, cycle) in bound.frames.iter().zip(&cycle.frames) {
-            let kinds = |phases: &[(unit::phase::Phase, u64)]| phases.iter().map(|p| p.0.kind).collect::<Vec<_>>();
+            let kinds = |phases: &[PhaseReport]| phases.iter().map(|p| p.phase.kind).collect::<Vec<_>>();
             assert_eq!(kinds(&bound.phases), kinds(&cycle.phases), "{trace}");
             assert_eq!(bound.shown, cycle.shown, "{trace}: the picture is that of the trace");
         }
@@ -85,8 +85,14 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
         let trace = import::open(path.join("trace")).expect("a recorded trace");
         let config = Config::built_in("baseline").expect("it is built in");
         let run = |fidelity| {
-            let options =
-                Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+            let options = Options {
+                config: config.clone(),
+                fidelity,
+                clock: Clock::SkipIdle,
+                frames: 0..u32::MAX,
+                watch: None,
+                per_draw: false,
+            };
             cycles(&replay(&trace, &options, &|_| ()).expect("a replay"))
         };
         let (bound, cycle) = (run(Fidelity::Bound), run(Fidelity::Cycle));
@@ -99,7 +105,7 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
 fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
     let base = cycles(&run("corridor", Fidelity::Bound, &[]));
     let with = |change: &str| cycles(&run("corridor", Fidelity::Bound, &[change]));
-    let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.0.limit).collect::<Vec<_>>();
+    let limit = |replay: &Replay| replay.frames[0].phases.iter().map(|p| p.phase.limit).collect::<Vec<_>>();
     assert!(limit(&run("corridor", Fidelity::Bound, &[])).contains(&"core"));
     // Half the rate of issue takes twice the pass; twice the triangles a cycle takes nothing off.
     assert!(with("core.issue=2") > 1.6 * base);
@@ -111,7 +117,8 @@ fn a_bound_moves_with_the_unit_that_bounds_and_with_no_other() {
 fn a_class_whose_rates_are_not_known_is_refused() {
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
     let config = Config::built_in("sort-first").expect("it is built in");
-    let options = Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1, watch: None };
+    let options =
+        Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1, watch: None, per_draw: false };
     let error = replay(&trace, &options, &|_| ()).expect_err("not known").to_string();
     assert!(error.contains("sort-first") && error.contains("cycle"), "{error}");
 }
@@ -145,7 +152,7 @@ fn sampling_without_an_interval_is_refused() {
     let refused = |fidelity| {
         let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
         let config = Config::built_in("baseline").expect("it is built in");
-        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None, per_draw: false };
         replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
     };
     assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));

@@ -99,7 +99,14 @@ fn run_with(extra: Extra, changes: &[&str]) -> Replay {
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+    let options = Options {
+        config,
+        fidelity: Fidelity::Cycle,
+        clock: Clock::SkipIdle,
+        frames: 0..u32::MAX,
+        watch: None,
+        per_draw: false,
+    };
     replay(&record(extra).finish(), &options, &|_| ()).expect("it runs")
 }
 

@@ -146,7 +146,7 @@ fn config(name: &str) -> Config {
 
 fn run(case: &Case, fidelity: Fidelity, config: Config) -> Replay {
     let trace = import::open(&case.trace).unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None, per_draw: false };
     replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{}: {error:#}", case.name))
 }
 

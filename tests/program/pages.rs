@@ -57,8 +57,14 @@ fn every_statistic_of_a_replay_is_explained() {
                 machine.set(change).expect("a knob");
             }
         }
-        let options =
-            Options { config: machine, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+        let options = Options {
+            config: machine,
+            fidelity: Fidelity::Cycle,
+            clock: Clock::SkipIdle,
+            frames: 0..u32::MAX,
+            watch: None,
+            per_draw: false,
+        };
         let done = replay(&trace, &options, &|_| ()).expect("the replay runs");
         let mut unexplained = Vec::new();
         let mut seen = 0;

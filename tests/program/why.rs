@@ -52,6 +52,7 @@ fn a_scarce_resource_is_found_and_the_gain_is_that_of_a_replay() {
                 clock: Clock::SkipIdle,
                 frames: 0..1,
                 watch: None,
+                per_draw: false,
             };
             replay(&trace, &options, &|_| ()).expect("it runs").total.number("cycles")
         };

@@ -11,6 +11,7 @@ mod sort_last_fragment;
 mod sort_last_image;
 mod sort_middle;
 mod sort_middle_binned;
+mod tally;
 
 #[cfg(test)]
 mod tests;
@@ -18,9 +19,10 @@ mod tests;
 pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
+pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
 
 use self::blocks::Built;
-use mem::{Crossbar, requests};
+use mem::{ClientCounts, Crossbar, requests};
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
@@ -30,6 +32,7 @@ use unit::apply::{Keepers, apply};
 use unit::card::{Card, Pool};
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
+use unit::phase::Phases;
 use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
 use work::Event;
@@ -79,6 +82,20 @@ impl Machine {
             (class.apart)(config),
         );
         Ok(Machine { config: config.clone(), circuit, card, clients, network })
+    }
+
+    /// From now on, each draw of a pass is reported. No result depends on it.
+    pub fn watch_draws(&mut self) {
+        self.card.phases = Phases::new(true);
+    }
+
+    /// What memory's clients have counted, in the order of their ports.
+    fn client_counts(&self) -> &[ClientCounts] {
+        match (&self.circuit.crossbar, &self.circuit.ideal) {
+            (Some(crossbar), _) => crossbar.counts(),
+            (None, Some(ideal)) => ideal.counts(),
+            (None, None) => &[],
+        }
     }
 
     /// Images that a machine has of each attachment of a pass: its frame buffer, and pipelines' copies, each with as many bytes of numbers.
@@ -146,7 +163,7 @@ impl Machine {
             // 2. Run until events are short, a frame is over, or all is done.
             self.circuit.wires_mut().wake_all();
             let patience = u64::from(self.config.card.watchdog);
-            let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, |circuit, card| {
+            let done = |circuit: &Parts, card: &Card| {
                 // Whether a pass has draws the command processor sees at the event behind its begin.
                 let short = match card.events.front() {
                     None => true,
@@ -157,9 +174,16 @@ impl Machine {
                 let done = short && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
-                let stops = card.fault.is_some() || applies && circuit.command.idle();
+                let stops = card.fault.is_some() || card.phases.marked() || applies && circuit.command.idle();
                 stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
-            });
+            };
+            let ran = loop {
+                let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, done);
+                if ran.is_err() || !self.card.phases.marked() {
+                    break ran;
+                }
+                readings.mark(self);
+            };
             // A machine with a fault may well be stuck; the fault is why.
             if let Some(fault) = self.card.fault.take() {
                 return Err(fault.into());

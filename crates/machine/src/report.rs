@@ -2,12 +2,11 @@
 
 use super::Machine;
 use super::loss::{Accounts, LossCounts, Waits};
-use mem::ClientCounts;
+use super::tally::{PhaseReport, Tallies};
 use num::Cycle;
 use sim::Circuit;
 use stats::{Cycles, Group, Node, Tree};
 use unit::card::Card;
-use unit::phase::Phase;
 use unit::sorting::{OrderCounts, SortCounts};
 use work::{EndFrame, Funnel, Surface};
 
@@ -31,8 +30,8 @@ pub struct FrameReport {
     pub cycles: Cycle,
     /// Its statistics, by the names of the design.
     pub tree: Tree,
-    /// What the command processor did one after another, and for how long: the cycles add up to the frame's.
-    pub phases: Vec<(Phase, Cycle)>,
+    /// What the command processor did one after another: the cycles add up to the frame's.
+    pub phases: Vec<PhaseReport>,
     /// What was shown.
     pub picture: Option<Picture>,
 }
@@ -69,6 +68,7 @@ pub(super) struct Readings {
     start: Reading,
     last: Reading,
     sums: Sums,
+    tallies: Tallies,
 }
 
 /// What frames are summed up of that is no difference of counters.
@@ -116,13 +116,7 @@ const BEHIND_MEMORY: &[&str] = &[
 /// What memory's clients and channels have counted up to now.
 fn memory(machine: &Machine) -> Tree {
     let circuit = &machine.circuit;
-    let none: &[ClientCounts] = &[];
-    let clients = match (&circuit.crossbar, &circuit.ideal) {
-        (Some(crossbar), _) => crossbar.counts(),
-        (None, Some(ideal)) => ideal.counts(),
-        (None, None) => none,
-    };
-    mem::memory_tree(&machine.clients, clients, &circuit.dram, circuit.ideal.as_ref())
+    mem::memory_tree(&machine.clients, machine.client_counts(), &circuit.dram, circuit.ideal.as_ref())
 }
 
 /// What a machine has counted up to now.
@@ -133,7 +127,7 @@ fn read(machine: &mut Machine) -> Reading {
     let mut tree = Tree::new();
     tree.count("cycles", cycles);
     let funnel = tree.child("funnel");
-    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.values()) {
+    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.total().values()) {
         funnel.count(name, value);
     }
     tree.extend(circuit.tree());
@@ -242,7 +236,12 @@ impl Readings {
     /// The first reading.
     pub fn new(machine: &mut Machine) -> Readings {
         let start = read(machine);
-        Readings { last: start.clone(), start, sums: Sums::default() }
+        Readings { last: start.clone(), start, sums: Sums::default(), tallies: Tallies::new(machine) }
+    }
+
+    /// A phase has begun, or a draw has retired.
+    pub fn mark(&mut self, machine: &mut Machine) {
+        self.tallies.read(machine);
     }
 
     /// A frame has ended.
@@ -269,7 +268,7 @@ impl Readings {
         sums.stage(loss);
         let tree = between(machine, &self.last, &now, &sums);
         let cycles = now.cycles - self.last.cycles;
-        let phases = machine.card.phases.take(self.last.cycles, now.cycles);
+        let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
         self.last = now;
         FrameReport { number, cycles, tree, phases, picture }
     }

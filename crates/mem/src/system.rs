@@ -311,18 +311,23 @@ impl MemoryPlan {
     }
 }
 
-/// The leaves `memory` of the statistics: `clients.NAME`, and `dram`.
-pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], dram: &[Dram], ideal: Option<&Ideal>) -> Tree {
-    let mut tree = Tree::new();
-    let mut sums: Vec<(&str, ClientCounts)> = Vec::new();
+/// What the clients of each name have counted together.
+pub fn client_sums(clients: &[(&'static str, usize)], counts: &[ClientCounts]) -> Vec<(&'static str, ClientCounts)> {
+    let mut sums: Vec<(&'static str, ClientCounts)> = Vec::new();
     for (&(name, _), counts) in clients.iter().zip(counts) {
         match sums.iter_mut().find(|(known, _)| *known == name) {
             Some((_, sum)) => *sum += *counts,
             None => sums.push((name, *counts)),
         }
     }
+    sums
+}
+
+/// The leaves `memory` of the statistics: `clients.NAME`, and `dram`.
+pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], dram: &[Dram], ideal: Option<&Ideal>) -> Tree {
+    let mut tree = Tree::new();
     let places = tree.child("clients");
-    for (name, sum) in sums {
+    for (name, sum) in client_sums(clients, counts) {
         places.child(name).extend(sum.tree());
     }
     let total = tree.child("dram");

@@ -101,7 +101,8 @@ impl ActiveCompute {
                 let (set, index, invocations) = self.open_statistics.take().ok_or("no pipeline statistics query is open")?;
                 renderer.res.query_sets.get_mut(set)?.write_statistics(index, &Default::default(), invocations)?;
             }
-            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
+            Command::InsertDebugMarker(_) => {}
             command => return Err(format!("{} is not possible in a compute pass", command.name()).into()),
         }
         Ok(())

@@ -11,6 +11,7 @@ use trace::{Trace, TraceError};
 use work::{EndFrame, Event, RenderKey, Surface, SurfaceKey};
 
 use super::compute::ActiveCompute;
+use super::debug_groups::DebugGroups;
 use super::draw::{Boxes, DrawError, Skips};
 use super::ledger::{Claim, Held, Ledger, Watch};
 use super::memory::AddressSpace;
@@ -221,6 +222,8 @@ pub(super) struct Renderer<'t, 's> {
     implicit_frame: bool,
     pub(super) passes: u32,
     pub(super) draws: u32,
+    /// The debug groups that are open.
+    pub(super) groups: DebugGroups,
     /// Fragments whose colours were not computed.
     pub(super) overwritten: u64,
     /// Render pipelines created.
@@ -259,6 +262,7 @@ impl<'t, 's> Renderer<'t, 's> {
             implicit_frame: false,
             passes: 0,
             draws: 0,
+            groups: DebugGroups::default(),
             overwritten: 0,
             pipelines: 0,
             dispatches: 0,
@@ -366,7 +370,8 @@ impl<'t, 's> Renderer<'t, 's> {
                 let pass = ActiveCompute::begin(self, timestamps.clone())?;
                 self.scope = Scope::Compute(Box::new(pass));
             }
-            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            Command::PushDebugGroup(_) | Command::PopDebugGroup => self.groups.note(command),
+            Command::InsertDebugMarker(_) => {}
             command => self.transfer(command)?,
         }
         Ok(())

@@ -6,6 +6,7 @@
 mod bind;
 mod compute;
 mod copy;
+mod debug_groups;
 mod execute;
 mod ledger;
 mod memory;

@@ -289,7 +289,8 @@ impl ActivePass {
                     self.state.reset_after_bundle();
                 }
             }
-            Command::PushDebugGroup(_) | Command::PopDebugGroup | Command::InsertDebugMarker(_) => {}
+            Command::PushDebugGroup(_) | Command::PopDebugGroup => renderer.groups.note(command),
+            Command::InsertDebugMarker(_) => {}
             command => return Err(format!("{} is not possible in a render pass", command.name()).into()),
         }
         Ok(())
@@ -399,6 +400,7 @@ impl ActivePass {
         let boxes = renderer.boxes.clone();
         let call = DrawCall {
             number,
+            group: renderer.groups.innermost(),
             pipeline: &pipeline,
             vertex_buffers: &vertex_buffers,
             index: index.as_ref(),

@@ -1,6 +1,6 @@
 //! Units and wires as one machine.
 
-use super::sheet::{Counted, Description, Sheet};
+use super::sheet::{Counted, Description, Sheet, Sum};
 use super::unit::{Tick, Unit};
 use super::wires::Wires;
 use super::wiring::Wiring;
@@ -26,6 +26,11 @@ pub trait Bank<C>: Sized {
     /// Appends what each has counted beside its items.
     fn read(&self, sheet: &mut Sheet) {
         Counted::of::<C>().read(self.units(), sheet);
+    }
+
+    /// Appends what they have counted together below the heading whose first step is `top`.
+    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
+        Counted::of::<C>().sum(self.units(), top, list);
     }
 
     /// Appends what the units of such a bank count.
@@ -411,6 +416,13 @@ macro_rules! circuit {
                 let mut sheet = $crate::Sheet::default();
                 $($crate::Bank::<$context>::read(&self.$field, &mut sheet);)*
                 sheet
+            }
+
+            /// What all units together have counted below the heading whose first step is `top`, by its last.
+            $vis fn sums(&self, top: &str) -> Vec<$crate::Sum> {
+                let mut list = Vec::new();
+                $($crate::Bank::<$context>::sum(&self.$field, top, &mut list);)*
+                list
             }
 
             /// What they count.

@@ -66,7 +66,7 @@ pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble, places};
 pub use clock::{Cause, Clock, Stuck, run};
-pub use sheet::{Counted, Description, Heading, Sheet};
+pub use sheet::{Counted, Description, Heading, Sheet, Sum};
 pub use stall_probe::{STATES, StallProbe, StallProbeCounts};
 pub use unit::{Tick, Unit};
 pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};

@@ -43,8 +43,9 @@ pub struct Description {
     pub declarations: &'static [Declaration],
 }
 
-/// Reads a group of a unit whose number in its bank is given; with the number that it has in the statistics.
-type Read<U> = Box<dyn Fn(&U, usize) -> Option<(usize, Tree)>>;
+/// Appends the values of a group of a unit whose number in its bank is given; gives the number that it has in the statistics. None: the
+/// unit has no such group.
+type Read<U> = Box<dyn Fn(&U, usize, &mut Vec<u64>) -> Option<usize>>;
 
 /// The groups of counters of a kind of unit.
 pub struct Counted<U> {
@@ -64,36 +65,60 @@ impl<U: 'static> Counted<U> {
 
     /// A group that each has.
     pub fn group<G: Group>(&mut self, heading: Heading, read: fn(&U) -> G) {
-        self.add(heading, G::DECLARATIONS, Box::new(move |unit, number| Some((number, read(unit).tree()))));
+        self.numbered_if(heading, move |unit, number| Some((number, read(unit))));
     }
 
     /// A group that some do not have.
     pub fn group_if<G: Group>(&mut self, heading: Heading, read: fn(&U) -> Option<G>) {
-        self.add(heading, G::DECLARATIONS, Box::new(move |unit, number| Some((number, read(unit)?.tree()))));
+        self.numbered_if(heading, move |unit, number| Some((number, read(unit)?)));
     }
 
     /// A group of units that know their numbers, where several banks are of one kind.
     pub fn numbered<G: Group>(&mut self, heading: Heading, read: fn(&U) -> (usize, G)) {
-        self.add(
-            heading,
-            G::DECLARATIONS,
-            Box::new(move |unit, _| {
-                let (number, counts) = read(unit);
-                Some((number, counts.tree()))
-            }),
-        );
+        self.numbered_if(heading, move |unit, _| Some(read(unit)));
     }
 
-    fn add(&mut self, heading: Heading, declarations: &'static [Declaration], read: Read<U>) {
-        self.groups.push((Description { heading, declarations }, read));
+    fn numbered_if<G: Group>(&mut self, heading: Heading, read: impl Fn(&U, usize) -> Option<(usize, G)> + 'static) {
+        let append = move |unit: &U, number: usize, values: &mut Vec<u64>| {
+            let (number, counts) = read(unit, number)?;
+            values.extend(counts.values());
+            Some(number)
+        };
+        self.groups.push((Description { heading, declarations: G::DECLARATIONS }, Box::new(append)));
     }
 
     pub(super) fn read(&self, units: &[U], sheet: &mut Sheet) {
-        for (Description { heading, .. }, read) in &self.groups {
+        let mut values = Vec::new();
+        for (Description { heading, declarations }, read) in &self.groups {
             for (number, unit) in units.iter().enumerate() {
-                if let Some((number, tree)) = read(unit, number) {
-                    sheet.entries.push((*heading, number, tree));
+                values.clear();
+                if let Some(number) = read(unit, number, &mut values) {
+                    sheet.entries.push((*heading, number, tree(declarations, &values)));
                 }
+            }
+        }
+    }
+
+    pub(super) fn sum(&self, units: &[U], top: &str, list: &mut Vec<Sum>) {
+        let mut values = Vec::new();
+        for (Description { heading, declarations }, read) in &self.groups {
+            if heading.steps().0.next() != Some(top) {
+                continue;
+            }
+            let mut sum: Option<Vec<u64>> = None;
+            for (number, unit) in units.iter().enumerate() {
+                values.clear();
+                if read(unit, number, &mut values).is_some() {
+                    let sum = sum.get_or_insert_with(|| vec![0; values.len()]);
+                    sum.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
+                }
+            }
+            let Some(values) = sum else { continue };
+            let name = heading.steps().0.last().unwrap_or_default();
+            match list.iter_mut().find(|known| known.name == name) {
+                // Several banks are of one kind.
+                Some(known) => known.values.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value),
+                None => list.push(Sum { name, declarations, values }),
             }
         }
     }
@@ -101,6 +126,24 @@ impl<U: 'static> Counted<U> {
     pub(super) fn describe(&self, list: &mut Vec<Description>) {
         list.extend(self.groups.iter().map(|(description, _)| *description));
     }
+}
+
+/// Counters with their values as leaves.
+fn tree(declarations: &[Declaration], values: &[u64]) -> Tree {
+    let mut tree = Tree::new();
+    declarations.iter().zip(values).for_each(|(declaration, &value)| tree.count(declaration.name, value));
+    tree
+}
+
+/// What all units together have counted under one name of a heading.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sum {
+    /// The last step of the heading's path.
+    pub name: &'static str,
+    /// The counters.
+    pub declarations: &'static [Declaration],
+    /// Their sums over the units.
+    pub values: Vec<u64>,
 }
 
 /// What the units of a machine have counted beside their items, up to now.

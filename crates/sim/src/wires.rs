@@ -425,11 +425,12 @@ impl Wires {
 
     /// The counts of every channel and the account of every unit, over the cycles gone by.
     pub fn reading(&self) -> Reading {
-        Reading {
-            cycle: self.now,
-            channels: self.channel_counts().collect(),
-            units: self.agenda.accounts().map(|account| account.read(self.now)).collect(),
-        }
+        Reading { cycle: self.now, channels: self.channel_counts().collect(), units: self.accounts().collect() }
+    }
+
+    /// The account of every unit over the cycles gone by, in the order of declaration.
+    pub fn accounts(&self) -> impl Iterator<Item = Cycles> {
+        self.agenda.accounts().map(|account| account.read(self.now))
     }
 
     /// The leaves `NAME[i]` of `channels`.
@@ -449,10 +450,10 @@ impl Wires {
     /// The leaves `NAME[i]` of `units`; `items` gives each unit's own count, in the order of declaration.
     pub(super) fn unit_tree(&self, items: &[u64]) -> Tree {
         let mut tree = Tree::new();
-        for ((account, label), items) in self.agenda.accounts().zip(&self.units).zip(items) {
+        for ((account, label), items) in self.accounts().zip(&self.units).zip(items) {
             let leaves = tree.element(label.name, label.index);
             leaves.count("items", *items);
-            leaves.extend(account.read(self.now).tree());
+            leaves.extend(account.tree());
         }
         tree
     }

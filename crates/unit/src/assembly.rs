@@ -169,7 +169,7 @@ impl Assembly {
                             budget.take(count);
                             self.next += count;
                             self.items += u64::from(count);
-                            card.funnel.primitives_in += if counts { u64::from(count) } else { 0 };
+                            card.funnel[slot].primitives_in += if counts { u64::from(count) } else { 0 };
                             did = Tick::Moved;
                             if count < ready {
                                 return did;
@@ -248,7 +248,7 @@ impl Unit<Card> for Assembly {
                     self.next += count;
                     self.in_batch += count;
                     self.items += u64::from(count);
-                    card.funnel.primitives_in += u64::from(count);
+                    card.funnel[batch.slot].primitives_in += u64::from(count);
                     did = Tick::Moved;
                 }
                 if self.in_batch == self.config.batch {

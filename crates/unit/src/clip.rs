@@ -97,7 +97,7 @@ impl Unit<Card> for Clip {
             let primitives = &work.segment.primitives[first..first + most as usize];
             let start = primitives[0].first_triangle;
             let (mut tested, mut triangles, mut cut) = (0, 0, false);
-            let funnel = &mut { card.funnel };
+            let funnel = &mut { card.funnel[run.slot] };
             for primitive in primitives {
                 tested += 1;
                 triangles += u32::from(primitive.triangles);
@@ -110,7 +110,7 @@ impl Unit<Card> for Clip {
                     break;
                 }
             }
-            card.funnel = *funnel;
+            card.funnel[run.slot] = *funnel;
             if triangles > 0 {
                 let run = Run { slot: run.slot, kind: Kind::DATA, sequence: run.sequence, first: start, count: triangles };
                 wires.push(&self.output, run);

@@ -190,7 +190,7 @@ impl Color {
             if entry.last {
                 let group = &card.groups[pipeline][entry.token.group];
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
-                card.funnel.fragments_written += u64::from(written);
+                card.funnel[group.slot].fragments_written += u64::from(written);
                 if let Some(copy) = card.apart.copies.get_mut(pipeline) {
                     mark(card.work[usize::from(group.slot)].as_ref().expect("in flight"), group, &mut copy.stamps, true);
                 }

@@ -189,7 +189,7 @@ impl Dispatch {
             if keeps {
                 let shaded = fragments(*live);
                 *live &= quad.kept;
-                funnel.fragments_discarded += u64::from(shaded - fragments(*live));
+                funnel[group.slot].fragments_discarded += u64::from(shaded - fragments(*live));
             }
             alive += u8::from(*live != 0);
         }
@@ -383,9 +383,10 @@ impl Dispatch {
                     }
                     warp.items.push(Item { source: group.tile, request: quad.first_request, cost: quad.cost });
                     let shaded = u64::from(fragments(live));
-                    card.funnel.quads_shaded += 1;
-                    card.funnel.fragments_shaded += shaded;
-                    card.funnel.helper_fragments += 4 - shaded;
+                    let funnel = &mut card.funnel[group.slot];
+                    funnel.quads_shaded += 1;
+                    funnel.fragments_shaded += shaded;
+                    funnel.helper_fragments += 4 - shaded;
                     packed += 1;
                 }
                 taken += 1;

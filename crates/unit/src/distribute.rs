@@ -232,7 +232,7 @@ impl Unit<Card> for Distribute {
             // 3. Sent to all.
             if data {
                 self.counts.sorted_items += 1;
-                card.funnel.triangles_setup += 1;
+                card.funnel[run.slot].triangles_setup += 1;
                 self.done += 1;
             }
             if self.done == run.count {

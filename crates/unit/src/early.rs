@@ -291,7 +291,7 @@ impl Early {
         self.counts.answered += u64::from(token.quads);
         self.counts.culled += u64::from(token.quads - alive);
         self.counts.culled_fragments += u64::from(before - after);
-        funnel.quads_early_culled += u64::from(token.quads - alive);
+        funnel[group.slot].quads_early_culled += u64::from(token.quads - alive);
         alive
     }
 }

@@ -1,8 +1,10 @@
 //! Phases of a frame: what the command processor does one after another, and what nothing overlaps.
 
 use std::fmt;
+use std::sync::Arc;
 
 use num::Cycle;
+use work::{Draw, Funnel};
 
 /// What a phase is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,34 +57,94 @@ impl fmt::Display for Phase {
     }
 }
 
+/// A draw on its way through a machine.
+#[derive(Clone, Debug)]
+pub struct DrawRecord {
+    /// The draw.
+    pub draw: Arc<Draw>,
+    /// Number of the draw on this machine.
+    number: u32,
+    /// What its segments have counted that have retired.
+    pub funnel: Funnel,
+    /// When the last of these did; none: none has.
+    pub retired: Option<Cycle>,
+}
+
+/// What has just come to an end, so that counters are to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// The phase before the one that begins here.
+    Phase,
+    /// A segment of the draw that has this place in its phase.
+    Draw(usize),
+}
+
 /// The phases of a frame so far.
 #[derive(Clone, Debug, Default)]
 pub struct Phases {
-    list: Vec<Phase>,
+    list: Vec<(Phase, Vec<DrawRecord>)>,
+    /// Whether draws are recorded.
+    per_draw: bool,
+    marks: Vec<Mark>,
 }
 
 impl Phases {
-    /// A phase begins; transfers join transfers.
-    pub fn begin(&mut self, kind: PhaseKind, number: u32, label: &str, begin: Cycle) {
-        let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|last| last.kind == kind);
+    /// No phase.
+    pub fn new(per_draw: bool) -> Phases {
+        Phases { per_draw, ..Phases::default() }
+    }
+
+    /// A phase begins behind cycle `now`; transfers join transfers.
+    pub fn begin(&mut self, kind: PhaseKind, number: u32, label: &str, now: Cycle) {
+        let joins = kind == PhaseKind::Transfers && self.list.last().is_some_and(|(last, _)| last.kind == kind);
         if !joins {
-            self.list.push(Phase { kind, number, label: label.to_owned(), begin, limit: "" });
+            self.marks.push(Mark::Phase);
+            self.list.push((Phase { kind, number, label: label.to_owned(), begin: now + 1, limit: "" }, Vec::new()));
         }
+    }
+
+    /// A draw begins, with its number on this machine.
+    pub fn draw(&mut self, draw: &Arc<Draw>, number: u32) {
+        if let (true, Some((_, draws))) = (self.per_draw, self.list.last_mut()) {
+            draws.push(DrawRecord { draw: draw.clone(), number, funnel: Funnel::default(), retired: None });
+        }
+    }
+
+    /// A segment of a draw has retired in cycle `now`, with what it has counted.
+    pub fn retire(&mut self, number: u32, funnel: Funnel, now: Cycle) {
+        if let (true, Some((_, draws))) = (self.per_draw, self.list.last_mut())
+            && let Some(at) = draws.iter().rposition(|record| record.number == number)
+        {
+            draws[at].funnel += funnel;
+            draws[at].retired = Some(now + 1);
+            self.marks.push(Mark::Draw(at));
+        }
+    }
+
+    /// Whether counters are to be read.
+    #[inline(always)]
+    pub fn marked(&self) -> bool {
+        !self.marks.is_empty()
+    }
+
+    /// What they are read for, in order.
+    pub fn marks(&mut self) -> std::vec::Drain<'_, Mark> {
+        self.marks.drain(..)
     }
 
     /// The phases of the frame from `begin` to `end`, each with its cycles, which add up to the frame's: what comes before the
     /// first is the first's. Empties the list.
-    pub fn take(&mut self, begin: Cycle, end: Cycle) -> Vec<(Phase, Cycle)> {
+    pub fn take(&mut self, begin: Cycle, end: Cycle) -> Vec<(Phase, Cycle, Vec<DrawRecord>)> {
         let mut list = std::mem::take(&mut self.list);
-        if let Some(first) = list.first_mut() {
+        if let Some((first, _)) = list.first_mut() {
             first.begin = begin;
         }
-        let ends: Vec<Cycle> = list.iter().skip(1).map(|phase| phase.begin).chain([end]).collect();
+        let ends: Vec<Cycle> = list.iter().skip(1).map(|(phase, _)| phase.begin).chain([end]).collect();
         list.into_iter()
             .zip(ends)
-            .map(|(phase, end)| {
+            .map(|((phase, draws), end)| {
                 let cycles = end - phase.begin;
-                (phase, cycles)
+                (phase, cycles, draws)
             })
             .collect()
     }
@@ -100,8 +162,9 @@ mod tests {
         {
             phases.begin(kind, 0, "", at);
         }
-        let cycles: Vec<_> = phases.take(10, 100).into_iter().map(|(phase, cycles)| (phase.kind.name(), cycles)).collect();
-        assert_eq!(cycles, [("transfers", 10), ("pass", 70), ("scan-out", 10)]);
+        let cycles: Vec<_> = phases.take(10, 100).into_iter().map(|(phase, cycles, _)| (phase.kind.name(), cycles)).collect();
+        assert_eq!(cycles, [("transfers", 11), ("pass", 70), ("scan-out", 9)]);
+        assert!(phases.marks().eq([Mark::Phase; 3]));
         assert!(phases.take(100, 110).is_empty());
     }
 }

@@ -195,7 +195,7 @@ impl Route {
                 // counted by each.
                 if let Some(work) = work {
                     let outcome = work.segment.primitives[token.triangle as usize].outcome;
-                    card.funnel.end(outcome);
+                    card.funnel[token.slot].end(outcome);
                 }
                 self.sorting.sent += u64::from(pending != 0);
                 did = Tick::Moved;
@@ -311,8 +311,8 @@ impl Route {
                     work.segment.stream[from as usize..to as usize].iter().filter(|&&v| v == u32::MAX).count() as u32
                 };
                 debug_assert!(before <= first);
-                card.funnel.vertices_in += u64::from(last - before - restarts(before, last));
-                card.funnel.primitives_in += u64::from(run.count);
+                card.funnel[run.slot].vertices_in += u64::from(last - before - restarts(before, last));
+                card.funnel[run.slot].primitives_in += u64::from(run.count);
                 did = Tick::Moved;
             }
             let work = card.work[usize::from(run.slot)].as_ref().expect("a run's segment is in flight");

@@ -469,7 +469,7 @@ impl Unit<Card> for Traverse {
                 if card.interleave.is_balanced() {
                     card.interleave.note(y, block.quads.into());
                 }
-                let funnel = &mut card.funnel;
+                let funnel = &mut card.funnel[self.place.slot];
                 funnel.tiles_visited += 1;
                 funnel.quads_rasterized += u64::from(block.quads);
                 funnel.fragments_covered += covered;

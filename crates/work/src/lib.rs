@@ -302,6 +302,8 @@ pub struct Draw {
     pub number: u32,
     /// Label of the pipeline, or empty.
     pub label: String,
+    /// Label of the innermost debug group that the draw is in, or empty.
+    pub group: Arc<str>,
     /// Vertex stage.
     pub vertex: ShaderShape,
     /// Fragment stage; none: depth and stencil only.

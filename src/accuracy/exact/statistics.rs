@@ -218,7 +218,14 @@ fn fragments(setting: &Setting, random: &mut Random) -> Vec<Case> {
 /// Statistics of the renderer alone and of each machine, and what it sorts.
 fn statistics(trace: &Trace, machines: &[Config]) -> Result<Vec<(Tree, SortClass)>> {
     let run = |config: &Config, fidelity| -> Result<(Tree, SortClass)> {
-        let options = Options { config: config.clone(), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None };
+        let options = Options {
+            config: config.clone(),
+            fidelity,
+            clock: Clock::SkipIdle,
+            frames: 0..u32::MAX,
+            watch: None,
+            per_draw: false,
+        };
         Ok((replay(trace, &options, &|_| ())?.total, config.card.sort))
     };
     let alone = config("baseline", &[])?;

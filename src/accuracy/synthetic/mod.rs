@@ -263,6 +263,7 @@ fn draw(scene: &Scene, number: u32, random: &mut Random, reference: &mut Referen
     let draw = Draw {
         number,
         label: String::new(),
+        group: "".into(),
         vertex: ShaderShape { registers: 16, inputs: 8, outputs: 8 },
         fragment: Some(ShaderShape { registers: 24, inputs: 8, outputs: 4 }),
         attributes: vec![AttributeFetch { address: 1 << 22, stride: 32, step: StepMode::Vertex, bytes: 32 }],

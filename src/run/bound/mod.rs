@@ -21,8 +21,8 @@ use memory::Shared;
 pub use memory::Traffic;
 use shading::Requests;
 
-use crate::machine::Config;
 use crate::machine::config::{MemoryKind, SortClass};
+use crate::machine::{Config, PhaseReport};
 use crate::mem::REQUEST_BYTES;
 use crate::num::Cycle;
 use crate::unit::phase::{Phase, PhaseKind};
@@ -82,10 +82,10 @@ pub struct FrameEstimate {
 
 impl FrameEstimate {
     /// The phases with whole cycles, as a report has them.
-    pub fn phases(&self) -> Vec<(Phase, Cycle)> {
+    pub fn phases(&self) -> Vec<PhaseReport> {
         let phase =
             |p: &PhaseEstimate| Phase { kind: p.kind, number: p.number, label: p.label.clone(), begin: 0, limit: p.limit };
-        self.phases.iter().map(|p| (phase(p), p.cycles.round() as Cycle)).collect()
+        self.phases.iter().map(|p| PhaseReport::estimated(phase(p), p.cycles.round() as Cycle)).collect()
     }
 }
 

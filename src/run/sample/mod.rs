@@ -151,7 +151,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
 
     // What was counted of the frames drawn; those that warm up are not reported.
     let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
-    let Exit { mut taker, keeps, progress } = exit;
+    let Exit { mut taker, keeps, progress, per_draw } = exit;
     let count = |frame: Frame| {
         let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
         counted[at] = Some(frame.tree.clone());
@@ -159,7 +159,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
     };
     let mut simulated = Simulated::default();
     let mut rendering = options.rendering_of(trace, chosen);
-    let exit = Exit { keeps, progress, ..Exit::new(count) };
+    let exit = Exit { keeps, progress, per_draw, ..Exit::new(count) };
     simulate(&mut rendering, (&options.config, options.clock), Some(&warms_up), exit, &mut simulated)?;
     rendering.run()?;
     let found = counted.into_iter().zip(&numbers);

@@ -108,6 +108,8 @@ impl Skips {
 pub struct DrawCall<'a> {
     /// Number in the trace.
     pub number: u32,
+    /// Label of the innermost debug group, or empty.
+    pub group: Arc<str>,
     /// The pipeline.
     pub pipeline: &'a RenderPipeline,
     /// Vertex buffers by slot.

@@ -132,6 +132,7 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
     work::Draw {
         number: call.number,
         label: pipeline.label.clone(),
+        group: call.group.clone(),
         vertex: shape(pipeline.vertex(), vertex_inputs),
         fragment: frame.fragment.map(|program| shape(program, pipeline.interpolated)),
         attributes: attributes.collect(),

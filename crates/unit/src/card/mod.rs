@@ -4,12 +4,14 @@
 //! carries information from one unit to another except behind a token; that would bring back the order of ticks.
 
 mod fault;
+mod funnels;
 mod in_flight;
 mod pass;
 mod pool;
 mod tiles;
 
 pub use self::fault::Fault;
+pub use self::funnels::Funnels;
 pub use self::in_flight::{Ahead, ComputeWork, Group, Work};
 pub use self::pass::{DepthStart, PassState};
 pub use self::pool::Pool;
@@ -27,7 +29,7 @@ use super::warp::{Execution, Item, Program, Warps};
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
 use gfx::state::ColorTarget;
-use work::{Attachment, CostTable, Draw, Event, Funnel, Quad, Segment, TILE, Target};
+use work::{Attachment, CostTable, Draw, Event, Quad, Segment, TILE, Target};
 
 /// Pipelines that a set of them, a 64-bit mask, can name.
 pub const MAX_PIPELINES: usize = 64;
@@ -55,7 +57,7 @@ pub struct Card {
     /// What the command processor has begun in this frame.
     pub phases: Phases,
     /// What was thrown away where, on this machine.
-    pub funnel: Funnel,
+    pub funnel: Funnels,
     /// Events that the command processor has not read yet; never empty before the last.
     pub events: VecDeque<Event>,
     /// Whether there are no more events than these.
@@ -90,7 +92,7 @@ impl Card {
             interleave,
             bins: Vec::new(),
             phases: Phases::default(),
-            funnel: Funnel::default(),
+            funnel: Funnels::new(segments),
             events: VecDeque::new(),
             closed: false,
             epoch: 0,

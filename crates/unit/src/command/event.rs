@@ -48,8 +48,10 @@ impl Command {
             // Waits until nothing is in flight; then it is taken from here ([`Command::apply`]).
             Event::Applied(_) => return None,
             Event::Draw(draw) => {
+                let draw = draw.clone();
                 self.draw = Some(draw.clone());
                 self.draws = self.draws.wrapping_add(1);
+                card.phases.draw(&draw, self.draws);
                 let culling = draw.culling;
                 self.counts.bounds_tested += culling.tests;
                 self.counts.draws_culled += culling.draws;

@@ -24,7 +24,10 @@ impl Command {
                 let slot = usize::from(ack.slot);
                 self.reports[slot] -= 1;
                 if self.reports[slot] == 0 {
-                    card.work[slot] = None;
+                    let funnel = card.funnel.retire(ack.slot);
+                    if let Some(work) = card.work[slot].take() {
+                        card.phases.retire(work.draw_number, funnel, wires.now());
+                    }
                     self.free.push(ack.slot);
                 }
             }

@@ -225,7 +225,7 @@ impl Depth {
         let store = &mut frame.stores[surface];
         let Tested { alive, failed_fragments, failed_samples } = test_group(state, work, group, pass, store, late);
         if late {
-            funnel.fragments_late_failed += u64::from(failed_fragments);
+            funnel[group.slot].fragments_late_failed += u64::from(failed_fragments);
         }
         if group.ahead == Ahead::Writes {
             self.told.accepted_failed += u64::from(failed_samples);
@@ -310,14 +310,15 @@ impl Depth {
                 continue;
             }
             if entry.line.is_some() {
-                card.funnel.quads_early_culled += u64::from(before - token.quads);
+                let slot = card.groups[pipeline][token.group].slot;
+                card.funnel[slot].quads_early_culled += u64::from(before - token.quads);
             }
             let group = card.groups[pipeline][token.group];
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
             if work.draw.fragment.is_none() {
                 // Depth and stencil only: done.
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
-                card.funnel.fragments_written += u64::from(written);
+                card.funnel[group.slot].fragments_written += u64::from(written);
                 if let Some(copy) = card.apart.copies.get_mut(pipeline) {
                     mark(work, &group, &mut copy.stamps, false);
                 }
@@ -475,7 +476,7 @@ fn drop_discarded(card: &mut Card, pipeline: usize, token: GroupToken) -> u8 {
         return token.quads;
     }
     let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
-    let mut alive = 0;
+    let (mut alive, funnel) = (0, &mut funnel[group.slot]);
     for (live, quad) in group.live.iter_mut().zip(quads) {
         let before = fragments(*live);
         *live &= quad.kept;

@@ -239,7 +239,7 @@ impl Fetch {
                 self.position += read;
                 self.items += u64::from(read - restarts);
                 if self.counts {
-                    card.funnel.vertices_in += u64::from(read - restarts);
+                    card.funnel[piece.slot].vertices_in += u64::from(read - restarts);
                 }
                 if vertex == u32::MAX {
                     continue;
@@ -247,7 +247,7 @@ impl Fetch {
                 // 4. It must be shaded.
                 self.shaded_at[vertex as usize] = self.shaded;
                 self.shaded = self.shaded.wrapping_add(1);
-                card.funnel.vertices_shaded += 1;
+                card.funnel[piece.slot].vertices_shaded += 1;
                 if self.config.reuse > 0 {
                     if self.recent.len() as u32 == self.config.reuse {
                         self.recent.pop_front();

@@ -71,7 +71,7 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
         },
         |c, _| c.geometry.iter().any(|sink| sink.got.last().is_some_and(|(_, run)| run.kind == Kind::SEGMENT)),
         |c, card| {
-            assert_eq!((c.assembly.items(), c.assembly.resident()), (card.funnel.primitives_in, 0));
+            assert_eq!((c.assembly.items(), c.assembly.resident()), (card.funnel.total().primitives_in, 0));
             let runs = |sink: &Sink<Run>| sink.log(|run| (run.kind, run.sequence, run.first, run.count));
             (c.geometry.iter().map(runs).collect(), c.retired.log(|batch| batch.warp))
         },

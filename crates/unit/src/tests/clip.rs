@@ -40,7 +40,7 @@ fn clipped(primitives: &[Primitive], runs: usize) -> (Runs, Funnel) {
             (ClipCircuit::new(wiring, source, One(Clip::new(config, true, into, out)), sink), card)
         },
         |c, _| c.clip.items() == u64::from(count) && c.sink.got.len() == runs,
-        |c, card| (c.sink.log(|run| (run.first, run.count)), card.funnel),
+        |c, card| (c.sink.log(|run| (run.first, run.count)), card.funnel.total()),
     )
 }
 

@@ -160,7 +160,7 @@ fn written(scene: &Scene) -> Written {
                 ends: c.end.got.len(),
                 counts,
                 items: c.color.items(),
-                fragments: card.funnel.fragments_written,
+                fragments: card.funnel.total().fragments_written,
                 bytes: memory.write_bytes,
                 colors: (0..16).map(|block| card.frame.stores[0].block(block)[0]).collect(),
             }

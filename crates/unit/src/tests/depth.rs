@@ -172,7 +172,7 @@ fn run(
                 updates: c.updates.log(|update| (update.block, update.min, update.max)),
                 ack: c.ack.times(),
                 counts: c.depth.counts(),
-                funnel: card.funnel,
+                funnel: card.funnel.total(),
                 items: c.depth.items(),
             }
         },

@@ -93,14 +93,14 @@ fn dispatched(config: &DispatchConfig, cores: &[Cycle], groups: &[(Cycle, u16, u
         },
         |c, _| c.color.got.iter().any(|(_, token)| token.kind == Kind::SEGMENT) && c.wires().resident() == 0,
         |c, card| {
-            assert_eq!((c.dispatch.items(), c.dispatch.resident()), (card.funnel.quads_shaded, 0));
+            assert_eq!((c.dispatch.items(), c.dispatch.resident()), (card.funnel.total().quads_shaded, 0));
             assert!(card.warps[0].is_empty());
             let of = |token: &GroupToken| (token.kind, token.sequence, token.quads);
             Dispatched {
                 cores: c.core.iter().map(Echo::times).collect(),
                 color: c.color.log(of),
                 late: c.late.log(of),
-                funnel: card.funnel,
+                funnel: card.funnel.total(),
             }
         },
     )
@@ -207,6 +207,6 @@ fn settle_with(live: [u16; 4]) -> Funnel {
             (circuit, card)
         },
         |c, _| c.color.got.len() == 1,
-        |_, card| card.funnel,
+        |_, card| card.funnel.total(),
     )
 }

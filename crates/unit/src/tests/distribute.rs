@@ -56,7 +56,7 @@ fn linked(pipelines: usize, config: &DistributeConfig, link_width: u32, segment:
         },
         |c, _| c.sink.iter().all(|sink| sink.got.last().is_some_and(|(_, token)| token.kind == Kind::END)),
         |c, card| {
-            assert_eq!(card.funnel.triangles_setup, c.distribute.counts().sorted_items);
+            assert_eq!(card.funnel.total().triangles_setup, c.distribute.counts().sorted_items);
             let data = |sink: &Sink<TriangleToken>| {
                 sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA).map(|&(at, _)| at).collect::<Vec<_>>()
             };

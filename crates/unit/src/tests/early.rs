@@ -114,7 +114,7 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
         },
         |c, _| c.early.resident() == 0 && c.depth.resident() == 0 && c.wires().resident() == 0 && !c.sink.got.is_empty(),
         |c, card| {
-            assert_eq!(card.funnel.quads_early_culled, c.early.counts().culled);
+            assert_eq!(card.funnel.total().quads_early_culled, c.early.counts().culled);
             let data = |token: &&(Cycle, GroupToken)| token.1.kind == Kind::DATA;
             let times = c.sink.got.iter().filter(data).map(|&(at, _)| at).collect();
             let mark = c.sink.got.iter().find(|(_, token)| token.kind == Kind::SEGMENT).expect("a mark").0;

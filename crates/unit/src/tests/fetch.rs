@@ -118,13 +118,13 @@ fn fetched(
         },
         |c, _| c.batches.got.last().is_some_and(|(_, batch)| batch.kind == Kind::SEGMENT),
         |c, card| {
-            assert_eq!(c.fetch.items(), card.funnel.vertices_in);
+            assert_eq!(c.fetch.items(), card.funnel.total().vertices_in);
             let batches = c.batches.log(|batch| (batch.number, batch.stream_end, batch.vertices));
             Fetched {
                 warps: c.core.iter().map(Sink::times).collect(),
                 batches: batches[..batches.len() - 1].to_vec(),
                 cache: c.fetch.cache(),
-                shaded: card.funnel.vertices_shaded,
+                shaded: card.funnel.total().vertices_shaded,
                 requests: c.ideal.as_ref().unwrap().counts().iter().map(|count| count.requests).sum(),
             }
         },

@@ -200,7 +200,7 @@ pub fn settle<K: Circuit<Context = Card>, R: PartialEq + Debug>(
         for unit in circuit.wires().reading().units {
             assert_eq!(unit.total(), circuit.wires().now(), "{clock:?}: the account of a unit");
         }
-        (circuit.wires().now(), circuit.tree().json().to_string(), card.funnel, read(&circuit, &card))
+        (circuit.wires().now(), circuit.tree().json().to_string(), card.funnel.total(), read(&circuit, &card))
     };
     let expected = outcome(Clock::EveryCycle);
     for clock in [Clock::SkipIdle, Clock::Shuffled(1), Clock::Shuffled(2), Clock::Shuffled(3)] {

@@ -27,6 +27,7 @@ pub fn draw() -> Draw {
     Draw {
         number: 0,
         label: String::new(),
+        group: "".into(),
         vertex: ShaderShape { registers: 16, inputs: 0, outputs: 4 },
         fragment: Some(ShaderShape { registers: 16, inputs: 0, outputs: 4 }),
         attributes: Vec::new(),

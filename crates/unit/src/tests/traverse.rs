@@ -75,8 +75,8 @@ fn traversed(
         },
         |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
         |c, card| {
-            assert_eq!(c.traverse.items(), card.funnel.quads_rasterized);
-            (c.sink.log(|token| token.kind), card.funnel, c.traverse.counts())
+            assert_eq!(c.traverse.items(), card.funnel.total().quads_rasterized);
+            (c.sink.log(|token| token.kind), card.funnel.total(), c.traverse.counts())
         },
     )
 }

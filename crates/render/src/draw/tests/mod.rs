@@ -195,6 +195,7 @@ impl Scene {
         for range in &self.draws {
             let call = DrawCall {
                 number: 0,
+                group: "".into(),
                 pipeline,
                 vertex_buffers: &buffers,
                 index: index.as_ref(),

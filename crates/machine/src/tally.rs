@@ -1,0 +1,229 @@
+//! What phases of a frame, and draws of a pass, have cost: counters read at the cycles between them.
+
+use super::Machine;
+use mem::ClientCounts;
+use num::Cycle;
+use sim::{Circuit, Sum};
+use stats::{Cycles, Declaration, Group};
+use unit::phase::{DrawRecord, Mark, Phase};
+use work::Funnel;
+
+stats::counters! {
+    /// The cycles of a bank's units by what they went to, summed over the units.
+    pub struct Spent {
+        /// A unit moved an item or worked on one that it held.
+        busy: "cycles",
+        /// A unit's output had no room.
+        blocked: "cycles",
+        /// A unit waited for data from memory.
+        memory: "cycles",
+        /// A unit's input was empty, whether or not another item came later.
+        starved: "cycles",
+    }
+}
+
+impl From<Cycles> for Spent {
+    fn from(Cycles { busy, starved, blocked, memory, idle }: Cycles) -> Spent {
+        Spent { busy, blocked, memory, starved: starved + idle }
+    }
+}
+
+stats::counters! {
+    /// What DRAM, or an ideal memory, has moved.
+    pub struct Moved {
+        /// Bytes read.
+        read_bytes: "bytes",
+        /// Bytes written.
+        write_bytes: "bytes",
+    }
+}
+
+/// What a machine has counted in a span of cycles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// What was thrown away where.
+    pub funnel: Funnel,
+    /// The cycles of the units, by bank.
+    pub units: Vec<(&'static str, Spent)>,
+    /// The caches, by name.
+    pub caches: Vec<Sum>,
+    /// Memory's clients, by name.
+    pub clients: Vec<(&'static str, ClientCounts)>,
+    /// What DRAM moved.
+    pub dram: Moved,
+}
+
+impl Tally {
+    /// What a machine has counted up to now.
+    pub(super) fn of(machine: &Machine) -> Tally {
+        let circuit = &machine.circuit;
+        let mut units: Vec<(&'static str, Spent)> = Vec::with_capacity(32);
+        for ((name, _), cycles) in circuit.wires().units().zip(circuit.wires().accounts()) {
+            match units.last_mut().filter(|(known, _)| *known == name) {
+                Some((_, sum)) => *sum += cycles.into(),
+                None => units.push((name, cycles.into())),
+            }
+        }
+        let clients = mem::client_sums(&machine.clients, machine.client_counts());
+        let dram = match &circuit.ideal {
+            Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
+            None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
+        };
+        Tally { funnel: machine.card.funnel.total(), units, caches: circuit.sums("caches"), clients, dram }
+    }
+
+    /// What was counted since an earlier reading of the same machine.
+    fn since(&self, earlier: &Tally) -> Tally {
+        let units = self.units.iter().zip(&earlier.units).map(|((name, now), (_, then))| (*name, now.since(then)));
+        let clients = self.clients.iter().zip(&earlier.clients).map(|((name, now), (_, then))| (*name, now.since(then)));
+        let caches = self.caches.iter().zip(&earlier.caches).map(|(now, then)| Sum {
+            values: now.values.iter().zip(&then.values).map(|(now, then)| now - then).collect(),
+            ..now.clone()
+        });
+        Tally {
+            funnel: self.funnel - earlier.funnel,
+            units: units.collect(),
+            caches: caches.collect(),
+            clients: clients.collect(),
+            dram: self.dram.since(&earlier.dram),
+        }
+    }
+
+    /// Each counter beside the funnel, in order: the group that it is in, its name in it, and its value. Groups are `units.NAME`,
+    /// `caches.NAME`, `memory.clients.NAME` and `memory.dram`; banks are summed.
+    pub fn each(&self, mut to: impl FnMut(Place, &'static str, u64)) {
+        let mut group = |place: Place, declarations: &[Declaration], values: &mut dyn Iterator<Item = u64>| {
+            declarations.iter().zip(values).for_each(|(declaration, value)| to(place, declaration.name, value));
+        };
+        for (name, spent) in &self.units {
+            group((&["units"], Some(name)), Spent::DECLARATIONS, &mut spent.values());
+        }
+        for cache in &self.caches {
+            group((&["caches"], Some(cache.name)), cache.declarations, &mut cache.values.iter().copied());
+        }
+        for (name, counts) in &self.clients {
+            group((&["memory", "clients"], Some(name)), ClientCounts::DECLARATIONS, &mut counts.values());
+        }
+        group((&["memory", "dram"], None), Moved::DECLARATIONS, &mut self.dram.values());
+    }
+}
+
+/// Where a group of counters stands: the steps of its path, and what it is of.
+pub type Place = (&'static [&'static str], Option<&'static str>);
+
+fn moved(read_bytes: u64, write_bytes: u64) -> Moved {
+    Moved { read_bytes, write_bytes }
+}
+
+/// A draw of a pass, or what follows the last of them.
+#[derive(Clone, Debug)]
+pub struct DrawReport {
+    /// Number of the draw in the trace; none: the end of the pass, after its last draw has retired (write-back, composition, resolves).
+    pub number: Option<u32>,
+    /// Label of its pipeline, or empty.
+    pub label: String,
+    /// Label of the innermost debug group that it is in, or empty.
+    pub group: String,
+    /// Cycles from the retirement before it to its own. Those of a pass add up to the pass.
+    pub cycles: Cycle,
+    /// What was counted in these cycles; but the funnel is the draw's own, whenever it was counted.
+    pub counts: Tally,
+}
+
+/// A phase of a frame.
+#[derive(Clone, Debug)]
+pub struct PhaseReport {
+    /// What it is.
+    pub phase: Phase,
+    /// Its cycles: those of a frame add up to the frame's.
+    pub cycles: Cycle,
+    /// What was counted in them; none where they were estimated.
+    pub counts: Option<Box<Tally>>,
+    /// Its draws in order, where they were asked for.
+    pub draws: Vec<DrawReport>,
+}
+
+impl PhaseReport {
+    /// A phase whose cycles were estimated.
+    pub fn estimated(phase: Phase, cycles: Cycle) -> PhaseReport {
+        PhaseReport { phase, cycles, counts: None, draws: Vec::new() }
+    }
+}
+
+/// The readings between the phases of a frame, and between their draws.
+#[derive(Debug)]
+pub(super) struct Tallies {
+    /// At the end of the frame before.
+    start: Tally,
+    /// At the beginning of each phase, with the readings at which its draws retired, by their places.
+    phases: Vec<(Tally, Vec<(usize, Tally)>)>,
+}
+
+impl Tallies {
+    pub fn new(machine: &Machine) -> Tallies {
+        Tallies { start: Tally::of(machine), phases: Vec::new() }
+    }
+
+    /// Reads the counters for what has come to an end in the cycle gone by.
+    pub fn read(&mut self, machine: &mut Machine) {
+        let now = Tally::of(machine);
+        for mark in machine.card.phases.marks() {
+            match (mark, self.phases.last_mut()) {
+                (Mark::Phase, _) => self.phases.push((now.clone(), Vec::new())),
+                (Mark::Draw(at), Some((_, draws))) => match draws.last_mut().filter(|(known, _)| *known == at) {
+                    // Another segment of the same draw.
+                    Some((_, reading)) => reading.clone_from(&now),
+                    None => draws.push((at, now.clone())),
+                },
+                (Mark::Draw(_), None) => {}
+            }
+        }
+    }
+
+    /// The phases of the frame that ends in this cycle, which began in `begin`.
+    pub fn frame(&mut self, machine: &mut Machine, begin: Cycle, end: Cycle) -> Vec<PhaseReport> {
+        let now = Tally::of(machine);
+        let records = machine.card.phases.take(begin, end);
+        let start = std::mem::replace(&mut self.start, now);
+        let mut readings = std::mem::take(&mut self.phases);
+        // What comes before the first phase is the first's.
+        if let Some((first, _)) = readings.first_mut() {
+            *first = start;
+        }
+        let mut reports = Vec::with_capacity(records.len());
+        let mut readings = readings.into_iter().peekable();
+        for (phase, cycles, records) in records {
+            let Some((before, retirements)) = readings.next() else { break };
+            let after = readings.peek().map_or(&self.start, |(next, _)| next);
+            let draws = draws(&phase, cycles, &records, (&before, &retirements, after));
+            reports.push(PhaseReport { phase, cycles, counts: Some(Box::new(after.since(&before))), draws });
+        }
+        reports
+    }
+}
+
+/// The draws of a phase: the readings are at its beginning, where its draws retired, and at its end.
+fn draws(
+    phase: &Phase,
+    cycles: Cycle,
+    records: &[DrawRecord],
+    (before, retirements, after): (&Tally, &[(usize, Tally)], &Tally),
+) -> Vec<DrawReport> {
+    if records.is_empty() {
+        return Vec::new();
+    }
+    let (mut reports, mut last, mut since) = (Vec::with_capacity(records.len() + 1), before, phase.begin);
+    let mut retirements = retirements.iter().peekable();
+    for (at, DrawRecord { draw, funnel, retired, .. }) in records.iter().enumerate() {
+        let reading = retirements.next_if(|(known, _)| *known == at).map_or(last, |(_, reading)| reading);
+        let until = retired.unwrap_or(since);
+        let counts = Tally { funnel: *funnel, ..reading.since(last) };
+        let (label, group) = (draw.label.clone(), draw.group.to_string());
+        reports.push(DrawReport { number: Some(draw.number), label, group, cycles: until - since, counts });
+        (last, since) = (reading, until);
+    }
+    let counts = Tally { funnel: Funnel::default(), ..after.since(last) };
+    let rest = phase.begin + cycles - since;
+    reports.push(DrawReport { number: None, label: String::new(), group: String::new(), cycles: rest, counts });
+    reports
+}
