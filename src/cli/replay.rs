@@ -184,7 +184,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
     }
-    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &seen, &options, &changed));
+    println!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());
     }

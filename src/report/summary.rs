@@ -1,17 +1,21 @@
 //! The short text that a replay prints.
 
 use crate::host::one_line;
-use crate::machine::{LossCounts, PhaseReport};
+use crate::machine::{DrawReport, LossCounts, PhaseReport};
+use crate::mem::{CacheCounts, ClientCounts, DramCounts};
 use crate::num::Cycle;
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
-use crate::stats::{Group, Leaf, Node, Tree};
+use crate::stats::{Cycles, Group, Leaf, Node, Tree};
+use crate::unit::bin::BinCounts;
+use crate::unit::early::EarlyCounts;
 use crate::unit::phase::{Phase, PhaseKind};
+use crate::unit::sorting::{OrderCounts, SortCounts};
+use crate::work::Funnel;
 
 /// Writes the funnel: what went in, and what was thrown away where.
-pub fn funnel(total: &Tree) -> String {
-    let n = |name: &str| total.number(&format!("funnel.{name}")).unwrap_or(0.0) as u64;
+pub fn funnel(n: &Funnel) -> String {
     let mut text = String::new();
     let mut row = |name: &str, count: u64, of: u64, lost: &[(&str, u64)]| {
         let lost: Vec<String> = lost.iter().filter(|(_, n)| *n > 0).map(|(why, n)| format!("{} {why}", grouped(*n))).collect();
@@ -20,36 +24,36 @@ pub fn funnel(total: &Tree) -> String {
         text.push_str(line.trim_end());
         text.push('\n');
     };
-    row("vertices read", n("vertices_in"), 0, &[]);
-    row("  shaded", n("vertices_shaded"), n("vertices_in"), &[]);
+    row("vertices read", n.vertices_in, 0, &[]);
+    row("  shaded", n.vertices_shaded, n.vertices_in, &[]);
     row(
         "primitives",
-        n("primitives_in"),
+        n.primitives_in,
         0,
         &[
-            ("facing away", n("culled_backface")),
-            ("out of view", n("culled_frustum")),
-            ("degenerate", n("culled_degenerate")),
-            ("scissored", n("culled_scissor")),
-            ("between samples", n("culled_no_sample")),
+            ("facing away", n.culled_backface),
+            ("out of view", n.culled_frustum),
+            ("degenerate", n.culled_degenerate),
+            ("scissored", n.culled_scissor),
+            ("between samples", n.culled_no_sample),
         ],
     );
-    row("triangles set up", n("triangles_setup"), n("primitives_in"), &[("clipped", n("clipped"))]);
-    row("blocks of 8x8", n("tiles_visited"), 0, &[("behind (hierarchical Z)", n("tiles_hiz_culled"))]);
-    row("quads", n("quads_rasterized"), 0, &[("behind (early Z)", n("quads_early_culled"))]);
-    row("  shaded", n("quads_shaded"), n("quads_rasterized"), &[]);
-    row("fragments covered", n("fragments_covered"), 0, &[]);
+    row("triangles set up", n.triangles_setup, n.primitives_in, &[("clipped", n.clipped)]);
+    row("blocks of 8x8", n.tiles_visited, 0, &[("behind (hierarchical Z)", n.tiles_hiz_culled)]);
+    row("quads", n.quads_rasterized, 0, &[("behind (early Z)", n.quads_early_culled)]);
+    row("  shaded", n.quads_shaded, n.quads_rasterized, &[]);
+    row("fragments covered", n.fragments_covered, 0, &[]);
     row(
         "  shaded",
-        n("fragments_shaded"),
-        n("fragments_covered"),
+        n.fragments_shaded,
+        n.fragments_covered,
         &[
-            ("helper invocations", n("helper_fragments")),
-            ("discarded", n("fragments_discarded")),
-            ("behind (late Z)", n("fragments_late_failed")),
+            ("helper invocations", n.helper_fragments),
+            ("discarded", n.fragments_discarded),
+            ("behind (late Z)", n.fragments_late_failed),
         ],
     );
-    row("  written", n("fragments_written"), n("fragments_covered"), &[]);
+    row("  written", n.fragments_written, n.fragments_covered, &[]);
     text
 }
 
@@ -62,8 +66,9 @@ pub fn units(total: &Tree) -> String {
         let Node::List(list) = node else { continue };
         let mut sum = [0.0; 5];
         for tree in list {
-            for (sum, key) in sum.iter_mut().zip(["busy", "starved", "blocked", "memory", "idle"]) {
-                *sum += tree.number(key).unwrap_or(0.0);
+            let Cycles { busy, starved, blocked, memory, idle } = tree.read();
+            for (sum, cycles) in sum.iter_mut().zip([busy, starved, blocked, memory, idle]) {
+                *sum += cycles as f64;
             }
         }
         let all: f64 = sum.iter().sum();
@@ -102,7 +107,8 @@ pub fn memory(total: &Tree) -> String {
         let mut rows: Vec<(&str, f64, f64)> = Vec::new();
         for (name, node) in clients.entries() {
             if let Node::Tree(tree) = node {
-                rows.push((name, tree.number("read_bytes").unwrap_or(0.0), tree.number("write_bytes").unwrap_or(0.0)));
+                let ClientCounts { read_bytes, write_bytes, .. } = tree.read();
+                rows.push((name, read_bytes as f64, write_bytes as f64));
             }
         }
         rows.retain(|(_, read, write)| read + write > 0.0);
@@ -112,12 +118,13 @@ pub fn memory(total: &Tree) -> String {
             text.push_str(&format!("  {name:<26}{:>14}{:>14}\n", bytes(read), bytes(write)));
         }
     }
-    let n = |name: &str| total.number(&format!("memory.dram.{name}")).unwrap_or(0.0);
-    let rows = n("row_hits") + n("row_misses");
-    if n("read_bytes") + n("write_bytes") > 0.0 {
-        text.push_str(&format!("  {:<26}{:>14}{:>14}", "DRAM", bytes(n("read_bytes")), bytes(n("write_bytes"))));
-        if rows > 0.0 {
-            text.push_str(&format!("   row hits {:.1} %", 100.0 * n("row_hits") / rows));
+    let dram: DramCounts = total.group("memory.dram");
+    let rows = dram.row_hits + dram.row_misses;
+    if dram.read_bytes + dram.write_bytes > 0 {
+        let [read, written] = [dram.read_bytes, dram.write_bytes].map(|n| bytes(n as f64));
+        text.push_str(&format!("  {:<26}{read:>14}{written:>14}", "DRAM"));
+        if rows > 0 {
+            text.push_str(&format!("   row hits {:.1} %", 100.0 * dram.row_hits as f64 / rows as f64));
         }
         text.push('\n');
     }
@@ -139,9 +146,9 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         out.push_str(format!("  {name}{value:>left$}   {rest}").trim_end());
         out.push('\n');
     };
-    let n = |path: &str| total.number(path).unwrap_or(0.0);
-    let count = |path: &str| grouped(n(path) as u64);
-    let share = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
+    let sort: SortCounts = total.group("sort");
+    let share = |part: u64, all: u64| if all > 0 { 100.0 * part as f64 / all as f64 } else { 0.0 };
+    let size = |n: u64| bytes(n as f64);
 
     // 1. What was sorted, and sent how often.
     let items = match class {
@@ -150,70 +157,108 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         "sort-last-image" => "samples",
         _ => "triangles",
     };
-    let (sorted, sent) = (n("sort.sorted_items"), n("sort.sent"));
-    let nowhere =
-        if sent < sorted { format!("{} of them sent nowhere", grouped((sorted - sent) as u64)) } else { String::new() };
-    row(&format!("{items} sorted"), count("sort.sorted_items"), nowhere);
-    let (copies, size) = (n("sort.redistributed_items"), n("sort.redistributed_bytes"));
+    let SortCounts { sorted_items: sorted, sent, redistributed_items: copies, .. } = sort;
+    let nowhere = if sent < sorted { format!("{} of them sent nowhere", grouped(sorted - sent)) } else { String::new() };
+    row(&format!("{items} sorted"), grouped(sorted), nowhere);
     let copied = match class {
         "sort-middle-binned" => "entries in tiles' lists",
         _ => "copies sent",
     };
-    row(copied, grouped(copies as u64), format!("overlap {:.3}; {}", n("sort.overlap"), bytes(size)));
-    if class != "sort-middle-binned" {
-        let away = format!("{:.1} %; {}", share(n("sort.foreign_items"), copies), bytes(n("sort.foreign_bytes")));
-        row("  to another pipeline", count("sort.foreign_items"), away);
-    }
+    let overlap = if sent > 0 { copies as f64 / sent as f64 } else { 0.0 };
+    row(copied, grouped(copies), format!("overlap {overlap:.3}; {}", size(sort.redistributed_bytes)));
     if class == "sort-middle-binned" {
-        let written = n("binning.triangle_bytes") + n("binning.list_bytes");
-        row("triangles and lists", bytes(written), format!("written; {} read back", bytes(n("binning.read_bytes"))));
-        let empty = format!("and {} empty tiles", count("binning.empty_tiles"));
-        row("tiles drawn", count("binning.tiles"), empty);
-        row("partial renders", count("binning.partial_renders"), "because the lists were full".to_owned());
+        let bin: BinCounts = total.group("binning");
+        let written = size(bin.triangle_bytes + bin.list_bytes);
+        row("triangles and lists", written, format!("written; {} read back", size(bin.read_bytes)));
+        row("tiles drawn", grouped(bin.tiles), format!("and {} empty tiles", grouped(bin.empty_tiles)));
+        row("partial renders", grouped(bin.partial_renders), "because the lists were full".to_owned());
+    } else {
+        let away = format!("{:.1} %; {}", share(sort.foreign_items, copies), size(sort.foreign_bytes));
+        row("  to another pipeline", grouped(sort.foreign_items), away);
     }
 
-    if let Some(Node::Tree(early)) = total.get("early")
-        && let Some(Node::List(list)) = early.get("early")
-    {
-        let of = |name: &str| list.iter().map(|tree| tree.number(name).unwrap_or(0.0)).sum::<f64>();
-        let asked = bytes(of("question_bytes") + of("answer_bytes"));
-        let culled = format!(
-            "{} behind, {:.1} %; {asked} asked and answered",
-            grouped(of("culled") as u64),
-            share(of("culled"), of("asked"))
-        );
-        row("quads tested early", grouped(of("asked") as u64), culled);
+    let early: EarlyCounts = total.group("early.early");
+    if early.asked > 0 {
+        let asked = size(early.question_bytes + early.answer_bytes);
+        let behind = share(early.culled, early.asked);
+        let culled = format!("{} behind, {behind:.1} %; {asked} asked and answered", grouped(early.culled));
+        row("quads tested early", grouped(early.asked), culled);
     }
     if class == "sort-last-image" {
-        row("passes needing order", count("sort.passes_needing_order"), text("sort.passes_out_of_order").to_owned());
+        let passes = total.number("sort.passes_needing_order").unwrap_or(0.0);
+        row("passes needing order", grouped(passes as u64), text("sort.passes_out_of_order").to_owned());
     }
 
     // 2. Where the pipelines' cycles went.
-    let cycles = n("sort.loss.pipeline_cycles");
-    if cycles > 0.0 {
-        let at = |name: &str| share(n(&format!("sort.loss.{name}")), cycles);
-        row("pipelines' cycles used", format!("{:.1} %", at("useful")), format!("measured at {}", text("sort.loss.stage")));
+    let loss: LossCounts = total.group("sort.loss");
+    if loss.pipeline_cycles > 0 {
+        let at = |cycles: u64| format!("{:.1} %", share(cycles, loss.pipeline_cycles));
+        row("pipelines' cycles used", at(loss.useful), format!("measured at {}", text("sort.loss.stage")));
         // All that the counters declare beside the sum and the use.
-        let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name);
-        for part in parts.filter(|part| !["pipeline_cycles", "useful"].contains(part)) {
+        let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name).zip(loss.values());
+        for (part, cycles) in parts.filter(|&(part, cycles)| cycles > 0 && !["pipeline_cycles", "useful"].contains(&part)) {
             let name = if part == "outside_pass" { "outside the pass".into() } else { part.replace('_', " ") };
-            if at(part) > 0.0 {
-                row(&format!("  lost to {name}"), format!("{:.1} %", at(part)), String::new());
-            }
+            row(&format!("  lost to {name}"), at(cycles), String::new());
         }
     }
 
     // 3. What else it cost.
+    let n = |path: &str| total.number(path).unwrap_or(0.0);
     let imbalance = format!("{:.3}", n("sort.load_imbalance"));
     row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
-    row("reorder stalls", count("sort.order_waiting_cycles"), "cycles, summed over the units that restore order".to_owned());
+    let order: OrderCounts = total.group("sort");
+    let stalls = grouped(order.order_waiting_cycles);
+    row("reorder stalls", stalls, "cycles, summed over the units that restore order".to_owned());
     if n("sort.network.hops") > 0.0 {
         let busiest = format!("{:.1} %", 100.0 * n("sort.network.hottest_share"));
         let mean = 100.0 * n("sort.network.mean_share");
         row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", text("sort.network.hot_spot")));
     }
-    row("wrong pixels", count("sort.wrong_pixels"), "pixels that differ from API order".to_owned());
+    row("wrong pixels", grouped(n("sort.wrong_pixels") as u64), "pixels that differ from API order".to_owned());
     out
+}
+
+/// Writes shares that sum a drawing up: overdraw of pictures with so many pixels, the share of invocations that shaded a fragment, and the
+/// hit rates of caches.
+pub fn shares(total: &Tree, funnel: &Funnel, picture: Option<&Pictures>) -> String {
+    let mut text = String::new();
+    let mut row = |name: &str, value: String| text.push_str(&format!("  {name:<22}{value}\n"));
+    if let Some(Pictures { width, height, frames, same }) = picture {
+        let size = format!("{width} x {height} pixels{}", if *same { "" } else { ", the first of several sizes" });
+        row("picture", size);
+        let pixels = (u64::from(*width) * u64::from(*height) * frames) as f64;
+        if *same && pixels > 0.0 {
+            let [covered, shaded] = [funnel.fragments_covered, funnel.fragments_shaded].map(|n| n as f64 / pixels);
+            row("overdraw", format!("{covered:.2} fragments covered a pixel of the picture, {shaded:.2} shaded (all passes)"));
+        }
+    }
+    let invocations = funnel.fragments_shaded + funnel.helper_fragments;
+    if invocations > 0 {
+        let share = 100.0 * funnel.fragments_shaded as f64 / invocations as f64;
+        row("quad efficiency", format!("{share:.1} % of the invocations shade a fragment, the others are helper invocations"));
+    }
+    if let Some(Node::Tree(caches)) = total.get("caches") {
+        let counts = caches.entries().map(|(name, _)| (name, caches.group::<CacheCounts>(name)));
+        let rate = |(name, counts): (&str, CacheCounts)| {
+            format!("{name} {:.1} %", 100.0 * counts.hits as f64 / counts.accesses as f64)
+        };
+        let rates: Vec<String> = counts.filter(|(_, counts)| counts.accesses > 0).map(rate).collect();
+        row("hit rates of caches", rates.join(", "));
+    }
+    text
+}
+
+/// What is known of the pictures of frames.
+#[derive(Clone, Copy, Debug)]
+pub struct Pictures {
+    /// Width of the first.
+    pub width: u32,
+    /// Its height.
+    pub height: u32,
+    /// How many there are.
+    pub frames: u64,
+    /// Whether all have this size.
+    pub same: bool,
 }
 
 /// Where the cycles of frames went: phases of the same kind, number in their frame and label are one line over all frames.
@@ -226,6 +271,10 @@ struct Line {
     phase: Phase,
     frames: usize,
     cycles: Cycle,
+    /// Fragments shaded.
+    shaded: u64,
+    /// Bytes of DRAM both ways.
+    bytes: u64,
 }
 
 impl Phases {
@@ -233,16 +282,20 @@ impl Phases {
     pub fn add(&mut self, phases: &[PhaseReport]) {
         // The number of each line's kind and label so far in this frame.
         let mut from = 0;
-        for PhaseReport { phase, cycles, .. } in phases {
+        for PhaseReport { phase, cycles, counts, .. } in phases {
+            let counts = counts.as_deref();
+            let shaded = counts.map_or(0, |counts| counts.funnel.fragments_shaded);
+            let bytes = counts.map_or(0, |counts| counts.dram.read_bytes + counts.dram.write_bytes);
             let same = |line: &Line| line.phase.kind == phase.kind && line.phase.label == phase.label;
             match self.lines[from..].iter().position(same) {
                 Some(at) => {
                     let line = &mut self.lines[from + at];
                     (line.frames, line.cycles) = (line.frames + 1, line.cycles + cycles);
+                    (line.shaded, line.bytes) = (line.shaded + shaded, line.bytes + bytes);
                     from += at + 1;
                 }
                 None => {
-                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles });
+                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles, shaded, bytes });
                     from += 1;
                 }
             }
@@ -252,6 +305,28 @@ impl Phases {
     /// Whether no frame had one.
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
+    }
+
+    /// Takes over what limits each phase, from estimates of some of the frames.
+    pub fn limit(&mut self, estimated: &Phases) {
+        let mut known = estimated.lines.iter();
+        for line in &mut self.lines {
+            let same = |of: &&Line| of.phase.kind == line.phase.kind && of.phase.label == line.phase.label;
+            if let Some(found) = known.clone().position(|of| same(&of)) {
+                line.phase.limit = known.nth(found).map_or("", |of| of.phase.limit);
+            }
+        }
+    }
+
+    /// Whether it is known of any what limits it.
+    pub fn limited(&self) -> bool {
+        self.lines.iter().any(|line| !line.phase.limit.is_empty())
+    }
+
+    /// Cycles of passes and dispatches.
+    pub fn drawing(&self) -> Cycle {
+        let draws = |line: &&Line| matches!(line.phase.kind, PhaseKind::Pass | PhaseKind::Dispatch);
+        self.lines.iter().filter(draws).map(|line| line.cycles).sum()
     }
 
     /// The phases in order, those that took least left out; at most `most` lines.
@@ -264,7 +339,7 @@ impl Phases {
         by_cycles.sort_unstable();
         let mut out = String::new();
         let share = |cycles: Cycle| 100.0 * cycles as f64 / total.max(1) as f64;
-        for Line { phase, frames, cycles } in by_cycles.into_iter().map(|at| &lines[at]) {
+        for Line { phase, frames, cycles, shaded, bytes } in by_cycles.into_iter().map(|at| &lines[at]) {
             let number = match phase.kind {
                 PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
                 _ => String::new(),
@@ -273,8 +348,14 @@ impl Phases {
             let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
             let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
             out.push_str(&row);
+            if *bytes > 0 {
+                out.push_str(&format!("   {:>10} of DRAM", self::bytes(*bytes as f64)));
+            }
+            if *shaded > 0 {
+                out.push_str(&format!("   {} fragments shaded", grouped(*shaded)));
+            }
             if !phase.limit.is_empty() {
-                out.push_str(&format!("   bound by {}", phase.limit));
+                out.push_str(&format!("   limit: {}", phase.limit));
             }
             out.push('\n');
         }
@@ -285,6 +366,21 @@ impl Phases {
         }
         out
     }
+}
+
+/// A draw as a line: where it is, its cycles, what it shaded and moved.
+pub fn draw(frame: u32, phase: &Phase, draw: &DrawReport) -> String {
+    let name = match draw.number {
+        None => format!("end of {phase}"),
+        Some(number) => {
+            let names = [draw.group.as_str(), draw.label.as_str()].into_iter().filter(|name| !name.is_empty());
+            format!("draw {number} {}", names.collect::<Vec<_>>().join(": "))
+        }
+    };
+    let name = clip(one_line(name.trim_end()).to_string().as_str(), 34);
+    let moved = bytes((draw.counts.dram.read_bytes + draw.counts.dram.write_bytes) as f64);
+    let shaded = grouped(draw.counts.funnel.fragments_shaded);
+    format!("  {name:<34} {:>12}   {moved:>10} of DRAM   {shaded} fragments shaded   frame {frame}\n", grouped(draw.cycles))
 }
 
 /// The beginning of a text, of at most so many characters.
@@ -424,12 +520,7 @@ mod tests {
 
     #[test]
     fn the_funnel_says_where_things_went() {
-        let mut total = Tree::new();
-        let funnel_tree = total.child("funnel");
-        funnel_tree.count("primitives_in", 1000);
-        funnel_tree.count("culled_backface", 400);
-        funnel_tree.count("triangles_setup", 600);
-        let text = funnel(&total);
+        let text = funnel(&Funnel { primitives_in: 1000, culled_backface: 400, triangles_setup: 600, ..Funnel::default() });
         assert!(text.contains("400 facing away"), "{text}");
         assert!(text.contains("60.0 %"), "{text}");
     }

@@ -3,8 +3,14 @@
 use std::fmt::Write;
 
 use super::compare::KnobDifference;
-use super::summary::{self, Phases};
+use super::summary::{self, Phases, Pictures};
+use crate::num::Cycle;
+use crate::run::functional::funnel_of;
 use crate::run::replay::{Fidelity, Frame, Options, Outcome, seconds};
+use crate::work::Surface;
+
+/// Draws that are listed.
+const DRAWS: usize = 10;
 
 /// What is kept of frames that have left.
 #[derive(Default)]
@@ -12,6 +18,9 @@ pub struct Seen {
     /// How many there were.
     pub frames: usize,
     phases: Phases,
+    pictures: Option<Pictures>,
+    /// The draws that took most cycles, those first.
+    draws: Vec<(Cycle, String)>,
 }
 
 impl Seen {
@@ -19,26 +28,54 @@ impl Seen {
     pub fn add(&mut self, frame: &Frame) {
         self.frames += 1;
         self.phases.add(&frame.phases);
+        if let Some((Surface { width, height, .. }, _)) = frame.shown {
+            let first = Pictures { width, height, frames: 0, same: true };
+            let seen = self.pictures.get_or_insert(first);
+            seen.frames += 1;
+            seen.same &= (seen.width, seen.height) == (width, height);
+        }
+        for phase in &frame.phases {
+            for draw in &phase.draws {
+                let place = self.draws.partition_point(|(cycles, _)| *cycles >= draw.cycles);
+                if place < DRAWS && draw.cycles > 0 {
+                    self.draws.insert(place, (draw.cycles, summary::draw(frame.number, &phase.phase, draw)));
+                    self.draws.truncate(DRAWS);
+                }
+            }
+        }
     }
 }
 
 /// What a replay came to: how many frames, the knobs that differ from the named configuration, where the work went and where the cycles,
 /// and the host's time.
-pub fn report(done: &Outcome, seen: &Seen, options: &Options, changed: &[KnobDifference]) -> String {
+pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[KnobDifference]) -> String {
     let mut out = format!("{} frame{}\n", seen.frames, if seen.frames == 1 { "" } else { "s" });
     out.push_str(&knobs(changed, &options.config.name));
     let mut section = |title: &str, text: &str| {
         // A text takes all that is written to it.
         let _ = write!(out, "\n{title}\n{text}");
     };
-    section("What was drawn, and what was thrown away where", &summary::funnel(&done.total));
+    let funnel = funnel_of(&done.total);
+    section("What was drawn, and what was thrown away where", &summary::funnel(&funnel));
+    section("In shares", &summary::shares(&done.total, &funnel, seen.pictures.as_ref()));
     let Some(cycles) = done.cycles else {
         let all = done.clock_time.as_secs_f64();
         out.push_str("\ncounted, not timed: as on a card that reuses every shaded vertex (docs/fidelity.md)\n");
         return out + &format!("host: {all:.3} s in all");
     };
     if !seen.phases.is_empty() {
-        section("Where the cycles went, one phase after another", &seen.phases.text(12));
+        let mut estimated = Phases::default();
+        done.limits.iter().for_each(|phases| estimated.add(phases));
+        seen.phases.limit(&estimated);
+        let mut text = seen.phases.text(12);
+        if seen.phases.limited() {
+            text.push_str("  limit: the unit that takes longest by estimate; `fillrate why` proves what holds a frame back\n");
+        }
+        section("Where the cycles went, one phase after another", &text);
+    }
+    if !seen.draws.is_empty() {
+        let lines: Vec<&str> = seen.draws.iter().map(|(_, line)| line.as_str()).collect();
+        section("The draws that took most, from one retirement to the next", &lines.concat());
     }
     if options.fidelity != Fidelity::Bound {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));
@@ -64,9 +101,9 @@ fn knobs(changed: &[KnobDifference], config: &str) -> String {
 /// Cycles, frames a second, and the host's time.
 fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
-    let seconds = seconds(cycles, &options.config);
+    let time = seconds(cycles, &options.config);
     let frames = done.sampled.as_ref().map_or(seen.frames as f64, |sampled| sampled.frames as f64);
-    let rate = if seconds > 0.0 { frames / seconds } else { 0.0 };
+    let rate = if time > 0.0 { frames / time } else { 0.0 };
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
     let cost = match options.fidelity {
         Fidelity::Bound => format!(
@@ -76,7 +113,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
         ),
         Fidelity::Sampled(_) => format!("host: {host:.2} s in the machine, {all:.2} s in all"),
         _ => {
-            let shaded = done.total.number("funnel.fragments_shaded").unwrap_or(0.0);
+            let shaded = funnel_of(&done.total).fragments_shaded as f64;
             let [cycles, shaded] = [cycles, shaded].map(|count| count / host.max(1e-9) / 1e6);
             format!(
                 "every cycle of every unit, nothing estimated\nhost: {host:.2} s in the machine ({cycles:.2} million cycles and \
@@ -84,5 +121,15 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
             )
         }
     };
-    format!("\n{} cycles, {rate:.1} frames a second at {mhz} MHz\n{cost}", summary::grouped(cycles.round() as u64))
+    let all = format!("{} cycles, {rate:.1} frames a second at {mhz} MHz", summary::grouped(cycles.round() as u64));
+    // Of a sample it is not known what the other frames drew.
+    let drawing = seen.phases.drawing();
+    let apart = if done.sampled.is_none() && drawing > 0 && (drawing as f64) < cycles {
+        let rate = frames / seconds(drawing as f64, &options.config);
+        let drawing = summary::grouped(drawing);
+        format!("; passes and dispatches alone {drawing} cycles, {rate:.1} frames a second")
+    } else {
+        String::new()
+    };
+    format!("\n{all}{apart}\n{cost}")
 }

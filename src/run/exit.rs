@@ -30,6 +30,8 @@ pub struct Exit<'e> {
     pub keeps: bool,
     /// Whether frames report their draws, of a machine that is simulated.
     pub per_draw: bool,
+    /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
+    pub limits: bool,
     /// Hears the number of each.
     pub progress: &'e (dyn Fn(u32) + Sync),
 }
@@ -37,7 +39,7 @@ pub struct Exit<'e> {
 impl<'e> Exit<'e> {
     /// Frames go to a taker that does not keep them.
     pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
-        Exit { taker: Box::new(taker), keeps: false, per_draw: false, progress: &|_| () }
+        Exit { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, progress: &|_| () }
     }
 
     /// A frame has ended.

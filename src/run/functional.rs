@@ -34,6 +34,12 @@ pub(super) fn tree(funnel: &Funnel) -> Tree {
     tree
 }
 
+/// The funnel of a run's statistics.
+pub fn funnel_of(tree: &Tree) -> Funnel {
+    let Some(Node::Tree(funnel)) = tree.get("funnel") else { return Funnel::default() };
+    Funnel::collect(|name| funnel.number(name).unwrap_or(0.0) as u64)
+}
+
 /// A funnel as a subtree of counters.
 pub(super) fn funnel_tree(funnel: &Funnel) -> Tree {
     let mut tree = Tree::new();

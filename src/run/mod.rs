@@ -3,7 +3,7 @@
 pub mod bound;
 pub mod cycle;
 pub mod exit;
-mod functional;
+pub mod functional;
 pub mod host;
 pub mod kept;
 pub mod machines;

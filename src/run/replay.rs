@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::bound::frames::{Estimated, estimate};
+use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
 use super::exit::Exit;
 use super::functional;
 use super::host::Stopwatch;
 use super::rendering::Rendering;
 use super::sample::{Sampled, Sampling, sampled};
-use crate::machine::Config;
+use crate::machine::{Config, PhaseReport};
 use crate::render::{self, FrameSet, Watch};
 use crate::sim::Clock;
 use crate::stats::Tree;
@@ -105,6 +105,8 @@ pub struct Outcome {
     pub total: Tree,
     /// How they were estimated; none: they were counted.
     pub sampled: Option<Sampled>,
+    /// By estimate, what limits the phases of the first frames, where they were simulated and asked for.
+    pub limits: Vec<Vec<PhaseReport>>,
     /// Host time spent in the machine (processor time where the system tells).
     pub machine_time: Duration,
     /// Host time on the clock, from the first command to the last statistic.
@@ -148,7 +150,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
 pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
-    leave(trace, options, Exit { progress, per_draw: options.per_draw, ..Exit::new(taker) })
+    leave(trace, options, Exit { progress, per_draw: options.per_draw, limits: true, ..Exit::new(taker) })
 }
 
 fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
@@ -171,11 +173,16 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
         }
         Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, exit)?,
         Fidelity::Cycle => {
-            let mut out = Simulated::default();
+            let (mut out, mut limited) = (Simulated::default(), Vec::new());
             let mut rendering = options.rendering(trace);
+            let limits = exit.limits;
             simulate(&mut rendering, (config, options.clock), None, exit, &mut out)?;
+            if limits {
+                frames::limits(&mut rendering, config, &mut limited);
+            }
             rendering.run()?;
-            Outcome { cycles: Some(out.cycles as f64), total: out.total, machine_time: out.machine_time, ..Outcome::default() }
+            let Simulated { cycles, total, machine_time } = out;
+            Outcome { cycles: Some(cycles as f64), total, machine_time, limits: limited, ..Outcome::default() }
         }
     };
     Ok(Outcome { clock_time: watch.clock(), ..outcome })

@@ -12,10 +12,11 @@ use anyhow::{Result, anyhow, bail};
 use serde_json::{Value, json};
 
 use crate::machine::{Config, FrameReport, Machine};
+use crate::mem::CacheCounts;
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
 use crate::run::kept::time_each;
-use crate::stats::{Node, Tree};
+use crate::stats::{Cycles, Node, Tree};
 use crate::trace::Trace;
 use crate::work::RenderKey;
 use relax::{Relaxation, Resource, relaxations};
@@ -162,11 +163,10 @@ fn bank(section: &str) -> &str {
 
 /// What was seen of a resource on the machine as it is.
 fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
-    let n = |path: &str| tree.number(path).unwrap_or(0.0);
-    let share = |unit: &str, state: &str| {
-        let all: f64 =
-            ["busy", "starved", "blocked", "memory", "idle"].iter().map(|own| n(&format!("units.{unit}.{own}"))).sum();
-        if all > 0.0 { 100.0 * n(&format!("units.{unit}.{state}")) / all } else { 0.0 }
+    let cycles = |unit: &str| tree.group::<Cycles>(&format!("units.{unit}"));
+    let share = |unit: &str, of: fn(&Cycles) -> u64| {
+        let cycles = cycles(unit);
+        100.0 * of(&cycles) as f64 / cycles.total().max(1) as f64
     };
     let unit = bank(relaxation.section);
     match relaxation.resource {
@@ -177,13 +177,14 @@ fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
                 "memory.l2" => "l2",
                 own => own,
             };
-            let [hits, all] = ["hits", "accesses"].map(|name| n(&format!("caches.{cache}.{name}")));
-            if all > 0.0 { format!("{:.1} % of {all:.0} lookups hit", 100.0 * hits / all) } else { String::new() }
+            let CacheCounts { hits, accesses: all, .. } = tree.group(&format!("caches.{cache}"));
+            let share = 100.0 * hits as f64 / all.max(1) as f64;
+            if all > 0 { format!("{share:.1} % of {all} lookups hit") } else { String::new() }
         }
         Resource::MemoryLatency => {
             let mut waits: Vec<(&str, f64)> = Vec::new();
             if let Some(Node::Tree(units)) = tree.get("units") {
-                waits.extend(units.entries().map(|(name, _)| (name, share(name, "memory"))));
+                waits.extend(units.entries().map(|(name, _)| (name, share(name, |cycles| cycles.memory))));
             }
             waits.sort_by(|a, b| b.1.total_cmp(&a.1));
             let text = |(name, share): &(&str, f64)| format!("{name} {share:.0} %");
@@ -191,15 +192,15 @@ fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
             if most.is_empty() { String::new() } else { format!("cycles in which units wait for memory: {}", most.join(", ")) }
         }
         Resource::MemoryBandwidth => {
-            let busy = share("dram", "busy");
+            let busy = share("dram", |cycles| cycles.busy);
             if busy > 0.0 { format!("dram is busy in {busy:.0} % of the cycles") } else { String::new() }
         }
-        Resource::Rate | Resource::Room | Resource::Units if n(&format!("units.{unit}.busy")) > 0.0 => format!(
+        Resource::Rate | Resource::Room | Resource::Units if cycles(unit).busy > 0 => format!(
             "{unit}: busy {:.0} %, starved {:.0} %, blocked {:.0} %, waits for memory {:.0} %",
-            share(unit, "busy"),
-            share(unit, "starved"),
-            share(unit, "blocked"),
-            share(unit, "memory")
+            share(unit, |cycles| cycles.busy),
+            share(unit, |cycles| cycles.starved),
+            share(unit, |cycles| cycles.blocked),
+            share(unit, |cycles| cycles.memory)
         ),
         _ => String::new(),
     }

@@ -14,12 +14,15 @@ pub struct Declaration {
 }
 
 /// A set of counters declared by [`counters!`](crate::counters).
-pub trait Group: Copy + Default + 'static {
+pub trait Group: Copy + Default + std::ops::AddAssign + 'static {
     /// The counters, in the order of their declaration.
     const DECLARATIONS: &'static [Declaration];
 
     /// The values, in the same order.
     fn values(&self) -> impl Iterator<Item = u64>;
+
+    /// The counters of which `value` gives the values, by their names.
+    fn collect(value: impl FnMut(&'static str) -> u64) -> Self;
 
     /// The values as leaves.
     fn tree(&self) -> Tree {
@@ -71,6 +74,10 @@ macro_rules! counters {
 
             fn values(&self) -> impl Iterator<Item = u64> {
                 [$(self.$field),*].into_iter()
+            }
+
+            fn collect(mut value: impl FnMut(&'static str) -> u64) -> $name {
+                $name { $($field: value(stringify!($field)),)* }
             }
         }
 

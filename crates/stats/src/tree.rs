@@ -2,6 +2,8 @@
 
 use serde_json::{Map, Number, Value};
 
+use super::Group;
+
 /// One statistic.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Leaf {
@@ -222,6 +224,26 @@ impl Tree {
         }
     }
 
+    /// The counters at a place, those of a list of units summed. Counters that are not there are 0.
+    pub fn group<G: Group>(&self, place: &str) -> G {
+        match self.get(place) {
+            Some(Node::Tree(tree)) => tree.read(),
+            Some(Node::List(list)) => list.iter().fold(G::default(), |mut sum, tree| {
+                sum += tree.read::<G>();
+                sum
+            }),
+            _ => G::default(),
+        }
+    }
+
+    /// The counters of this tree. Those that are not there are 0.
+    pub fn read<G: Group>(&self) -> G {
+        G::collect(|name| match self.get(name) {
+            Some(Node::Leaf(Leaf::Count(value))) => *value,
+            _ => 0,
+        })
+    }
+
     /// What happened between two readings: counters are subtracted, properties are those of `self`. An entry that `earlier`
     /// does not have is taken whole.
     pub fn since(&self, earlier: &Tree) -> Tree {
@@ -379,6 +401,19 @@ mod tests {
         assert_eq!(frame.number("units.setup[1].capacity"), Some(8.0));
         assert_eq!(frame.number("units.setup[2].capacity"), None);
         assert_eq!(frame.number("class"), None);
+    }
+
+    #[test]
+    fn counters_are_read_back_and_summed_over_units() {
+        let cycles = |busy| crate::Cycles { busy, idle: 1, ..Default::default() };
+        let mut tree = Tree::new();
+        for (unit, busy) in [(0, 3), (1, 4)] {
+            tree.child("units").element("setup", unit).extend(cycles(busy).tree());
+        }
+        tree.child("one").extend(cycles(9).tree());
+        assert_eq!(tree.group::<crate::Cycles>("units.setup"), crate::Cycles { busy: 7, idle: 2, ..Default::default() });
+        assert_eq!(tree.group::<crate::Cycles>("one"), cycles(9));
+        assert_eq!(tree.group::<crate::Cycles>("units.core"), crate::Cycles::default());
     }
 
     #[test]

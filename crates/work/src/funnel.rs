@@ -17,6 +17,11 @@ macro_rules! funnel {
             /// Meanings, in the order of the names.
             pub const MEANINGS: &'static [&'static str] = &[$($meaning),*];
 
+            /// The counts of which `value` gives the values, by their names.
+            pub fn collect(mut value: impl FnMut(&'static str) -> u64) -> Funnel {
+                Funnel { $($name: value(stringify!($name))),* }
+            }
+
             /// Values, in the order of the names.
             pub fn values(&self) -> Vec<u64> {
                 vec![$(self.$name),*]

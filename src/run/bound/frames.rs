@@ -5,15 +5,17 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::{Bound, FrameEstimate, Traffic};
-use crate::machine::Config;
+use crate::machine::{Config, PhaseReport};
+use crate::render::Held;
 use crate::run::exit::{Exit, Frame, reference};
 use crate::run::functional::funnel_tree;
 use crate::run::host::Stopwatch;
 use crate::run::profiles::{Profiled, Reader};
-use crate::run::rendering::Rendering;
+use crate::run::rendering::{Consumer, Rendering, Work};
 use crate::run::replay::seconds;
 use crate::stats::{Node, Tree};
-use crate::work::Funnel;
+use crate::work::profile::Profiler;
+use crate::work::{Event, Funnel};
 
 /// What estimates of phases add up to, over a frame or over all.
 #[derive(Clone, Debug, Default)]
@@ -61,6 +63,29 @@ impl Estimated {
         }
         tree
     }
+}
+
+/// Frames of which it is estimated what limits their phases.
+const LIMITED: usize = 4;
+
+/// Adds to a rendering that is simulated what limits the phases of its first frames by estimate. Nothing, where no rates are known of the
+/// configuration.
+pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mut Vec<Vec<PhaseReport>>) {
+    let Ok(mut bound) = Bound::new(config) else { return };
+    let run = move |work: Work| {
+        let mut profiler = Profiler::default();
+        for event in work {
+            let profile = profiler.event(&event);
+            if let Event::EndFrame(_) = event {
+                out.push(bound.frame(&profile.unwrap_or_default()).phases());
+            }
+            if out.len() == LIMITED {
+                break;
+            }
+        }
+        Ok(())
+    };
+    rendering.consume(config.render_key(), Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
 }
 
 /// Adds estimates for a configuration to a rendering.

@@ -19,8 +19,9 @@ use survey::{CacheCount, Count, Survey, Way};
 
 use crate::machine::Config;
 use crate::machine::class::Sorted;
+use crate::mem::CacheCounts;
 use crate::render::FrameSet;
-use crate::stats::{Node, Tree};
+use crate::stats::{Group, Node, Tree};
 use crate::trace::Trace;
 use crate::unit::sorting::{EarlyTest, Keep};
 
@@ -151,7 +152,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
 
     // What was counted of the frames drawn; those that warm up are not reported.
     let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
-    let Exit { mut taker, keeps, progress, per_draw } = exit;
+    let Exit { mut taker, keeps, progress, per_draw, .. } = exit;
     let count = |frame: Frame| {
         let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
         counted[at] = Some(frame.tree.clone());
@@ -190,6 +191,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
         cycles: Some(cycles),
         total,
         sampled: Some(sampled),
+        limits: Vec::new(),
         machine_time: simulated.machine_time,
         clock_time: watch.clock(),
     })
@@ -218,30 +220,20 @@ fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[us
     for count in [Count::Dram(Way::Read), Count::Dram(Way::Write), Count::Client("texture".into(), Way::Read)] {
         if count.is_in(total) {
             let bytes = sum(&count, &|tree| count.of(tree)).round() as u64;
-            let memory = total.child("memory");
-            match &count {
-                Count::Client(name, way) => memory.child("clients").child(name).count(way.name(), bytes),
-                Count::Dram(way) => memory.child("dram").count(way.name(), bytes),
-                _ => {}
-            }
+            count.put(total, bytes);
         }
     }
     for cache in ESTIMATED {
-        let banks = |tree: &Tree| survey::banks(tree, cache).map_or(0, <[Tree]>::len);
-        for at in 0..banks(total) {
+        for at in 0..survey::banks(total, cache).len() {
             let of = |by: CacheCount, what: CacheCount| {
-                let own =
-                    |tree: &Tree| survey::banks(tree, cache).and_then(|banks| banks.get(at)).map_or(0.0, |tree| what.of(tree));
+                let own = |tree: &Tree| survey::banks(tree, cache).get(at).map_or(0.0, |counts| what.of(counts));
                 sum(&Count::Cache(cache.to_owned(), by), &own).round() as u64
             };
             let misses = of(CacheCount::Misses, CacheCount::Misses);
             let evictions = of(CacheCount::Misses, CacheCount::Evictions);
             let accesses = of(CacheCount::Accesses, CacheCount::Accesses).max(misses);
-            let node = total.child("caches").element(cache, at);
-            node.count(CacheCount::Accesses.name(), accesses);
-            node.count(CacheCount::Hits.name(), accesses - misses);
-            node.count(CacheCount::Misses.name(), misses);
-            node.count(CacheCount::Evictions.name(), evictions);
+            let counts = CacheCounts { accesses, hits: accesses - misses, misses, evictions };
+            total.child("caches").element(cache, at).extend(counts.tree());
         }
     }
 }

@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use super::clusters::{Clusters, Interval, signature};
 use crate::machine::Config;
+use crate::mem::{CacheCounts, ClientCounts, DramCounts};
 use crate::run::bound::{Bound, PhaseEstimate};
 use crate::run::host::Stopwatch;
 use crate::run::profiles::{Profiled, Reader};
 use crate::run::rendering::Rendering;
-use crate::stats::{Leaf, Node, Tree};
+use crate::stats::{Node, Tree};
 
 /// Reading or writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,15 +23,11 @@ pub enum Way {
 
 impl Way {
     /// What the statistics call its bytes.
-    pub fn name(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
             Way::Read => "read_bytes",
             Way::Write => "write_bytes",
         }
-    }
-
-    fn named(name: &str) -> Option<Way> {
-        [Way::Read, Way::Write].into_iter().find(|way| way.name() == name)
     }
 }
 
@@ -49,7 +46,7 @@ pub enum CacheCount {
 
 impl CacheCount {
     /// What the statistics call it.
-    pub fn name(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
             CacheCount::Accesses => "accesses",
             CacheCount::Hits => "hits",
@@ -58,9 +55,15 @@ impl CacheCount {
         }
     }
 
-    /// That of one cache.
-    pub fn of(self, cache: &Tree) -> f64 {
-        cache.number(self.name()).unwrap_or(0.0)
+    /// That of some caches.
+    pub fn of(self, counts: &CacheCounts) -> f64 {
+        let count = match self {
+            CacheCount::Accesses => counts.accesses,
+            CacheCount::Hits => counts.hits,
+            CacheCount::Misses => counts.misses,
+            CacheCount::Evictions => counts.evictions,
+        };
+        count as f64
     }
 }
 
@@ -91,35 +94,31 @@ impl fmt::Display for Count {
     }
 }
 
+/// Where DRAM's counters stand.
+const DRAM: &str = "memory.dram";
+
+/// Where those of a client stand.
+fn client(name: &str) -> String {
+    format!("memory.clients.{name}")
+}
+
 /// The caches of a kind, in the statistics of a machine.
-pub(super) fn banks<'t>(tree: &'t Tree, cache: &str) -> Option<&'t [Tree]> {
-    let Some(Node::Tree(caches)) = tree.get("caches") else { return None };
-    match caches.get(cache) {
-        Some(Node::List(banks)) => Some(banks),
-        _ => None,
+pub(super) fn banks(tree: &Tree, cache: &str) -> Vec<CacheCounts> {
+    match tree.get(&format!("caches.{cache}")) {
+        Some(Node::List(banks)) => banks.iter().map(Tree::read).collect(),
+        _ => Vec::new(),
     }
 }
 
 /// The bytes of each client of memory and of DRAM, as the statistics of a machine have them.
 pub(super) fn traffic(tree: &Tree) -> Vec<Count> {
-    let Some(Node::Tree(memory)) = tree.get("memory") else { return Vec::new() };
-    let ways = |tree: &Tree| -> Vec<Way> {
-        let counted = tree.entries().filter(|(_, node)| matches!(node, Node::Leaf(Leaf::Count(_))));
-        counted.filter_map(|(name, _)| Way::named(name)).collect()
-    };
+    let ways = [Way::Read, Way::Write];
     let mut found = Vec::new();
-    for (name, node) in memory.entries() {
-        match (name, node) {
-            ("clients", Node::Tree(clients)) => {
-                for (client, node) in clients.entries() {
-                    let Node::Tree(tree) = node else { continue };
-                    found.extend(ways(tree).into_iter().map(|way| Count::Client(client.to_owned(), way)));
-                }
-            }
-            ("dram", Node::Tree(dram)) => found.extend(ways(dram).into_iter().map(Count::Dram)),
-            _ => {}
-        }
+    if let Some(Node::Tree(clients)) = tree.get("memory.clients") {
+        let names = clients.entries().map(|(name, _)| name);
+        found.extend(names.flat_map(|name| ways.map(|way| Count::Client(name.to_owned(), way))));
     }
+    found.extend(ways.map(Count::Dram).into_iter().filter(|count| count.is_in(tree)));
     found
 }
 
@@ -127,20 +126,38 @@ impl Count {
     /// Whether the statistics of a machine have it.
     pub fn is_in(&self, tree: &Tree) -> bool {
         match self {
-            Count::Cache(name, what) => {
-                banks(tree, name).and_then(<[Tree]>::first).is_some_and(|cache| cache.get(what.name()).is_some())
-            }
-            Count::DramBytes => Count::Dram(Way::Read).is_in(tree),
-            count => tree.number(&count.to_string()).is_some(),
+            Count::Cycles => true,
+            Count::Client(name, _) => tree.get(&client(name)).is_some(),
+            Count::Dram(_) | Count::DramBytes => tree.get(DRAM).is_some(),
+            Count::Cache(name, _) => !banks(tree, name).is_empty(),
         }
     }
 
     /// Its value in the statistics of a machine; the sum over a kind of cache.
     pub fn of(&self, tree: &Tree) -> f64 {
+        let bytes = |read: u64, written: u64, way: &Way| (if *way == Way::Read { read } else { written }) as f64;
         match self {
-            Count::Cache(name, what) => banks(tree, name).map_or(0.0, |banks| banks.iter().map(|cache| what.of(cache)).sum()),
+            Count::Cycles => tree.number("cycles").unwrap_or(0.0),
+            Count::Client(name, way) => {
+                let counts: ClientCounts = tree.group(&client(name));
+                bytes(counts.read_bytes, counts.write_bytes, way)
+            }
+            Count::Dram(way) => {
+                let counts: DramCounts = tree.group(DRAM);
+                bytes(counts.read_bytes, counts.write_bytes, way)
+            }
             Count::DramBytes => Count::Dram(Way::Read).of(tree) + Count::Dram(Way::Write).of(tree),
-            count => tree.number(&count.to_string()).unwrap_or(0.0),
+            Count::Cache(name, what) => what.of(&tree.group(&format!("caches.{name}"))),
+        }
+    }
+
+    /// Puts bytes of a client or of DRAM into statistics that have them.
+    pub(super) fn put(&self, tree: &mut Tree, bytes: u64) {
+        let memory = tree.child("memory");
+        match self {
+            Count::Client(name, way) => memory.child("clients").child(name).count(way.name(), bytes),
+            Count::Dram(way) => memory.child("dram").count(way.name(), bytes),
+            Count::Cycles | Count::DramBytes | Count::Cache(..) => {}
         }
     }
 
