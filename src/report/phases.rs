@@ -47,23 +47,28 @@ fn draw(report: &DrawReport) -> Value {
     map.into()
 }
 
-/// What was counted: the whole funnel of what draws, and of all else what is not 0.
+/// What was counted and is not 0; of units those that did something, not only waited for input.
 fn told(map: &mut Map<String, Value>, counts: &Tally, draws: bool) {
+    let object = |names: &mut dyn Iterator<Item = (&'static str, u64)>| -> Map<String, Value> {
+        names.filter(|(_, value)| *value > 0).map(|(name, value)| (name.to_owned(), value.into())).collect()
+    };
     if draws {
-        let funnel = Funnel::NAMES.iter().zip(counts.funnel.values()).map(|(name, value)| ((*name).to_owned(), value.into()));
-        map.insert("funnel".into(), Value::Object(funnel.collect()));
+        let funnel = object(&mut Funnel::NAMES.iter().copied().zip(counts.funnel.values()));
+        map.insert("funnel".into(), funnel.into());
     }
-    counts.each(|(steps, of), name, value| {
-        if value == 0 {
+    counts.groups(|((steps, of), worked), declarations, values| {
+        if !worked {
             return;
         }
+        let own = object(&mut declarations.iter().map(|declaration| declaration.name).zip(values.iter().copied()));
         let mut at = &mut *map;
-        for step in steps.iter().copied().chain(of) {
+        let path = steps.iter().copied().chain(of);
+        for step in path {
             let entry = at.entry(step).or_insert_with(|| Value::Object(Map::new()));
             let Value::Object(inner) = entry else { return };
             at = inner;
         }
-        at.insert(name.to_owned(), value.into());
+        *at = own;
     });
 }
 
@@ -158,11 +163,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_zero_is_left_out_of_the_json_but_for_the_funnel() {
+    fn what_is_zero_is_left_out_of_the_json() {
         let pass = json(&frame().phases[0]);
         assert_eq!(pass["units"], serde_json::json!({ "core": { "busy": 9 } }));
         assert_eq!(pass["memory"], serde_json::json!({ "dram": { "read_bytes": 64 } }));
-        assert_eq!((&pass["funnel"]["quads_shaded"], &pass["funnel"]["vertices_in"]), (&9.into(), &0.into()));
+        assert_eq!(pass["funnel"], serde_json::json!({ "quads_shaded": 9 }));
         assert_eq!((&pass["draws"][0]["number"], &pass["draws"][0]["group"]), (&3.into(), &"sky".into()));
         assert_eq!((&pass["draws"][1]["number"], pass["draws"][1].get("funnel")), (&Value::Null, None));
         assert_eq!(json(&frame().phases[1])["cycles"], 5);

@@ -352,7 +352,7 @@ impl Phases {
                 out.push_str(&format!("   {:>10} of DRAM", self::bytes(*bytes as f64)));
             }
             if *shaded > 0 {
-                out.push_str(&format!("   {} fragments shaded", grouped(*shaded)));
+                out.push_str(&format!("   {:>11} shaded", grouped(*shaded)));
             }
             if !phase.limit.is_empty() {
                 out.push_str(&format!("   limit: {}", phase.limit));

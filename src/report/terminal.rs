@@ -127,7 +127,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     let apart = if done.sampled.is_none() && drawing > 0 && (drawing as f64) < cycles {
         let rate = frames / seconds(drawing as f64, &options.config);
         let drawing = summary::grouped(drawing);
-        format!("; passes and dispatches alone {drawing} cycles, {rate:.1} frames a second")
+        format!("\ndrawing alone, without transfers and scan-out: {drawing} cycles, {rate:.1} a second")
     } else {
         String::new()
     };

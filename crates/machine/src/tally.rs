@@ -89,22 +89,35 @@ impl Tally {
         }
     }
 
-    /// Each counter beside the funnel, in order: the group that it is in, its name in it, and its value. Groups are `units.NAME`,
-    /// `caches.NAME`, `memory.clients.NAME` and `memory.dram`; banks are summed.
-    pub fn each(&self, mut to: impl FnMut(Place, &'static str, u64)) {
-        let mut group = |place: Place, declarations: &[Declaration], values: &mut dyn Iterator<Item = u64>| {
-            declarations.iter().zip(values).for_each(|(declaration, value)| to(place, declaration.name, value));
-        };
+    /// Each group of counters beside the funnel, in order: its place, whether it was at work (a unit that only starved was not), its
+    /// counters, and their values. Groups are `units.NAME`, `caches.NAME`,
+    /// `memory.clients.NAME` and `memory.dram`; banks are summed.
+    pub fn groups(&self, mut to: impl FnMut((Place, bool), &'static [Declaration], &[u64])) {
+        let mut values = Vec::with_capacity(8);
+        let mut group =
+            |place: Place, starved: u64, declarations: &'static [Declaration], own: &mut dyn Iterator<Item = u64>| {
+                values.clear();
+                values.extend(own);
+                let worked = values.iter().sum::<u64>() > starved;
+                to((place, worked), declarations, &values);
+            };
         for (name, spent) in &self.units {
-            group((&["units"], Some(name)), Spent::DECLARATIONS, &mut spent.values());
+            group((&["units"], Some(name)), spent.starved, Spent::DECLARATIONS, &mut spent.values());
         }
         for cache in &self.caches {
-            group((&["caches"], Some(cache.name)), cache.declarations, &mut cache.values.iter().copied());
+            group((&["caches"], Some(cache.name)), 0, cache.declarations, &mut cache.values.iter().copied());
         }
         for (name, counts) in &self.clients {
-            group((&["memory", "clients"], Some(name)), ClientCounts::DECLARATIONS, &mut counts.values());
+            group((&["memory", "clients"], Some(name)), 0, ClientCounts::DECLARATIONS, &mut counts.values());
         }
-        group((&["memory", "dram"], None), Moved::DECLARATIONS, &mut self.dram.values());
+        group((&["memory", "dram"], None), 0, Moved::DECLARATIONS, &mut self.dram.values());
+    }
+
+    /// Each of these counters: the place of its group, its name in it, and its value.
+    pub fn each(&self, mut to: impl FnMut(Place, &'static str, u64)) {
+        self.groups(|(place, _), declarations, values| {
+            declarations.iter().zip(values).for_each(|(declaration, &value)| to(place, declaration.name, value));
+        });
     }
 }
 
