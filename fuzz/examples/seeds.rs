@@ -62,7 +62,7 @@ fn main() -> io::Result<()> {
     for name in ["all", "refused"] {
         fs::copy(root.join("../crates/import/tests/import").join(name).join("trace.ron"), corpus.join(name))?;
     }
-    let corpora = ["shaders", "configs", "replays"].map(|name| root.join("corpus").join(name));
+    let corpora = ["shaders", "configs", "replays", "experiments"].map(|name| root.join("corpus").join(name));
     corpora.iter().try_for_each(fs::create_dir_all)?;
     let repository = root.join("..");
     copy(&repository.join("crates/import/tests/import"), "wgsl", Some(b'W'), &corpora[0])?;
@@ -70,5 +70,6 @@ fn main() -> io::Result<()> {
     copy(&repository.join("crates/render/tests/programs"), "spv", Some(b'S'), &corpora[0])?;
     copy(&repository.join("crates/import/tests/import/culling"), "ron", Some(b'N'), &corpora[0])?;
     copy(&repository.join("configs"), "ron", None, &corpora[1])?;
+    copy(&repository.join("configs/experiments"), "ron", None, &corpora[3])?;
     fs::write(corpora[2].join("small"), replays::Small::new().text)
 }

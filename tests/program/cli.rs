@@ -78,7 +78,7 @@ fn threads_and_clocks_change_no_byte() {
         let (code, _, message) =
             run(&["replay", "traces/cube", "--config", "tiny", "--threads", threads, "--clock", clock, "--out", &folder]);
         assert_eq!(code, 0, "{message}");
-        let files = ["frame-0000.png", "stats.json", "stats.csv", "config.ron"]
+        let files = ["frame-0000.png", "stats.json", "stats.csv", "passes.csv", "config.ron"]
             .map(|name| fs::read(out.path().join(name)).expect("a file"))
             .to_vec();
         match &seen {
@@ -149,11 +149,11 @@ fn images_none_leaves_statistics_only() {
         (names, fs::read(out.path().join("stats.json")).expect("statistics"))
     };
     let (all, statistics) = files(&["--images", "all"]);
-    assert_eq!(all, ["config.ron", "frame-0000.png", "stats.csv", "stats.json"]);
+    assert_eq!(all, ["config.ron", "frame-0000.png", "passes.csv", "stats.csv", "stats.json"]);
     assert!(files(&[]) == (all, statistics.clone()), "all is the default");
     // The picture of the earlier replay goes, and the statistics are the same.
     let (none, same) = files(&["--images", "none"]);
-    assert_eq!(none, ["config.ron", "stats.csv", "stats.json"]);
+    assert_eq!(none, ["config.ron", "passes.csv", "stats.csv", "stats.json"]);
     assert!(same == statistics, "--images none changes the statistics");
     // Without --out there is nothing that it could change.
     let (code, _, message) = run(&["replay", "traces/triangle", "--images", "none"]);

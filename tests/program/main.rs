@@ -4,6 +4,7 @@ mod accuracy;
 mod cli;
 mod commands;
 mod compare;
+mod draws;
 mod floors;
 mod images;
 mod pages;

@@ -6,6 +6,7 @@ mod configs;
 mod deep_shaders;
 #[cfg(unix)]
 mod endless;
+mod experiments;
 #[cfg(unix)]
 mod files;
 mod generated;
@@ -63,6 +64,8 @@ static CONFIGS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let settings = ["core.warps=32", "mem.l2.bytes=1 << 20", "units.geometry = 2", "color.cache_blocks=16"];
     files("configs", "ron").into_iter().chain(settings.map(|s| format!("--set {s}").into_bytes())).collect()
 });
+
+static EXPERIMENTS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| files("configs/experiments", "ron"));
 
 static SMALL: LazyLock<replays::Small> = LazyLock::new(replays::Small::new);
 
@@ -153,7 +156,17 @@ fn cases(cases: u32) -> ProptestConfig {
 fn seeds_are_good() {
     SHADERS.iter().for_each(|seed| shaders::run_everything(seed));
     CONFIGS.iter().for_each(|seed| configs::read_everything(seed));
+    EXPERIMENTS.iter().for_each(|seed| experiments::plan_everything(seed));
     assert!(SMALL.replay(&SMALL.text), "the small trace does not run");
+}
+
+proptest! {
+    #![proptest_config(cases(2000))]
+
+    #[test]
+    fn damaged_experiments_are_refused_or_planned(which in 0..usize::MAX, changes in changes()) {
+        experiments::plan_everything(&mutated(&EXPERIMENTS[which % EXPERIMENTS.len()], 0, &changes));
+    }
 }
 
 proptest! {

@@ -309,11 +309,10 @@ impl Depth {
                 wires.push_sized(output, token, u32::from(token.quads).max(1) * bytes::QUAD);
                 continue;
             }
-            if entry.line.is_some() {
-                let slot = card.groups[pipeline][token.group].slot;
-                card.funnel[slot].quads_early_culled += u64::from(before - token.quads);
-            }
             let group = card.groups[pipeline][token.group];
+            if entry.line.is_some() {
+                card.funnel[group.slot].quads_early_culled += u64::from(before - token.quads);
+            }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
             if work.draw.fragment.is_none() {
                 // Depth and stencil only: done.

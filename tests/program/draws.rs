@@ -1,0 +1,74 @@
+//! Passes and draws in what a replay leaves.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::cli::{refused, run};
+
+/// Replays into a folder; the report and `stats.json`.
+fn replayed(out: &Path, more: &[&str]) -> (String, Value) {
+    let folder = out.display().to_string();
+    let (code, report, message) = run(&[&["replay", "traces/town.zip", "--out", &folder], more].concat());
+    assert_eq!(code, 0, "{message}");
+    let text = fs::read_to_string(out.join("stats.json")).expect("statistics");
+    (report, serde_json::from_str(&text).expect("JSON"))
+}
+
+/// The sum of a column of a table, by its name.
+fn column(text: &str, name: &str) -> u64 {
+    let mut rows = text.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let at = rows.next().expect("a header").iter().position(|&field| field == name).expect(name);
+    rows.map(|row| row[at].parse::<u64>().expect("a number")).sum()
+}
+
+#[test]
+fn draws_add_up_to_their_passes_in_every_file_and_change_nothing_else() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (with, without) = (out.path().join("with"), out.path().join("without"));
+    let (report, mut json) = replayed(&with, &["--per-draw"]);
+    let (plain, expected) = replayed(&without, &[]);
+    assert!(report.contains("The draws that took most, from one retirement to the next\n  draw 397 many "), "{report}");
+    assert!(!plain.contains("The draws that took most"), "{plain}");
+
+    let frame = &mut json["frames"][0];
+    let cycles = frame["cycles"].as_u64().expect("cycles");
+    let phases = frame["phases"].as_array_mut().expect("phases");
+    let (mut drawn, mut shaded) = (0, 0);
+    for phase in phases.iter_mut() {
+        let Some(Value::Array(draws)) = phase.as_object_mut().expect("a phase").shift_remove("draws") else { continue };
+        drawn += draws.len();
+        let sum = |path: &str| draws.iter().map(|draw| draw.pointer(path).and_then(Value::as_u64).unwrap_or(0)).sum::<u64>();
+        for path in
+            ["/cycles", "/funnel/fragments_shaded", "/units/core/busy", "/caches/l2/hits", "/memory/clients/texture/read_bytes"]
+        {
+            assert_eq!(Some(sum(path)), phase.pointer(path).and_then(Value::as_u64), "{path}");
+        }
+        shaded += sum("/funnel/fragments_shaded");
+        assert_eq!(draws.last().expect("an end")["number"], Value::Null);
+    }
+    assert_eq!(drawn, 399, "398 draws, and the end of the pass");
+    assert_eq!(json, expected, "but for its draws");
+
+    let [passes, draws] = ["passes.csv", "draws.csv"].map(|name| fs::read_to_string(with.join(name)).expect(name));
+    assert_eq!(column(&passes, "cycles"), cycles);
+    assert_eq!((column(&passes, "funnel.fragments_shaded"), column(&draws, "funnel.fragments_shaded")), (shaded, shaded));
+    assert_eq!(draws.lines().count(), drawn + 1);
+    assert_eq!(passes, fs::read_to_string(without.join("passes.csv")).expect("a table"));
+    assert!(!without.join("draws.csv").exists());
+
+    // Draws of an earlier replay do not survive.
+    replayed(&with, &[]);
+    assert!(!with.join("draws.csv").exists());
+}
+
+#[test]
+fn draws_are_refused_where_no_cycle_is_simulated() {
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    for fidelity in ["bound", "functional"] {
+        let message = refused(&["replay", "traces/cube", "--per-draw", "--out", &folder, "--fidelity", fidelity]);
+        assert!(message.contains("--per-draw is about --fidelity cycle and sampled"), "{message}");
+    }
+}
