@@ -24,6 +24,7 @@ mod pareto;
 mod progress;
 mod reading;
 mod replay;
+mod report;
 mod shortcuts;
 mod skips;
 mod sweep;
@@ -57,6 +58,7 @@ enum Command {
     Accuracy(accuracy::Arguments),
     Sweep(sweep::Arguments),
     Why(why::Arguments),
+    Report(report::Arguments),
 }
 
 /// How a command ended, short of an error.
@@ -121,6 +123,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Accuracy(arguments) => arguments.threads,
         Command::Sweep(arguments) => arguments.threads,
         Command::Why(arguments) => arguments.threads,
+        Command::Report(arguments) => arguments.threads,
         Command::Import(_) | Command::Inspect(_) | Command::Configs(_) | Command::Compare(_) => None,
     })?;
     match command {
@@ -132,6 +135,7 @@ fn run(command: &Command) -> Result<Verdict> {
         Command::Accuracy(arguments) => accuracy::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Why(arguments) => why::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
     }
 }
 

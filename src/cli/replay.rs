@@ -9,6 +9,7 @@ use anyhow::{Result, bail};
 
 use super::Verdict;
 use super::progress::Told;
+use super::report::{self, Gathering};
 use super::threads::MOST;
 use crate::render::Watch;
 use crate::report::files::About;
@@ -42,6 +43,12 @@ pub struct Arguments {
     /// Which pictures to leave in --out [default: all]
     #[arg(long, value_enum, requires = "out")]
     images: Option<ImagesName>,
+    /// Where to leave a page that shows the frame that costs most: one HTML file with all that is in it
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// With --report: prove what holds this frame back, by timing it on some 60 machines (as `fillrate why` does)
+    #[arg(long, requires = "report")]
+    why: bool,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
@@ -165,12 +172,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         None | Some(ImagesName::All) => Images::All,
         Some(ImagesName::None) => Images::None,
     };
-    let create = |out| Folder::create(out, about, &options.config.resolved(), images);
+    let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
+    let mut gathering = arguments.report.is_some().then(Gathering::default);
     let mut taker = |frame: Frame| {
         seen.add(&frame);
+        gathering.as_mut().map_or(Ok(()), |gathering| gathering.add(&frame))?;
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
     let told = Told::begin(&watch);
@@ -184,9 +193,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
     }
+    if let (Some(path), Some(gathering)) = (&arguments.report, gathering) {
+        let (statistics, picture) = gathering.end(&about, &done.total)?;
+        let subject =
+            report::Subject { statistics, picture, config: Some(options.config.clone()), command: Some(report::given()) };
+        subject.write(path, Some(&trace), arguments.why)?;
+    }
     println!("{name} on {}: {}", options.config.name, terminal::report(&done, &mut seen, &options, &changed));
     if let Some(out) = &arguments.out {
         println!("written to {}", out.display());
+    }
+    if let Some(path) = &arguments.report {
+        println!("the page: {}", path.display());
     }
     Ok(Verdict::Done)
 }

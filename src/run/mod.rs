@@ -7,6 +7,7 @@ pub mod functional;
 pub mod host;
 pub mod kept;
 pub mod machines;
+pub mod maps;
 pub mod profiles;
 pub mod rendering;
 pub mod replay;

@@ -86,7 +86,12 @@ impl Diagram {
 
     /// As a picture.
     pub fn svg(&self) -> String {
-        svg::draw(self)
+        svg::draw(self, &|_| None)
+    }
+
+    /// As a picture in which each bank is as dark as it is busy: `busy` answers the share of a bank's cycles, from 0 to 1, by its name.
+    pub fn svg_by_use(&self, busy: &dyn Fn(&str) -> Option<f64>) -> String {
+        svg::draw(self, busy)
     }
 
     fn is_memory(&self, bank: usize) -> bool {

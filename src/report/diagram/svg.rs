@@ -215,8 +215,19 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// How busy a bank is, from 0 to 1; none where that is not shown.
+type Busy<'b> = &'b dyn Fn(&str) -> Option<f64>;
+
+/// The fill of a bank's box, and the colour of writing on it: with a contrast of 4.5 at least.
+fn fill(busy: Option<f64>) -> (String, &'static str) {
+    let Some(busy) = busy else { return ("#e8eef7".into(), "#555") };
+    let part = |light: f64, dark: f64| (light + (dark - light) * busy.clamp(0.0, 1.0)).round() as u8;
+    let color = format!("#{:02x}{:02x}{:02x}", part(243.0, 8.0), part(247.0, 81.0), part(252.0, 156.0));
+    (color, if busy > 0.77 { "#fff" } else { "#000" })
+}
+
 /// The whole file.
-pub(super) fn draw(diagram: &Diagram) -> String {
+pub(super) fn draw(diagram: &Diagram, busy: Busy<'_>) -> String {
     let groups = groups(diagram);
     let width = groups.iter().map(|(group, x, _)| x + group.width).fold(0.0, f64::max) + MARGIN;
     let height = groups.iter().map(|(group, _, y)| y + group.height).fold(0.0, f64::max) + MARGIN;
@@ -251,7 +262,8 @@ pub(super) fn draw(diagram: &Diagram) -> String {
         }
         lines(&mut text, group, diagram);
         for b in &group.boxes {
-            draw_box(&mut text, b, &diagram.banks[b.bank]);
+            let bank = &diagram.banks[b.bank];
+            draw_box(&mut text, b, bank, busy(bank.name));
         }
         text.push_str("</g>\n");
     }
@@ -259,26 +271,32 @@ pub(super) fn draw(diagram: &Diagram) -> String {
     text
 }
 
-fn draw_box(text: &mut String, b: &Box, bank: &Bank) {
+fn draw_box(text: &mut String, b: &Box, bank: &Bank, busy: Option<f64>) {
     let (x, y, height) = (b.x, b.y, b.height);
-    text.push_str(&format!("<g><title>{}</title>\n", escaped(&times(bank.name, bank.count))));
+    let (fill, ink) = fill(busy);
+    // A box without a share is written as it always was.
+    let (name_ink, share) = match busy {
+        Some(busy) => (format!(" fill=\"{ink}\""), format!(", busy in {:.1} % of its cycles", 100.0 * busy)),
+        None => (String::new(), String::new()),
+    };
+    text.push_str(&format!("<g><title>{}{share}</title>\n", escaped(&times(bank.name, bank.count))));
     let behind: &[f64] = if bank.count > 1 { &[6.0, 3.0, 0.0] } else { &[0.0] };
     for offset in behind {
         text.push_str(&format!(
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{BOX_WIDTH}\" height=\"{height}\" rx=\"3\" fill=\"#e8eef7\" stroke=\"#44546a\"/>\n",
+            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{BOX_WIDTH}\" height=\"{height}\" rx=\"3\" fill=\"{fill}\" stroke=\"#44546a\"/>\n",
             x + offset,
             y - offset
         ));
     }
     let middle = b.middle();
     text.push_str(&format!(
-        "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"12\" font-weight=\"bold\">{}</text>\n",
+        "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-size=\"12\" font-weight=\"bold\"{name_ink}>{}</text>\n",
         y + 16.0,
         times(bank.name, bank.count)
     ));
     for (n, note) in b.notes.iter().enumerate() {
         text.push_str(&format!(
-            "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#555\">{note}</text>\n",
+            "<text x=\"{middle:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{ink}\">{note}</text>\n",
             y + 16.0 + LINE * (n + 1) as f64
         ));
     }

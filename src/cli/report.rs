@@ -1,0 +1,228 @@
+//! `fillrate report`
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow, bail};
+use image::{ImageFormat, ImageReader};
+use serde_json::{Map, Value};
+
+use super::Verdict;
+use super::threads::MOST;
+use crate::host;
+use crate::machine::Config;
+use crate::report::files::{About, json_frame, json_head};
+use crate::report::html::data::{Gather, Statistics};
+use crate::report::html::replay::{Input, limits, replay};
+use crate::report::html::{plots, word};
+use crate::report::picture::picture;
+use crate::run::maps::{Look, look};
+use crate::run::replay::Frame;
+use crate::stats::Tree;
+use crate::trace::Trace;
+use crate::why::why;
+
+/// Make a page of what a replay left, or a sweep: one HTML file with its pictures, tables, plots and numbers
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  fillrate report out\n  \
+fillrate report out --trace traces/torus-knot.zip --why\n  fillrate report out --plots\n\n\
+The page opens from the disk without a network. Of a replay with several frames it shows the one that costs most. With --trace that frame is \
+rendered once more, for heat maps and for what limits each pass.")]
+pub struct Arguments {
+    /// What `replay --out` or `sweep --out` left
+    dir: PathBuf,
+    /// The trace of the replay: adds heat maps, and what limits each pass
+    #[arg(long, value_name = "TRACE")]
+    trace: Option<PathBuf>,
+    #[command(flatten)]
+    reading: super::reading::Reading,
+    /// Prove what holds the frame back, by timing it on some 60 machines (as `fillrate why` does)
+    #[arg(long, requires = "trace")]
+    why: bool,
+    /// The page [default: report.html in DIR]
+    #[arg(long, value_name = "FILE.html")]
+    out: Option<PathBuf>,
+    /// Leave the plots as SVG in DIR/plots, too
+    #[arg(long)]
+    plots: bool,
+    /// Threads; no result depends on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    pub threads: Option<u16>,
+}
+
+/// Bytes of statistics that are read at most: hours of frames.
+const STATISTICS_MAX: u64 = 1 << 30;
+
+/// Bytes of a configuration at most.
+const CONFIG_MAX: u64 = 256 << 10;
+
+/// Bytes of a picture at most.
+const PICTURE_MAX: u64 = 64 << 20;
+
+/// The command that was given, as a shell takes it.
+pub fn given() -> String {
+    let words = std::env::args().skip(1).map(|argument| word(&argument));
+    std::iter::once("fillrate".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Takes the frames of a replay for its page: one of them is held.
+#[derive(Default)]
+pub struct Gathering {
+    frames: Gather,
+    picture: Option<Vec<u8>>,
+}
+
+impl Gathering {
+    /// A frame has ended.
+    ///
+    /// # Errors
+    /// If its picture cannot be made.
+    pub fn add(&mut self, frame: &Frame) -> Result<()> {
+        let json: Value = serde_json::from_str(&json_frame(frame, true)?)?;
+        if !self.frames.add(json) {
+            return Ok(());
+        }
+        self.picture = None;
+        if let Some((surface, bytes)) = &frame.shown {
+            let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
+            let mut png = std::io::Cursor::new(Vec::new());
+            image.write_to(&mut png, ImageFormat::Png)?;
+            self.picture = Some(png.into_inner());
+        }
+        Ok(())
+    }
+
+    /// The replay has ended.
+    ///
+    /// # Errors
+    /// If its statistics cannot be written as JSON.
+    pub fn end(self, about: &About, total: &Tree) -> Result<(Statistics, Option<Vec<u8>>)> {
+        let mut head: Map<String, Value> = serde_json::from_str(&format!("{}]}}", json_head(about, total)?))?;
+        head.shift_remove("frames");
+        Ok((self.frames.end(head), self.picture))
+    }
+}
+
+/// What a page is about.
+pub struct Subject {
+    /// The statistics.
+    pub statistics: Statistics,
+    /// The picture of the frame that is shown, as PNG.
+    pub picture: Option<Vec<u8>>,
+    /// The machine.
+    pub config: Option<Config>,
+    /// The command.
+    pub command: Option<String>,
+}
+
+impl Subject {
+    /// Reads what a replay left in a folder.
+    fn open(folder: &Path) -> Result<Subject> {
+        let path = folder.join("stats.json");
+        let name = path.display();
+        let text = host::read_text(&path, STATISTICS_MAX)
+            .with_context(|| format!("{} is no folder of a replay or a sweep: cannot read {name}", folder.display()))?;
+        let statistics = Statistics::parse(&text).map_err(|reason| anyhow!("{name} {reason}"))?;
+        let path = folder.join("config.ron");
+        let config = path.exists().then(|| -> Result<Config> {
+            let name = path.display().to_string();
+            let text = host::read_text(&path, CONFIG_MAX).with_context(|| format!("cannot read {name}"))?;
+            Ok(Config::parse(&name, &text)?)
+        });
+        let path = folder.join(format!("frame-{:04}.png", statistics.number()));
+        let picture = path.exists().then(|| png(&path));
+        Ok(Subject { statistics, picture: picture.transpose()?, config: config.transpose()?, command: None })
+    }
+
+    /// Renders the frame again, if there is a trace.
+    fn look(&self, trace: Option<&Trace>) -> Result<Option<Look>> {
+        let (Some(trace), Some(config)) = (trace, &self.config) else { return Ok(None) };
+        let number = self.statistics.number();
+        let look = look(trace, config, number)?;
+        let [here, there] = [Some(look.maps.funnel.primitives_in as f64), self.statistics.own("funnel.primitives_in")];
+        if there.is_some() && here != there {
+            bail!(
+                "{} is not the trace of these statistics: its frame {number} has {} primitives, and theirs {}",
+                trace.file().display(),
+                here.unwrap_or(0.0),
+                there.unwrap_or(0.0)
+            );
+        }
+        Ok(Some(look))
+    }
+
+    /// Times the frame on other machines.
+    fn why(&self, trace: &Trace) -> Result<Option<Value>> {
+        let Some(config) = &self.config else { return Ok(None) };
+        let bar = super::progress::bar("{spinner} {elapsed} machines timed: {pos} of {len}, {eta} left");
+        let told = |all| {
+            bar.set_length(all as u64);
+            bar.inc(1);
+        };
+        let number = self.statistics.number();
+        let found = why(trace, config, number..number + 1, &told)?;
+        bar.finish_and_clear();
+        let mut json = found.json();
+        json["verdict"] = found.verdict().into();
+        Ok(Some(json))
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered, or the page cannot be written.
+    pub fn write(&self, path: &Path, trace: Option<&Trace>, prove: bool) -> Result<()> {
+        let look = self.look(trace)?;
+        let why = trace.filter(|_| prove).map(|trace| self.why(trace)).transpose()?.flatten();
+        let limits = look.as_ref().and_then(|look| look.estimate.as_ref()).map(limits).unwrap_or_default();
+        let page = replay(&Input {
+            statistics: &self.statistics,
+            config: self.config.as_ref(),
+            picture: self.picture.as_deref(),
+            command: self.command.as_deref(),
+            limits: &limits,
+            why: why.as_ref(),
+            maps: look.as_ref().map(|look| &look.maps),
+        });
+        host::write_file(path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+/// The bytes of a picture that can be read.
+fn png(path: &Path) -> Result<Vec<u8>> {
+    let name = path.display();
+    let read = || format!("cannot read {name}");
+    let mut bytes = Vec::new();
+    let file = host::open(path, host::Links::Follow).with_context(read)?;
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, PICTURE_MAX), &mut bytes).with_context(read)?;
+    let reader = ImageReader::with_format(std::io::Cursor::new(&bytes), ImageFormat::Png);
+    reader.decode().with_context(|| format!("{name} is no picture of a replay"))?;
+    Ok(bytes)
+}
+
+/// Writes plots as files.
+fn write_plots(folder: &Path, plots: &[(String, String)]) -> Result<()> {
+    let folder = folder.join("plots");
+    std::fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    for (name, svg) in plots {
+        let path = folder.join(format!("{name}.svg"));
+        host::write_file(&path, svg.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    println!("{} plots written to {}", plots.len(), folder.display());
+    Ok(())
+}
+
+pub fn run(arguments: &Arguments) -> Result<Verdict> {
+    let folder = &arguments.dir;
+    let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
+    let subject = Subject::open(folder)?;
+    let trace = arguments.trace.as_deref().map(|path| arguments.reading.open(path)).transpose()?;
+    if trace.is_some() && subject.config.is_none() {
+        bail!("{} is missing: it says which machine the trace was replayed on", folder.join("config.ron").display());
+    }
+    subject.write(&out, trace.as_ref(), arguments.why)?;
+    if arguments.plots {
+        write_plots(folder, &plots::replay(&subject.statistics, subject.config.as_ref()))?;
+    }
+    println!("the page: {}", out.display());
+    Ok(Verdict::Done)
+}

@@ -1,0 +1,199 @@
+//! What to try: rules over the statistics, each with what was counted and the knob to change.
+
+use maud::{Markup, html};
+use serde_json::Value;
+
+use super::data::number;
+use super::machine::banks;
+use super::replay::{Input, command};
+use super::{percent, readable, share};
+use crate::knob::Setting;
+use crate::machine::Config;
+
+/// One piece of advice.
+struct Advice {
+    /// What to do.
+    what: String,
+    /// What was counted.
+    evidence: String,
+    /// Knobs to try; none where the scene must change.
+    set: Vec<String>,
+    /// By which the list is ordered: the share of the frame that is at stake, by a rough measure.
+    weight: f64,
+}
+
+/// A number's knob at `times` its value, if it takes that.
+fn times(config: &Config, path: &str, times: f64) -> Option<String> {
+    let (knob, now) = config.knob("advice", path).ok()?;
+    let Setting::Number(value) = now else { return None };
+    let wanted = Setting::Number((value as f64 * times).round().max(1.0) as u64);
+    (wanted != now && knob.allowed.admits(&wanted)).then(|| format!("{path}={wanted}"))
+}
+
+/// A switch that is off.
+fn switch(config: &Config, path: &str) -> Option<String> {
+    let (_, now) = config.knob("advice", path).ok()?;
+    (now == Setting::Switch(false)).then(|| format!("{path}=true"))
+}
+
+/// Whether a machine with these settings keeps the rules between knobs.
+fn holds(config: &Config, set: &[String]) -> bool {
+    let mut changed = config.clone();
+    set.iter().all(|setting| changed.set(setting).is_ok()) && changed.check().is_ok()
+}
+
+/// Advice from the gains that `why` has timed.
+fn proven(why: &Value) -> Vec<Advice> {
+    let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
+    let gain = |value: &Value| value["gain"].as_f64().unwrap_or(0.0);
+    let worth = gains.iter().filter(|own| gain(own) >= 0.02).take(6);
+    let advice = worth.map(|own| {
+        let evidence = own["evidence"].as_str().unwrap_or("");
+        let set = own["set"].as_object().into_iter().flatten();
+        Advice {
+            what: format!("{}: {} fewer cycles, timed.", own["change"].as_str().unwrap_or(""), percent(gain(own))),
+            evidence: if evidence.is_empty() { String::new() } else { format!("Without it: {evidence}.") },
+            set: set.map(|(path, value)| format!("{path}={}", value.as_str().unwrap_or("").trim_matches('"'))).collect(),
+            weight: 1.0 + gain(own),
+        }
+    });
+    advice.collect()
+}
+
+/// Rules over the counters of a frame.
+fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
+    let n = |path: &str| number(frame, path).unwrap_or(0.0);
+    let mut all = Vec::new();
+    let mut add = |what: &str, evidence: String, set: Vec<Option<String>>, weight: f64| {
+        let set: Vec<String> = set.into_iter().flatten().collect();
+        let set = if config.is_some_and(|config| holds(config, &set)) { set } else { Vec::new() };
+        all.push(Advice { what: what.into(), evidence, set, weight });
+    };
+    let knob = |path: &str, by: f64| config.and_then(|config| times(config, path, by));
+    let on = |path: &str| config.and_then(|config| switch(config, path));
+    let (covered, shaded, helpers) =
+        (n("funnel.fragments_covered"), n("funnel.fragments_shaded"), n("funnel.helper_fragments"));
+    let cycles = n("cycles");
+    let banks = banks(frame);
+    let busy = |name: &str| banks.iter().find(|bank| bank.name == name).map_or(0.0, |bank| bank.shares[0]);
+
+    if busy("core") > 0.5 {
+        let evidence = format!("The cores are busy in {} of the cycles, more than half.", percent(busy("core")));
+        add("Shade less, or with more cores.", evidence, vec![knob("core.per_pipeline", 2.0)], busy("core"));
+    }
+    if busy("dram") > 0.6 {
+        let bytes = n("memory.dram.read_bytes") + n("memory.dram.write_bytes");
+        let evidence = format!("DRAM is busy in {} of the cycles: {} bytes.", percent(busy("dram")), readable(bytes));
+        let set = vec![on("color.compression"), on("depth.compression"), knob("memory.dram.burst_cycles", 0.5)];
+        add("Move fewer bytes, or with more bandwidth.", evidence, set, busy("dram"));
+    }
+    if helpers > 0.5 * (helpers + shaded) && shaded > 0.0 {
+        let evidence = format!(
+            "{} of the invocations are helpers: {} for {} fragments. Triangles are small or thin.",
+            percent(share(helpers, helpers + shaded)),
+            readable(helpers),
+            readable(shaded)
+        );
+        add(
+            "Draw meshes with fewer triangles where they are far away.",
+            evidence,
+            Vec::new(),
+            0.4 * share(helpers, helpers + shaded),
+        );
+    }
+    let early = n("funnel.quads_early_culled") + 16.0 * n("funnel.tiles_hiz_culled");
+    let pixels = n("funnel.fragments_written");
+    if n("funnel.fragments_late_failed") > 0.2 * shaded && shaded > 0.0 {
+        let evidence = format!(
+            "{} of the shaded fragments fail the depth test after shading.",
+            percent(share(n("funnel.fragments_late_failed"), shaded))
+        );
+        add("Test depth before shading: no discard, no depth from shaders.", evidence, vec![on("depth.early")], 0.5);
+    }
+    if covered > 2.0 * pixels.max(1.0) && early == 0.0 {
+        let evidence = format!(
+            "{} fragments are covered, {} written, and none is hidden before shading.",
+            readable(covered),
+            readable(pixels)
+        );
+        add(
+            "Draw from front to back, with early tests.",
+            evidence,
+            vec![on("depth.early"), on("traverse.hierarchical_z")],
+            0.4,
+        );
+    }
+    for (cache, path) in [
+        ("texture", "texture.cache_lines"),
+        ("vertex", "fetch.cache_lines"),
+        ("color", "color.cache_blocks"),
+        ("depth", "depth.cache_blocks"),
+    ] {
+        let (lookups, hits) = (n(&format!("caches.{cache}[*].accesses")), n(&format!("caches.{cache}[*].hits")));
+        if lookups > 0.005 * cycles && hits < 0.8 * lookups {
+            let evidence = format!("{} of {} lookups hit.", percent(share(hits, lookups)), readable(lookups));
+            add(&format!("Make the {cache} cache larger."), evidence, vec![knob(path, 2.0)], 0.2);
+        }
+    }
+    if n("sort.load_imbalance") > 1.15 {
+        let evidence = format!("The busiest pipeline has {:.2} times the quads of the mean.", n("sort.load_imbalance"));
+        add(
+            "Deal the screen to pipelines in smaller tiles.",
+            evidence,
+            vec![knob("distribute.tile", 0.5)],
+            n("sort.load_imbalance") - 1.0,
+        );
+    }
+    let phases = frame["phases"].as_array().map_or(&[][..], Vec::as_slice);
+    let of = |kind: &str| {
+        phases.iter().filter(|phase| phase["kind"] == kind).filter_map(|phase| phase["cycles"].as_f64()).sum::<f64>()
+    };
+    for (kind, what) in [
+        ("scan-out", "Scan-out follows drawing and nothing overlaps it: leave it out to compare drawing alone."),
+        ("transfers", "Uploads and copies precede drawing and nothing overlaps them: upload once, not in each frame."),
+    ] {
+        if of(kind) > 0.1 * cycles && cycles > 0.0 {
+            let set = if kind == "scan-out" {
+                vec![Some("scanout.enabled=false".to_owned())]
+            } else {
+                vec![knob("memory.port_width", 2.0)]
+            };
+            add(
+                what,
+                format!("{kind} takes {} of the cycles.", percent(share(of(kind), cycles))),
+                set,
+                share(of(kind), cycles),
+            );
+        }
+    }
+    if n("sort.wrong_pixels") > 0.0 {
+        let evidence =
+            format!("{} pixels differ from the picture in the order of the trace.", readable(n("sort.wrong_pixels")));
+        add("This machine does not keep the order that a pass needs.", evidence, Vec::new(), 2.0);
+    }
+    all
+}
+
+/// Advice, what is at stake most first.
+pub fn section(input: &Input<'_>) -> Option<Markup> {
+    let frame = input.statistics.frame();
+    let mut all = input.why.map_or(Vec::new(), proven);
+    // What was timed says more than a rule about the same knob.
+    let known: Vec<String> = all.iter().flat_map(|advice| advice.set.clone()).collect();
+    let rules = counted(frame, input.config).into_iter();
+    all.extend(rules.filter(|advice| advice.set.is_empty() || !advice.set.iter().all(|set| known.contains(set))));
+    all.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    Some(html! {
+        @if all.is_empty() { p { "No rule applies to this frame." } }
+        ol.advice { @for advice in &all {
+            li {
+                b { (advice.what) }
+                @if !advice.evidence.is_empty() { p.note { (advice.evidence) } }
+                @if !advice.set.is_empty() { pre { (command(input.statistics, "replay", &advice.set)) } }
+            }
+        } }
+        @if input.why.is_none() {
+            p.note { "These are rules over counters, not proof. Proof times the frame again: " code { (command(input.statistics, "why", &[])) } }
+        }
+    })
+}

@@ -1,0 +1,204 @@
+//! The machine at work: units, channels, the roofline, and the machine's own drawing.
+
+use maud::{Markup, PreEscaped, html};
+use serde_json::Value;
+
+use super::data::number;
+use super::replay::Input;
+use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
+use crate::machine::config::MemoryKind;
+use crate::machine::{Config, Machine};
+use crate::report::diagram::Diagram;
+use crate::report::plots::{Roofline, roofline as draw_roofline};
+
+/// What a unit does in a cycle, with the class of its colour.
+pub const STATES: [(&str, &str); 5] = [
+    ("busy", "busy"),
+    ("starved", "no input"),
+    ("blocked", "no room behind it"),
+    ("memory", "waits for memory"),
+    ("idle", "idle"),
+];
+
+const CLASSES: [&str; 5] = ["s-busy", "s-starved", "s-blocked", "s-memory", "s-idle"];
+
+/// A bank of equal units and the shares of their cycles.
+pub struct Bank<'v> {
+    /// What they are called.
+    pub name: &'v str,
+    /// How many.
+    pub count: usize,
+    /// Shares of the cycles, by [`STATES`].
+    pub shares: [f64; 5],
+    /// Smallest and largest share of busy cycles of one of them.
+    pub range: [f64; 2],
+}
+
+/// The banks of a frame, in data-flow order.
+pub fn banks(frame: &Value) -> Vec<Bank<'_>> {
+    let mut banks = Vec::new();
+    for (name, list) in frame.get("units").and_then(Value::as_object).into_iter().flatten() {
+        let list = list.as_array().map_or(&[][..], Vec::as_slice);
+        let (mut sums, mut range) = ([0.0; 5], [1.0_f64, 0.0_f64]);
+        for unit in list {
+            let own = STATES.map(|(state, _)| number(unit, state).unwrap_or(0.0));
+            let busy = share(own[0], own.iter().sum());
+            range = [range[0].min(busy), range[1].max(busy)];
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
+        let all: f64 = sums.iter().sum();
+        if all > 0.0 {
+            banks.push(Bank { name, count: list.len(), shares: sums.map(|sum| sum / all), range });
+        }
+    }
+    banks
+}
+
+/// How busy the units were, and how full the channels.
+pub fn units(input: &Input<'_>) -> Option<Markup> {
+    let frame = input.statistics.frame();
+    let place = input.statistics.place();
+    let mut banks = banks(frame);
+    if banks.is_empty() {
+        return None;
+    }
+    banks.sort_by(|a, b| b.shares[0].total_cmp(&a.shares[0]));
+    let columns = [
+        Column("unit", false, ""),
+        Column("count", true, "How many there are; shares are averages."),
+        Column("busy", true, "Share of the cycles."),
+        Column("least", true, "Of the unit that is busy least."),
+        Column("most", true, "Of the unit that is busy most."),
+        Column("items", true, "What went through."),
+    ];
+    let keys: Vec<(&str, &str)> = CLASSES.iter().zip(STATES).map(|(class, (_, text))| (*class, text)).collect();
+    Some(html! {
+        (key(&keys))
+        div.scroll { table.sortable {
+            (heads(&columns))
+            tbody { @for bank in &banks {
+                @let parts: Vec<(&str, f64, String)> = (0..5).map(|at| (CLASSES[at], bank.shares[at], format!("{}: {}", STATES[at].1, percent(bank.shares[at])))).collect();
+                tr {
+                    td.name { (bank.name) (bar("bar", &parts)) }
+                    td.n data-value=(bank.count) { (bank.count) }
+                    (cell_share(bank.shares[0])) (cell_share(bank.range[0])) (cell_share(bank.range[1]))
+                    (cell(frame, &place, &format!("units.{}[*].items", bank.name)))
+                }
+            } }
+        } }
+        p.note {
+            "A busy unit need not limit the frame. These are sums over the frame; "
+            code { "fillrate replay --timeline FILE" } " shows units and channels over time, in Perfetto."
+        }
+        (channels(frame, &place))
+    })
+}
+
+fn channels(frame: &Value, place: &str) -> Markup {
+    let columns = [
+        Column("channel", false, "A bounded FIFO between two units."),
+        Column("count", true, "Parallel channels; the counts are their sum."),
+        Column("items", true, ""),
+        Column("bytes", true, ""),
+        Column("fill", true, "Mean occupancy by capacity."),
+        Column("full cycles", true, "Cycles in which it had no room, the sum over the channels."),
+    ];
+    let list = frame.get("channels").and_then(Value::as_object);
+    html! {
+        @if let Some(list) = list {
+            details {
+                summary { "Channels: how full the FIFOs between units were" }
+                div.scroll.tall { table.sortable {
+                    (heads(&columns))
+                    tbody { @for (name, channels) in list {
+                        @let path = |leaf: &str| format!("channels.{name}[*].{leaf}");
+                        @let n = |leaf: &str| number(frame, &path(leaf)).unwrap_or(0.0);
+                        @let count = channels.as_array().map_or(0, Vec::len);
+                        @if n("items") > 0.0 {
+                            tr {
+                                td.name { (name) }
+                                td.n data-value=(count) { (count) }
+                                (cell(frame, place, &path("items")))
+                                (cell(frame, place, &path("bytes")))
+                                (cell_share(share(n("mean_occupancy"), n("capacity"))))
+                                (cell(frame, place, &path("full_cycles")))
+                            }
+                        }
+                    } }
+                } }
+                p.note { "Channels through which nothing went are left out." }
+            }
+        }
+    }
+}
+
+/// Bytes a cycle that the memory of a configuration moves at most.
+pub fn bandwidth(config: &Config) -> f64 {
+    let dram = &config.dram;
+    if config.memory.kind == MemoryKind::Ideal {
+        return f64::from(config.memory.ideal_bytes_per_cycle);
+    }
+    let tick = f64::from(dram.card_cycles) / f64::from(dram.clock);
+    f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick)
+}
+
+/// What the cores did by what memory moved, under the roofs of the machine.
+pub fn roofs(frame: &Value, config: &Config) -> Option<Roofline> {
+    let count = |class: &str| number(frame, &format!("shading.core[*].{class}")).unwrap_or(0.0);
+    let width = f64::from(config.core.warp_width);
+    let instructions = ["float", "integer", "special", "control"].map(count).iter().sum::<f64>() * width;
+    let bytes = number(frame, "memory.dram.read_bytes")? + number(frame, "memory.dram.write_bytes")?;
+    let cycles = number(frame, "cycles")?;
+    let cores = number_of(frame, "core");
+    if instructions == 0.0 || bytes == 0.0 || cycles == 0.0 || cores == 0.0 {
+        return None;
+    }
+    let peak = f64::from(config.core.issue) * width * cores;
+    let lanes = f64::from(config.core.float_lanes) * cores;
+    Some(Roofline {
+        bandwidth: bandwidth(config),
+        peak: peak.min(lanes),
+        points: vec![("frame".into(), instructions / bytes, instructions / cycles)],
+    })
+}
+
+fn number_of(frame: &Value, bank: &str) -> f64 {
+    frame["units"][bank].as_array().map_or(0, Vec::len) as f64
+}
+
+/// The roofline, with the figures in words.
+pub fn roofline(input: &Input<'_>) -> Option<Markup> {
+    let config = input.config?;
+    let roofs = roofs(input.statistics.frame(), config)?;
+    let (_, intensity, rate) = roofs.points.first()?;
+    let roof = roofs.peak.min(intensity * roofs.bandwidth);
+    let side = if intensity * roofs.bandwidth < roofs.peak {
+        "left of the knee: memory bandwidth is the lower roof"
+    } else {
+        "right of the knee: the cores are the lower roof"
+    };
+    Some(html! {
+        figure {
+            (PreEscaped(draw_roofline(&roofs)))
+            figcaption {
+                "The frame executes " (format!("{intensity:.2}")) " instructions for each byte of DRAM traffic and " (format!("{rate:.1}"))
+                " a cycle: " (percent(share(*rate, roof))) " of the roof, which is " (format!("{roof:.1}")) " (" (side) "). "
+                "Roofs: " (format!("{:.0}", roofs.peak)) " instructions and " (format!("{:.1}", roofs.bandwidth)) " bytes a cycle. "
+                "An instruction counts once for each invocation of its warp."
+            }
+        }
+    })
+}
+
+/// The machine, drawn from itself, with each unit in the colour of its use.
+pub fn drawing(input: &Input<'_>) -> Option<Markup> {
+    let machine = Machine::new(input.config?).ok()?;
+    let banks = banks(input.statistics.frame());
+    let busy = |name: &str| banks.iter().find(|bank| bank.name == name).map(|bank| bank.shares[0]);
+    Some(html! {
+        p.note { "Boxes are units, lines are channels. The darker a box, the larger the share of the cycles in which the unit is busy." }
+        div.scale { span { "0 %" } i style="background:linear-gradient(90deg,#f3f7fc,#08519c)" {} span { "100 % busy" } }
+        div.diagram tabindex="0" role="img" aria-label="The machine" { (PreEscaped(Diagram::new(&machine).svg_by_use(&busy))) }
+        p.note { (readable(banks.iter().map(|bank| bank.count as f64).sum())) " units. Only units that had cycles in these statistics are coloured." }
+    })
+}

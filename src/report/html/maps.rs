@@ -1,0 +1,100 @@
+//! Heat maps beside the picture: what each pixel cost, with a read-out under the pointer.
+
+use image::{ImageFormat, RgbImage};
+use maud::{Markup, html};
+use serde_json::{Value, json};
+
+use super::{inline, readable};
+use crate::run::maps::{Map, Maps, Surface};
+
+/// The picture whose pixels are a map's numbers, 8 bits a channel, the largest first. It has no colour space: a browser hands the numbers on
+/// as they are.
+fn encoded(surface: &Surface, map: &Map) -> Vec<u8> {
+    let bytes = map.values.iter().flat_map(|&value| value.min(0xFF_FFFF).to_be_bytes().into_iter().skip(1)).collect();
+    let mut out = std::io::Cursor::new(Vec::new());
+    let image = RgbImage::from_raw(surface.columns, surface.rows, bytes);
+    // Writing into memory does not fail; a picture without pixels is not made.
+    image.map(|image| image.write_to(&mut out, ImageFormat::Png));
+    out.into_inner()
+}
+
+/// The largest value, and the one that 99.5 % of the cells with any stay below.
+fn scale(map: &Map) -> (u32, u32) {
+    let mut some: Vec<u32> = map.values.iter().copied().filter(|&value| value > 0).collect();
+    some.sort_unstable();
+    let most = some.last().copied().unwrap_or(0);
+    let at = (some.len() * 199 / 200).min(some.len().saturating_sub(1));
+    (most, some.get(at).copied().unwrap_or(0).max(1))
+}
+
+/// What the script needs to know of a surface's maps.
+fn about(maps: &Maps, surface: &Surface) -> Value {
+    let list: Vec<Value> = surface
+        .maps
+        .iter()
+        .map(|map| {
+            let (most, scale) = scale(map);
+            json!({ "name": map.kind.name(), "about": map.kind.about(), "draws": map.kind.is_draw(), "most": most, "scale": scale })
+        })
+        .collect();
+    let draws: Vec<Value> = maps
+        .draws
+        .iter()
+        .filter(|draw| surface.passes.contains(&draw.pass))
+        .map(|draw| json!({ "number": draw.number, "label": draw.label, "pass": draw.pass }))
+        .collect();
+    json!({ "width": surface.columns, "height": surface.rows, "cell": surface.cell, "maps": list, "draws": draws })
+}
+
+/// Passes as a list of numbers, as far as a line goes.
+fn numbers(passes: &[u32]) -> String {
+    const MOST: usize = 8;
+    let mut text = passes.iter().take(MOST).map(u32::to_string).collect::<Vec<_>>().join(", ");
+    if passes.len() > MOST {
+        text.push_str(&format!(" and {} more", passes.len() - MOST));
+    }
+    text
+}
+
+fn one(maps: &Maps, surface: &Surface, picture: Option<&str>) -> Markup {
+    let value = about(maps, surface);
+    let shown = if surface.shown { " (shown)" } else { "" };
+    let s = if surface.passes.len() == 1 { "pass" } else { "passes" };
+    html! {
+        div.maps {
+            h3 { (surface.name) (shown) ", " (surface.width) "\u{00d7}" (surface.height) ", " (s) " " (numbers(&surface.passes)) }
+            div.tabs role="group" aria-label="Which map" {
+                @for map in &surface.maps { button type="button" aria-pressed="false" { (map.kind.name()) } }
+            }
+            p.note.about {}
+            div.two {
+                @if let (Some(picture), true) = (picture, surface.shown) {
+                    div.heat { img src=(picture) alt="The picture"; div.cross {} }
+                }
+                div {
+                    div.heat { canvas role="img" aria-label="Heat map" {} div.cross {} }
+                    div.scale { span.low {} i {} span.high {} }
+                    div.readout aria-live="off" { "Point at a pixel." }
+                }
+            }
+            @for map in &surface.maps {
+                img.raw hidden alt="" src=(inline("image/png", &encoded(surface, map)));
+            }
+            script type="application/json" { (maud::PreEscaped(super::data::script(&value))) }
+        }
+    }
+}
+
+/// The maps of a frame; `picture` is the address of the picture, of the surface that is shown.
+pub fn section(maps: &Maps, picture: Option<&str>) -> Markup {
+    html! {
+        @for surface in &maps.surfaces { (one(maps, surface, picture)) }
+        @if maps.surfaces.is_empty() { p { "The frame draws nothing." } }
+        @if maps.left_out > 0 { p.note { (readable(maps.left_out as f64)) " more surfaces are drawn to; those with most fragments are shown." } }
+        p.note {
+            "Counted in the order of the trace, from the work that every machine is given. Which of the hidden fragments hierarchical Z rejects and which early Z, when a pixel is drawn, "
+            "and which texture lines miss, depends on the machine: it is not recorded by pixel; the funnel and the caches have the sums."
+        }
+        noscript { p { "The maps need JavaScript." } }
+    }
+}

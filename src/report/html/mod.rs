@@ -1,0 +1,181 @@
+//! Pages that open from a disk: one file each, with its style, its script, its pictures and its numbers in it.
+//!
+//! Templates are Rust (`maud`): every text that is put into one is escaped, in elements and in attributes. What is put in without that is
+//! written here or drawn by [`plots`](super::plots) and [`diagram`](super::diagram), which escape by themselves. Numbers stand in the page
+//! twice: in tables, each with the path of the statistic in `data-path`, and as the JSON that they are from.
+
+mod advice;
+pub mod data;
+mod machine;
+pub mod maps;
+mod passes;
+pub mod plots;
+pub mod replay;
+mod tables;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
+
+use super::summary::{bytes, grouped};
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// A section of a page.
+pub struct Part {
+    /// Its name in links.
+    pub id: &'static str,
+    /// Its heading.
+    pub title: String,
+    /// What is in it.
+    pub body: Markup,
+}
+
+/// A part; none where there is nothing to show.
+pub fn part(id: &'static str, title: impl Into<String>, body: Option<Markup>) -> Option<Part> {
+    body.map(|body| Part { id, title: title.into(), body })
+}
+
+/// A whole page. `values` are embedded by their ids.
+pub fn page(title: &str, head: &Markup, parts: &[Part], values: &[(&str, &Value)]) -> String {
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) }
+                // Without an icon a browser asks for one.
+                link rel="icon" href="data:,";
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                header.top {
+                    (head)
+                    nav aria-label="Sections" { @for part in parts { a href=(format!("#{}", part.id)) { (part.title) } } }
+                }
+                main {
+                    @for part in parts {
+                        section.long id=(part.id) { h2 { (part.title) } (part.body) }
+                    }
+                }
+                footer { p { "Written by fillrate " (env!("CARGO_PKG_VERSION")) ". This file needs no network." } }
+                @for (id, value) in values {
+                    script type="application/json" id=(id) { (PreEscaped(data::script(value))) }
+                }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    markup.into_string()
+}
+
+/// Bytes as a part of the page itself.
+pub fn inline(kind: &str, bytes: &[u8]) -> String {
+    format!("data:{kind};base64,{}", STANDARD.encode(bytes))
+}
+
+/// A number for readers: whole ones in groups of three digits, others with three digits behind the point.
+pub fn readable(value: f64) -> String {
+    let whole = value.fract() == 0.0 && value.abs() < 9e15;
+    match (whole, value < 0.0) {
+        (true, false) => grouped(value as u64),
+        (true, true) => format!("\u{2212}{}", grouped(-value as u64)),
+        (false, _) => format!("{value:.3}"),
+    }
+}
+
+/// A share as a percentage.
+pub fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// A part by the whole; 0 where there is no whole.
+pub fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 0.0 }
+}
+
+/// The cell of a table that holds the statistic at a path; empty where there is none. `base` is the path's beginning.
+pub fn cell(from: &Value, base: &str, path: &str) -> Markup {
+    cell_as(from, base, path, readable)
+}
+
+/// As [`cell`], with bytes in a readable unit.
+pub fn cell_bytes(from: &Value, base: &str, path: &str) -> Markup {
+    cell_as(from, base, path, bytes)
+}
+
+fn cell_as(from: &Value, base: &str, path: &str, text: impl Fn(f64) -> String) -> Markup {
+    html! {
+        @match data::number(from, path) {
+            Some(value) => td.n data-path=(format!("{base}.{path}")) data-value=(value) { (text(value)) },
+            None => td.n data-value="" { "\u{2013}" },
+        }
+    }
+}
+
+/// The cell of a table with a share, which is computed.
+pub fn cell_share(value: f64) -> Markup {
+    html! { td.n data-value=(value) { (percent(value)) } }
+}
+
+/// The head of a column: its name, whether it holds numbers, and what it means.
+pub struct Column<'c>(pub &'c str, pub bool, pub &'c str);
+
+/// The heads of a table that can be sorted by each column.
+pub fn heads(columns: &[Column<'_>]) -> Markup {
+    html! {
+        thead { tr {
+            @for Column(name, numbers, meaning) in columns {
+                th.n[*numbers] scope="col" title=[(!meaning.is_empty()).then_some(meaning)] { button type="button" { (name) } }
+            }
+        } }
+    }
+}
+
+/// A bar of shares of a whole, each with its class and its name.
+pub fn bar(class: &str, shares: &[(&str, f64, String)]) -> Markup {
+    html! {
+        div class=(class) role="img" aria-label=(shares.iter().map(|(_, _, name)| name.as_str()).collect::<Vec<_>>().join(", ")) {
+            @for (class, share, name) in shares {
+                @if *share > 0.0 { i class=(class) style=(format!("width:{:.3}%", 100.0 * share)) title=(name) {} }
+            }
+        }
+    }
+}
+
+/// The key of a bar.
+pub fn key(entries: &[(&str, &str)]) -> Markup {
+    html! { div.key { @for (class, name) in entries { span { i class=(class) {} (name) } } } }
+}
+
+/// A text as one word of a shell.
+pub fn word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+%@".contains(c);
+    if !text.is_empty() && text.chars().all(plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_in_groups() {
+        assert_eq!([0.0, 1234567.0, 0.5, -2000.0].map(readable), ["0", "1,234,567", "0.500", "\u{2212}2,000"]);
+        assert_eq!([word("traces/a.zip"), word("it's"), word("")], ["traces/a.zip", "'it'\\''s'", "''"]);
+    }
+
+    #[test]
+    fn a_page_is_whole_and_asks_for_nothing() {
+        let body = html! { p { "<b> & \"" } };
+        let text = page("a </title><script>", &html! { h1 { "x" } }, &[Part { id: "one", title: "One".into(), body }], &[]);
+        assert!(text.starts_with("<!DOCTYPE html>") && text.ends_with("</html>"));
+        assert!(text.contains("a &lt;/title&gt;&lt;script&gt;") && text.contains("&lt;b&gt; &amp; \""), "{text}");
+        for asked in ["http://", "https://", "src=\"/", "@import", "url("] {
+            assert!(!text.contains(asked), "{asked}");
+        }
+    }
+}

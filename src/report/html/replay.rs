@@ -1,0 +1,246 @@
+//! The page of a replay.
+
+use maud::{Markup, html};
+use serde_json::{Value, json};
+
+use super::data::{Statistics, number};
+use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, share, tables, word};
+use crate::machine::Config;
+use crate::num::Cycle;
+use crate::report::summary::bytes;
+use crate::run::bound::{FrameEstimate, PhaseEstimate};
+use crate::run::maps::Maps;
+use crate::unit::phase::Phase;
+
+/// What a page of a replay is made from.
+pub struct Input<'i> {
+    /// The statistics.
+    pub statistics: &'i Statistics,
+    /// The machine; none where it is not known.
+    pub config: Option<&'i Config>,
+    /// The picture of the frame that is shown, as PNG.
+    pub picture: Option<&'i [u8]>,
+    /// The command that was given; none where it is not known.
+    pub command: Option<&'i str>,
+    /// What limits each phase of the frame that is shown, in order; empty where nothing was estimated.
+    pub limits: &'i [Limit],
+    /// What `why` found for this frame: its JSON, with the sentence of its verdict in `verdict`.
+    pub why: Option<&'i Value>,
+    /// Heat maps of the frame that is shown.
+    pub maps: Option<&'i Maps>,
+}
+
+/// What limits a phase, by counts and rates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Limit {
+    /// The phase, as the terminal names it.
+    pub name: String,
+    /// The unit that bounds it.
+    pub unit: String,
+    /// Cycles that this unit needs for its work at least; 0 where what bounds is no unit.
+    pub work: f64,
+    /// The unit that would bound next, and its cycles.
+    pub next: Option<(String, f64)>,
+    /// Cycles of the phase by the estimate.
+    pub cycles: f64,
+}
+
+/// What limits the phases of a frame.
+pub fn limits(estimate: &FrameEstimate) -> Vec<Limit> {
+    let limit = |(own, (phase, _)): (&PhaseEstimate, &(Phase, Cycle))| {
+        let work = own.units.iter().find(|(unit, _)| *unit == own.limit).map_or(0.0, |(_, cycles)| *cycles);
+        let others = own.units.iter().filter(|(unit, cycles)| *unit != own.limit && *cycles > 0.0);
+        let next = others.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unit, cycles)| ((*unit).to_owned(), *cycles));
+        Limit { name: phase.to_string(), unit: own.limit.to_owned(), work, next, cycles: own.cycles }
+    };
+    estimate.phases.iter().zip(&estimate.phases()).map(limit).collect()
+}
+
+/// The command that replays, or asks why, as these statistics say, with more knobs set.
+pub fn command(statistics: &Statistics, name: &str, more: &[String]) -> String {
+    let mut text = format!("fillrate {name} {}", word(statistics.text("trace")));
+    if statistics.text("config") != "baseline" {
+        text.push_str(&format!(" --config {}", word(statistics.text("config"))));
+    }
+    for (path, values) in statistics.json()["changed_knobs"].as_object().into_iter().flatten() {
+        let value = match &values["to"] {
+            Value::String(name) => name.clone(),
+            other => other.to_string(),
+        };
+        // What is tried replaces what was set.
+        if !more.iter().any(|set| set.split('=').next() == Some(path)) {
+            text.push_str(&format!(" --set {}", word(&format!("{path}={value}"))));
+        }
+    }
+    more.iter().for_each(|set| text.push_str(&format!(" --set {}", word(set))));
+    if statistics.frames().len() > 1 || statistics.number() > 0 {
+        text.push_str(&format!(" --frames {}", statistics.number()));
+    }
+    if name == "replay" && statistics.text("fidelity") != "cycle" {
+        text.push_str(&format!(" --fidelity {}", word(statistics.text("fidelity"))));
+    }
+    text
+}
+
+fn knob(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+/// The figures that stand first.
+fn tiles(statistics: &Statistics) -> Markup {
+    let n = |path: &str| statistics.own(path);
+    let place = statistics.place();
+    let mut tiles: Vec<(String, &str, &str, f64)> = Vec::new();
+    if let Some(cycles) = n("cycles") {
+        tiles.push((readable(cycles), "cycles", "cycles", cycles));
+    }
+    if let Some(seconds) = n("seconds").filter(|seconds| *seconds > 0.0) {
+        tiles.push((format!("{:.3} ms", 1e3 * seconds), "of the card's time", "seconds", seconds));
+    }
+    for (path, name) in [("funnel.triangles_setup", "triangles set up"), ("funnel.fragments_shaded", "fragments shaded")] {
+        if let Some(value) = n(path) {
+            tiles.push((readable(value), name, path, value));
+        }
+    }
+    for (path, name) in [("memory.dram.read_bytes", "read from DRAM"), ("memory.dram.write_bytes", "written to DRAM")] {
+        if let Some(value) = n(path) {
+            tiles.push((bytes(value), name, path, value));
+        }
+    }
+    if let Some(value) = n("sort.wrong_pixels") {
+        tiles.push((readable(value), "wrong pixels", "sort.wrong_pixels", value));
+    }
+    html! {
+        div.tiles { @for (text, name, path, value) in &tiles {
+            div.tile { b data-path=(format!("{place}.{path}")) data-value=(value) { (text) } span { (name) } }
+        } }
+    }
+}
+
+/// The picture, and what was run.
+fn run(input: &Input<'_>, picture: Option<&str>) -> Markup {
+    let statistics = input.statistics;
+    let changed = statistics.json()["changed_knobs"].as_object();
+    html! {
+        div.two {
+            figure {
+                @match picture {
+                    Some(address) => { img.shot src=(address) alt=(format!("Frame {}", statistics.number())); figcaption { "Frame " (statistics.number()) ", as the machine drew it." } },
+                    None => p.note { "No picture of this frame was left." },
+                }
+            }
+            div {
+                div.scroll { table { tbody {
+                    tr { th scope="row" { "trace" } td { code { (statistics.text("trace")) } } }
+                    tr { th scope="row" { "machine" } td { code { (statistics.text("config")) } @if let Some(config) = input.config { ", " (config.card.sort.name()) ", " (config.card.pipelines) " pipelines at " (config.card.clock_mhz) " MHz" } } }
+                    tr { th scope="row" { "fidelity" } td { (statistics.text("fidelity")) } }
+                    tr { th scope="row" { "frames" } td { (statistics.frames().len()) @if statistics.frames().len() > 1 { "; shown is frame " (statistics.number()) ", which costs most" } } }
+                    tr { th scope="row" { "program" } td { "fillrate " (statistics.text("fillrate")) } }
+                } } }
+                h3 { "Knobs that differ from " (statistics.text("config")) }
+                @match changed.filter(|changed| !changed.is_empty()) {
+                    Some(changed) => div.scroll { table {
+                        thead { tr { th scope="col" { "knob" } th.n scope="col" { "there" } th.n scope="col" { "here" } } }
+                        tbody { @for (path, values) in changed { tr { td.name { code { (path) } } td.n { (knob(&values["from"])) } td.n { b { (knob(&values["to"])) } } } } }
+                    } },
+                    None => p { "None." },
+                }
+                h3 { @if input.command.is_some() { "Command" } @else { "Command that replays it" } }
+                pre { (input.command.map_or_else(|| command(statistics, "replay", &[]), str::to_owned)) }
+            }
+        }
+    }
+}
+
+/// What was found to hold the frame back, in a sentence, with its table.
+fn proven(why: &Value) -> Markup {
+    let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
+    let gain = |value: &Value| value["gain"].as_f64();
+    let (some, none): (Vec<&Value>, Vec<&Value>) =
+        gains.iter().partition(|own| gain(own).is_none_or(|gain| gain.abs() >= 0.0005));
+    html! {
+        p.verdict { (why["verdict"].as_str().unwrap_or("")) }
+        p.note { "The frame was timed again on " (gains.len()) " machines, each with more of one resource. Caches are cold when the frame begins: " (readable(why["cycles"].as_f64().unwrap_or(0.0))) " cycles." }
+        div.scroll.tall { table.sortable id="why" {
+            (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("seen without it", false, "")]))
+            tbody { @for own in some {
+                tr {
+                    td.name { (own["change"].as_str().unwrap_or("")) }
+                    @match (own["cycles"].as_f64(), gain(own)) {
+                        (Some(cycles), Some(gain)) => {
+                            td.n data-value=(cycles) { (readable(cycles)) }
+                            td.n data-value=(-gain) { span class=(if gain > 0.0 { "gain" } else { "loss" }) { (format!("{:+.1} %", -100.0 * gain)) } }
+                        },
+                        _ => { td.n data-value="" { "\u{2013}" } td.n data-value="" { "\u{2013}" } },
+                    }
+                    td { (own["evidence"].as_str().unwrap_or("")) (own["error"].as_str().unwrap_or("")) }
+                }
+            } }
+        } }
+        @if !none.is_empty() { p.note { (none.len()) " changes gain less than 0.05 %." } }
+    }
+}
+
+/// What holds the frame back: proven, estimated, or how to find out.
+fn verdict(input: &Input<'_>) -> Markup {
+    let prove = command(input.statistics, "why", &[]);
+    let all: f64 = input.statistics.own("cycles").unwrap_or(0.0);
+    let cycles = |at: usize| number(input.statistics.frame(), &format!("phases[{at}].cycles")).unwrap_or(0.0);
+    let most = (0..input.limits.len()).max_by(|&a, &b| cycles(a).total_cmp(&cycles(b)));
+    html! {
+        @match (input.why, most) {
+            (Some(why), _) => (proven(why)),
+            (None, Some(at)) => {
+                @let limit = &input.limits[at];
+                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame, and by counts and rates " b { (limit.unit) } " limits it." }
+                p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
+                pre { (prove) }
+            },
+            (None, None) => {
+                p { "Nothing was timed to find out. This command does it:" }
+                pre { (prove) }
+            },
+        }
+    }
+}
+
+/// The page, as one file.
+pub fn replay(input: &Input<'_>) -> String {
+    let statistics = input.statistics;
+    let picture = input.picture.map(|png| inline("image/png", png));
+    let name = statistics.text("trace").trim_end_matches('/').rsplit('/').next().unwrap_or("");
+    let title = format!("{name} on {}", statistics.text("config"));
+    let head = html! {
+        h1 { (title) }
+        p.sub { "Frame " (statistics.number()) @if statistics.frames().len() > 1 { " of " (statistics.frames().len()) " frames: the one that costs most" } ". What was drawn, how long it took, and what held it back." }
+        (tiles(statistics))
+    };
+    let missing = "The trace is not at hand. This command adds maps: fillrate report DIR --trace TRACE, or fillrate replay TRACE --report FILE.html.";
+    let heat = input.maps.map_or_else(|| html! { p.note { (missing) } }, |maps| maps::section(maps, picture.as_deref()));
+    let parts: Vec<Part> = [
+        part("run", "What was run", Some(run(input, picture.as_deref()))),
+        part("why", "What holds it back", Some(verdict(input))),
+        part("time", "Where the time goes", passes::time(input)),
+        part("tables", "Passes and draws", passes::tables(input)),
+        part("units", "Units and channels", machine::units(input)),
+        part("maps", "Heat maps", Some(heat)),
+        part("funnel", "Funnel", tables::funnel(input)),
+        part("caches", "Caches", tables::caches(input)),
+        part("memory", "Memory", tables::memory(input)),
+        part("roofline", "Roofline", machine::roofline(input)),
+        part("frames", "All frames", tables::frames(input)),
+        part("machine", "The machine", machine::drawing(input)),
+        part("advice", "What to try", advice::section(input)),
+        part("glossary", "Glossary", tables::glossary(input)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    let estimates: Vec<Value> = input
+        .limits
+        .iter()
+        .map(|limit| json!({ "phase": limit.name, "limit": limit.unit, "work_cycles": limit.work, "cycles": limit.cycles }))
+        .collect();
+    let more = json!({ "limits": estimates, "why": input.why });
+    page(&title, &head, &parts, &[("statistics", statistics.json()), ("estimates", &more)])
+}

@@ -1,0 +1,336 @@
+//! Maps of a frame: what is drawn at each pixel, counted from the work of a rendering in the order of the trace.
+//!
+//! No machine takes part, so every machine has the same maps. What only a machine knows is not in them: which of the hidden quads hierarchical Z
+//! rejects and which early Z, when a pixel is drawn, and which lines miss.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use super::bound::{Bound, FrameEstimate};
+use super::profiles::{Profiled, Reader};
+use super::rendering::{Consumer, Rendering, Work};
+use crate::machine::Config;
+use crate::machine::config::SortClass;
+use crate::render::{self, FrameSet, Held};
+use crate::trace::Trace;
+use crate::work::{self, BLOCK, Draw, EndFrame, Event, Funnel, Pass, QUAD_SHADED, RenderKey, Segment, SurfaceKey, TileWork};
+
+/// Cells of a map at most. Larger surfaces have cells of 2x2, 4x4 or more pixels.
+const CELLS: u32 = 640 * 1024;
+
+/// Surfaces of which maps are made: the first that a frame draws to.
+const SURFACES: usize = 16;
+
+/// Surfaces that are kept: that which is shown, and those with most fragments.
+const KEPT: usize = 3;
+
+/// Draws that are named.
+const NAMED: usize = 20_000;
+
+/// What a map counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Fragments that triangles cover.
+    Overdraw,
+    /// Instructions of fragment shaders.
+    Cost,
+    /// Invocations outside their triangle.
+    Waste,
+    /// Fragments that are rejected before shading.
+    Hidden,
+    /// Lines that shaders ask for.
+    Lines,
+    /// The draw that was last.
+    Draw,
+}
+
+impl Kind {
+    /// All of them, in the order of [`Surface::maps`].
+    pub const ALL: [Kind; 6] = [Kind::Overdraw, Kind::Cost, Kind::Waste, Kind::Hidden, Kind::Lines, Kind::Draw];
+
+    /// The name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Overdraw => "overdraw",
+            Kind::Cost => "shading cost",
+            Kind::Waste => "quad waste",
+            Kind::Hidden => "hidden before shading",
+            Kind::Lines => "memory lines",
+            Kind::Draw => "last draw",
+        }
+    }
+
+    /// What it counts.
+    pub fn about(self) -> &'static str {
+        match self {
+            Kind::Overdraw => "Fragments that triangles cover, hidden ones included.",
+            Kind::Cost => "Instructions of fragment shaders, those of helper invocations included.",
+            Kind::Waste => "Helper invocations: the pixel lies outside the triangle, and is shaded for its quad.",
+            Kind::Hidden => "Fragments of quads that depth or stencil rejects whole before shading.",
+            Kind::Lines => {
+                "Lines of 64 bytes that the shaders of the pixel's quads ask of textures and buffers; each counts for all four pixels."
+            }
+            Kind::Draw => {
+                "The draw whose fragment was shaded last, in the order of the trace. In a quad that is hidden in part, and behind a late depth test, it need not be the one that is seen."
+            }
+        }
+    }
+
+    /// Whether values are numbers of draws, each one higher, and 0 is none.
+    pub fn is_draw(self) -> bool {
+        self == Kind::Draw
+    }
+}
+
+/// A map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Map {
+    /// What it counts.
+    pub kind: Kind,
+    /// A value a cell, row by row: the sum over its pixels, or the last draw's.
+    pub values: Vec<u32>,
+}
+
+/// The maps of a surface.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// The texture, with its level and layer where they are not 0.
+    pub name: String,
+    /// Whether it is what the frame shows.
+    pub shown: bool,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Edge of a cell in pixels: a power of two.
+    pub cell: u32,
+    /// Cells in a row.
+    pub columns: u32,
+    /// Rows of cells.
+    pub rows: u32,
+    /// Passes that draw to it, by their numbers in the trace.
+    pub passes: Vec<u32>,
+    /// Maps, by [`Kind::ALL`].
+    pub maps: Vec<Map>,
+}
+
+/// A draw of the frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Named {
+    /// Its number in the trace.
+    pub number: u32,
+    /// Its label, or empty.
+    pub label: String,
+    /// Its pass.
+    pub pass: u32,
+}
+
+/// The maps of a frame.
+#[derive(Clone, Debug, Default)]
+pub struct Maps {
+    /// Surfaces: the one that is shown first, then those with most fragments.
+    pub surfaces: Vec<Surface>,
+    /// Surfaces that the frame draws to and that have no maps here.
+    pub left_out: usize,
+    /// The draws.
+    pub draws: Vec<Named>,
+    /// What was counted in the frame, in the order of the trace.
+    pub funnel: Funnel,
+}
+
+/// Edge of a cell so that a surface has at most [`CELLS`].
+fn cell(width: u32, height: u32) -> u32 {
+    let mut cell = 1;
+    while width.div_ceil(cell).saturating_mul(height.div_ceil(cell)) > CELLS {
+        cell *= 2;
+    }
+    cell
+}
+
+/// Maps that grow with the events of a frame.
+#[derive(Default)]
+struct Growing {
+    surfaces: Vec<(SurfaceKey, Surface)>,
+    left_out: Vec<SurfaceKey>,
+    draws: Vec<Named>,
+    funnel: Funnel,
+    /// The surface of the pass that is open, by its place.
+    open: Option<usize>,
+    pass: u32,
+    draw: Option<Arc<Draw>>,
+}
+
+impl Growing {
+    fn begin(&mut self, pass: &Pass) {
+        let attachment = pass.color.iter().flatten().next().or(pass.depth.as_ref());
+        (self.open, self.pass) = (None, pass.number);
+        let Some(key) = attachment.map(|attachment| attachment.surface.key) else { return };
+        let at = self.surfaces.iter().position(|(known, _)| *known == key);
+        if at.is_none() && self.surfaces.len() == SURFACES {
+            if !self.left_out.contains(&key) {
+                self.left_out.push(key);
+            }
+            return;
+        }
+        let at = at.unwrap_or_else(|| {
+            self.surfaces.push((key, Surface::new(key, pass.width, pass.height)));
+            self.surfaces.len() - 1
+        });
+        self.surfaces[at].1.passes.push(pass.number);
+        self.open = Some(at);
+    }
+
+    fn segment(&mut self, segment: &Segment) {
+        self.funnel += segment.funnel;
+        let (Some(at), Some(draw)) = (self.open, &self.draw) else { return };
+        for tile in &segment.tiles {
+            self.surfaces[at].1.tile(tile, draw);
+        }
+    }
+
+    fn end(self, end: &EndFrame) -> Maps {
+        let mut surfaces: Vec<Surface> = Vec::new();
+        for (key, mut surface) in self.surfaces {
+            surface.shown = end.shown.is_some_and(|shown| shown.key == key);
+            surfaces.push(surface);
+        }
+        let fragments = |surface: &Surface| surface.maps[0].values.iter().map(|&value| u64::from(value)).sum::<u64>();
+        surfaces.retain(|surface| fragments(surface) > 0);
+        surfaces.sort_by_cached_key(|surface| (!surface.shown, std::cmp::Reverse(fragments(surface))));
+        let left_out = self.left_out.len() + surfaces.len().saturating_sub(KEPT);
+        surfaces.truncate(KEPT);
+        Maps { surfaces, left_out, draws: self.draws, funnel: self.funnel }
+    }
+}
+
+impl Surface {
+    fn new(key: SurfaceKey, width: u32, height: u32) -> Surface {
+        let mut name = format!("texture {}", key.texture);
+        if key.level > 0 {
+            name.push_str(&format!(", level {}", key.level));
+        }
+        if key.layer > 0 {
+            name.push_str(&format!(", layer {}", key.layer));
+        }
+        let cell = cell(width, height);
+        let (columns, rows) = (width.div_ceil(cell), height.div_ceil(cell));
+        let cells = columns as usize * rows as usize;
+        let maps = Kind::ALL.map(|kind| Map { kind, values: vec![0; cells] }).to_vec();
+        Surface { name, shown: false, width, height, cell, columns, rows, passes: Vec::new(), maps }
+    }
+
+    /// Counts the quads of a draw in a screen tile.
+    fn tile(&mut self, tile: &TileWork, draw: &Draw) {
+        // Of each cost its instructions.
+        let costs: Vec<u32> = tile.costs.costs.iter().map(|cost| cost.instructions().iter().sum()).collect();
+        let requests: Vec<usize> = tile.costs.costs.iter().map(work::Cost::requests).collect();
+        let shades = draw.fragment.is_some();
+        for block in &tile.blocks {
+            let first = block.first_quad as usize;
+            for quad in &tile.quads[first..first + usize::from(block.quads)] {
+                let shaded = quad.flags & QUAD_SHADED != 0;
+                let (cost, lines) = if shaded && shades {
+                    let own = quad.first_request as usize..quad.first_request as usize + requests[usize::from(quad.cost)];
+                    let lines = tile.requests[own].iter().map(|request| u32::from(request.lines)).sum();
+                    (costs[usize::from(quad.cost)], lines)
+                } else {
+                    (0, 0)
+                };
+                for pixel in 0..4 {
+                    let has = |samples: u16| samples >> pixel & 0x1111 != 0;
+                    let x = u32::from(block.x) * BLOCK + u32::from(quad.position % 4) * 2 + (pixel & 1);
+                    let y = u32::from(block.y) * BLOCK + u32::from(quad.position / 4) * 2 + (pixel >> 1);
+                    // Helpers of the last column or row may lie outside.
+                    if x >= self.width || y >= self.height {
+                        continue;
+                    }
+                    let at = (y / self.cell * self.columns + x / self.cell) as usize;
+                    let covered = has(quad.coverage);
+                    let mut add = |kind: Kind, value: u32| {
+                        let cell = &mut self.maps[kind as usize].values[at];
+                        *cell = cell.saturating_add(value);
+                    };
+                    add(Kind::Overdraw, u32::from(covered));
+                    add(Kind::Cost, cost);
+                    add(Kind::Lines, lines);
+                    add(Kind::Waste, u32::from(shades && shaded && !covered));
+                    add(Kind::Hidden, u32::from(shades && !shaded && covered));
+                    if has(quad.kept) && (shaded || !shades) {
+                        self.maps[Kind::Draw as usize].values[at] = draw.number.saturating_add(1);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Counts the maps of the frame that the events are of.
+fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
+    let run = move |work: Work| {
+        let mut growing = Growing::default();
+        for event in work {
+            match event {
+                Event::BeginPass(pass) => growing.begin(&pass),
+                Event::Draw(draw) => {
+                    if growing.draws.len() < NAMED {
+                        growing.draws.push(Named { number: draw.number, label: draw.label.clone(), pass: growing.pass });
+                    }
+                    growing.draw = Some(draw);
+                }
+                Event::Segment(segment) => growing.segment(&segment),
+                Event::EndPass => growing.open = None,
+                Event::EndFrame(end) => *out = std::mem::take(&mut growing).end(&end),
+                _ => {}
+            }
+        }
+        Ok(())
+    };
+    Consumer { held: Held::default(), recorded: true, run: Box::new(run) }
+}
+
+/// What one more rendering of a frame tells about it.
+#[derive(Debug, Default)]
+pub struct Look {
+    /// The maps.
+    pub maps: Maps,
+    /// The time of its phases by counts and rates; none where the machine is of a class that no rates are known of. What earlier frames have
+    /// left in caches is not in it.
+    pub estimate: Option<FrameEstimate>,
+}
+
+/// Renders one frame for its maps and its estimate.
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub fn look(trace: &Trace, config: &Config, frame: u32) -> Result<Look> {
+    let mut look = Look::default();
+    let options = render::Options { frames: FrameSet::from(frame..frame.saturating_add(1)), ..render::Options::default() };
+    let mut rendering = Rendering::new(trace, options);
+    let key: RenderKey = config.render_key();
+    rendering.consume(key, counting(&mut look.maps));
+    if config.card.sort == SortClass::Middle
+        && let Ok(mut bound) = Bound::new(config)
+    {
+        let out = &mut look.estimate;
+        let read = move |frames: &[Profiled]| {
+            if let Some(frame) = frames.last() {
+                *out = Some(bound.frame(&frame.profile));
+            }
+            Ok(())
+        };
+        rendering.profile(key, Reader { keeps: false, read: Box::new(read) });
+    }
+    rendering.run()?;
+    Ok(look)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_surfaces_have_larger_cells() {
+        assert_eq!([cell(800, 600), cell(1920, 1080), cell(16384, 16384), cell(1, 1)], [1, 2, 32, 1]);
+    }
+}
