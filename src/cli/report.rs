@@ -18,6 +18,9 @@ use crate::report::picture::picture;
 use crate::run::maps::{Look, look};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
+use crate::sweep::folder::{Results, hash, read_inputs};
+use crate::sweep::html;
+use crate::sweep::plan::Plan;
 use crate::trace::Trace;
 use crate::why::why;
 
@@ -211,9 +214,37 @@ fn write_plots(folder: &Path, plots: &[(String, String)]) -> Result<()> {
     Ok(())
 }
 
+/// The page of a sweep whose shards have ended and stand in one folder.
+fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
+    if arguments.trace.is_some() {
+        bail!("--trace is about a replay, and {} is of a sweep", arguments.dir.display());
+    }
+    let folder = &arguments.dir;
+    let inputs = read_inputs(folder)?;
+    let base = folder.join("base.ron").display().to_string();
+    // The configuration that the sweep was begun with: the one of that name may have changed.
+    let text = host::read_text(Path::new(&base), CONFIG_MAX).with_context(|| format!("cannot read {base}"))?;
+    if hash(text.as_bytes()) != inputs.base {
+        bail!("{base} is not the configuration that the sweep was begun with");
+    }
+    let plan = Plan::new(Config::parse(&base, &text)?, &inputs.experiment, u64::from(u32::MAX))
+        .with_context(|| folder.join("inputs.json").display().to_string())?;
+    let mut results = Results::open(std::slice::from_ref(folder), inputs.shards)?;
+    let sweep = html::Sweep::read(&inputs, &plan, &mut results)?;
+    host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
+    if arguments.plots {
+        write_plots(folder, &html::plots(&sweep))?;
+    }
+    println!("the page: {}", out.display());
+    Ok(Verdict::Done)
+}
+
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let folder = &arguments.dir;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
+    if folder.join("inputs.json").exists() {
+        return sweep(arguments, &out);
+    }
     let subject = Subject::open(folder)?;
     let trace = arguments.trace.as_deref().map(|path| arguments.reading.open(path)).transpose()?;
     if trace.is_some() && subject.config.is_none() {

@@ -88,6 +88,9 @@ pub struct Experiment {
     /// Statistics that are kept: paths, each with all below it. Empty: all.
     #[serde(default)]
     pub keep: Vec<String>,
+    /// What a machine costs, a formula over its knobs as links have: the page sets it against cycles. Empty: the bytes of DRAM traffic are.
+    #[serde(default)]
+    pub cost: String,
 }
 
 fn all() -> String {

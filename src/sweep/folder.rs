@@ -45,6 +45,7 @@ impl Inputs {
             ("screen", e.0.screen != e.1.screen),
             ("kept statistics", e.0.keep != e.1.keep),
             ("question", e.0.question != e.1.question),
+            ("cost", e.0.cost != e.1.cost),
             ("number of shards", self.shards != other.shards),
             ("program", self.fillrate != other.fillrate || self.program != other.program),
         ];

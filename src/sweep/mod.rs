@@ -8,6 +8,7 @@
 pub mod entry;
 pub mod experiment;
 pub mod folder;
+pub mod html;
 pub mod link;
 pub mod plan;
 pub mod report;

@@ -38,6 +38,8 @@ pub struct Plan {
     base: Config,
     axes: Vec<Axis>,
     links: Vec<Link>,
+    /// What a machine costs; none: the experiment does not say.
+    cost: Option<Link>,
     chosen: Chosen,
 }
 
@@ -85,12 +87,35 @@ impl Plan {
             links.push(link);
         }
         let chosen = choose(&axes, &experiment.design, most)?;
-        let plan = Plan { base, axes, links, chosen };
+        let cost = match experiment.cost.trim() {
+            "" => None,
+            text => {
+                // A link of which only the formula counts.
+                let link = Link::parse(&format!("cost={text}")).map_err(|reason| anyhow!("the cost `{text}` {reason}"))?;
+                for path in link.reads() {
+                    base.knob("--cost", path)?;
+                }
+                Some(link)
+            }
+        };
+        let plan = Plan { base, axes, links, cost, chosen };
         // A link that gives no number or one that its knob does not take is found before anything runs.
         for number in 0..plan.len() {
-            plan.settings(number)?;
+            let (config, _) = plan.settings(number)?;
+            plan.cost(&config)?;
         }
         Ok(plan)
+    }
+
+    /// What a machine costs; none where the experiment does not say.
+    ///
+    /// # Errors
+    /// If the formula gives no whole number.
+    pub fn cost(&self, config: &Config) -> Result<Option<u64>> {
+        self.cost
+            .as_ref()
+            .map(|cost| cost.value(config).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost "))))
+            .transpose()
     }
 
     /// The configuration that is varied.

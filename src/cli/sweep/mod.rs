@@ -18,6 +18,7 @@ use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
 use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
 use crate::sweep::folder::{Inputs, Results, Shard, begin, hash, hash_path, read_inputs};
+use crate::sweep::html;
 use crate::sweep::plan::{MOST_MACHINES, Plan};
 use crate::sweep::report::Outcome;
 use crate::sweep::table::{Cell, Kind, write};
@@ -34,7 +35,7 @@ use crate::trace::Trace;
 fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --vary sort=all --out results\n  \
 fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
-Leaves in --out: report.md, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
+Leaves in --out: report.md, report.html, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
 screen.csv where machines are screened, experiment.ron, base.ron, inputs.json (hashes of all inputs) and shard-I-of-N.jsonl. \
 A sweep that was killed goes on when the same command is given again."
 )]
@@ -73,6 +74,9 @@ pub struct Arguments {
     /// The question, as the heading of the report
     #[arg(long, value_name = "TEXT")]
     question: Option<String>,
+    /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
+    #[arg(long, value_name = "FORMULA")]
+    cost: Option<String>,
     /// Where to leave the results
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -155,6 +159,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--keep", !arguments.keep.is_empty()),
             ("--frames", arguments.frames.is_some()),
             ("--question", arguments.question.is_some()),
+            ("--cost", arguments.cost.is_some()),
         ];
         if let Some((option, _)) = given.into_iter().find(|&(_, given)| given) {
             bail!("{option} is part of the experiment {}: write it there", path.display());
@@ -175,6 +180,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
         design: arguments.design.clone().map(|DesignName(design)| design).unwrap_or_default(),
         screen: arguments.screen.map(|keep| Screen { by: Screener::Bound, keep }),
         keep: arguments.keep.clone(),
+        cost: arguments.cost.clone().unwrap_or_default(),
     })
 }
 
@@ -347,6 +353,9 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     let page = outcome.page(inputs, plan, screened);
     let path = folder.join("report.md");
     host::write_file(&path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    let shown = html::page(&html::Sweep::read(inputs, plan, &mut results)?);
+    let path = folder.join("report.html");
+    host::write_file(&path, shown.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     print!("\n{page}");
     println!("\nwritten to {}", folder.display());
     Ok(if outcome.timed() > 0 { Verdict::Done } else { Verdict::Failed })

@@ -178,7 +178,7 @@ pub fn roofline(input: &Input<'_>) -> Option<Markup> {
         "right of the knee: the cores are the lower roof"
     };
     Some(html! {
-        figure {
+        figure.two {
             (PreEscaped(draw_roofline(&roofs)))
             figcaption {
                 "The frame executes " (format!("{intensity:.2}")) " instructions for each byte of DRAM traffic and " (format!("{rate:.1}"))

@@ -83,7 +83,7 @@ for (const box of document.querySelectorAll(".maps")) {
     const image = context.createImageData(about.width, about.height);
     for (let i = 0; i < values.length; i++) {
       const value = values[i];
-      const [r, g, b] = value === 0 ? [28, 28, 36] : map.draws ? hue(value) : shade(map.scale <= 1 ? 1 : (value - 1) / (map.scale - 1));
+      const [r, g, b] = value === 0 ? [28, 28, 36] : map.draws ? hue(value) : shade(map.scale <= 1 ? 1 : 0.15 + 0.85 * (value - 1) / (map.scale - 1));
       image.data.set([r, g, b, 255], 4 * i);
     }
     context.putImageData(image, 0, 0);

@@ -192,7 +192,7 @@ fn verdict(input: &Input<'_>) -> Markup {
             (Some(why), _) => (proven(why)),
             (None, Some(at)) => {
                 @let limit = &input.limits[at];
-                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame, and by counts and rates " b { (limit.unit) } " limits it." }
+                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "." }
                 p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
                 pre { (prove) }
             },

@@ -91,8 +91,8 @@ impl Axis {
 /// A value as it stands beside an axis: three digits, with k, M or G.
 pub fn label(value: f64) -> String {
     let (scaled, unit) = match value.abs() {
-        size if size >= 1e9 => (value / 1e9, "G"),
-        size if size >= 1e6 => (value / 1e6, "M"),
+        size if size >= 0.99995e9 => (value / 1e9, "G"),
+        size if size >= 0.99995e6 => (value / 1e6, "M"),
         size if size >= 1e4 => (value / 1e3, "k"),
         _ => (value, ""),
     };

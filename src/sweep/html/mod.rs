@@ -1,0 +1,313 @@
+//! The page of a sweep: the answer, what each axis does, two axes at once, the Pareto front, and all machines.
+
+mod data;
+
+use maud::{Markup, PreEscaped, html};
+
+pub use data::Sweep;
+use data::{Effect, Machine, front, plain};
+
+use crate::knob::Setting;
+use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable};
+use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
+
+/// Machines that the table lists.
+const LISTED: usize = 2000;
+
+/// Values of an axis up to which it is a side of a heat map, and up to which a column has a filter by its values.
+const SIDE: usize = 16;
+
+/// Series of a response curve: values of the second axis.
+const CURVES: usize = 6;
+
+/// A value of an axis as a place along it; none of a name.
+fn place(setting: &Setting) -> Option<f64> {
+    if let Setting::Number(value) = setting { Some(*value as f64) } else { None }
+}
+
+/// How the values of an axis go along: by powers where they span more than an eightfold, and are not 0.
+fn scale(places: &[f64]) -> Scale {
+    let (low, high) = places.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), &place| (low.min(place), high.max(place)));
+    if low > 0.0 && high / low >= 8.0 { Scale::Log } else { Scale::Linear }
+}
+
+/// Cycles by the values of an axis of numbers; of two axes, by the values of the other one.
+fn curve(sweep: &Sweep<'_>, effect: &Effect) -> Option<Markup> {
+    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
+    let places = places.filter(|places| places.len() > 1)?;
+    let other = (sweep.axes.len() == 2).then(|| 1 - effect.axis).filter(|&other| sweep.axes[other].values.len() <= CURVES);
+    let mut series: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+    match other {
+        Some(other) => {
+            for second in &sweep.axes[other].values {
+                let point = |response: &data::Response| {
+                    let both = |machine: &Machine| {
+                        machine.settings[effect.axis] == response.value && machine.settings[other] == *second
+                    };
+                    Some((place(&response.value)?, sweep.mean(both)?.0))
+                };
+                let points: Vec<(f64, f64)> = effect.responses.iter().filter_map(point).collect();
+                series.push((format!("{}={}", sweep.axes[other].path, plain(second)), points));
+            }
+        }
+        None => {
+            let points = effect.responses.iter().zip(&places).map(|(own, &place)| (place, own.cycles)).collect();
+            series.push(("geometric mean".into(), points));
+        }
+    }
+    series.iter_mut().for_each(|(_, points)| points.sort_by(|a, b| a.0.total_cmp(&b.0)));
+    let series: Vec<Series<'_>> =
+        series.iter().map(|(name, points)| Series { name, points: points.clone(), line: true }).collect();
+    let cycles: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
+    // Where cycles differ by less than this, an axis from 0 shows how little that is.
+    let wide = scale(&cycles) == Scale::Log;
+    Some(chart(&effect.path, "cycles", scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series))
+}
+
+/// The table of an axis: every value.
+fn table(effect: &Effect, best: f64) -> Markup {
+    let most = effect.responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
+    html! { div.scroll { table.sortable {
+        (heads(&[Column("value", place(&effect.responses[0].value).is_some(), ""), Column("machines", true, ""), Column("cycles", true, "Geometric mean."), Column("by the fastest", true, "By the cycles of the fastest machine.")]))
+        tbody { @for own in &effect.responses { tr {
+            @match place(&own.value) { Some(number) => td.n data-value=(number) { (readable(number)) }, None => td.name { (plain(&own.value)) } }
+            td.n data-value=(own.machines) { (own.machines) }
+            td.n data-value=(own.cycles) { (readable(own.cycles.round())) }
+            td.n data-value=(own.cycles / best) { (format!("{:.3}", own.cycles / best)) }
+            td.wide { (bar("bar", &[("b-read", own.cycles / most, String::new())])) }
+        } } }
+    } } }
+}
+
+fn run(sweep: &Sweep<'_>) -> Markup {
+    let experiment = &sweep.inputs.experiment;
+    let mut base = experiment.base.clone();
+    experiment.set.iter().for_each(|set| base.push_str(&format!(" --set {set}")));
+    let failed = sweep.machines.iter().filter(|machine| machine.cycles.is_none()).count();
+    let estimated = sweep.planned as usize - sweep.machines.len();
+    html! {
+        div.scroll { table { tbody {
+            tr { th scope="row" { "traces" } td { code { (experiment.traces.join(", ")) } } }
+            tr { th scope="row" { "frames" } td { (if experiment.frames == ".." { "all" } else { &experiment.frames }) } }
+            tr { th scope="row" { "base" } td { code { (base) } } }
+            @for axis in &experiment.vary { tr { th scope="row" { "axis" } td { code { (axis) } } } }
+            @for link in &experiment.link { tr { th scope="row" { "link" } td { code { (link) } } } }
+            @if !experiment.cost.is_empty() { tr { th scope="row" { "cost" } td { code { (experiment.cost) } } } }
+            tr { th scope="row" { "machines" } td { (sweep.planned) " planned, " (sweep.timed().count()) " with a result, " (failed) " with an error" @if estimated > 0 { ", " (estimated) " estimated only (screen.csv)" } } }
+            tr { th scope="row" { "program" } td { "fillrate " (sweep.inputs.fillrate) } }
+        } } }
+        p.note { "The same again: " code { "fillrate sweep experiment.ron --out DIR" } ", with experiment.ron of this folder." }
+    }
+}
+
+fn answer(sweep: &Sweep<'_>, effects: &[Effect]) -> Markup {
+    let (first, last) = (sweep.timed().next(), sweep.timed().last());
+    let fewest = |effect: &Effect| {
+        effect.responses.iter().min_by(|a, b| a.cycles.total_cmp(&b.cycles)).map_or(String::new(), |own| plain(&own.value))
+    };
+    html! {
+        @match (first, last) {
+            (Some((best, cycles)), Some((_, most))) => {
+                p.verdict {
+                    "Machine " (best.number) " is the fastest" @if !best.settings.is_empty() { ": " code { (sweep.described(best)) } } ", " (readable(cycles as f64)) " cycles. "
+                    "The slowest takes " (format!("{:.2}", most as f64 / cycles.max(1) as f64)) " times as many."
+                }
+                @if let Some(effect) = effects.first().filter(|effect| effect.ratio > 1.0) {
+                    p { "Most depends on " code { (effect.path) } ": its worst value takes " (format!("{:.2}", effect.ratio)) " times the cycles of its best, " (fewest(effect)) "." }
+                }
+            },
+            _ => p.verdict { "No machine has a result." },
+        }
+    }
+}
+
+fn sensitivities(effects: &[Effect]) -> Option<Markup> {
+    let most = effects.iter().map(|effect| effect.ratio - 1.0).fold(0.0, f64::max);
+    let end = |effect: &Effect, worst: bool| {
+        let order = |a: &&data::Response, b: &&data::Response| a.cycles.total_cmp(&b.cycles);
+        let own = effect.responses.iter();
+        if worst { own.max_by(order) } else { own.min_by(order) }.map_or(String::new(), |own| plain(&own.value))
+    };
+    (!effects.is_empty()).then(|| {
+        html! {
+            div.scroll { table.sortable {
+                (heads(&[Column("axis", false, ""), Column("worst by best", true, "Geometric mean of the cycles at the worst value by that at the best."), Column("best value", false, ""), Column("worst value", false, "")]))
+                tbody { @for effect in effects { tr {
+                    td.name { code { (effect.path) } }
+                    td.n data-value=(effect.ratio) { (format!("{:.3}", effect.ratio)) }
+                    td { (end(effect, false)) } td { (end(effect, true)) }
+                    td.wide { (bar("bar", &[("b-read", if most > 0.0 { (effect.ratio - 1.0) / most } else { 0.0 }, String::new())])) }
+                } } }
+            } }
+            p.note { "Each value stands for the geometric mean of the cycles of all machines that have it." }
+        }
+    })
+}
+
+fn responses(sweep: &Sweep<'_>, effects: &[Effect]) -> Option<Markup> {
+    let (_, best) = sweep.timed().next()?;
+    Some(html! { @for effect in effects {
+        h3 { code { (effect.path) } }
+        div.two {
+            @if let Some(curve) = curve(sweep, effect) { figure { (curve) } }
+            div { (table(effect, best as f64)) }
+        }
+    } })
+}
+
+/// The two axes that do most as a table of cycles in colours.
+fn map(sweep: &Sweep<'_>, effects: &[Effect]) -> Option<String> {
+    let mut sides: Vec<&Effect> =
+        effects.iter().filter(|effect| (2..=SIDE).contains(&effect.responses.len())).take(2).collect();
+    sides.sort_by_key(|effect| effect.axis);
+    let [rows, columns] = sides[..] else { return None };
+    let names = |effect: &Effect| effect.responses.iter().map(|own| plain(&own.value)).collect::<Vec<_>>();
+    let cell = |row: &data::Response, column: &data::Response| {
+        let both =
+            |machine: &Machine| machine.settings[rows.axis] == row.value && machine.settings[columns.axis] == column.value;
+        sweep.mean(both).map(|(cycles, _)| cycles)
+    };
+    let values = rows.responses.iter().map(|row| columns.responses.iter().map(|column| cell(row, column)).collect()).collect();
+    let table = Heat { rows: (&rows.path, names(rows)), columns: (&columns.path, names(columns)), values };
+    Some(heat(&format!("Cycles by {} and {}", rows.path, columns.path), &table))
+}
+
+/// Cycles against cost, with the machines that no other is better than.
+fn pareto(sweep: &Sweep<'_>) -> Option<(Markup, Markup)> {
+    let (name, costs) = sweep.costs()?;
+    let points: Vec<(u64, f64)> = sweep.timed().map(|(_, cycles)| cycles).zip(costs).collect();
+    if points.len() < 2 {
+        return None;
+    }
+    let on = front(&points);
+    let side = |wanted: bool| {
+        let own = points.iter().zip(&on).filter(|(_, on)| **on == wanted);
+        own.map(|(&(cycles, cost), _)| (cost, cycles as f64)).collect::<Vec<_>>()
+    };
+    let mut best = side(true);
+    best.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let costs: Vec<f64> = points.iter().map(|point| point.1).collect();
+    let cycles: Vec<f64> = points.iter().map(|point| point.0 as f64).collect();
+    let series = [
+        Series { name: "on the front", points: best, line: true },
+        Series { name: "others", points: side(false), line: false },
+    ];
+    let plot = chart(&name, "cycles", scale(&costs), scale(&cycles), &series);
+    let table = html! {
+        div.scroll.tall { table.sortable id="front" {
+            (heads(&[Column("machine", true, ""), Column("settings", false, ""), Column("cycles", true, ""), Column(&name, true, "")]))
+            tbody { @for ((machine, cycles), ((_, cost), on)) in sweep.timed().zip(points.iter().zip(&on)) { @if *on { tr {
+                td.n data-value=(machine.number) { (machine.number) }
+                td.name { (sweep.described(machine)) }
+                td.n data-value=(cycles) { (readable(cycles as f64)) }
+                td.n data-value=(cost) { (readable(*cost)) }
+            } } } }
+        } }
+    };
+    Some((plot, table))
+}
+
+fn machines(sweep: &Sweep<'_>) -> Option<Markup> {
+    let (_, best) = sweep.timed().next()?;
+    let (dram, cost) = (sweep.machines.iter().any(|machine| machine.dram.is_some()), !sweep.inputs.experiment.cost.is_empty());
+    let numeric: Vec<bool> = (0..sweep.parameters.len())
+        .map(|at| sweep.machines.iter().all(|machine| place(&machine.settings[at]).is_some()))
+        .collect();
+    let mut columns = vec![Column("machine", true, "Its number in the plan.")];
+    columns.extend(sweep.parameters.iter().zip(&numeric).map(|(path, numbers)| Column(path, *numbers, "")));
+    columns.extend([Column("cycles", true, "Of all traces and frames."), Column("by the fastest", true, "")]);
+    if dram {
+        columns.push(Column("DRAM bytes", true, ""));
+    }
+    if cost {
+        columns.push(Column("cost", true, "As the experiment says."));
+    }
+    let cycles_at = 1 + sweep.parameters.len();
+    let left = sweep.machines.len().saturating_sub(LISTED);
+    Some(html! {
+        div.filters data-table="machines" {
+            @for (at, axis) in sweep.axes.iter().enumerate().filter(|(_, axis)| axis.values.len() <= SIDE) {
+                label { (axis.path) " " select data-column=(at + 1) {
+                    option value="" { "all" }
+                    @for value in &axis.values { option value=(shown(value)) { (shown(value)) } }
+                } }
+            }
+            label { "at most " input type="number" min="0" data-column=(cycles_at) placeholder="cycles" aria-label="At most so many cycles"; " cycles" }
+            span { "shown: " output {} }
+        }
+        div.scroll.tall { table.sortable id="machines" {
+            (heads(&columns))
+            tbody { @for machine in sweep.machines.iter().take(LISTED) { tr {
+                td.n data-value=(machine.number) { (machine.number) }
+                @for (setting, numbers) in machine.settings.iter().zip(&numeric) {
+                    @match place(setting).filter(|_| *numbers) { Some(number) => td.n data-value=(number) { (shown(setting)) }, None => td { (shown(setting)) } }
+                }
+                @match machine.cycles {
+                    Some(cycles) => { td.n data-value=(cycles) { (readable(cycles as f64)) } td.n data-value=(cycles as f64 / best as f64) { (format!("{:.3}", cycles as f64 / best as f64)) } },
+                    None => { td.n data-value="" title=[machine.error.as_deref()] { "error" } td.n data-value="" { "\u{2013}" } },
+                }
+                @if dram { @match machine.dram { Some(bytes) => td.n data-value=(bytes) { (readable(bytes)) }, None => td.n data-value="" { "\u{2013}" } } }
+                @if cost { @match machine.cost { Some(cost) => td.n data-value=(cost) { (readable(cost as f64)) }, None => td.n data-value="" { "\u{2013}" } } }
+            } } }
+        } }
+        @if left > 0 { p.note { (left) " more stand in machines.csv." } }
+    })
+}
+
+/// A setting in a table.
+fn shown(setting: &Setting) -> String {
+    place(setting).map_or_else(|| plain(setting), readable)
+}
+
+fn errors(sweep: &Sweep<'_>) -> Option<Markup> {
+    let failed: Vec<(&Machine, &str)> =
+        sweep.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?))).collect();
+    (!failed.is_empty()).then(|| {
+        html! { div.scroll.tall { table {
+            thead { tr { th.n scope="col" { "machine" } th scope="col" { "settings" } th scope="col" { "error" } } }
+            tbody { @for (machine, error) in failed.iter().take(LISTED) { tr { td.n { (machine.number) } td.name { (sweep.described(machine)) } td { (error) } } } }
+        } } }
+    })
+}
+
+/// The page, as one file.
+pub fn page(sweep: &Sweep<'_>) -> String {
+    let question = &sweep.inputs.experiment.question;
+    let title = if question.is_empty() { "A sweep" } else { question.as_str() };
+    let effects = sweep.effects();
+    let head = html! { h1 { (title) } p.sub { (readable(f64::from(sweep.planned))) " machines, " (sweep.axes.len()) " axes: " (sweep.axes.iter().map(|axis| axis.path.as_str()).collect::<Vec<_>>().join(", ")) } };
+    let map = map(sweep, &effects).map(|svg| html! { figure { (PreEscaped(svg)) figcaption { "Cycles, geometric means over the other axes. Lighter is faster; colours go by powers." } } });
+    let pareto = match pareto(sweep) {
+        Some((plot, table)) => {
+            html! { div.two { figure { (plot) figcaption { "No machine on the front is beaten in both." } } (table) } }
+        }
+        None => {
+            html! { p.note { "There is no cost that all machines have: the experiment names none, and does not keep memory.dram." } }
+        }
+    };
+    let parts: Vec<Part> = [
+        part("answer", "Answer", Some(answer(sweep, &effects))),
+        part("run", "What was run", Some(run(sweep))),
+        part("sensitivities", "Sensitivities", sensitivities(&effects)),
+        part("responses", "Response curves", responses(sweep, &effects)),
+        part("map", "Two axes", map),
+        part("pareto", "Cycles against cost", Some(pareto)),
+        part("machines-section", "All machines", machines(sweep)),
+        part("errors", "Machines with an error", errors(sweep)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    whole(title, &head, &parts, &[("sweep", &sweep.json())])
+}
+
+/// The plots as files of their own, each with its name.
+pub fn plots(sweep: &Sweep<'_>) -> Vec<(String, String)> {
+    let effects = sweep.effects();
+    let curves =
+        effects.iter().filter_map(|effect| Some((format!("response-{}", effect.path), curve(sweep, effect)?.into_string())));
+    let mut plots: Vec<(String, String)> = curves.collect();
+    plots.extend(map(sweep, &effects).map(|svg| ("two-axes".to_owned(), svg)));
+    plots.extend(pareto(sweep).map(|(plot, _)| ("pareto".to_owned(), plot.into_string())));
+    plots.into_iter().map(|(name, svg)| (name, alone(&svg))).collect()
+}
