@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 
 use super::Verdict;
 use super::progress::Told;
@@ -15,8 +15,10 @@ use crate::render::Watch;
 use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::terminal::{self, Seen};
-use crate::run::replay::{Fidelity, Frame, Options, frame_range, replay_to};
+use crate::report::timeline;
+use crate::run::replay::{Fidelity, Frame, Options, frame_range, replay_to, replay_watched};
 use crate::run::sample::Sampling;
+use crate::run::timeline::Timeline;
 use crate::sim::Clock;
 use crate::trace::check;
 
@@ -49,6 +51,12 @@ pub struct Arguments {
     /// With --report: prove what holds this frame back, by timing it on some 60 machines (as `fillrate why` does)
     #[arg(long, requires = "report")]
     why: bool,
+    /// Where to leave a timeline of phases, units and channels, for Perfetto (https://ui.perfetto.dev)
+    #[arg(long, value_name = "FILE.json")]
+    timeline: Option<PathBuf>,
+    /// With --timeline: cycles between two readings of the machine [default: as few as 2,000 to 4,000 readings of the run allow]
+    #[arg(long, value_name = "CYCLES", requires = "timeline", value_parser = clap::value_parser!(u64).range(1..))]
+    timeline_interval: Option<u64>,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
@@ -126,6 +134,9 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         _ if arguments.per_draw && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--per-draw is about --fidelity cycle and sampled, and would be ignored here")
         }
+        _ if arguments.timeline.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
+            bail!("--timeline is about --fidelity cycle: no other runs one machine through all frames")
+        }
         _ if arguments.clock.is_some() && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--clock is about --fidelity cycle and sampled, and would be ignored here")
         }
@@ -176,14 +187,24 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
+    let mut timed = timeline::Frames::default();
+    let mut recorder =
+        arguments.timeline.is_some().then(|| Timeline::new(&options.config, arguments.timeline_interval)).transpose()?;
     let mut gathering = arguments.report.is_some().then(Gathering::default);
     let mut taker = |frame: Frame| {
         seen.add(&frame);
+        if arguments.timeline.is_some() {
+            timed.add(&frame);
+        }
         gathering.as_mut().map_or(Ok(()), |gathering| gathering.add(&frame))?;
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
     let told = Told::begin(&watch);
-    let done = replay_to(&trace, &options, &|frame| told.frame(frame), &mut taker);
+    let progress = |frame| told.frame(frame);
+    let done = match &mut recorder {
+        None => replay_to(&trace, &options, &progress, &mut taker),
+        Some(recorder) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
+    };
     told.end();
     let done = done?;
     if seen.frames == 0 {
@@ -192,6 +213,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     if let Some(folder) = folder {
         folder.end(done.total.clone())?;
+    }
+    if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
+        recorder.check().context("--timeline-interval")?;
+        timeline::write(path, &timed, recorder, options.config.card.clock_mhz)?;
     }
     if let (Some(path), Some(gathering)) = (&arguments.report, gathering) {
         let (statistics, picture) = gathering.end(&about, &done.total)?;
@@ -205,6 +230,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     if let Some(path) = &arguments.report {
         println!("the page: {}", path.display());
+    }
+    if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
+        println!(
+            "the timeline: {}, read every {} cycles; open it at https://ui.perfetto.dev",
+            path.display(),
+            recorder.interval()
+        );
     }
     Ok(Verdict::Done)
 }

@@ -12,3 +12,4 @@ pub mod picture;
 pub mod plots;
 pub mod summary;
 pub mod terminal;
+pub mod timeline;

@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
-use crate::machine::{Config, Machine};
+use crate::machine::{Config, FrameReport, Machine, Watcher};
 use crate::num::Cycle;
 use crate::render::Held;
 use crate::sim::Clock;
@@ -60,14 +60,16 @@ pub fn simulate<'r>(
     let run = move |work: Work| {
         let busy = Stopwatch::start();
         let (closed, mut failed) = (Cell::new(false), None);
-        let run = machine.run_each(work.take_while(|_| !closed.get()).map(role), clock, |frame| {
+        let watcher = exit.timeline.take().map(|timeline| timeline as &mut dyn Watcher);
+        let each = |frame: FrameReport| {
             if failed.is_some() {
                 return;
             }
             let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
             failed = exit.put(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }).err();
             closed.set(failed.is_some());
-        });
+        };
+        let run = machine.run_watched(work.take_while(|_| !closed.get()).map(role), clock, each, watcher);
         let machine_time = busy.elapsed();
         // A machine that lost its input has nothing to add.
         if let Some(failed) = failed {

@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 
+use super::timeline::Timeline;
 use crate::machine::PhaseReport;
 use crate::stats::Tree;
 use crate::work::{EndFrame, Surface};
@@ -32,6 +33,8 @@ pub struct Exit<'e> {
     pub per_draw: bool,
     /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
     pub limits: bool,
+    /// Reads the machine while it runs, under the cycle fidelity.
+    pub timeline: Option<&'e mut Timeline>,
     /// Hears the number of each.
     pub progress: &'e (dyn Fn(u32) + Sync),
 }
@@ -39,7 +42,7 @@ pub struct Exit<'e> {
 impl<'e> Exit<'e> {
     /// Frames go to a taker that does not keep them.
     pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
-        Exit { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, progress: &|_| () }
+        Exit { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, timeline: None, progress: &|_| () }
     }
 
     /// A frame has ended.

@@ -12,3 +12,4 @@ pub mod profiles;
 pub mod rendering;
 pub mod replay;
 pub mod sample;
+pub mod timeline;

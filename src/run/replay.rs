@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
@@ -13,6 +13,7 @@ use super::functional;
 use super::host::Stopwatch;
 use super::rendering::Rendering;
 use super::sample::{Sampled, Sampling, sampled};
+use super::timeline::Timeline;
 use crate::machine::{Config, PhaseReport};
 use crate::render::{self, FrameSet, Watch};
 use crate::sim::Clock;
@@ -151,6 +152,24 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
 pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
     leave(trace, options, Exit { progress, per_draw: options.per_draw, limits: true, ..Exit::new(taker) })
+}
+
+/// As [`replay_to`], while a timeline is taken of the machine.
+///
+/// # Errors
+/// As [`replay_to`]; if the fidelity is not [`Fidelity::Cycle`], of which alone one machine draws all frames.
+pub fn replay_watched(
+    trace: &Trace,
+    options: &Options,
+    progress: &(dyn Fn(u32) + Sync),
+    taker: &mut Taker<'_>,
+    timeline: &mut Timeline,
+) -> Result<Outcome> {
+    if options.fidelity != Fidelity::Cycle {
+        bail!("a timeline is taken with the fidelity cycle, not {}", options.fidelity.name());
+    }
+    let timeline = Some(timeline);
+    leave(trace, options, Exit { progress, per_draw: options.per_draw, limits: true, timeline, ..Exit::new(taker) })
 }
 
 fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {

@@ -12,6 +12,7 @@ mod sort_last_image;
 mod sort_middle;
 mod sort_middle_binned;
 mod tally;
+mod watch;
 
 #[cfg(test)]
 mod tests;
@@ -20,9 +21,11 @@ pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
 pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
+pub use watch::Watcher;
 
 use self::blocks::Built;
 use mem::{ClientCounts, Crossbar, requests};
+use num::NEVER;
 use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
@@ -141,10 +144,26 @@ impl Machine {
     /// Why the run stopped before its end.
     pub fn run_each(
         &mut self,
+        events: impl Iterator<Item = Event>,
+        clock: Clock,
+        each: impl FnMut(FrameReport),
+    ) -> Result<MachineReport, MachineError> {
+        self.run_watched(events, clock, each, None)
+    }
+
+    /// As [`Machine::run_each`], while somebody reads the machine. Results do not depend on it.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end.
+    pub fn run_watched(
+        &mut self,
         mut events: impl Iterator<Item = Event>,
         clock: Clock,
         mut each: impl FnMut(FrameReport),
+        mut watcher: Option<&mut dyn Watcher>,
     ) -> Result<MachineReport, MachineError> {
+        // Without a watcher, one comparison in each cycle that is visited.
+        let mut due = watcher.as_ref().map_or(NEVER, |watcher| watcher.due());
         let mut readings = Readings::new(self);
         self.card.closed = false;
         let sort = self.config.card.sort;
@@ -163,7 +182,13 @@ impl Machine {
             // 2. Run until events are short, a frame is over, or all is done.
             self.circuit.wires_mut().wake_all();
             let patience = u64::from(self.config.card.watchdog);
-            let done = |circuit: &Parts, card: &Card| {
+            let mut done = |circuit: &Parts, card: &Card| {
+                if circuit.wires().now() >= due
+                    && let Some(watcher) = &mut watcher
+                {
+                    watcher.read(circuit.wires().reading());
+                    due = watcher.due();
+                }
                 // Whether a pass has draws the command processor sees at the event behind its begin.
                 let short = match card.events.front() {
                     None => true,
@@ -178,7 +203,7 @@ impl Machine {
                 stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
             };
             let ran = loop {
-                let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, done);
+                let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, &mut done);
                 if ran.is_err() || !self.card.phases.marked() {
                     break ran;
                 }
@@ -196,7 +221,14 @@ impl Machine {
             // 3. A frame is over: read everything.
             if self.circuit.command.frame_over() {
                 let end = self.circuit.command.take_frame();
+                if let Some(watcher) = &mut watcher {
+                    watcher.read(self.circuit.wires().reading());
+                }
                 let frame = readings.frame(self, end);
+                if let Some(watcher) = &mut watcher {
+                    watcher.settled(self.circuit.wires().reading());
+                    due = watcher.due();
+                }
                 each(frame);
             } else if self.card.closed && self.card.events.is_empty() && self.circuit.command.idle() {
                 break;
