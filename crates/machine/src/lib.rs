@@ -183,10 +183,11 @@ impl Machine {
             self.circuit.wires_mut().wake_all();
             let patience = u64::from(self.config.card.watchdog);
             let mut done = |circuit: &Parts, card: &Card| {
-                if circuit.wires().now() >= due
+                // The clock may have jumped over several of them.
+                while circuit.wires().now() >= due
                     && let Some(watcher) = &mut watcher
                 {
-                    watcher.read(circuit.wires().reading());
+                    watcher.read(circuit.wires().reading_at(due));
                     due = watcher.due();
                 }
                 // Whether a pass has draws the command processor sees at the event behind its begin.

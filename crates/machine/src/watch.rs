@@ -6,13 +6,13 @@ use sim::Reading;
 /// Reads a machine while it runs. It sees accounts as they are: that a unit without input has nothing left to do is only known where a frame
 /// ends.
 ///
-/// A clock that jumps over cycles in which nothing moves may jump over the cycle that is asked for. The reading then comes at the first cycle
-/// that is visited, and says which one that is: between two readings all cycles are accounted for.
+/// A clock that jumps over cycles in which nothing moves may jump over the cycle that is asked for. It is read all the same, when the clock has
+/// landed: accounts and channels say what they were at any cycle of a jump. So readings do not depend on the clock.
 pub trait Watcher {
-    /// The cycle from which the next reading is wanted.
+    /// The cycle of the next reading, behind that of the last.
     fn due(&self) -> Cycle;
 
-    /// What units and channels have counted up to now.
+    /// What units and channels have counted up to that cycle, or to the end of a frame.
     fn read(&mut self, reading: Reading);
 
     /// The accounts of a frame are closed: what was starved up to its end counts as idle. What follows is counted from here.

@@ -425,7 +425,17 @@ impl Wires {
 
     /// The counts of every channel and the account of every unit, over the cycles gone by.
     pub fn reading(&self) -> Reading {
-        Reading { cycle: self.now, channels: self.channel_counts().collect(), units: self.accounts().collect() }
+        self.reading_at(self.now)
+    }
+
+    /// The same over the cycles before `cycle`, which lies behind the last that was ticked: of the cycles that a clock has jumped over, in which
+    /// nothing moves, each can be read.
+    pub fn reading_at(&self, cycle: Cycle) -> Reading {
+        Reading {
+            cycle,
+            channels: self.channels.iter().map(|channel| channel.counts(cycle)).collect(),
+            units: self.agenda.accounts().map(|account| account.read(cycle)).collect(),
+        }
     }
 
     /// The account of every unit over the cycles gone by, in the order of declaration.
