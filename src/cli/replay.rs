@@ -73,7 +73,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
-    #[arg(long, requires = "out")]
+    #[arg(long)]
     per_draw: bool,
     /// Which clock drives the units; every statistic is the same under both [default: skip-idle]
     #[arg(long, value_enum)]
@@ -130,6 +130,9 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
     match given.into_iter().find(|&(_, given)| given) {
         Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
             bail!("{option} is about --fidelity sampled, and would be ignored here")
+        }
+        _ if arguments.per_draw && arguments.out.is_none() && arguments.report.is_none() && arguments.timeline.is_none() => {
+            bail!("--per-draw is about --out, --report and --timeline, and would be ignored here")
         }
         _ if arguments.per_draw && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--per-draw is about --fidelity cycle and sampled, and would be ignored here")

@@ -1,6 +1,6 @@
 //! A run over time, as the JSON of trace events that Perfetto and Chromium open (<https://ui.perfetto.dev>).
 //!
-//! Frames and phases are slices. Each bank of units has a track of slices, of what most of its cycles went to, and a counter of its busy cycles. The
+//! Frames, phases and draws (with `--per-draw`) are slices. Each bank of units has a track of slices, of what most of its cycles went to, and a counter of its busy cycles. The
 //! channels of each name have a counter of the items in them. Times are those of the card, in microseconds.
 
 use std::io::Write;
@@ -10,15 +10,15 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use crate::host;
+use crate::machine::PhaseReport;
 use crate::num::Cycle;
 use crate::run::replay::Frame;
 use crate::run::timeline::{Bank, Timeline};
 use crate::stats::Cycles;
-use crate::unit::phase::Phase;
 
 /// Frames that have ended, with what was done in them one after another.
 #[derive(Clone, Debug, Default)]
-pub struct Frames(Vec<(u32, Cycle, Vec<(Phase, Cycle)>)>);
+pub struct Frames(Vec<(u32, Cycle, Vec<PhaseReport>)>);
 
 impl Frames {
     /// A frame has ended.
@@ -106,13 +106,24 @@ fn events(out: &mut dyn Write, frames: &Frames, timeline: &Timeline, mhz: u32) -
     }
     events.named("thread_name", 1, 1, "frames")?;
     events.named("thread_name", 1, 2, "phases")?;
+    if frames.0.iter().any(|(.., phases)| phases.iter().any(|phase| !phase.draws.is_empty())) {
+        events.named("thread_name", 1, 3, "draws")?;
+    }
     let mut begin = 0;
     for (number, cycles, phases) in &frames.0 {
         events.slice([1, 1], &format!("frame {number}"), begin, begin + cycles)?;
         let mut at = begin;
-        for (phase, cycles) in phases {
-            events.slice([1, 2], &phase.to_string(), at, at + cycles)?;
-            at += cycles;
+        for report in phases {
+            events.slice([1, 2], &report.phase.to_string(), at, at + report.cycles)?;
+            let mut draw_at = at;
+            for draw in &report.draws {
+                let number = draw.number.map_or("end of the pass".into(), |number| format!("draw {number}"));
+                let words = [number.as_str(), &draw.group, &draw.label];
+                let name = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+                events.slice([1, 3], &name, draw_at, draw_at + draw.cycles)?;
+                draw_at += draw.cycles;
+            }
+            at += report.cycles;
         }
         begin += cycles;
     }

@@ -194,7 +194,7 @@ fn each_fidelity_says_what_it_expects_to_be_off_by() {
 
 #[test]
 fn help_shows_an_example_each() {
-    for command in ["replay", "import", "inspect", "configs", "compare"] {
+    for command in ["replay", "import", "inspect", "configs", "compare", "report"] {
         let (code, text, _) = run(&[command, "--help"]);
         assert_eq!(code, 0);
         assert!(text.contains("Example") && text.contains(&format!("fillrate {command}")), "{text}");

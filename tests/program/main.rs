@@ -9,6 +9,7 @@ mod floors;
 mod images;
 mod pages;
 mod recorded_scenes;
+mod report;
 mod sweep;
 mod why;
 mod workloads;

@@ -8,7 +8,10 @@ use crate::report::files::VERSION;
 const DETAILED: usize = 500;
 
 /// What of a frame is kept that is not the one which is shown.
-const KEPT: [&str; 6] = ["frame", "cycles", "seconds", "funnel", "phases", "passes"];
+const KEPT: [&str; 5] = ["frame", "cycles", "seconds", "funnel", "phases"];
+
+/// What is kept of its phases.
+const PHASE: [&str; 5] = ["kind", "number", "label", "cycles", "limit"];
 
 /// What of a frame is kept of very many.
 const FEW: [&str; 3] = ["frame", "cycles", "seconds"];
@@ -41,7 +44,11 @@ fn part(frame: &Value, names: &[&str]) -> Value {
 impl Gather {
     /// Adds a frame as `stats.json` has it; whether it costs more than all before.
     pub fn add(&mut self, frame: Value) -> bool {
-        self.frames.push(part(&frame, &KEPT));
+        let mut kept = part(&frame, &KEPT);
+        for phase in kept.get_mut("phases").and_then(Value::as_array_mut).into_iter().flatten() {
+            *phase = part(phase, &PHASE);
+        }
+        self.frames.push(kept);
         let own = cost(&frame);
         let most = self.most.as_ref().is_none_or(|(_, cost, _)| own > *cost);
         if most {
@@ -194,13 +201,16 @@ mod tests {
     #[test]
     fn the_frame_that_costs_most_is_whole() {
         let mut gather = Gather::default();
-        let frame = |n: u64, cycles: u64| json!({ "frame": n, "cycles": cycles, "units": {}, "funnel": { "clipped": n } });
+        let frame = |n: u64, cycles: u64| json!({ "frame": n, "cycles": cycles, "units": {}, "funnel": { "clipped": n }, "phases": [{ "kind": "pass", "draws": [] }] });
         let most: Vec<bool> = [5, 9, 9, 7].iter().zip(3..).map(|(&cycles, n)| gather.add(frame(n, cycles))).collect();
         assert_eq!(most, [true, true, false, false]);
         let found = gather.end(Map::new());
         assert_eq!((found.number(), found.place().as_str()), (4, "frames[1]"));
         assert!(found.frame().get("units").is_some());
-        assert_eq!(found.frames()[3], json!({ "frame": 6, "cycles": 7, "funnel": { "clipped": 6 } }));
+        assert_eq!(
+            found.frames()[3],
+            json!({ "frame": 6, "cycles": 7, "funnel": { "clipped": 6 }, "phases": [{ "kind": "pass" }] })
+        );
     }
 
     #[test]

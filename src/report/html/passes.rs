@@ -72,61 +72,48 @@ pub fn time(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
-/// Leaves of the entry of a pass or a draw that are numbers, by their paths.
-fn leaves(value: &Value, path: &str, out: &mut Vec<String>) {
-    for (name, value) in value.as_object().into_iter().flatten() {
-        let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-        match value {
-            Value::Number(_) if !matches!(path.as_str(), "number" | "cycles" | "pass" | "frame") && !out.contains(&path) => {
-                out.push(path)
-            }
-            Value::Object(_) => leaves(value, &path, out),
-            _ => {}
-        }
-    }
+/// Statistics of phases and draws that are columns: a path and a heading. What is 0 everywhere is left out.
+const COLUMNS: [(&str, &str); 13] = [
+    ("funnel.vertices_shaded", "vertices shaded"),
+    ("funnel.triangles_setup", "triangles set up"),
+    ("funnel.quads_rasterized", "quads"),
+    ("funnel.quads_early_culled", "quads hidden (early Z)"),
+    ("funnel.fragments_shaded", "fragments shaded"),
+    ("funnel.helper_fragments", "helpers"),
+    ("funnel.fragments_written", "fragments written"),
+    ("memory.dram.read_bytes", "bytes from DRAM"),
+    ("memory.dram.write_bytes", "bytes to DRAM"),
+    ("caches.texture.accesses", "texture lookups"),
+    ("caches.texture.misses", "texture misses"),
+    ("caches.vertex.misses", "vertex misses"),
+    ("caches.l2.misses", "L2 misses"),
+];
+
+/// The columns that some of these entries have.
+fn columns(entries: &[&Value]) -> Vec<(&'static str, &'static str)> {
+    let has = |path: &str| entries.iter().any(|entry| number(entry, path).is_some_and(|value| value != 0.0));
+    COLUMNS.into_iter().filter(|(path, _)| has(path)).collect()
 }
 
-/// Columns that a table of passes or draws has at most, beside its first ones.
-const COLUMNS: usize = 14;
-
-/// The statistics of these entries that are columns: those that tell most, and none that is 0 everywhere.
-fn columns(entries: &[&Value]) -> Vec<String> {
-    const FIRST: [&str; 8] = [
-        "share",
-        "funnel.vertices_shaded",
-        "funnel.triangles_setup",
-        "funnel.quads_rasterized",
-        "funnel.fragments_shaded",
-        "funnel.helper_fragments",
-        "funnel.quads_early_culled",
-        "funnel.fragments_written",
-    ];
-    let mut paths = Vec::new();
-    entries.iter().for_each(|entry| leaves(entry, "", &mut paths));
-    paths.retain(|path| entries.iter().any(|entry| number(entry, path).is_some_and(|value| value != 0.0)));
-    let rank = |path: &String| {
-        FIRST.iter().position(|first| first == path).unwrap_or(FIRST.len() + usize::from(path.starts_with("funnel")))
-    };
-    paths.sort_by_key(rank);
-    paths.truncate(COLUMNS);
-    paths
+/// The unit of a span that was busy in the largest share of its cycles, and that share; `frame` tells how many there are of each.
+pub fn busiest<'v>(entry: &'v Value, frame: &Value) -> Option<(&'v str, f64)> {
+    let all = cycles(entry);
+    let units = entry.get("units")?.as_object()?.iter().filter_map(|(name, states)| {
+        let count = frame["units"][name].as_array().map_or(1, Vec::len);
+        Some((name.as_str(), states.get("busy")?.as_f64()? / (all * count as f64)))
+    });
+    units.filter(|(_, share)| share.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The last words of a path, as a heading.
-fn heading(path: &str) -> String {
-    let words: Vec<&str> = path.rsplit('.').take(2).collect();
-    let text = match words[..] {
-        [last, "funnel" | "total"] | [last] => last.to_owned(),
-        [last, before] => format!("{before} {last}"),
-        _ => path.to_owned(),
-    };
-    text.replace('_', " ")
+/// The cell of the busiest unit.
+fn busy_cell(entry: &Value, frame: &Value) -> Markup {
+    html! { td.unit { @match busiest(entry, frame) { Some((unit, share)) => { (unit) " " span.note { (percent(share)) } }, None => "\u{2013}" } } }
 }
 
 /// What limits a phase, and the evidence.
 fn limit(limit: Option<&Limit>, told: &str) -> Markup {
     html! {
-        td {
+        td.reason {
             @match limit {
                 Some(own) => {
                     b { (own.unit) }
@@ -140,24 +127,16 @@ fn limit(limit: Option<&Limit>, told: &str) -> Markup {
     }
 }
 
-/// The table of phases, those that take most first; with the statistics of passes where there are any.
+/// The table of phases, those that take most first, with what was counted in each.
 fn phases(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
     let frame = statistics.frame();
     let phases = list(frame, "phases");
-    let passes = list(frame, "passes");
     let all: f64 = phases.iter().map(cycles).sum();
     let mut order: Vec<usize> = (0..phases.len()).collect();
     order.sort_by(|&a, &b| cycles(&phases[b]).total_cmp(&cycles(&phases[a])).then(a.cmp(&b)));
-    // The statistics of a pass, by its number; a list that has kinds holds others, too.
-    let detail = |phase: &Value| {
-        passes.iter().position(|pass| {
-            pass["number"] == phase["number"] && pass.get("kind").map_or(phase["kind"] == "pass", |kind| *kind == phase["kind"])
-        })
-    };
-    let entries: Vec<&Value> = passes.iter().collect();
-    let more = columns(&entries);
-    let names: Vec<String> = more.iter().map(|path| heading(path)).collect();
+    let more = columns(&phases.iter().collect::<Vec<_>>());
+    let counted = phases.iter().any(|phase| phase.get("units").is_some());
     let mut titles = vec![
         Column("phase", false, "Passes and dispatches have their numbers in the trace."),
         Column("order", true, "Its place in the frame."),
@@ -165,26 +144,25 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
         Column("share", true, "Of the cycles of the frame."),
         Column("limited by", false, "The unit whose work takes most time by counts and rates."),
     ];
-    titles.extend(names.iter().zip(&more).map(|(name, path)| Column(name, true, path)));
+    if counted {
+        titles.push(Column("busiest unit", false, "And the share of the phase's cycles in which it is busy."));
+    }
+    titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
     (!phases.is_empty()).then(|| {
         html! {
             div.scroll.tall { table.sortable id="passes" {
                 (heads(&titles))
                 tbody { @for at in order {
                     @let phase = &phases[at];
-                    @let own = detail(phase);
+                    @let base = format!("{}.phases[{at}]", statistics.place());
                     tr {
                         td.name { (name(phase)) }
                         td.n data-value=(at) { (at + 1) }
-                        (cell(phase, &format!("{}.phases[{at}]", statistics.place()), "cycles"))
+                        (cell(phase, &base, "cycles"))
                         (cell_share(share(cycles(phase), all)))
                         (limit(input.limits.get(at).filter(|own| own.name == name(phase)), phase["limit"].as_str().unwrap_or("")))
-                        @for path in &more {
-                            @match own {
-                                Some(place) => (cell(&passes[place], &format!("{}.passes[{place}]", statistics.place()), path)),
-                                None => td.n data-value="" { "\u{2013}" },
-                            }
-                        }
+                        @if counted { (busy_cell(phase, frame)) }
+                        @for (path, _) in &more { (cell(phase, &base, path)) }
                     }
                 } }
             } }
@@ -197,34 +175,49 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
     /// Draws that are listed: those with most cycles.
     const MOST: usize = 1000;
     let statistics = input.statistics;
-    let draws = list(statistics.frame(), "draws");
+    let frame = statistics.frame();
+    let phases = list(frame, "phases").iter().enumerate();
+    let mut draws: Vec<(usize, usize, &Value, &Value)> = phases
+        .flat_map(|(at, phase)| list(phase, "draws").iter().enumerate().map(move |(own, draw)| (at, own, phase, draw)))
+        .collect();
     if draws.is_empty() {
         return None;
     }
-    let all: f64 = draws.iter().map(cycles).sum();
-    let mut order: Vec<usize> = (0..draws.len()).collect();
-    order.sort_by(|&a, &b| cycles(&draws[b]).total_cmp(&cycles(&draws[a])).then(a.cmp(&b)));
-    let left = order.len().saturating_sub(MOST);
-    order.truncate(MOST);
-    let more = columns(&draws.iter().collect::<Vec<_>>());
-    let names: Vec<String> = more.iter().map(|path| heading(path)).collect();
-    let mut titles = vec![Column("draw", true, "Its number in the trace."), Column("label", false, "")];
-    titles.extend([Column("cycles", true, ""), Column("share", true, "Of the cycles of all draws.")]);
-    titles.extend(names.iter().zip(&more).map(|(name, path)| Column(name, true, path)));
+    let all: f64 = draws.iter().map(|(.., draw)| cycles(draw)).sum();
+    // In a stable order: of equal ones the first.
+    draws.sort_by(|a, b| cycles(b.3).total_cmp(&cycles(a.3)));
+    let left = draws.len().saturating_sub(MOST);
+    draws.truncate(MOST);
+    let more = columns(&draws.iter().map(|(.., draw)| *draw).collect::<Vec<_>>());
+    let mut titles = vec![
+        Column("draw", true, "Its number in the trace; what follows the last draw of a pass has none."),
+        Column("label", false, "Its pipeline, and the debug groups around it."),
+        Column("pass", true, ""),
+        Column("cycles", true, "From its beginning to that of the next."),
+        Column("share", true, "Of the cycles of all draws."),
+        Column("busiest unit", false, "And the share of the draw's cycles in which it is busy."),
+    ];
+    titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
+    let label = |draw: &Value| {
+        let [group, label] = ["group", "label"].map(|name| draw[name].as_str().unwrap_or("").to_owned());
+        let end = if draw["number"].is_null() { "end of the pass".to_owned() } else { String::new() };
+        [group, label, end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join(" / ")
+    };
     Some(html! {
         h3 { "Draws" }
-        @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in stats.json." } }
+        @if left > 0 { p.note { "The " (readable(MOST as f64)) " draws with most cycles; " (readable(left as f64)) " more are in draws.csv." } }
         div.scroll.tall { table.sortable id="draws" {
             (heads(&titles))
-            tbody { @for at in order {
-                @let draw = &draws[at];
-                @let base = format!("{}.draws[{at}]", statistics.place());
+            tbody { @for (at, own, phase, draw) in &draws {
+                @let base = format!("{}.phases[{at}].draws[{own}]", statistics.place());
                 tr {
                     (cell(draw, &base, "number"))
-                    td.name { (draw["label"].as_str().unwrap_or("")) }
+                    td.name { (label(draw)) }
+                    (cell(phase, &format!("{}.phases[{at}]", statistics.place()), "number"))
                     (cell(draw, &base, "cycles"))
                     (cell_share(share(cycles(draw), all)))
-                    @for path in &more { (cell(draw, &base, path)) }
+                    (busy_cell(draw, frame))
+                    @for (path, _) in &more { (cell(draw, &base, path)) }
                 }
             } }
         } }
@@ -244,7 +237,7 @@ pub fn tables(input: &Input<'_>) -> Option<Markup> {
         p.note { (why) }
         @match draw_table(input) {
             Some(draws) => (draws),
-            None => p.note { "Draws have no cycles of their own in these statistics." },
+            None => p.note { "Draws have no cycles of their own in these statistics: replay with " code { "--per-draw" } "." },
         }
     })
 }

@@ -5,12 +5,10 @@ use serde_json::{Value, json};
 
 use super::data::{Statistics, number};
 use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, share, tables, word};
-use crate::machine::Config;
-use crate::num::Cycle;
+use crate::machine::{Config, PhaseReport};
 use crate::report::summary::bytes;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
 use crate::run::maps::Maps;
-use crate::unit::phase::Phase;
 
 /// What a page of a replay is made from.
 pub struct Input<'i> {
@@ -47,11 +45,11 @@ pub struct Limit {
 
 /// What limits the phases of a frame.
 pub fn limits(estimate: &FrameEstimate) -> Vec<Limit> {
-    let limit = |(own, (phase, _)): (&PhaseEstimate, &(Phase, Cycle))| {
+    let limit = |(own, report): (&PhaseEstimate, &PhaseReport)| {
         let work = own.units.iter().find(|(unit, _)| *unit == own.limit).map_or(0.0, |(_, cycles)| *cycles);
         let others = own.units.iter().filter(|(unit, cycles)| *unit != own.limit && *cycles > 0.0);
         let next = others.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(unit, cycles)| ((*unit).to_owned(), *cycles));
-        Limit { name: phase.to_string(), unit: own.limit.to_owned(), work, next, cycles: own.cycles }
+        Limit { name: report.phase.to_string(), unit: own.limit.to_owned(), work, next, cycles: own.cycles }
     };
     estimate.phases.iter().zip(&estimate.phases()).map(limit).collect()
 }
@@ -181,6 +179,12 @@ fn proven(why: &Value) -> Markup {
     }
 }
 
+/// The busiest unit of a phase, where phases have counters of their own.
+fn busiest_of<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
+    let frame = input.statistics.frame();
+    passes::busiest(frame["phases"].get(phase)?, frame)
+}
+
 /// What holds the frame back: proven, estimated, or how to find out.
 fn verdict(input: &Input<'_>) -> Markup {
     let prove = command(input.statistics, "why", &[]);
@@ -192,7 +196,9 @@ fn verdict(input: &Input<'_>) -> Markup {
             (Some(why), _) => (proven(why)),
             (None, Some(at)) => {
                 @let limit = &input.limits[at];
-                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "." }
+                p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "."
+                    @if let Some((unit, part)) = busiest_of(input, at) { " The busiest unit there is " (unit) ", in " (percent(part)) " of the cycles." }
+                }
                 p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
                 pre { (prove) }
             },

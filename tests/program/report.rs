@@ -1,0 +1,503 @@
+//! Pages of replays and sweeps, and timelines: their numbers are those of the files, what is written in a trace stays text, and bad input is
+//! told.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fillrate::machine::Config;
+use fillrate::report::html::data::number;
+use fillrate::run::maps::{Kind, Surface, look};
+use fillrate::trace::Trace;
+use serde_json::{Value, json};
+
+use crate::cli::{refused, run};
+
+/// A folder with a replay of a trace in it.
+fn replayed(trace: &str, more: &[&str]) -> tempfile::TempDir {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let (code, _, message) = run(&[&["replay", trace, "--out", &out], more].concat());
+    assert_eq!(code, 0, "{message}");
+    home
+}
+
+fn json_of(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON")
+}
+
+/// The JSON that a page holds under an id.
+fn embedded(page: &str, id: &str) -> Value {
+    let begin = format!("<script type=\"application/json\" id=\"{id}\">");
+    let text = page.split(&begin).nth(1).unwrap_or_else(|| panic!("no {id}")).split("</script>").next().expect("an end");
+    serde_json::from_str(text).expect("JSON")
+}
+
+/// The value of an attribute of a tag.
+fn attribute<'t>(tag: &'t str, name: &str) -> Option<&'t str> {
+    tag.split(&format!(" {name}=\"")).nth(1)?.split('"').next()
+}
+
+/// All numbers of the tables of a page that say which statistic they are: path, value, and the text that is read.
+fn cells(page: &str) -> Vec<(String, f64, String)> {
+    let mut found = Vec::new();
+    for piece in page.split('<').skip(1) {
+        let Some((tag, text)) = piece.split_once('>') else { continue };
+        if let (Some(path), Some(value)) = (attribute(tag, "data-path"), attribute(tag, "data-value")) {
+            found.push((path.to_owned(), value.parse().expect("a number"), text.to_owned()));
+        }
+    }
+    found
+}
+
+#[test]
+fn the_numbers_of_a_page_are_those_of_the_json() {
+    let home = replayed("traces/torus-knot.zip", &["--per-draw"]);
+    let page = home.path().join("of-replay.html").display().to_string();
+    let (code, _, message) = run(&["replay", "traces/torus-knot.zip", "--per-draw", "--report", &page]);
+    assert_eq!(code, 0, "{message}");
+    let folder = home.path().display().to_string();
+    assert_eq!(run(&["report", &folder]).0, 0);
+    let statistics = json_of(&home.path().join("stats.json"));
+    for name in ["of-replay.html", "report.html"] {
+        let page = fs::read_to_string(home.path().join(name)).expect("a page");
+        assert!(page.len() < 5 << 20, "{name} has {} bytes", page.len());
+        let own = embedded(&page, "statistics");
+        assert_eq!(own["frames"][0], statistics["frames"][0], "{name}");
+        assert_eq!(own["total"], statistics["total"], "{name}");
+        let cells = cells(&page);
+        assert!(cells.len() > 100, "{name}: {} numbers", cells.len());
+        for (path, value, text) in cells {
+            assert_eq!(number(&statistics, &path), Some(value), "{name}: {path}");
+            // Whole numbers are read as they are; bytes and times have a unit.
+            if value.fract() == 0.0 && !text.ends_with('B') && !text.ends_with("ms") {
+                assert_eq!(text.replace(',', ""), value.to_string(), "{name}: {path}");
+            }
+        }
+        for asked in ["http://", "https://", "@import", "url("] {
+            let page =
+                page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").replace("url(#plain)", "").replace("url(#sorts)", "");
+            assert!(!page.contains(asked), "{name} asks for {asked}");
+        }
+    }
+    let plots = home.path().join("plots");
+    assert_eq!(run(&["report", &folder, "--plots"]).0, 0);
+    for name in ["phases", "units", "roofline", "machine"] {
+        let svg = fs::read_to_string(plots.join(format!("{name}.svg"))).expect("a plot");
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"), "{name}");
+    }
+}
+
+#[test]
+fn the_slowest_of_several_frames_is_shown() {
+    let home = replayed("traces/particles", &[]);
+    let folder = home.path().display().to_string();
+    assert_eq!(run(&["report", &folder]).0, 0);
+    let statistics = json_of(&home.path().join("stats.json"));
+    let cycles = |frame: &Value| frame["cycles"].as_u64().expect("cycles");
+    let frames = statistics["frames"].as_array().expect("frames");
+    let most = frames.iter().max_by_key(|frame| (cycles(frame), std::cmp::Reverse(frame["frame"].as_u64()))).expect("a frame");
+    let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
+    assert!(page.contains(&format!("Frame {} of 4 frames", most["frame"])), "{}", &page[..400]);
+    let own = embedded(&page, "statistics");
+    let units =
+        |value: &Value| value["frames"].as_array().expect("frames").iter().filter(|frame| frame.get("units").is_some()).count();
+    assert_eq!((units(&own), units(&statistics)), (1, 4));
+    for (path, value, _) in cells(&page) {
+        assert_eq!(number(&statistics, &path), Some(value), "{path}");
+    }
+}
+
+/// What a trace, or a file, may hold to get out of its place.
+const HOSTILE: &str = "</script><img src=x onerror=alert(1)>\"'&<!--";
+
+/// A copy of the triangle trace whose pass has a hostile label.
+fn hostile(folder: &Path) -> String {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle");
+    for entry in fs::read_dir(from).expect("the trace is there") {
+        let path = entry.expect("an entry").path();
+        fs::copy(&path, folder.join(path.file_name().expect("a name"))).expect("a copy");
+    }
+    let file = folder.join("trace.ron");
+    let text = fs::read_to_string(&file).expect("text");
+    let label = HOSTILE.replace('\\', "\\\\").replace('"', "\\\"");
+    let changed: String = text
+        .split_inclusive("label: \"")
+        .enumerate()
+        .map(|(at, piece)| match at {
+            0 => piece.to_owned(),
+            // The label that was there follows.
+            _ => format!("{label}{}", piece),
+        })
+        .collect();
+    assert_ne!(changed, text, "the trace has labels");
+    fs::write(&file, changed).expect("written");
+    folder.display().to_string()
+}
+
+/// A page holds no tag that is not its own.
+fn harmless(page: &str) {
+    assert!(!page.contains("<img src=x") && !page.contains("<!--"), "a text became a tag");
+    let scripts = page.matches("<script").count();
+    assert_eq!((scripts, page.matches("</script").count()), (scripts, scripts));
+}
+
+#[test]
+fn labels_stay_text() {
+    let home = tempfile::tempdir().expect("a folder");
+    let trace = hostile(home.path());
+    let page = home.path().join("page.html").display().to_string();
+    let timeline = home.path().join("timeline.json");
+    let (code, _, message) = run(&[
+        "replay",
+        &trace,
+        "--config",
+        "tiny",
+        "--per-draw",
+        "--report",
+        &page,
+        "--timeline",
+        &timeline.display().to_string(),
+    ]);
+    assert_eq!(code, 0, "{message}");
+    let text = fs::read_to_string(&page).expect("a page");
+    harmless(&text);
+    assert!(text.contains("&lt;/script&gt;&lt;img src=x onerror=alert(1)&gt;&quot;'&amp;&lt;!--"), "the label is shown");
+    let label = embedded(&text, "statistics")["frames"][0]["phases"].to_string();
+    assert!(label.contains("onerror=alert(1)"), "{label}");
+    assert!(json_of(&timeline)["traceEvents"].to_string().contains("onerror=alert(1)"));
+
+    // In the files of a replay, and in the question of a sweep.
+    let home = replayed("traces/triangle", &["--config", "tiny"]);
+    let file = home.path().join("stats.json");
+    let mut statistics = json_of(&file);
+    for name in ["trace", "config", "fidelity", "fillrate"] {
+        statistics[name] = json!(HOSTILE);
+    }
+    statistics["changed_knobs"] = json!({ HOSTILE: { "from": HOSTILE, "to": HOSTILE } });
+    statistics["frames"][0]["phases"][0]["kind"] = json!(HOSTILE);
+    let units = statistics["frames"][0]["units"].as_object_mut().expect("units");
+    let core = units["core"].clone();
+    units.insert(HOSTILE.into(), core);
+    fs::write(&file, statistics.to_string()).expect("written");
+    assert_eq!(run(&["report", &home.path().display().to_string(), "--plots"]).0, 0);
+    harmless(&fs::read_to_string(home.path().join("report.html")).expect("a page"));
+    for entry in fs::read_dir(home.path().join("plots")).expect("plots") {
+        harmless(&fs::read_to_string(entry.expect("an entry").path()).expect("a plot"));
+    }
+    let sweep = tempfile::tempdir().expect("a folder");
+    let out = sweep.path().display().to_string();
+    let asked =
+        ["sweep", "traces/triangle", "--config", "tiny", "--vary", "core.warps=2,4", "--question", HOSTILE, "--out", &out];
+    assert_eq!(run(&asked).0, 0);
+    harmless(&fs::read_to_string(sweep.path().join("report.html")).expect("a page"));
+}
+
+#[test]
+fn what_is_no_folder_of_a_replay_is_told() {
+    let home = replayed("traces/triangle", &["--config", "tiny"]);
+    let folder = home.path().display().to_string();
+    let file = home.path().join("stats.json");
+    let whole = fs::read_to_string(&file).expect("statistics");
+    for (text, told) in [
+        (whole.replace("\"version\": 1", "\"version\": 7"), "has version 7, and this program reads version 1"),
+        (whole[..whole.len() / 2].to_owned(), "is no JSON"),
+        ("[]".to_owned(), "holds no object"),
+        ("{}".to_owned(), "has no `version`"),
+        (whole.replace("\"total\"", "\"sum\""), "has no object `total`"),
+        (whole.replace("\"frames\"", "\"pictures\""), "has no list `frames`"),
+    ] {
+        fs::write(&file, text).expect("written");
+        let message = refused(&["report", &folder]);
+        assert!(message.contains("stats.json") && message.contains(told), "{message}");
+    }
+    fs::write(&file, &whole).expect("written");
+    assert_eq!(run(&["report", &folder]).0, 0);
+    let message = refused(&["report", &folder, "--trace", "traces/cube"]);
+    assert!(message.contains("traces/cube") && message.contains("is not the trace of these statistics"), "{message}");
+    let message = refused(&["report", &folder, "--trace", "traces/none"]);
+    assert!(message.contains("traces/none"), "{message}");
+
+    fs::write(home.path().join("frame-0000.png"), "no picture").expect("written");
+    let message = refused(&["report", &folder]);
+    assert!(message.contains("frame-0000.png is no picture"), "{message}");
+    fs::remove_file(home.path().join("frame-0000.png")).expect("removed");
+    assert_eq!(run(&["report", &folder]).0, 0, "pictures may be left out");
+    fs::write(home.path().join("config.ron"), "(pipelines: 0)").expect("written");
+    assert!(refused(&["report", &folder]).contains("config.ron"));
+    fs::remove_file(&file).expect("removed");
+    let message = refused(&["report", &folder]);
+    assert!(message.contains("stats.json") && message.contains("no folder of a replay or a sweep"), "{message}");
+    assert!(refused(&["report", "traces/nowhere"]).contains("traces/nowhere"));
+}
+
+fn values(surface: &Surface, kind: Kind) -> u64 {
+    surface.maps[kind as usize].values.iter().map(|&value| u64::from(value)).sum()
+}
+
+#[test]
+fn maps_add_up_to_the_funnel() {
+    // One pass to what is shown; of several layers; with textures; of several samples a pixel.
+    let mut empty = 0;
+    for (name, passes) in [("torus-knot.zip", 1), ("layers", 1), ("cube", 1), ("particles", 1), ("spokes-msaa", 1)] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
+        let trace = Trace::open(path).expect("the trace is there");
+        let config = Config::built_in("baseline").expect("it is built in");
+        let found = look(&trace, &config, 0).expect("it renders");
+        let (maps, estimate) = (found.maps, found.estimate.expect("an estimate"));
+        assert_eq!(maps.left_out, 0);
+        let sum = |kind: Kind| maps.surfaces.iter().map(|surface| values(surface, kind)).sum::<u64>();
+        assert_eq!(sum(Kind::Overdraw), maps.funnel.fragments_covered, "{name}");
+        // A fragment that is hidden beside others that are not is shaded as a helper: quads are rejected whole.
+        let shaded = sum(Kind::Overdraw) - sum(Kind::Hidden);
+        assert!(shaded >= maps.funnel.fragments_shaded, "{name}: {shaded}");
+        assert_eq!(shaded + sum(Kind::Waste), maps.funnel.fragments_shaded + maps.funnel.helper_fragments, "{name}");
+        assert_eq!(maps.surfaces.iter().map(|surface| surface.passes.len()).sum::<usize>(), passes, "{name}");
+        assert!(estimate.phases.iter().any(|phase| phase.cycles > 0.0));
+        let draws: Vec<u32> = maps.draws.iter().map(|draw| draw.number).collect();
+        for surface in &maps.surfaces {
+            let last = &surface.maps[Kind::Draw as usize].values;
+            assert!(last.iter().all(|&draw| draw == 0 || draws.contains(&(draw - 1))), "{name}");
+            // Where nothing is covered, nothing costs.
+            let none = surface.maps[Kind::Overdraw as usize].values.iter().zip(last).filter(|(covered, _)| **covered == 0);
+            empty += none.clone().count();
+            assert!(none.clone().all(|(_, &draw)| draw == 0), "{name}");
+        }
+    }
+    assert!(empty > 10_000, "{empty} pixels are empty");
+}
+
+#[test]
+fn a_sweeps_page_has_what_its_tables_have() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let axes = ["--vary", "core.warps=2..16*2", "--vary", "memory.kind=all", "--vary", "memory.l2.slices=3,4"];
+    let asked = [&["sweep", "traces/cube", "--cost", "core.warps*pipelines", "--out", &out], &axes[..]].concat();
+    let (code, _, message) = run(&asked);
+    assert_eq!(code, 0, "{message}");
+    let written = fs::read(home.path().join("report.html")).expect("a page");
+    assert_eq!(run(&["report", &out, "--plots"]).0, 0);
+    assert!(fs::read(home.path().join("report.html")).expect("a page") == written, "the same page again");
+    let page = String::from_utf8(written).expect("UTF-8");
+    let own = embedded(&page, "sweep");
+    let table = fs::read_to_string(home.path().join("machines.csv")).expect("a table");
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = lines.next().expect("a header");
+    let column = |name: &str| head.iter().position(|own| *own == name).expect(name);
+    let rows: BTreeMap<u64, Vec<&str>> = lines.map(|row| (row[0].parse().expect("a number"), row)).collect();
+    let machines = own["machines"].as_array().expect("machines");
+    assert_eq!((machines.len(), rows.len()), (16, 16));
+    let mut last = 0;
+    for machine in machines {
+        let row = &rows[&machine["machine"].as_u64().expect("a number")];
+        let Some(cycles) = machine["cycles"].as_u64() else {
+            assert!(row[column("error")].contains("memory.l2.slices"), "{machine}");
+            continue;
+        };
+        assert!(cycles >= last, "the fastest come first");
+        last = cycles;
+        assert_eq!(row[column("cycles")], cycles.to_string());
+        let bytes: f64 = ["read", "write"]
+            .map(|way| row[column(&format!("memory.dram.{way}_bytes"))].parse::<f64>().expect("bytes"))
+            .iter()
+            .sum();
+        assert_eq!(machine["dram_bytes"].as_f64(), Some(bytes));
+        assert_eq!(machine["cost"].as_u64(), machine["settings"]["core.warps"].as_u64().map(|warps| 4 * warps));
+    }
+    for part in
+        ["Sensitivities", "Response curves", "Two axes", "Cycles against cost", "All machines", "Machines with an error"]
+    {
+        assert!(page.contains(&format!("<h2>{part}</h2>")), "{part}");
+    }
+    for name in ["response-core.warps", "two-axes", "pareto"] {
+        assert!(home.path().join("plots").join(format!("{name}.svg")).exists(), "{name}");
+    }
+    let message = refused(&["report", &out, "--trace", "traces/cube"]);
+    assert!(message.contains("--trace"), "{message}");
+    let elsewhere = home.path().join("x").display().to_string();
+    let message = refused(&["sweep", "traces/cube", "--vary", "core.warps=2", "--cost", "core.wraps", "--out", &elsewhere]);
+    assert!(message.contains("core.warps is the nearest"), "{message}");
+}
+
+#[test]
+fn a_timeline_is_the_same_under_every_clock_and_changes_nothing() {
+    let home = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| home.path().join(name).display().to_string();
+    for (name, clock) in [("a.json", "skip-idle"), ("b.json", "every-cycle")] {
+        let (code, _, message) = run(&[
+            "replay",
+            "traces/particles",
+            "--per-draw",
+            "--clock",
+            clock,
+            "--timeline",
+            &file(name),
+            "--timeline-interval",
+            "100",
+            "--out",
+            &file(clock),
+        ]);
+        assert_eq!(code, 0, "{message}");
+    }
+    assert!(fs::read(file("a.json")).expect("a file") == fs::read(file("b.json")).expect("a file"), "the clocks differ");
+    let plain = replayed("traces/particles", &["--per-draw"]);
+    let read = |folder: &Path| fs::read(folder.join("stats.json")).expect("statistics");
+    assert!(read(plain.path()) == read(&home.path().join("skip-idle")), "a timeline changes the statistics");
+
+    let statistics = json_of(&plain.path().join("stats.json"));
+    let timeline = json_of(Path::new(&file("a.json")));
+    let events = timeline["traceEvents"].as_array().expect("events");
+    let of = |pid: u64, tid: u64| {
+        events.iter().filter(move |event| event["ph"] == "X" && event["pid"] == pid && event["tid"] == tid)
+    };
+    let cycles = |event: &Value| event["args"]["cycles"].as_u64().expect("cycles");
+    let all = statistics["total"]["cycles"].as_u64().expect("cycles");
+    for tid in [1, 2] {
+        assert_eq!(of(1, tid).map(cycles).sum::<u64>(), all, "frames and phases fill the run");
+    }
+    assert!(of(1, 3).count() > 0, "draws");
+    // The slices of a bank follow each other without gaps.
+    let names = events.iter().filter(|event| event["ph"] == "M" && event["pid"] == 2 && event["name"] == "thread_name");
+    let mut banks = 0;
+    for name in names {
+        let mut at = 0;
+        for slice in of(2, name["tid"].as_u64().expect("a number")) {
+            assert_eq!(slice["args"]["cycle"].as_u64(), Some(at), "{name}");
+            at += cycles(slice);
+        }
+        assert_eq!(at, all, "{name}");
+        banks += 1;
+    }
+    assert_eq!(banks, statistics["total"]["units"].as_object().expect("units").len());
+    // A counter of busy shares is, over time, what the statistics say.
+    let core = statistics["total"]["units"]["core"].as_array().expect("cores");
+    let busy: u64 = core.iter().map(|unit| unit["busy"].as_u64().expect("busy")).sum();
+    let points: Vec<(f64, f64)> = events
+        .iter()
+        .filter(|event| event["ph"] == "C" && event["pid"] == 3 && event["name"] == "core x4")
+        .map(|event| (event["ts"].as_f64().expect("a time"), event["args"]["value"].as_f64().expect("a share")))
+        .collect();
+    let integral: f64 = points.windows(2).map(|pair| (pair[1].0 - pair[0].0) * pair[0].1 / 100.0).sum();
+    let share = busy as f64 / (all * core.len() as u64) as f64;
+    let measured = integral / (all as f64 / 1000.0);
+    assert!((measured - share).abs() < 1e-4, "{measured} of the time, {share} of the cycles");
+
+    for (more, told) in
+        [(&["--fidelity", "bound"][..], "--timeline is about"), (&["--timeline-interval", "0"], "timeline-interval")]
+    {
+        let (code, _, message) = run(&[&["replay", "traces/triangle", "--timeline", &file("c.json")], more].concat());
+        assert!(code == 2 && message.contains(told), "{message}");
+    }
+}
+
+/// A browser that runs without a screen.
+fn browser() -> Option<PathBuf> {
+    let named = std::env::var_os("FILLRATE_BROWSER").map(PathBuf::from);
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    let names = ["chromium", "chromium-browser", "google-chrome", "chrome"];
+    let found =
+        std::env::split_paths(&paths).flat_map(|folder| names.map(|name| folder.join(name))).find(|path| path.is_file());
+    named.or(found)
+}
+
+/// What is done in a page: errors are counted, a table is sorted twice, a map is pointed at, a filter is set. What came of it stands in an element.
+const ACTS: &str = r##"<script>
+addEventListener("load", async () => {
+  const out = { errors: window.errors, wide: document.documentElement.scrollWidth - document.documentElement.clientWidth };
+  const wait = (time) => new Promise((done) => setTimeout(done, time));
+  const column = (table, at) => [...table.tBodies[0].rows].filter((row) => !row.hidden).map((row) => Number(row.cells[at].dataset.value));
+  const table = document.querySelector("#passes") || document.querySelector("#machines");
+  const at = [...table.tHead.rows[0].cells].findIndex((cell) => cell.textContent === "cycles");
+  const button = table.tHead.rows[0].cells[at].querySelector("button");
+  button.click();
+  out.first = [table.tHead.rows[0].cells[at].getAttribute("aria-sort"), column(table, at)];
+  button.click();
+  out.second = [table.tHead.rows[0].cells[at].getAttribute("aria-sort"), column(table, at)];
+  const heat = document.querySelector(".heat:has(canvas)");
+  if (heat) {
+    await wait(500);
+    const place = heat.getBoundingClientRect();
+    heat.dispatchEvent(new PointerEvent("pointermove", { clientX: place.left + place.width * 0.75, clientY: place.top + place.height * 0.5 }));
+    await wait(500);
+    out.readout = document.querySelector(".readout").innerText.split("\n");
+    document.querySelectorAll(".tabs button")[5].click();
+    await wait(200);
+    out.pressed = document.querySelector(".tabs button[aria-pressed=true]").textContent;
+  }
+  const filter = document.querySelector(".filters select");
+  if (filter) {
+    filter.value = filter.options[1].value;
+    filter.dispatchEvent(new Event("input", { bubbles: true }));
+    out.filtered = document.querySelector(".filters output").textContent;
+  }
+  out.errors = window.errors;
+  const told = document.createElement("pre");
+  told.id = "told";
+  told.textContent = JSON.stringify(out);
+  document.body.append(told);
+});
+</script>"##;
+
+/// Opens a page, acts in it, and answers what came of it.
+fn acted(browser: &Path, page: &Path, width: u32) -> Value {
+    let text = fs::read_to_string(page).expect("a page");
+    let watched = text.replacen(
+        "<head>",
+        "<head><script>window.errors = []; addEventListener('error', (e) => errors.push(e.message)); addEventListener('unhandledrejection', (e) => errors.push(String(e.reason))); console.error = (...e) => errors.push(e.join(' '));</script>",
+        1,
+    );
+    let home = tempfile::tempdir().expect("a folder");
+    let copy = home.path().join("page.html");
+    fs::write(&copy, format!("{watched}{ACTS}")).expect("written");
+    let profile = home.path().join("profile").display().to_string();
+    let done = std::process::Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+        ])
+        .args(["--disable-component-update", "--disable-sync", "--virtual-time-budget=8000", "--dump-dom"])
+        .arg(format!("--user-data-dir={profile}"))
+        .arg(format!("--window-size={width},900"))
+        .arg(format!("file://{}", copy.display()))
+        .output()
+        .expect("the browser starts");
+    let dom = String::from_utf8_lossy(&done.stdout).into_owned();
+    let told = dom.split("<pre id=\"told\">").nth(1).and_then(|rest| rest.split("</pre>").next());
+    let told = told.unwrap_or_else(|| panic!("nothing is told: {}", String::from_utf8_lossy(&done.stderr)));
+    serde_json::from_str(&told.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")).expect("JSON")
+}
+
+#[test]
+fn pages_work_in_a_browser() {
+    let Some(browser) = browser() else {
+        eprintln!("left out: no Chromium is in PATH, and FILLRATE_BROWSER names none");
+        return;
+    };
+    let home = tempfile::tempdir().expect("a folder");
+    let replay = home.path().join("replay.html");
+    assert_eq!(run(&["replay", "traces/torus-knot.zip", "--report", &replay.display().to_string()]).0, 0);
+    let sweep = home.path().join("sweep");
+    assert_eq!(run(&["sweep", "traces/cube", "--vary", "core.warps=2,4,8", "--out", &sweep.display().to_string()]).0, 0);
+    for (page, width) in [(replay, 1280), (home.path().join("replay.html"), 500), (sweep.join("report.html"), 500)] {
+        let told = acted(&browser, &page, width);
+        assert_eq!((&told["errors"], &told["wide"]), (&json!([]), &json!(0)), "{}: {told}", page.display());
+        let column = |name: &str| {
+            told[name][1].as_array().expect("a column").iter().map(|value| value.as_f64().expect("cycles")).collect::<Vec<_>>()
+        };
+        let (first, second) = (column("first"), column("second"));
+        assert!(first.len() > 1 && first.windows(2).all(|pair| pair[0] >= pair[1]), "{told}");
+        assert!(second.windows(2).all(|pair| pair[0] <= pair[1]), "{told}");
+        assert_eq!([&told["first"][0], &told["second"][0]], ["descending", "ascending"]);
+        if page.ends_with("replay.html") {
+            let readout = told["readout"].as_array().expect("a read-out");
+            assert!(readout.len() == 7 && readout[0].as_str().is_some_and(|text| text.starts_with("pixel 6")), "{told}");
+            assert_eq!(told["pressed"], "last draw");
+        } else {
+            assert_eq!(told["filtered"], "1 of 3");
+        }
+    }
+}
