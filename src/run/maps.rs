@@ -20,7 +20,7 @@ use crate::work::{self, BLOCK, Draw, EndFrame, Event, Funnel, Pass, QUAD_SHADED,
 const CELLS: u32 = 640 * 1024;
 
 /// Surfaces of which maps are made: the first that a frame draws to.
-const SURFACES: usize = 16;
+const SURFACES: usize = 8;
 
 /// Surfaces that are kept: that which is shown, and those with most fragments.
 const KEPT: usize = 3;

@@ -173,7 +173,7 @@ mod tests {
         let body = html! { p { "<b> & \"" } };
         let text = page("a </title><script>", &html! { h1 { "x" } }, &[Part { id: "one", title: "One".into(), body }], &[]);
         assert!(text.starts_with("<!DOCTYPE html>") && text.ends_with("</html>"));
-        assert!(text.contains("a &lt;/title&gt;&lt;script&gt;") && text.contains("&lt;b&gt; &amp; \""), "{text}");
+        assert!(text.contains("a &lt;/title&gt;&lt;script&gt;") && text.contains("&lt;b&gt; &amp; &quot;"), "{text}");
         for asked in ["http://", "https://", "src=\"/", "@import", "url("] {
             assert!(!text.contains(asked), "{asked}");
         }

@@ -57,15 +57,13 @@ function hue(number) {
   const part = (n) => { const k = (n + turn * 12) % 12; return Math.round(255 * (light - strong * Math.max(-1, Math.min(k - 3, 9 - k, 1)))); };
   return [part(0), part(8), part(4)];
 }
-async function numbers(source) {
-  const image = new Image();
-  image.src = source;
-  await image.decode();
+async function numbers(image) {
+  if (!image.complete) await new Promise((done) => image.addEventListener("load", done, { once: true }));
   const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [image.width, image.height];
+  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(image, 0, 0);
-  const bytes = context.getImageData(0, 0, image.width, image.height).data, out = new Uint32Array(image.width * image.height);
+  const bytes = context.getImageData(0, 0, canvas.width, canvas.height).data, out = new Uint32Array(canvas.width * canvas.height);
   for (let i = 0; i < out.length; i++) out[i] = bytes[4 * i] << 16 | bytes[4 * i + 1] << 8 | bytes[4 * i + 2];
   return out;
 }
@@ -77,7 +75,7 @@ for (const box of document.querySelectorAll(".maps")) {
   const names = new Map(about.draws.map((draw) => [draw.number, draw]));
   const data = about.maps.map(() => null);
   [canvas.width, canvas.height] = [about.width, about.height];
-  const load = async (at) => data[at] ??= await numbers(box.querySelectorAll("img.raw")[at].src);
+  const load = async (at) => data[at] ??= await numbers(box.querySelectorAll("img.raw")[at]);
   async function show(at) {
     const values = await load(at), map = about.maps[at], context = canvas.getContext("2d");
     const image = context.createImageData(about.width, about.height);

@@ -19,17 +19,15 @@ pub struct Axis {
     high: f64,
 }
 
+/// Powers of ten, from a billionth on, exactly as they are written: products of roundings would show in ticks.
+fn decades() -> impl Iterator<Item = f64> {
+    (-9..=18).filter_map(|power| format!("1e{power}").parse().ok())
+}
+
 /// Steps between ticks: 1, 2 or 5 times a power of ten, at least so that there are at most `most`.
 fn step(span: f64, most: usize) -> f64 {
-    let mut step = 1e-12;
-    loop {
-        for factor in [1.0, 2.0, 5.0] {
-            if span / (step * factor) <= most as f64 {
-                return step * factor;
-            }
-        }
-        step *= 10.0;
-    }
+    let mut steps = decades().flat_map(|decade| [1.0, 2.0, 5.0].map(|factor| factor * decade));
+    steps.find(|step| span / step <= most as f64).unwrap_or(span)
 }
 
 impl Axis {
@@ -78,10 +76,8 @@ impl Axis {
             &[1.0]
         };
         let mut ticks = Vec::new();
-        let mut decade = 1e-12;
-        while decade <= self.high {
+        for decade in decades() {
             ticks.extend(factors.iter().map(|factor| factor * decade).filter(|value| (self.low..=self.high).contains(value)));
-            decade *= 10.0;
         }
         let thin = ticks.len().div_ceil(most.max(1)).max(1);
         ticks.into_iter().step_by(thin).collect()
