@@ -67,10 +67,10 @@ impl Axis {
             let first = (self.low / step).ceil() as i64;
             return (first..).map(|n| n as f64 * step).take_while(|value| *value <= self.high * (1.0 + 1e-9)).collect();
         }
-        let decades = libm::log10(self.high / self.low);
-        let factors: &[f64] = if decades < 1.2 {
+        let span = libm::log10(self.high / self.low);
+        let factors: &[f64] = if span < 1.2 {
             &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
-        } else if decades < 2.5 {
+        } else if span < 2.5 {
             &[1.0, 2.0, 5.0]
         } else {
             &[1.0]
