@@ -127,6 +127,14 @@ fn limit(limit: Option<&Limit>, told: &str) -> Markup {
     }
 }
 
+/// The cell of a counter of a phase or a draw. Where these have counters, those that are 0 are left out of the file.
+fn counted_cell(entry: &Value, base: &str, path: &str) -> Markup {
+    if number(entry, path).is_none() && entry.get("units").is_some() {
+        return html! { td.n data-value="0" { "0" } };
+    }
+    cell(entry, base, path)
+}
+
 /// The table of phases, those that take most first, with what was counted in each.
 fn phases(input: &Input<'_>) -> Option<Markup> {
     let statistics = input.statistics;
@@ -162,7 +170,7 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
                         (cell_share(share(cycles(phase), all)))
                         (limit(input.limits.get(at).filter(|own| own.name == name(phase)), phase["limit"].as_str().unwrap_or("")))
                         @if counted { (busy_cell(phase, frame)) }
-                        @for (path, _) in &more { (cell(phase, &base, path)) }
+                        @for (path, _) in &more { (counted_cell(phase, &base, path)) }
                     }
                 } }
             } }
@@ -217,7 +225,7 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
                     (cell(draw, &base, "cycles"))
                     (cell_share(share(cycles(draw), all)))
                     (busy_cell(draw, frame))
-                    @for (path, _) in &more { (cell(draw, &base, path)) }
+                    @for (path, _) in &more { (counted_cell(draw, &base, path)) }
                 }
             } }
         } }
