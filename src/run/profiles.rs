@@ -8,7 +8,7 @@ use super::host::Stopwatch;
 use super::rendering::{Consumer, Work};
 use crate::render::Held;
 use crate::work::profile::{FrameProfile, Profiler};
-use crate::work::{EndFrame, Event, Funnel};
+use crate::work::{EndFrame, Event, Funnel, Shade};
 
 /// Frames of which profiles are gathered before readers get them: between two frames of a renderer whatever estimates need has left the host's
 /// caches.
@@ -39,7 +39,7 @@ pub struct Reader<'r> {
 }
 
 /// Makes profiles of the work for readers; `time` is what that takes, without the readers.
-pub(super) fn consumer<'c>(mut readers: Vec<Reader<'c>>, time: &'c mut Duration) -> Consumer<'c> {
+pub(super) fn consumer<'c>(shade: Shade, mut readers: Vec<Reader<'c>>, time: &'c mut Duration) -> Consumer<'c> {
     let held = Held { frames: readers.iter().any(|reader| reader.keeps), ..Held::default() };
     let run = move |work: Work| {
         let (watch, mut read) = (Stopwatch::start(), Duration::ZERO);
@@ -49,7 +49,7 @@ pub(super) fn consumer<'c>(mut readers: Vec<Reader<'c>>, time: &'c mut Duration)
             read += watch.elapsed();
             Ok(())
         };
-        let (mut profiler, mut funnel) = (Profiler::default(), Funnel::default());
+        let (mut profiler, mut funnel) = (Profiler::new(shade), Funnel::default());
         let (mut gathered, mut bytes) = (Vec::with_capacity(BATCH), 0);
         for event in work {
             let profile = profiler.event(&event);

@@ -145,7 +145,7 @@ impl<'r> Rendering<'r> {
         for (key, Readers { mut consumers, profiles }) in self.readers {
             let mut profiling = Duration::ZERO;
             if !profiles.is_empty() {
-                consumers.push(profiles::consumer(profiles, &mut profiling));
+                consumers.push(profiles::consumer(key.shade, profiles, &mut profiling));
             }
             let pieces = consumers.iter().map(|consumer| consumer.held.pieces).max().unwrap_or(0);
             let held = Held {

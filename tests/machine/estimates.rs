@@ -67,6 +67,42 @@ fn bounds_are_near_the_cycles_that_they_stand_for() {
     }
 }
 
+/// Scenes by sort class, with how far a bound may be off in cycles and in bytes of DRAM.
+type Held = [(&'static str, &'static [(&'static str, [f64; 2])])];
+
+const CLASSES: &Held = &[(
+    "sort-middle-binned",
+    &[
+        ("triangle", [0.04, 0.07]),
+        ("cube", [0.04, 0.06]),
+        ("town.zip", [0.09, 0.33]),
+        ("viewer.zip", [0.06, 0.10]),
+        ("spokes-msaa", [0.07, 0.07]),
+    ],
+)];
+
+#[test]
+fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
+    for (class, scenes) in CLASSES {
+        for (trace, allowed) in *scenes {
+            let sort = format!("sort={class}");
+            let [bound, cycle] = [Fidelity::Bound, Fidelity::Cycle].map(|fidelity| run(trace, fidelity, &[&sort]));
+            let dram = |replay: &Replay| {
+                let bytes = |way: &str| replay.total.number(&format!("memory.dram.{way}_bytes")).expect("bytes");
+                bytes("read") + bytes("write")
+            };
+            for (what, bound, cycle, allowed) in
+                [("cycles", cycles(&bound), cycles(&cycle), allowed[0]), ("bytes", dram(&bound), dram(&cycle), allowed[1])]
+            {
+                eprintln!("{class}, {trace}: {cycle} {what}, told as {bound} ({:+.1} %)", 100.0 * (bound / cycle - 1.0));
+                assert!((bound / cycle - 1.0).abs() < allowed, "{class}, {trace}: {bound} {what} for {cycle}");
+            }
+            let units = |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.0.limit).collect::<Vec<_>>();
+            assert!(units(&bound).iter().all(|limit| !limit.is_empty()), "{class}, {trace}: a phase has no limit");
+        }
+    }
+}
+
 /// Recorded wgpu traces for which it is known how far a bound may be off.
 const RECORDED: [(&str, f64); 5] =
     [("cube-mips", 0.05), ("skybox-knot", 0.05), ("msaa-thin", 0.05), ("stencil-mirror", 0.05), ("triangle", 0.05)];

@@ -36,7 +36,7 @@ pub(super) struct Rates {
 
 /// A pipeline as windows flow through it: what it has been given, and when its rasteriser and its cores were done with it.
 #[derive(Clone, Debug, Default)]
-struct Pipeline {
+pub(super) struct Pipeline {
     windows: Vec<Passed>,
     /// The last window whose triangles have left the queue before setup when geometry begins the next,
     setup: usize,
@@ -50,24 +50,30 @@ struct Passed {
     /// Triangles and shaded quads up to its end.
     triangles: f64,
     quads: f64,
-    /// When they were through the rasteriser, and through cores and ROPs.
+    /// When they were through the rasteriser, through cores and ROPs, and gone.
     rasterized: f64,
+    shaded: f64,
     written: f64,
 }
 
 /// The larger of two times; unlike [`f64::max`] one instruction, since none is a NaN.
 #[inline(always)]
-fn later(a: f64, b: f64) -> f64 {
+pub(super) fn later(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
 impl Pipeline {
+    /// When the last window was through cores and ROPs.
+    pub fn written(&self) -> f64 {
+        self.last().written
+    }
+
     fn last(&self) -> Passed {
         self.windows.last().copied().unwrap_or_default()
     }
 
     /// When there is place for another window's triangles, if so many wait before setup.
-    fn place(&mut self, waiting: f64) -> f64 {
+    pub fn place(&mut self, waiting: f64) -> f64 {
         let all = self.last().triangles;
         while self.windows.get(self.setup).is_some_and(|window| all - window.triangles > waiting) {
             self.setup += 1;
@@ -75,9 +81,24 @@ impl Pipeline {
         if self.setup == 0 { 0.0 } else { self.windows[self.setup - 1].rasterized }
     }
 
+    /// What was drawn last is held until then.
+    pub fn hold(&mut self, until: f64) {
+        if let Some(last) = self.windows.last_mut() {
+            last.written = later(last.written, until);
+        }
+    }
+
+    /// When the rasteriser was so near to the end of the window that lies so many back, that only as many triangles were `ahead` of it.
+    pub fn read(&self, back: usize, ahead: f64) -> f64 {
+        let Some(window) = self.windows.len().checked_sub(back) else { return 0.0 };
+        let reached = self.windows[window].triangles - ahead;
+        let at = self.windows.partition_point(|window| window.triangles < reached);
+        self.windows[at].rasterized
+    }
+
     /// Takes a window's part, which geometry gives between two moments; so many quads are between rasteriser and ROPs at most,
     /// and each for as long as `latency` at least.
-    fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &[f64; UNITS.len()], waiting: f64, latency: f64) {
+    pub fn take(&mut self, given: [f64; 2], from: [f64; 2], work: &Work, waiting: f64, latency: f64) {
         let last = self.last();
         let slowest = |units: &[f64]| units.iter().copied().fold(0.0, later);
         while self.windows.get(self.shaded).is_some_and(|window| last.quads - window.quads > waiting) {
@@ -86,18 +107,37 @@ impl Pipeline {
         let place = if self.shaded == 0 { 0.0 } else { self.windows[self.shaded - 1].written };
         let begin = later(later(last.rasterized, from[0]), place);
         let rasterized = later(begin + slowest(&work[..RASTERIZER]), from[1]);
-        let shaded = if given[1] > 0.0 { latency } else { 0.0 };
-        let written = later(later(last.written, begin) + slowest(&work[RASTERIZER..]), rasterized + shaded);
+        let latency = if given[1] > 0.0 { latency } else { 0.0 };
+        let shaded = later(later(last.shaded, begin) + slowest(&work[RASTERIZER..]), rasterized + latency);
         let [triangles, quads] = [last.triangles + given[0], last.quads + given[1]];
-        self.windows.push(Passed { triangles, quads, rasterized, written });
+        self.windows.push(Passed { triangles, quads, rasterized, shaded, written: shaded });
     }
 }
 
 /// The units of a pipeline, those of its rasteriser first.
-const UNITS: [&str; 8] = ["setup", "traverse", "depth", "interpolate", "dispatch", "core", "texture", "color"];
+pub(super) const UNITS: [&str; 8] = ["setup", "traverse", "depth", "interpolate", "dispatch", "core", "texture", "color"];
 
 /// Units of the rasteriser.
 const RASTERIZER: usize = 5;
+
+/// Cycles of each unit of a pipeline.
+pub(super) type Work = [f64; UNITS.len()];
+
+/// What a cell takes of the units of a pipeline.
+pub(super) fn work_of(cell: &Cell, rates: &Rates) -> Work {
+    let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
+    let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
+    [
+        triangles * rates.setup,
+        later(later(groups * rates.group, tested), blocks),
+        later(groups * rates.depth, f64::from(cell.seen) * rates.depth_block),
+        shaded * rates.interpolate,
+        shaded * rates.dispatch,
+        shaded * rates.core,
+        shaded * rates.texture,
+        later(shaded * rates.color, f64::from(cell.pins) * rates.color_block),
+    ]
+}
 
 impl Bound<'_> {
     /// Lets the windows of a pass flow through geometry and pipelines: geometry takes them one after another; a pipeline has its part
@@ -128,19 +168,8 @@ impl Bound<'_> {
             });
             let range = first as usize..window.end as usize;
             for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
-                let (triangles, groups, shaded) = (f64::from(cell.triangles), f64::from(cell.groups), f64::from(cell.shaded));
-                let [tested, blocks] = [f64::from(cell.tested) * rates.test, f64::from(cell.blocks) * rates.block];
-                let traverse = later(later(groups * rates.group, tested), blocks);
-                let units = [
-                    triangles * rates.setup,
-                    traverse,
-                    later(groups * rates.depth, f64::from(cell.seen) * rates.depth_block),
-                    shaded * rates.interpolate,
-                    shaded * rates.dispatch,
-                    shaded * rates.core,
-                    shaded * rates.texture,
-                    later(shaded * rates.color, f64::from(cell.pins) * rates.color_block),
-                ];
+                let (triangles, shaded) = (f64::from(cell.triangles), f64::from(cell.shaded));
+                let units = work_of(cell, rates);
                 let (owners, part) = match *owner {
                     Some(pipeline) => (usize::from(pipeline)..usize::from(pipeline) + 1, 1.0),
                     None => (0..pipelines, 1.0 / pipelines as f64),
@@ -167,7 +196,7 @@ impl Bound<'_> {
     }
 
     /// Triangles that wait before a pipeline's setup, and quads that are in its queues and cores, at most.
-    fn waiting(&self) -> [f64; 2] {
+    pub(super) fn waiting(&self) -> [f64; 2] {
         let c = self.config;
         let triangles = c.network.receive_queue + c.setup.queue;
         // Groups of up to four quads are half full on average.

@@ -28,6 +28,16 @@ impl std::ops::AddAssign for Traffic {
 }
 
 impl Traffic {
+    /// What is left without a part.
+    pub(super) fn without(&self, part: &Traffic) -> Traffic {
+        Traffic {
+            lookups: self.lookups - part.lookups,
+            misses: self.misses - part.misses,
+            read: self.read - part.read,
+            written: self.written - part.written,
+        }
+    }
+
     /// The part of the lookups that miss.
     pub fn miss_rate(&self) -> f64 {
         if self.lookups > 0.0 { self.misses / self.lookups } else { 0.0 }
@@ -110,6 +120,11 @@ impl Shared {
     #[inline(always)]
     pub fn follows(&self, line: u32, shift: u8) -> bool {
         shift == self.shift || Sampled::follows(line, self.shift)
+    }
+
+    /// Whether a line is followed that no profile has.
+    pub fn follows_any(&self, line: u32) -> bool {
+        Sampled::follows(line, self.shift)
     }
 
     /// Where a line is; or where its set begins.

@@ -8,12 +8,15 @@
 //! cache misses from the times between lookups of the same line ([`texture`]), what the second-level cache misses from one in miniature
 //! ([`memory`]), whose contents stay from frame to frame. Arbitration and conflicts of banks are not in it.
 
+mod binned;
+mod dealt;
 mod flow;
 pub mod frames;
 mod memory;
 mod pass;
 mod shading;
 mod texture;
+mod traffic;
 
 use anyhow::{Result, bail};
 
@@ -108,6 +111,8 @@ pub struct Bound<'c> {
     in_use: [f64; 2],
     /// The second-level cache, from frame to frame.
     shared: Shared,
+    /// Batches and fences dealt so far.
+    turn: u64,
 }
 
 /// The work of the units in a phase, in cycles.
@@ -133,10 +138,18 @@ impl<'c> Bound<'c> {
     /// Estimates for a configuration.
     ///
     /// # Errors
-    /// If its sort class is one that no rates are known of here, or geometry lets through what is not drawn.
+    /// If its sort class is one that no rates are known of here, or a knob has an effect that is not estimated.
     pub fn new(config: &'c Config) -> Result<Bound<'c>> {
-        if config.card.sort != SortClass::Middle {
-            bail!("the bound fidelity knows sort-middle only, and {} is {}: use cycle", config.name, config.card.sort.name());
+        if !matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned) {
+            bail!("the bound fidelity knows no rates of {}, which {} is: use cycle", config.card.sort.name(), config.name);
+        }
+        let binned = config.card.sort == SortClass::MiddleBinned;
+        let unknown = [
+            ("bin.hide=true", binned && config.bin.hide, "quads that are held back"),
+            ("bin.skip_same_tiles=true", binned && config.bin.skip_same_tiles, "tiles that are left out"),
+        ];
+        if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {
+            bail!("the bound fidelity knows nothing of {what} ({knob}): use cycle");
         }
         if let Some((name, _)) = config.clip.culls().iter().find(|(_, on)| !on) {
             bail!("the bound fidelity knows nothing of triangles that are not drawn ({name}=false): use cycle");
@@ -161,7 +174,7 @@ impl<'c> Bound<'c> {
             [(config.color.cache_blocks, config.color.cache_ways), (config.depth.cache_blocks, config.depth.cache_ways)]
                 .map(|(blocks, ways)| in_use(blocks, ways));
         let pipelines = f64::from(config.card.pipelines);
-        Bound { config, pipelines, hit_latency, memory_latency, dram_rate, in_use, shared: Shared::new(config) }
+        Bound { config, pipelines, hit_latency, memory_latency, dram_rate, in_use, shared: Shared::new(config), turn: 0 }
     }
 
     /// The time of the frame that comes next, by phases. What it finds in the second-level cache is what the frames before have left.

@@ -4,39 +4,33 @@ use super::flow::Rates;
 use super::memory::Traffic;
 use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
+use super::traffic::PassTraffic;
 use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
-use crate::machine::config::MemoryKind;
+use crate::machine::config::{MemoryKind, SortClass};
 use crate::mem::REQUEST_BYTES;
 use crate::unit::interleave::Interleave;
 use crate::unit::phase::PhaseKind;
 use crate::work::profile::{
-    AttachmentProfile, BLOCK_CACHES, BUNDLE, Cell, DrawProfile, FIRST, FLAT, LINES_FOLLOWED, LineProfile, PhaseProfile, REUSE,
-    Toucher,
+    AttachmentProfile, BLOCK_CACHES, BUNDLE, Cell, DEALT, DrawProfile, LINES_FOLLOWED, LineProfile, PhaseProfile, REUSE,
 };
 use crate::work::{LINE, TILE};
 
-/// What a pass does to the second-level cache.
-#[derive(Clone, Copy, Debug, Default)]
-struct PassTraffic {
-    all: Traffic,
-    textures: Traffic,
-    /// Blocks read, of colour and of depth.
-    fills: [Traffic; 2],
-    /// Of resolves, at the end.
-    resolved: Traffic,
-}
-
 impl Bound<'_> {
     pub(super) fn pass(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
-        let PhaseProfile::Pass { number, label, size, draws, windows, cells, color, depth, blocks, block_misses, lines } =
-            phase
+        let PhaseProfile::Pass {
+            number, label, size, draws, windows, cells, color, depth, blocks, block_misses, lines, ..
+        } = phase
         else {
             unreachable!("a pass")
         };
         let config = self.config;
         let owners = self.owners(*size, cells);
         let (textures, missed) = self.textures(draws, lines);
-        let traffic = self.traffic(color, depth.as_ref(), &missed, touched);
+        let binned = config.card.sort == SortClass::MiddleBinned;
+        let lists = binned.then(|| self.lists(draws, windows, cells));
+        let followed = lists.as_ref().map(|lists| self.followed(lists, windows, cells, *size));
+        let shown = self.shown(draws);
+        let traffic = self.traffic(color, depth.as_ref(), &missed, touched, lists.as_ref().zip(followed.as_ref()), shown);
 
         let mut roofs = Roofs::default();
         let segments = draws.iter().map(|draw| draw.segments).sum::<u64>();
@@ -44,7 +38,18 @@ impl Bound<'_> {
         let quads = f64::from(config.core.warp_width) / 4.0;
         let part = 1.0 - libm::exp(-missed.bundle * quads / f64::from(BUNDLE));
         let requests = Requests { missed: part, latency: self.latency(&traffic.textures) };
-        let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests)).collect();
+        // Lines of indices wait behind what is written meanwhile, the longer the sooner a pass is over.
+        let index = self.latency(&traffic.indices);
+        let first: f64 = draws
+            .iter()
+            .map(|draw| self.rates(&mut Roofs::default(), draw, &requests, index))
+            .zip(draws)
+            .map(|(rates, draw)| rates.geometry * draw.primitives as f64)
+            .sum();
+        let meanwhile = if binned { &traffic.binned } else { &traffic.all };
+        let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
+        let index = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
+        let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
         let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
         let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
@@ -55,7 +60,24 @@ impl Bound<'_> {
         rates.iter_mut().zip(draws).filter(|(_, draw)| draw.fragment.runs > 0).for_each(|(rates, draw)| {
             rates.texture += stalled * draw.fragment.requests() as f64 / draw.fragment.runs as f64;
         });
-        let fluid = self.fluid(&mut roofs, &rates, &owners, windows, cells);
+        let (mut geometry, mut roofs) = if lists.is_some() { (roofs, Roofs::default()) } else { (Roofs::default(), roofs) };
+        let mut binning = 0.0;
+        let fluid = match &lists {
+            None if matches!(config.card.sort, SortClass::LastFragment | SortClass::LastImage) => {
+                self.dealt(&mut roofs, (draws, &rates), &owners, (windows, cells))
+            }
+            None => self.fluid(&mut roofs, &rates, &owners, windows, cells),
+            Some(lists) => {
+                let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
+                let mut both = [geometry, roofs];
+                let read = self.latency(&traffic.listed);
+                let [first, drawn] = self.tiles(&mut both, lists, &rates, &owners, work, attachments, *size, read);
+                [geometry, roofs] = both;
+                geometry.add("dram", self.dram(&traffic.binned));
+                binning = first.max(geometry.slowest().1);
+                drawn
+            }
+        };
         let port = f64::from(config.memory.port_width);
         let cores = self.pipelines * f64::from(config.core.per_pipeline);
         let misses = textures[1] / cores;
@@ -63,13 +85,20 @@ impl Bound<'_> {
         roofs.add("texture misses", misses * requests.latency / f64::from(config.texture.misses));
         let mut memory = traffic.all;
         let l2 = &config.l2;
-        roofs.add("l2", memory.lookups / f64::from(l2.slices * l2.lookups_per_cycle));
-        roofs.add("dram", self.dram(&memory));
+        // Of a tile-based machine that is what is left when all is binned.
+        let rest = memory.without(&traffic.binned);
+        roofs.add("l2", rest.lookups / f64::from(l2.slices * l2.lookups_per_cycle));
+        roofs.add("dram", self.dram(&rest));
         let (mut limit, mut most) = roofs.slowest();
         if fluid > most {
             // What is between units that take turns at being the slowest.
             (limit, most) = (if most > 0.9 * fluid { limit } else { "imbalance" }, fluid);
         }
+        if binning > most {
+            limit = geometry.slowest().0;
+        }
+        most += binning;
+        geometry.units.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
         let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
         let drawn = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
         // Resolves begin when all is drawn.
@@ -150,88 +179,6 @@ impl Bound<'_> {
         ([lookups, missed.rate * lookups], missed)
     }
 
-    /// What a pass does to the second-level cache.
-    fn traffic(
-        &mut self,
-        color: &[AttachmentProfile],
-        depth: Option<&AttachmentProfile>,
-        missed: &Missed,
-        touched: &Touched,
-    ) -> PassTraffic {
-        let c = self.config;
-        let mut sum = PassTraffic::default();
-        // A block has left its cache where as many others have come as all pipelines' caches hold.
-        let class = |blocks: f64| BLOCK_CACHES.iter().position(|&known| known as f64 * std::f64::consts::SQRT_2 > blocks);
-        let level = |blocks: f64| class(blocks * self.pipelines).unwrap_or(BLOCK_CACHES.len() - 1) as u8;
-        let levels =
-            [level(f64::from(c.color.cache_blocks) / color.len().max(1) as f64), level(f64::from(c.depth.cache_blocks))];
-        let mut targets = [None; 8];
-        targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
-        // What is missed as likely as not is missed every other time.
-        let mut due = 0.0;
-        // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
-        let first = f64::from(c.texture.cache_lines * c.core.per_pipeline) * self.pipelines * LINE as f64;
-        let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
-        let lost = if second < 2.0 * first { missed.inner } else { 0.0 };
-        let inner = Traffic { lookups: missed.inner, misses: lost, read: lost * LINE as f64, written: 0.0 };
-        (sum.textures, sum.all) = (inner, inner);
-        for touch in touched.touches {
-            if !self.shared.follows(touch.line, touched.sampled.shift) {
-                continue;
-            }
-            let (attachment, level, compression, fast_clear) = match touch.by {
-                Toucher::Texture => {
-                    due += missed.class(touch.class);
-                    if due >= 0.5 {
-                        due -= 1.0;
-                        let traffic = self.plain(touch, touched.sampled.shift);
-                        sum.textures += traffic;
-                        sum.all += traffic;
-                    }
-                    continue;
-                }
-                Toucher::Resolve => {
-                    if let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) {
-                        let bytes = (attachment.block_bytes as f64 * compressed(attachment)) as u64;
-                        sum.resolved += self.shared.access(touch.line, bytes, false);
-                    }
-                    continue;
-                }
-                Toucher::Write => {
-                    sum.resolved += self.plain(touch, touched.sampled.shift);
-                    continue;
-                }
-                Toucher::Color => {
-                    let target = targets[usize::from(touch.step & !FLAT).min(7)].or(color.first());
-                    (target, levels[0], c.color.compression, c.color.fast_clear)
-                }
-                Toucher::Depth => (depth, levels[1], c.depth.compression, c.color.fast_clear),
-                _ => {
-                    sum.all += self.plain(touch, touched.sampled.shift);
-                    continue;
-                }
-            };
-            let Some(attachment) = attachment else { continue };
-            if touch.near <= level {
-                continue;
-            }
-            let part = if compression { compressed(attachment) } else { 1.0 };
-            let flat = compression && touch.step & FLAT != 0;
-            let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
-            let mut traffic = Traffic::default();
-            if touch.near != FIRST || attachment.loads || !fast_clear {
-                traffic += self.shared.access(touch.line, bytes, false);
-                sum.fills[usize::from(touch.by == Toucher::Depth)] += traffic;
-            }
-            // What is read only leaves without a trace.
-            if touch.by == Toucher::Color || touch.step & !FLAT != 0 {
-                traffic += self.shared.access(touch.line, bytes, true);
-            }
-            sum.all += traffic;
-        }
-        sum
-    }
-
     /// Cycles that a quad's request costs a texture unit on average because quads leave it in order and DRAM is writing: of as many quads as
     /// are between address and filter all wait for one whose line lies behind a batch of writes. A pass takes `cycles` otherwise.
     fn stalled(&self, traffic: &PassTraffic, quads: f64, cycles: f64) -> f64 {
@@ -249,7 +196,7 @@ impl Bound<'_> {
     }
 
     /// Cycles of the first item from the command processor to the ROPs, without what shaders take, and of the last block to memory.
-    fn fill(&self) -> f64 {
+    pub(super) fn fill(&self) -> f64 {
         let c = self.config;
         let ways = [
             c.command.command_cycles,
@@ -270,13 +217,18 @@ impl Bound<'_> {
     }
 
     /// What the units take for an item of a draw; adds what its geometry takes in all.
-    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests) -> Rates {
+    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests, index: f64) -> Rates {
         let c = self.config;
         let per = |n: u64, rate: u32| n as f64 / f64::from(rate);
-        let units = f64::from(c.card.geometry_units);
+        // Fronts that fetch and assemble, and units that clip, for all primitives or for those of one pipeline.
+        let own = c.card.sort.class().sorted.own_geometry();
+        let units = if own { 1.0 } else { f64::from(c.card.geometry_units) };
+        let fronts = if own { self.pipelines } else { 1.0 };
 
-        // Geometry, for all primitives.
+        // Geometry, for all primitives. Who gets them in batches shades vertices again that the batch before has.
         let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
+        let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
+        let vertices = if own { vertices + again * f64::from(DEALT) / f64::from(c.assembly.batch) } else { vertices };
         let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
         let distinct = draw.shaded_vertices[REUSE.len() - 1].min(draw.vertex.runs) as f64;
@@ -289,19 +241,20 @@ impl Bound<'_> {
         let batches = vertices / f64::from(c.core.warp_width) + 0.5 * draw.segments as f64;
         let invocations = batches * f64::from(c.core.warp_width);
         // Indices of a segment are asked for when those of the one before have been read.
-        let indices = if draw.index_bytes > 0 { draw.segments as f64 * self.hit_latency } else { 0.0 };
+        let indices = if draw.index_bytes > 0 && !own { draw.segments as f64 * self.hit_latency } else { 0.0 };
         // So many lines of them are held or on their way; each behind these comes after a trip to the second level, once one is read.
         let (bytes, lines) = (draw.index_bytes.max(1) as f64, f64::from(c.fetch.index_lines));
         let behind = (draw.indices * draw.index_bytes) as f64 / LINE as f64 - draw.segments as f64 * lines;
-        let trip = self.hit_latency + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
+        let trip = index + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
         let stream = behind.max(0.0) * trip / lines;
         let clipping =
             per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
         let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
         // A segment has its place until the last of it is written.
         let held = draw.segments as f64 * (shading.latency + fragment.latency + self.fill());
+        let held = held / f64::from(c.command.segments);
         let geometry = [
-            ("command", held / f64::from(c.command.segments)),
+            ("command", if own { 0.0 } else { held }),
             ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream) + indices),
             ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
             ("fetch port", fetched / f64::from(c.memory.port_width)),
@@ -309,10 +262,11 @@ impl Bound<'_> {
             ("clip", clipping / units),
             ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) / units),
         ];
-        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
+        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles / fronts));
+        roofs.add("command", if own { held } else { 0.0 });
         let slowest = geometry.iter().map(|unit| unit.1).fold(0.0, f64::max);
         let primitives = (draw.primitives.max(1)) as f64;
-        let cores = self.pipelines * f64::from(c.core.per_pipeline);
+        let cores = self.pipelines / fronts * f64::from(c.core.per_pipeline);
 
         // Rasterisers.
         let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);

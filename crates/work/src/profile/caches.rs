@@ -76,6 +76,21 @@ pub(super) fn shaded_vertices(segment: &Segment, size: usize) -> u64 {
     shaded
 }
 
+/// Vertices that are shaded if each batch of so many primitives begins anew, and has none twice.
+pub(super) fn dealt_vertices(segment: &Segment, batch: u32) -> u64 {
+    let mut last = vec![u32::MAX; segment.vertices.len()];
+    let mut shaded = 0;
+    for (number, primitive) in (0..).zip(&segment.primitives) {
+        for vertex in primitive.vertices {
+            let own: u32 = number / batch;
+            let last = &mut last[vertex as usize];
+            shaded += u64::from(*last != own);
+            *last = own;
+        }
+    }
+    shaded
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

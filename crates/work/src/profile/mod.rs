@@ -3,12 +3,14 @@
 //! A profile depends on the work alone, on no machine. It is made once, in one walk over the events, and is what estimates are
 //! computed from (`run::bound`) and by which frames are told to be alike (`run::sample`).
 
+mod apart;
 mod caches;
 mod lines;
 mod pass;
 mod shader;
 mod touch;
 
+pub use apart::{APART, ApartProfile, DEALT};
 pub use caches::BLOCK_CACHES;
 pub use lines::{FOLLOWED as LINES_FOLLOWED, GAPS, LineProfile, SPANS, gaps_of, span};
 pub use shader::ShaderProfile;
@@ -19,7 +21,7 @@ use touch::Touches;
 
 use std::collections::HashSet;
 
-use super::{Dispatch, Event, Groups, Pass, Surface, Transfer};
+use super::{Dispatch, Event, Groups, Pass, Shade, Surface, Transfer};
 
 /// Sizes of first-in-first-out vertex caches for which a profile knows how many vertices are shaded.
 pub const REUSE: [usize; 6] = [0, 8, 16, 32, 64, 128];
@@ -55,6 +57,18 @@ pub struct DrawProfile {
     pub triangles: u64,
     /// Screen tiles of these triangles, summed up.
     pub visits: u64,
+    /// The same of tiles of [`BINS`] pixels, that triangles cover part of, and that their bounds touch.
+    pub bins: [[u64; BINS.len()]; 2],
+    /// Vertices shaded if each batch of [`DEALT`] primitives begins anew.
+    pub dealt_vertices: u64,
+    /// Bytes of the first attribute's stream that a vertex touches, and of all attributes that are read.
+    pub position_bytes: u64,
+    /// See `position_bytes`.
+    pub attribute_bytes: u64,
+    /// 32-bit words of a shaded quad's outputs.
+    pub payload: u64,
+    /// What pipelines that draw apart hide; nothing where the work has visible quads only.
+    pub apart: ApartProfile,
     /// Quads covered.
     pub quads: u64,
     /// Cost of the quads shaded.
@@ -69,6 +83,9 @@ pub struct DrawProfile {
     pub blended: u64,
 }
 
+/// Edges of tiles in pixels for which a profile knows how many each triangle touches.
+pub const BINS: [u32; 4] = [8, 16, 32, 64];
+
 /// A window of a draw ends after so many drawn triangles, primitives, or groups of quads.
 const WINDOW: [u32; 3] = [32, 128, 256];
 
@@ -77,8 +94,12 @@ const WINDOW: [u32; 3] = [32, 128, 256];
 pub struct Window {
     /// The draw, among those of the pass.
     pub draw: u32,
-    /// Primitives.
+    /// Primitives, and triangles of these that cover samples.
     pub primitives: u32,
+    /// See `primitives`.
+    pub triangles: u32,
+    /// Whether a segment begins with it.
+    pub begins: bool,
     /// The end of its cells among those of the pass; they begin where those of the window before end.
     pub end: u32,
 }
@@ -113,6 +134,8 @@ pub struct AttachmentProfile {
     pub multisampled: bool,
     /// It is read from memory, not cleared.
     pub loads: bool,
+    /// It is wanted after the pass.
+    pub stores: bool,
     /// Bytes resolved to another surface; 0 where none.
     pub resolved: u64,
 }
@@ -142,6 +165,8 @@ pub enum PhaseProfile {
         blocks: [u64; 2],
         /// and misses of these behind caches as large as [`BLOCK_CACHES`] says.
         block_misses: [[u64; BLOCK_CACHES.len()]; 2],
+        /// Of some of these blocks: copies that are drawn into where as many pipelines as [`APART`] says draw apart.
+        copies: [u64; APART.len()],
         /// What its fragments look up.
         lines: Box<LineProfile>,
     },
@@ -202,6 +227,8 @@ pub struct Profiler {
     touches: Touches,
     /// Attachments of the pass that are resolved, and where to.
     resolves: Vec<(Surface, Surface)>,
+    /// The work has all covered quads: what pipelines apart hide is not known yet.
+    covered: bool,
 }
 
 #[derive(Debug)]
@@ -215,6 +242,11 @@ struct OpenDispatch {
 }
 
 impl Profiler {
+    /// Makes profiles of work that has these quads.
+    pub fn new(shade: Shade) -> Profiler {
+        Profiler { covered: shade == Shade::Covered, ..Profiler::default() }
+    }
+
     /// Takes an event; gives the frame that it ends.
     pub fn event(&mut self, event: &Event) -> Option<FrameProfile> {
         if !matches!(event, Event::Groups(_)) {
@@ -269,7 +301,7 @@ impl Profiler {
     fn begin_pass(&mut self, pass: &Pass) {
         let resolved = pass.color.iter().flatten().filter_map(|a| Some((a.surface, a.resolve?)));
         self.resolves = resolved.collect();
-        self.pass = Some(OpenPass::new(pass));
+        self.pass = Some(OpenPass::new(pass, self.covered));
     }
 
     fn end_dispatch(&mut self) {

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use super::caches::{BLOCK_CACHES, Caches, shaded_vertices};
+use super::apart::{APART, Apart, DEALT, Test};
+use super::caches::{BLOCK_CACHES, Caches, dealt_vertices, shaded_vertices};
 use super::lines::{Lines, Place};
 use super::shader::asking;
 use super::touch::{BUNDLE, FLAT, Touch, Toucher, Touches};
-use super::{AttachmentProfile, Cell, DrawProfile, PhaseProfile, REUSE, WINDOW, Window};
+use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, REUSE, WINDOW, Window};
 use crate::{
     Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Surface, TILE,
     TileWork, Triangle, Vertex, Visit,
@@ -21,6 +22,8 @@ pub(super) struct OpenPass {
     caches: Caches,
     memory: Memory,
     lines: Lines,
+    /// Depths of pipelines that draw apart.
+    apart: Option<Apart>,
     /// Shaded quads so far, and how often they have gone on in another tile.
     shaded: u32,
     visits: u32,
@@ -44,6 +47,8 @@ struct Memory {
     writes_depth: bool,
     /// Blocks can be hidden.
     hides: bool,
+    /// How depths are tested.
+    test: Test,
     /// What the requests of the segment's costs ask, tile by tile and cost by cost; and where each cost's begin and end.
     kinds: Vec<RequestKind>,
     costs: Vec<[u32; 2]>,
@@ -56,13 +61,14 @@ fn texel_bytes(surface: &Surface) -> u64 {
 }
 
 impl OpenPass {
-    pub fn new(pass: &Pass) -> OpenPass {
+    pub fn new(pass: &Pass, covered: bool) -> OpenPass {
         let profile = |attachment: &Attachment, clears: bool| {
             let resolved = |to: &Surface| u64::from(to.width) * u64::from(to.height) * texel_bytes(to);
             AttachmentProfile {
                 block_bytes: 64 * texel_bytes(&attachment.surface),
                 multisampled: attachment.surface.samples > 1,
                 loads: !clears,
+                stores: attachment.store || attachment.stencil_store || attachment.resolve.is_some(),
                 resolved: attachment.resolve.as_ref().map_or(0, resolved),
             }
         };
@@ -85,9 +91,17 @@ impl OpenPass {
                 depth,
                 blocks: [0; 2],
                 block_misses: [[0; BLOCK_CACHES.len()]; 2],
+                copies: [0; APART.len()],
                 lines: Box::default(),
             },
             lines: Lines::default(),
+            apart: covered.then(|| {
+                let clear = pass.depth.as_ref().and_then(|a| match a.load {
+                    Load::Clear(value) if a.surface.format.has_depth() => Some(f32::from_bits(value[0])),
+                    _ => None,
+                });
+                Apart::new(pass, clear)
+            }),
             shaded: 0,
             visits: 0,
             tile: [u16::MAX; 2],
@@ -122,6 +136,7 @@ impl OpenPass {
             state.depth_write || state.stencil_front != keeps || state.stencil_back != keeps
         });
         self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && draw.depth_stencil.is_some();
+        self.memory.test = Test::new(draw.depth_stencil.as_ref(), draw.early);
         self.memory.payload = usize::from(draw.payload_words);
         self.memory.tests = draw.depth_stencil.is_some();
         draws.push(DrawProfile {
@@ -130,6 +145,9 @@ impl OpenPass {
             vertex_bytes: streams.iter().map(|s| s.1).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
             registers: [draw.vertex.registers, draw.fragment.map_or(0, |shape| shape.registers)],
             varyings: draw.fragment.map_or(0, |shape| u64::from(shape.inputs)),
+            position_bytes: draw.attributes.first().map_or(0, |a| line(a)),
+            attribute_bytes: draw.attributes.iter().map(|a| u64::from(a.bytes)).sum(),
+            payload: u64::from(draw.payload_words),
             depth: draw.depth_stencil.is_some(),
             early: draw.early,
             targets: written().count() as u64,
@@ -148,6 +166,7 @@ impl OpenPass {
         for (shaded, size) in draw.shaded_vertices.iter_mut().zip(REUSE) {
             *shaded += shaded_vertices(segment, size);
         }
+        draw.dealt_vertices += dealt_vertices(segment, DEALT);
         for vertex in &segment.vertices {
             draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
         }
@@ -157,14 +176,15 @@ impl OpenPass {
         draw.primitives += segment.primitives.len() as u64;
         draw.clipped += segment.primitives.iter().filter(|primitive| primitive.clipped).count() as u64;
 
-        let mut open = Window { draw: number, primitives: 0, end: cells.len() as u32 };
-        let (mut first, mut drawn, mut groups) = (cells.len(), 0, 0);
-        for primitive in &segment.primitives {
+        let mut open = Window { draw: number, begins: true, end: cells.len() as u32, ..Window::default() };
+        let (mut first, mut groups) = (cells.len(), 0);
+        for (number_in_segment, primitive) in (0..).zip(&segment.primitives) {
             open.primitives += 1;
             let triangles = &segment.triangles[primitive.first_triangle as usize..][..usize::from(primitive.triangles)];
             for triangle in triangles.iter().filter(|triangle| triangle.visits > 0) {
-                drawn += 1;
+                open.triangles += 1;
                 draw.triangles += 1;
+                bounds(triangle).zip(&mut draw.bins[1]).for_each(|(n, sum)| *sum += n);
                 draw.visits += u64::from(triangle.visits);
                 for visit in &segment.visits[triangle.first_visit as usize..][..triangle.visits as usize] {
                     let tile = &segment.tiles[visit.tile as usize];
@@ -180,19 +200,28 @@ impl OpenPass {
                         self.tile = [tile.x, tile.y];
                         self.visits += 1;
                     }
-                    let mut followed = Followed { lines: &mut self.lines, touches, memory: &self.memory, visit: self.visits };
+                    let (blocks, hidden) = (cells[at].blocks, &mut draw.apart);
+                    let mut apart = self.apart.as_mut().map(|apart| (apart, number_in_segment, hidden));
+                    let (memory, visits) = (&self.memory, self.visits);
+                    let mut followed = Followed { lines: &mut self.lines, touches, memory, visit: visits, apart: apart.take() };
                     draw.quads += cells[at].add(triangle, tile, visit, &mut self.caches, &mut self.shaded, &mut followed);
                     groups += cells[at].groups - before;
+                    draw.bins[0][0] += u64::from(cells[at].blocks - blocks);
+                    covered(tile, visit).into_iter().zip(&mut draw.bins[0][1..]).for_each(|(n, sum)| *sum += n);
                 }
             }
-            if drawn >= WINDOW[0] || open.primitives >= WINDOW[1] || groups >= WINDOW[2] {
+            if open.triangles >= WINDOW[0] || open.primitives >= WINDOW[1] || groups >= WINDOW[2] {
                 open.end = cells.len() as u32;
                 windows.push(open);
-                (first, drawn, groups, open.primitives) = (cells.len(), 0, 0, 0);
+                (first, groups) = (cells.len(), 0);
+                open = Window { draw: number, ..Window::default() };
             }
         }
         if open.primitives > 0 {
             windows.push(Window { end: cells.len() as u32, ..open });
+        }
+        if let Some(apart) = &mut self.apart {
+            apart.end_segment(segment.primitives.len() as u32);
         }
     }
 
@@ -209,7 +238,8 @@ impl OpenPass {
                 touches.run(to.address + block * written, written, written, Toucher::Write);
             }
         }
-        if let PhaseProfile::Pass { blocks, block_misses, lines, .. } = &mut self.phase {
+        if let PhaseProfile::Pass { blocks, block_misses, copies, lines, .. } = &mut self.phase {
+            *copies = self.apart.as_ref().map_or([0; APART.len()], |apart| apart.copies);
             **lines = self.lines.end();
             for (at, caches) in self.caches.blocks.iter().enumerate() {
                 (blocks[at], block_misses[at]) = (caches.distinct, caches.misses.map(u64::from));
@@ -279,6 +309,29 @@ struct Followed<'p> {
     touches: &'p mut Touches,
     memory: &'p Memory,
     visit: u32,
+    /// Copies of pipelines that draw apart, the number of the primitive in its segment, and what they hide of its draw.
+    apart: Option<(&'p mut Apart, u32, &'p mut ApartProfile)>,
+}
+
+/// How many tiles of [`BINS`] pixels a triangle's bounds touch.
+fn bounds(triangle: &Triangle) -> impl Iterator<Item = u64> {
+    let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
+    BINS.into_iter().map(move |edge| {
+        let side = edge / BLOCK;
+        let span = |a: u32, b: u32| u64::from(b.div_ceil(side).saturating_sub(a / side));
+        span(x0, x1) * span(y0, y1)
+    })
+}
+
+/// In how many tiles of 16, 32 and 64 pixels a visit has blocks.
+fn covered(tile: &TileWork, visit: &Visit) -> [u64; BINS.len() - 1] {
+    let (mut small, mut middle) = (0_u16, 0_u8);
+    for block in &tile.blocks[visit.first_block as usize..][..visit.blocks as usize] {
+        let [x, y] = [block.x % EDGE, block.y % EDGE];
+        small |= 1 << (y / 2 * 4 + x / 2);
+        middle |= 1 << (y / 4 * 2 + x / 4);
+    }
+    [u64::from(small.count_ones()), u64::from(middle.count_ones()), u64::from(small != 0)]
 }
 
 impl Followed<'_> {
@@ -359,6 +412,9 @@ impl Cell {
             let quads = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
             self.blocks += 1;
             all += u64::from(block.quads);
+            if let Some((apart, primitive, hidden)) = &mut followed.apart {
+                apart.block(*primitive, triangle, block, quads, memory.test, hidden);
+            }
             // What early tests hide whole, hierarchical Z throws away.
             if memory.hides && quads.iter().all(|quad| quad.flags & QUAD_SHADED == 0) {
                 continue;
