@@ -48,14 +48,6 @@ impl Bound<'_> {
         if all > 0.0 { open / all } else { 1.0 }
     }
 
-    /// Quads that a pipeline holds between rasteriser and the network, at most: in queues, shaded in order, and in the places of receivers.
-    fn unsent(&self) -> f64 {
-        let c = self.config;
-        // Groups of up to four quads are half full on average.
-        let queued = 2 * (c.traverse.queue + c.interpolate.queue + c.network.receive_queue);
-        f64::from(queued + c.dispatch.reorder * c.core.warp_width / 4)
-    }
-
     /// Lets windows flow through pipelines to which their batches are dealt. Where fragments are sorted, each ROP takes batch after batch, so
     /// that a pipeline whose turn it is not yet goes on only as far as it can hold what it has drawn.
     pub(super) fn dealt(
@@ -69,8 +61,9 @@ impl Bound<'_> {
         let (pipelines, batch) = (c.card.pipelines as usize, f64::from(c.assembly.batch));
         let fragments = c.card.sort == SortClass::LastFragment;
         let ordered = fragments && c.order.keep == Keep::Always;
-        let waiting =
-            if fragments { [f64::from(c.setup.queue), self.unsent()] } else { [f64::from(c.setup.queue), self.waiting()[1]] };
+        let waiting = [f64::from(c.setup.queue), self.waiting()[1]];
+        // Quads that are shaded or being shaded, in order.
+        let reorder = f64::from(c.dispatch.reorder * c.core.warp_width / 4);
         let known = if fragments { 1.0 } else { self.pipelines };
         let seen: Vec<[f64; 2]> = draws.iter().map(|draw| visible(&draw.apart, known)).collect();
         let link = f64::from(c.network.link_bytes);
@@ -83,6 +76,8 @@ impl Bound<'_> {
         let mut rops = vec![Rop::default(); pipelines];
         // When all up to a batch has been sent and taken; primitives before the window in its segment, and in the pass.
         let (mut turn, mut first, mut within, mut before) = (0.0_f64, 0, 0.0, 0.0);
+        // When the turn of the batch at hand came, and its quads so far.
+        let (mut opened, mut drawn) = (0.0, 0.0);
         for window in windows {
             let rate = &rates[window.draw as usize];
             if window.begins {
@@ -96,7 +91,7 @@ impl Bound<'_> {
             // 1. What the window takes of a pipeline, and of each ROP.
             let mut work: Work = [0.0; UNITS.len()];
             let mut behind = vec![[0.0; 3]; pipelines];
-            let mut shaded = 0.0;
+            let (mut shaded, mut groups) = (0.0, 0.0);
             let range = first as usize..window.end as usize;
             for (cell, owner) in cells[range.clone()].iter().zip(&owners[range]) {
                 let mut own = work_of(cell, rate);
@@ -120,8 +115,11 @@ impl Bound<'_> {
                     own[DEPTH + 1..].iter_mut().for_each(|cycles| *cycles *= shown);
                     shaded += f64::from(cell.shaded) * shown;
                 }
+                groups += f64::from(cell.groups);
                 work.iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles);
             }
+            // Receivers have places for some groups of each sender.
+            let held = reorder + f64::from(c.network.receive_queue) * shaded / later(groups, 1.0);
             first = window.end;
             // 2. Its batches, each with its share of the window.
             let primitives = f64::from(window.primitives);
@@ -143,6 +141,9 @@ impl Bound<'_> {
                 own[DEPTH + 3] += count * rate.vertex_core;
                 own[DEPTH + 4] += count * rate.vertex_texture;
                 let quads = shaded * part;
+                if within % batch == 0.0 {
+                    (opened, drawn) = (turn, 0.0);
+                }
                 let given = [f64::from(window.triangles) * part, quads];
                 done[at].take(given, [begin, geometry[at]], &own, waiting[1], rate.shaded);
                 sums[at].iter_mut().zip(own).for_each(|(sum, cycles)| *sum += cycles);
@@ -150,22 +151,28 @@ impl Bound<'_> {
                     sent[at] += quads * quad / link;
                     let slowest = own.iter().copied().fold(0.0, later);
                     let mut end = done[at].written();
-                    if ordered && quads > waiting[1] {
-                        // What the pipeline cannot hold is drawn when its turn has come.
-                        end = later(end, turn + slowest * (1.0 - waiting[1] / quads));
+                    let mut begin = 0.0;
+                    if ordered {
+                        // What the pipeline cannot hold of a batch is shaded when its turn has come.
+                        let over = drawn + quads - held;
+                        if over > 0.0 {
+                            end = later(end, opened + over * slowest / quads.max(over) + rate.shaded);
+                        }
+                        begin = turn;
                     }
                     let mut taken = end;
                     for (rop, behind) in rops.iter_mut().zip(&behind) {
                         let cycles = behind.iter().copied().fold(0.0, later) * part;
-                        rop.done = later(rop.done + cycles, end);
+                        rop.done = later(later(rop.done, begin) + cycles, end);
                         rop.sum.iter_mut().zip(behind).for_each(|(sum, cycles)| *sum += cycles * part);
                         taken = later(taken, rop.done);
                     }
                     if ordered {
-                        turn = later(turn, taken);
-                        done[at].hold(turn);
+                        done[at].hold(end, taken);
+                        turn = later(turn, end);
                     }
                 }
+                drawn += quads;
                 within += count;
                 before += count;
                 left -= count;

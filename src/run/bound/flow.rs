@@ -6,6 +6,8 @@ use crate::work::profile::{Cell, Window};
 /// What an item of a draw takes, in cycles of the unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rates {
+    /// Of a router, a primitive.
+    pub route: f64,
     /// Of geometry, a primitive.
     pub geometry: f64,
     /// Of each core, a primitive's vertices, and of its texture unit.
@@ -81,10 +83,10 @@ impl Pipeline {
         if self.setup == 0 { 0.0 } else { self.windows[self.setup - 1].rasterized }
     }
 
-    /// What was drawn last is held until then.
-    pub fn hold(&mut self, until: f64) {
+    /// What was drawn last has been shaded, and has gone, only then.
+    pub fn hold(&mut self, shaded: f64, gone: f64) {
         if let Some(last) = self.windows.last_mut() {
-            last.written = later(last.written, until);
+            (last.shaded, last.written) = (shaded, later(shaded, gone));
         }
     }
 

@@ -14,6 +14,7 @@ mod flow;
 pub mod frames;
 mod memory;
 mod pass;
+mod routed;
 mod shading;
 mod texture;
 mod traffic;
@@ -140,7 +141,8 @@ impl<'c> Bound<'c> {
     /// # Errors
     /// If its sort class is one that no rates are known of here, or a knob has an effect that is not estimated.
     pub fn new(config: &'c Config) -> Result<Bound<'c>> {
-        if !matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned) {
+        if !matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned | SortClass::LastFragment | SortClass::First)
+        {
             bail!("the bound fidelity knows no rates of {}, which {} is: use cycle", config.card.sort.name(), config.name);
         }
         let binned = config.card.sort == SortClass::MiddleBinned;

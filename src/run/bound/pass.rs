@@ -15,6 +15,10 @@ use crate::work::profile::{
 };
 use crate::work::{LINE, TILE};
 
+/// Vertices of a warp where primitives come one by one from several routers, so that warps start before they are full: measured over
+/// the traces of the repository, on the baseline.
+const ROUTED: f64 = 8.0;
+
 impl Bound<'_> {
     pub(super) fn pass(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
         let PhaseProfile::Pass {
@@ -66,6 +70,7 @@ impl Bound<'_> {
             None if matches!(config.card.sort, SortClass::LastFragment | SortClass::LastImage) => {
                 self.dealt(&mut roofs, (draws, &rates), &owners, (windows, cells))
             }
+            None if config.card.sort == SortClass::First => self.routed(&mut roofs, (draws, &rates), &owners, (windows, cells)),
             None => self.fluid(&mut roofs, &rates, &owners, windows, cells),
             Some(lists) => {
                 let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
@@ -238,8 +243,11 @@ impl Bound<'_> {
         // A batch is in flight from its indices to the assembly of its last primitive.
         let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
         // The last batch of a segment is half full on average.
-        let batches = vertices / f64::from(c.core.warp_width) + 0.5 * draw.segments as f64;
+        let full = f64::from(c.core.warp_width).min(if c.card.sort == SortClass::First { ROUTED } else { f64::INFINITY });
+        let batches = vertices / full + 0.5 * draw.segments as f64;
         let invocations = batches * f64::from(c.core.warp_width);
+        // Lanes that are empty ask nothing.
+        let asking = invocations.min(vertices + (0.5 * draw.segments as f64) * f64::from(c.core.warp_width));
         // Indices of a segment are asked for when those of the one before have been read.
         let indices = if draw.index_bytes > 0 && !own { draw.segments as f64 * self.hit_latency } else { 0.0 };
         // So many lines of them are held or on their way; each behind these comes after a trip to the second level, once one is read.
@@ -262,7 +270,9 @@ impl Bound<'_> {
             ("clip", clipping / units),
             ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) / units),
         ];
-        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles / fronts));
+        // Where primitives are routed it is not known here how many come to which.
+        let shares = if c.card.sort == SortClass::First { 0.0 } else { 1.0 / fronts };
+        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles * shares));
         roofs.add("command", if own { held } else { 0.0 });
         let slowest = geometry.iter().map(|unit| unit.1).fold(0.0, f64::max);
         let primitives = (draw.primitives.max(1)) as f64;
@@ -271,10 +281,14 @@ impl Bound<'_> {
         // Rasterisers.
         let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);
         let written = (draw.targets - draw.blended) as f64 / f64::from(c.color.quads_per_cycle);
+        let route = (vertices / f64::from(c.route.vertices_per_cycle))
+            .max(per(draw.primitives, c.route.primitives_per_cycle))
+            .max(stream);
         Rates {
+            route: route / primitives,
             geometry: slowest / primitives,
             vertex_core: shading.core * invocations / cores / primitives,
-            vertex_texture: shading.texture * invocations / cores / primitives,
+            vertex_texture: shading.texture * asking / cores / primitives,
             latency: shading.latency + fragment.latency,
             shaded: fragment.latency,
             setup: f64::from(c.setup.interval) / f64::from(c.setup.triangles_per_cycle),

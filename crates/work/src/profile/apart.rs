@@ -2,7 +2,8 @@
 //! and how many copies of a block would be drawn into.
 //!
 //! Batches of primitives are dealt in turn to so many pipelines as [`APART`] says, each of which keeps depths of its own. One block of 8x8
-//! pixels of [`FOLLOWED`] is followed, chosen by a hash; a quad counts as a whole, with the depth at its middle.
+//! pixels of [`FOLLOWED`] is followed, chosen by a hash; a quad has the depth at its middle, and hides when it is
+//! covered whole.
 
 use super::super::{BLOCK, Block, Pass, Quad, Triangle};
 use gfx::state::{Compare, DepthStencil};
@@ -52,13 +53,23 @@ impl Test {
     }
 }
 
+/// What a copy has of a quad.
+#[derive(Clone, Copy, Debug)]
+struct Depth {
+    /// The depth behind which all of it is covered.
+    stored: f32,
+    /// The depth of what covers a part of it since, and which part.
+    partial: f32,
+    mask: u16,
+}
+
 /// The copies of a pass.
 #[derive(Debug)]
 pub(super) struct Apart {
     across: u32,
     /// Where each block has its depths, counted from 1; 0: not yet anywhere.
     places: Vec<u32>,
-    depths: Vec<[f32; QUADS]>,
+    depths: Vec<[Depth; QUADS]>,
     /// The copies that each of these blocks is drawn in.
     drawn: Vec<u32>,
     /// What depths begin with; no number: unknown, and nothing fails.
@@ -107,7 +118,7 @@ impl Apart {
         let place = &mut self.places[number as usize];
         if *place == 0 {
             self.drawn.push(0);
-            self.depths.extend([[self.clear; QUADS]; COPIES]);
+            self.depths.extend([[Depth { stored: self.clear, partial: 0.0, mask: 0 }; QUADS]; COPIES]);
             *place = self.drawn.len() as u32;
         }
         let place = *place as usize - 1;
@@ -132,15 +143,31 @@ impl Apart {
             for quad in quads {
                 let stored = &mut stored[usize::from(quad.position) % QUADS];
                 let new = depth(quad);
-                let passes = passes(test.compare, new, *stored);
+                let passes = passes(test.compare, new, stored.stored);
                 shaded += u64::from(passes || !test.early);
-                // A quad that is covered in part hides nothing.
-                if passes && test.writes && quad.coverage & 15 == 15 {
-                    *stored = new;
+                if passes && test.writes {
+                    stored.cover(new, quad.coverage & 15, test.compare);
                 }
             }
             out.shaded[at] += shaded;
             out.seen[at] += u64::from(shaded > 0);
+        }
+    }
+}
+
+impl Depth {
+    /// A part is covered at a depth; parts that are the whole together hide what is behind the farthest of them.
+    fn cover(&mut self, new: f32, mask: u16, compare: Option<Compare>) {
+        let nearer = matches!(compare, Some(Compare::Greater | Compare::GreaterEqual));
+        if mask == 15 {
+            *self = Depth { stored: new, partial: 0.0, mask: 0 };
+            return;
+        }
+        let farther = if nearer { self.partial.min(new) } else { self.partial.max(new) };
+        self.partial = if self.mask == 0 { new } else { farther };
+        self.mask |= mask;
+        if self.mask == 15 {
+            *self = Depth { stored: self.partial, partial: 0.0, mask: 0 };
         }
     }
 }
