@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
+use crate::accuracy::classes;
 use crate::accuracy::pareto::{Front, errors, front, plot};
 use crate::host;
 use crate::run::replay::{Fidelity, Options};
@@ -31,6 +32,9 @@ pub struct Arguments {
     /// Print one table of the errors of all traces, without host times: the same on every host
     #[arg(long, conflicts_with = "out")]
     errors: bool,
+    /// Print one table of the errors of bound in every sort class, with the knobs of the configuration
+    #[arg(long, conflicts_with_all = ["out", "errors"])]
+    classes: bool,
     /// Where to leave table and plot
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -46,6 +50,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         watch: None,
         per_draw: false,
     };
+    if arguments.classes {
+        let found = arguments.traces.iter().map(|path| {
+            let name = path.display().to_string();
+            classes::errors(&name, &arguments.reading.open(path)?, &options).with_context(|| name.clone())
+        });
+        print!("{}", classes::table(&found.collect::<Result<Vec<_>>>()?));
+        return Ok(Verdict::Done);
+    }
     let mut fronts: Vec<Front> = Vec::new();
     for path in &arguments.traces {
         let trace = arguments.reading.open(path)?;

@@ -161,14 +161,14 @@ impl Profiles {
     /// Estimates a machine, frame by frame.
     ///
     /// # Errors
-    /// If the configuration is one that no rates are known of.
+    /// If a knob has an effect that is not estimated.
     pub fn estimate(&self, config: &Config) -> Result<Vec<FrameEstimate>> {
         let mut bound = Bound::new(config)?;
         Ok(self.frames.iter().map(|frame| bound.frame(frame)).collect())
     }
 }
 
-/// The number of the frame that takes most cycles by estimate; of a class that no rates are known of, as sort-middle would draw it.
+/// The number of the frame that takes most cycles by estimate, whatever the knobs.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or has no such frame.

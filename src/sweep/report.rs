@@ -7,6 +7,7 @@ use super::folder::{Inputs, Results};
 use super::plan::{Plan, described};
 use super::timing::Screened;
 use crate::knob::Setting;
+use crate::machine::config::SortClass;
 use crate::report::summary::grouped;
 
 /// Machines that the page lists.
@@ -97,7 +98,7 @@ impl Outcome {
             self.listed(&mut out, plan, best.cycles);
         }
         if let Some(screened) = screened {
-            self.screen(&mut out, screened);
+            self.screen(&mut out, plan, screened);
         }
         if !self.failed.is_empty() {
             out.push_str("\n## Machines with an error\n\n| machine | settings | error |\n|---|---|---|\n");
@@ -189,13 +190,22 @@ impl Outcome {
     }
 
     /// How far the estimates of the machines that were simulated are off.
-    fn screen(&self, out: &mut String, screened: &[Screened]) {
+    fn screen(&self, out: &mut String, plan: &Plan, screened: &[Screened]) {
         let mut errors: Vec<f64> = Vec::new();
+        // By sort class, in the order of the list of these.
+        let mut classes: Vec<Vec<f64>> = vec![Vec::new(); SortClass::NAMES.len()];
         let mut pairs: Vec<(f64, f64)> = Vec::new();
         for machine in &self.machines {
             if let Ok(traces) = &screened[machine.number as usize].estimate {
                 let estimate: f64 = traces.iter().sum();
-                errors.push((estimate / machine.cycles - 1.0).abs());
+                let error = (estimate / machine.cycles - 1.0).abs();
+                errors.push(error);
+                // A machine with a result is one that could be made.
+                if let Ok(Ok(config)) = plan.machine(machine.number).map(|planned| planned.config)
+                    && let Some(class) = SortClass::NAMES.iter().position(|name| *name == config.card.sort.name())
+                {
+                    classes[class].push(error);
+                }
                 pairs.push((estimate, machine.cycles));
             }
         }
@@ -218,6 +228,15 @@ impl Outcome {
             100.0 * errors[errors.len() / 2],
             100.0 * most
         );
+        if classes.iter().filter(|own| !own.is_empty()).count() < 2 {
+            return;
+        }
+        out.push_str("\n| sort class | machines | median error | largest |\n|---|--:|--:|--:|\n");
+        for (class, own) in SortClass::NAMES.iter().zip(&mut classes).filter(|(_, own)| !own.is_empty()) {
+            own.sort_by(f64::total_cmp);
+            let [median, most] = [own[own.len() / 2], own[own.len() - 1]].map(|error| 100.0 * error);
+            let _ = writeln!(out, "| {class} | {} | {median:.2} % | {most:.2} % |", own.len());
+        }
     }
 }
 

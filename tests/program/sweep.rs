@@ -142,6 +142,19 @@ fn a_screen_simulates_the_fastest() {
 }
 
 #[test]
+fn a_screen_estimates_every_sort_class() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("classes").display().to_string();
+    let (code, text, message) = run(&["sweep", "traces/triangle", "--vary", "sort=all", "--screen", "4", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    assert!(text.contains("5 machines were estimated by `bound`, and 4 simulated; 0 of these have no estimate"), "{text}");
+    // The slowest is not simulated; how far the others' estimates are off stands by class.
+    let classes: Vec<&str> = text.lines().skip_while(|line| !line.contains("| sort class |")).skip(2).collect();
+    let named = |class: &str| classes.iter().any(|line| line.starts_with(&format!("| {class} | 1 |")));
+    assert!(named("sort-first") && named("sort-middle-binned") && !named("sort-last-image"), "{text}");
+}
+
+#[test]
 fn an_experiment_in_a_file_is_the_same_as_its_options() {
     let home = tempfile::tempdir().expect("a folder");
     let (options, written) = (home.path().join("options"), home.path().join("written"));

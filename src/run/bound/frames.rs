@@ -91,7 +91,7 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
 /// Adds estimates for a configuration to a rendering.
 ///
 /// # Errors
-/// If the configuration is one that no rates are known of.
+/// If a knob has an effect that is not estimated.
 pub fn estimate<'r>(
     rendering: &mut Rendering<'r>,
     config: &'r Config,

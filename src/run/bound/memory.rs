@@ -28,6 +28,11 @@ impl std::ops::AddAssign for Traffic {
 }
 
 impl Traffic {
+    /// So many times as much.
+    pub(super) fn times(&self, n: f64) -> Traffic {
+        Traffic { lookups: n * self.lookups, misses: n * self.misses, read: n * self.read, written: n * self.written }
+    }
+
     /// What is left without a part.
     pub(super) fn without(&self, part: &Traffic) -> Traffic {
         Traffic {

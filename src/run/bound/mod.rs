@@ -4,7 +4,8 @@
 //! rate (the roofline of Williams et al. 2009 with a roof for each unit). In a pass, runs of primitives flow through geometry and the
 //! pipelines that own the screen ([`flow`]), so that imbalance and what queues hold are in it; then the slowest of that, of DRAM and
 //! of the ports takes the time. What nothing overlaps comes on top: the way of the first item through the machine and of the last
-//! block to memory. What a ROP's cache misses comes from counts of what first-in-first-out caches of several sizes miss, what a texture
+//! block to memory. What a sort class adds has a file of its own: lists of tiles ([`binned`]), routers ([`routed`]), batches that are dealt and
+//! taken in order ([`dealt`]), composition ([`images`]). What a ROP's cache misses comes from counts of what first-in-first-out caches of several sizes miss, what a texture
 //! cache misses from the times between lookups of the same line ([`texture`]), what the second-level cache misses from one in miniature
 //! ([`memory`]), whose contents stay from frame to frame. Arbitration and conflicts of banks are not in it.
 
@@ -12,6 +13,7 @@ mod binned;
 mod dealt;
 mod flow;
 pub mod frames;
+mod images;
 mod memory;
 mod pass;
 mod routed;
@@ -29,7 +31,10 @@ use crate::machine::config::{MemoryKind, SortClass};
 use crate::machine::{Config, PhaseReport};
 use crate::mem::REQUEST_BYTES;
 use crate::num::Cycle;
+use crate::unit::assembly::Deal;
 use crate::unit::phase::{Phase, PhaseKind};
+use crate::unit::route::Retained;
+use crate::unit::sorting::{EarlyTest, Keep};
 use crate::work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use crate::work::{BLOCK, LINE, TILE};
 
@@ -139,16 +144,24 @@ impl<'c> Bound<'c> {
     /// Estimates for a configuration.
     ///
     /// # Errors
-    /// If its sort class is one that no rates are known of here, or a knob has an effect that is not estimated.
+    /// If a knob has an effect that is not estimated; it is named.
     pub fn new(config: &'c Config) -> Result<Bound<'c>> {
-        if !matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned | SortClass::LastFragment | SortClass::First)
-        {
-            bail!("the bound fidelity knows no rates of {}, which {} is: use cycle", config.card.sort.name(), config.name);
-        }
-        let binned = config.card.sort == SortClass::MiddleBinned;
+        let sort = config.card.sort;
         let unknown = [
-            ("bin.hide=true", binned && config.bin.hide, "quads that are held back"),
-            ("bin.skip_same_tiles=true", binned && config.bin.skip_same_tiles, "tiles that are left out"),
+            ("bin.hide=true", sort == SortClass::MiddleBinned && config.bin.hide, "quads that are held back"),
+            (
+                "bin.skip_same_tiles=true",
+                sort == SortClass::MiddleBinned && config.bin.skip_same_tiles,
+                "tiles that are left out",
+            ),
+            ("order.early", config.order.early != EarlyTest::None, "early tests of quads that others own"),
+            ("order.keep=\"where-needed\"", config.order.keep == Keep::WhereNeeded, "quads in any order"),
+            (
+                "route.mode=\"immediate\"",
+                sort == SortClass::First && config.route.mode == Retained::Immediate,
+                "vertices that are sent",
+            ),
+            ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
         ];
         if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {
             bail!("the bound fidelity knows nothing of {what} ({knob}): use cycle");
@@ -159,7 +172,7 @@ impl<'c> Bound<'c> {
         Ok(Bound::proxy(config))
     }
 
-    /// Estimates as for sort-middle, whatever the configuration sorts: near enough to tell frames apart, not to be reported.
+    /// Estimates without knobs that have an effect which is not estimated: near enough to tell frames apart, not to be reported.
     pub fn proxy(config: &'c Config) -> Bound<'c> {
         let (memory, dram) = (&config.memory, &config.dram);
         let tick = f64::from(dram.card_cycles) / f64::from(dram.clock);

@@ -1,6 +1,7 @@
 //! The time of a render pass.
 
 use super::flow::Rates;
+use super::images::Composed;
 use super::memory::Traffic;
 use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
@@ -13,7 +14,7 @@ use crate::unit::phase::PhaseKind;
 use crate::work::profile::{
     AttachmentProfile, BLOCK_CACHES, BUNDLE, Cell, DEALT, DrawProfile, LINES_FOLLOWED, LineProfile, PhaseProfile, REUSE,
 };
-use crate::work::{LINE, TILE};
+use crate::work::{BLOCK, LINE, TILE};
 
 /// Vertices of a warp where primitives come one by one from several routers, so that warps start before they are full: measured over
 /// the traces of the repository, on the baseline.
@@ -22,7 +23,18 @@ const ROUTED: f64 = 8.0;
 impl Bound<'_> {
     pub(super) fn pass(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
         let PhaseProfile::Pass {
-            number, label, size, draws, windows, cells, color, depth, blocks, block_misses, lines, ..
+            number,
+            label,
+            size,
+            draws,
+            windows,
+            cells,
+            color,
+            depth,
+            blocks,
+            block_misses,
+            copies,
+            lines,
         } = phase
         else {
             unreachable!("a pass")
@@ -34,7 +46,20 @@ impl Bound<'_> {
         let lists = binned.then(|| self.lists(draws, windows, cells));
         let followed = lists.as_ref().map(|lists| self.followed(lists, windows, cells, *size));
         let shown = self.shown(draws);
-        let traffic = self.traffic(color, depth.as_ref(), &missed, touched, lists.as_ref().zip(followed.as_ref()), shown);
+        let images = config.card.sort == SortClass::LastImage;
+        let copies = if images { self.copies(copies) } else { 1.0 };
+        // What is composed is all resolved, drawn or not.
+        let all = f64::from(size[0].div_ceil(BLOCK) * size[1].div_ceil(BLOCK));
+        let drawn = if images && self.pipelines > 1.0 { all } else { blocks[1] as f64 };
+        let resolved = drawn / (blocks[1] as f64).max(1.0);
+        let traffic = self.traffic(
+            color,
+            depth.as_ref(),
+            &missed,
+            touched,
+            lists.as_ref().zip(followed.as_ref()),
+            [shown, copies, resolved],
+        );
 
         let mut roofs = Roofs::default();
         let segments = draws.iter().map(|draw| draw.segments).sum::<u64>();
@@ -70,7 +95,7 @@ impl Bound<'_> {
             None if matches!(config.card.sort, SortClass::LastFragment | SortClass::LastImage) => {
                 self.dealt(&mut roofs, (draws, &rates), &owners, (windows, cells))
             }
-            None if config.card.sort == SortClass::First => self.routed(&mut roofs, (draws, &rates), &owners, (windows, cells)),
+            None if config.card.sort == SortClass::First => self.routed(&mut roofs, &rates, &owners, (windows, cells)),
             None => self.fluid(&mut roofs, &rates, &owners, windows, cells),
             Some(lists) => {
                 let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
@@ -105,27 +130,48 @@ impl Bound<'_> {
         most += binning;
         geometry.units.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
         let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
-        let drawn = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
+        let first_and_last = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
+        // Copies are composed when all is drawn.
+        let composed = if images && !draws.is_empty() {
+            self.composed(draws, (color, depth.as_ref()), *size, blocks[1] as f64 * copies)
+        } else {
+            Composed::default()
+        };
+        roofs.add("compose", composed.cycles);
+        memory += composed.traffic;
+        limit = if composed.cycles > most {
+            if self.dram(&composed.traffic) > composed.units { "dram" } else { "compose" }
+        } else {
+            limit
+        };
         // Resolves begin when all is drawn.
-        let resolve = self.resolve(color, blocks[1], &traffic.resolved);
+        let resolve = self.resolve(color, drawn, &traffic.resolved);
         roofs.add("resolve", resolve);
         memory += traffic.resolved;
-        limit = if resolve > most { "resolve" } else { limit };
+        limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
         let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
         let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
-        let cycles = most + drawn + resolve + barrier;
+        let cycles = most + first_and_last + composed.cycles + resolve + barrier;
         let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
         PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
     }
 
+    /// What a pass leaves of an attachment in memory, of its raw size.
+    pub(super) fn left(&self, attachment: &AttachmentProfile) -> f64 {
+        let c = self.config;
+        let composed = c.card.sort == SortClass::LastImage && c.card.pipelines > 1;
+        let compression = if composed { c.compose.compression } else { c.color.compression };
+        if compression { compressed(attachment) } else { 1.0 }
+    }
+
     /// Cycles of resolving what is resolved, block after block: one that nothing was drawn into is only written; others are read too, over
     /// the same wires, behind whatever the port has queued, and are waited for in order.
-    fn resolve(&self, color: &[AttachmentProfile], drawn: u64, traffic: &Traffic) -> f64 {
+    fn resolve(&self, color: &[AttachmentProfile], drawn: f64, traffic: &Traffic) -> f64 {
         let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) else { return 0.0 };
         let (config, request) = (&self.config.resolve, REQUEST_BYTES as f64);
-        let part = if self.config.color.compression { compressed(attachment) } else { 1.0 };
+        let part = self.left(attachment);
         let blocks = color.iter().map(|attachment| attachment.resolved as f64 / request).sum::<f64>().max(1.0);
-        let drawn = (drawn as f64).min(blocks);
+        let drawn = drawn.min(blocks);
         let written = (request / f64::from(self.config.memory.port_width)).max(f64::from(config.block_cycles));
         let asked = (attachment.block_bytes as f64 * part / request).ceil();
         let queued = f64::from(self.config.memory.port_queue) * (written + asked) / (1.0 + asked);

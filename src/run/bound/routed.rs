@@ -3,7 +3,7 @@
 
 use super::flow::{Pipeline, Rates, UNITS, later, work_of};
 use super::{Bound, Roofs};
-use crate::work::profile::{Cell, DrawProfile, Window};
+use crate::work::profile::{Cell, Window};
 
 /// Bytes of a primitive on the network: three numbers of vertices, and a mark.
 const PRIMITIVE: f64 = 16.0;
@@ -36,7 +36,7 @@ impl Bound<'_> {
     pub(super) fn routed(
         &self,
         roofs: &mut Roofs,
-        (draws, rates): (&[DrawProfile], &[Rates]),
+        rates: &[Rates],
         owners: &[Option<u8>],
         (windows, cells): (&[Window], &[Cell]),
     ) -> f64 {
@@ -103,7 +103,6 @@ impl Bound<'_> {
         roofs.add("route", routing);
         let copies: f64 = fronts.iter().map(|front| front.last()[0]).fold(0.0, f64::max);
         roofs.add("network", copies * PRIMITIVE / f64::from(c.network.link_bytes) / self.pipelines);
-        let _ = draws;
         done.iter().map(Pipeline::written).fold(routed, f64::max)
     }
 }

@@ -1,9 +1,11 @@
 //! What a pass moves between the first-level caches and the second level.
 
 use super::binned::{Followed, Lists};
+use super::images::copy;
 use super::memory::Traffic;
 use super::texture::Missed;
 use super::{Bound, Touched, compressed};
+use crate::machine::config::SortClass;
 use crate::work::LINE;
 use crate::work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, FLAT, Touch, Toucher};
 
@@ -32,6 +34,9 @@ struct Blocks<'p> {
     levels: [u8; 2],
     /// The part of their touches by covered quads that changes something.
     shown: f64,
+    /// Copies that a block is drawn in, and blocks that are resolved for each that is drawn.
+    copies: f64,
+    resolved: f64,
     /// Blocks stay on the chip from their first touch to the end of their tile.
     on_chip: bool,
 }
@@ -46,20 +51,20 @@ impl Bound<'_> {
         missed: &Missed,
         touched: &Touched,
         lists: Option<(&Lists, &Followed)>,
-        shown: f64,
+        [shown, copies, resolved]: [f64; 3],
     ) -> PassTraffic {
         let c = self.config;
         let mut sum = PassTraffic::default();
         // A block has left its cache where as many others have come as all pipelines' caches hold.
         let class = |blocks: f64| BLOCK_CACHES.iter().position(|&known| known as f64 * std::f64::consts::SQRT_2 > blocks);
-        let level = |blocks: f64| class(blocks * self.pipelines).unwrap_or(BLOCK_CACHES.len() - 1) as u8;
+        let level = |blocks: f64| class(blocks * self.pipelines / copies).unwrap_or(BLOCK_CACHES.len() - 1) as u8;
         let levels =
             [level(f64::from(c.color.cache_blocks) / color.len().max(1) as f64), level(f64::from(c.depth.cache_blocks))];
         let mut targets = [None; 8];
         targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
-        let blocks = Blocks { color: targets, depth, levels, shown, on_chip: lists.is_some() };
+        let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, on_chip: lists.is_some() };
         // What is missed as likely as not is missed every other time.
-        let mut due = [0.0; 2];
+        let mut due = [0.0; 3];
         // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
         let first = f64::from(c.texture.cache_lines * c.core.per_pipeline) * self.pipelines * LINE as f64;
         let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
@@ -103,7 +108,7 @@ impl Bound<'_> {
         touch: &Touch,
         blocks: &Blocks,
         missed: &Missed,
-        due: &mut [f64; 2],
+        due: &mut [f64; 3],
         touched: &Touched,
     ) {
         let c = self.config;
@@ -123,8 +128,9 @@ impl Bound<'_> {
             }
             Toucher::Resolve => {
                 if let Some(attachment) = blocks.color.iter().flatten().find(|attachment| attachment.resolved > 0) {
-                    let bytes = (attachment.block_bytes as f64 * compressed(attachment)) as u64;
-                    sum.resolved += self.shared.access(touch.line, bytes, false);
+                    let bytes = (attachment.block_bytes as f64 * self.left(attachment)) as u64;
+                    let traffic = self.shared.access(touch.line, bytes, false);
+                    sum.resolved += traffic.times(blocks.resolved);
                 }
                 return;
             }
@@ -160,15 +166,28 @@ impl Bound<'_> {
         let part = if compression { compressed(attachment) } else { 1.0 };
         let flat = compression && touch.step & FLAT != 0;
         let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
-        let mut traffic = Traffic::default();
-        if touch.near != FIRST || attachment.loads || !fast_clear {
-            traffic += self.shared.access(touch.line, bytes, false);
-            sum.fills[usize::from(touch.by == Toucher::Depth)] += traffic;
+        // Each of its copies is touched for a first time.
+        let apart = self.config.card.sort == SortClass::LastImage && self.pipelines > 1.0;
+        let mut copies = 1.0;
+        if touch.near == FIRST {
+            due[2] += blocks.copies - 1.0;
+            copies += due[2].floor();
+            due[2] -= due[2].floor();
         }
-        // What is read only leaves without a trace, and so does what is not wanted of a tile.
         let left = attachment.stores || !blocks.on_chip;
-        if left && !hidden && (touch.by == Toucher::Color || touch.step & !FLAT != 0) {
-            traffic += self.shared.access(touch.line, bytes, true);
+        let mut traffic = Traffic::default();
+        for at in 0..copies as u32 {
+            // Until a pipeline has written a block of its own it reads the surface's.
+            let own = if apart { copy(touch.line, at) } else { touch.line };
+            if touch.near != FIRST || attachment.loads || !fast_clear {
+                let fill = self.shared.access(if touch.near == FIRST { touch.line } else { own }, bytes, false);
+                sum.fills[usize::from(touch.by == Toucher::Depth)] += fill;
+                traffic += fill;
+            }
+            // What is read only leaves without a trace, and so does what is not wanted of a tile.
+            if left && !hidden && (touch.by == Toucher::Color || touch.step & !FLAT != 0) {
+                traffic += self.shared.access(own, bytes, true);
+            }
         }
         sum.all += traffic;
     }

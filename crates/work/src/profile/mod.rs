@@ -73,8 +73,10 @@ pub struct DrawProfile {
     pub quads: u64,
     /// Cost of the quads shaded.
     pub fragment: ShaderProfile,
-    /// Depth or stencil is in use.
+    /// Depth or stencil is in use, and can be written.
     pub depth: bool,
+    /// See `depth`.
+    pub writes_depth: bool,
     /// Tests come before shading.
     pub early: bool,
     /// Colour targets written,
@@ -128,6 +130,8 @@ pub struct Cell {
 /// An attachment of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AttachmentProfile {
+    /// Its first line in memory: address by [`LINE`](super::LINE).
+    pub line: u32,
     /// Bytes of a block of 8 x 8 pixels, all samples.
     pub block_bytes: u64,
     /// It has several samples a pixel.

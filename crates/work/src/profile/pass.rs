@@ -65,6 +65,7 @@ impl OpenPass {
         let profile = |attachment: &Attachment, clears: bool| {
             let resolved = |to: &Surface| u64::from(to.width) * u64::from(to.height) * texel_bytes(to);
             AttachmentProfile {
+                line: (attachment.surface.address / LINE) as u32,
                 block_bytes: 64 * texel_bytes(&attachment.surface),
                 multisampled: attachment.surface.samples > 1,
                 loads: !clears,
@@ -149,6 +150,7 @@ impl OpenPass {
             attribute_bytes: draw.attributes.iter().map(|a| u64::from(a.bytes)).sum(),
             payload: u64::from(draw.payload_words),
             depth: draw.depth_stencil.is_some(),
+            writes_depth: self.memory.writes_depth,
             early: draw.early,
             targets: written().count() as u64,
             blended: written().filter(|target| target.blend.is_some()).count() as u64,
