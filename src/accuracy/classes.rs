@@ -66,9 +66,8 @@ pub fn table(found: &[Errors]) -> String {
         errors.sort_by(f64::total_cmp);
         errors
     };
-    let pick: [(&str, fn(&[f64]) -> Option<f64>); 2] =
-        [("median", |errors| errors.get(errors.len() / 2).copied()), ("largest", |errors| errors.last().copied())];
-    for (name, of) in pick {
+    for name in ["median", "largest"] {
+        let of = |errors: &[f64]| if name == "median" { errors.get(errors.len() / 2).copied() } else { errors.last().copied() };
         let size = |error: Option<f64>| error.map_or("-".into(), |error| format!("{:.1} %", 100.0 * error));
         let cell = |at: usize| [0, 1].map(|side| size(of(&sides(at, side)))).join(", ");
         let cells: Vec<String> = (0..heads.len()).map(cell).collect();

@@ -86,7 +86,7 @@ impl Lists {
     /// Bytes that are fetched because parts of sectors are written: those of entries, and of triangles that end inside of one.
     pub fn completed(&self) -> f64 {
         let [triangles, entries, _] = self.sums();
-        let ends = if self.triangle as u32 % SECTOR as u32 == 0 { 0.0 } else { 0.5 * SECTOR };
+        let ends = if (self.triangle as u32).is_multiple_of(SECTOR as u32) { 0.0 } else { 0.5 * SECTOR };
         triangles * ends + entries * self.entry
     }
 }

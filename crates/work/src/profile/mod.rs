@@ -61,10 +61,6 @@ pub struct DrawProfile {
     pub bins: [[u64; BINS.len()]; 2],
     /// Vertices shaded if each batch of [`DEALT`] primitives begins anew.
     pub dealt_vertices: u64,
-    /// Bytes of the first attribute's stream that a vertex touches, and of all attributes that are read.
-    pub position_bytes: u64,
-    /// See `position_bytes`.
-    pub attribute_bytes: u64,
     /// 32-bit words of a shaded quad's outputs.
     pub payload: u64,
     /// What pipelines that draw apart hide; nothing where the work has visible quads only.

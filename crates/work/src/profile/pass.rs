@@ -146,8 +146,6 @@ impl OpenPass {
             vertex_bytes: streams.iter().map(|s| s.1).sum::<u64>().min(draw.attributes.iter().map(line).sum()),
             registers: [draw.vertex.registers, draw.fragment.map_or(0, |shape| shape.registers)],
             varyings: draw.fragment.map_or(0, |shape| u64::from(shape.inputs)),
-            position_bytes: draw.attributes.first().map_or(0, |a| line(a)),
-            attribute_bytes: draw.attributes.iter().map(|a| u64::from(a.bytes)).sum(),
             payload: u64::from(draw.payload_words),
             depth: draw.depth_stencil.is_some(),
             writes_depth: self.memory.writes_depth,
