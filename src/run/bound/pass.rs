@@ -67,7 +67,8 @@ impl Bound<'_> {
         let quads = f64::from(config.core.warp_width) / 4.0;
         let part = 1.0 - libm::exp(-missed.bundle * quads / f64::from(BUNDLE));
         let requests = Requests { missed: part, latency: self.latency(&traffic.textures) };
-        // Lines of indices wait behind what is written meanwhile, the longer the sooner a pass is over.
+        // Lines of indices that the second level has lost wait behind what is written meanwhile, the longer the sooner a pass is over. Where
+        // geometry waits for pixels anyway, as in sort-middle, the trip to the second level alone is nearer to the truth.
         let index = self.latency(&traffic.indices);
         let first: f64 = draws
             .iter()
@@ -77,7 +78,8 @@ impl Bound<'_> {
             .sum();
         let meanwhile = if binned { &traffic.binned } else { &traffic.all };
         let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
-        let index = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
+        let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
+        let index = if config.card.sort == SortClass::Middle { self.hit_latency } else { waits };
         let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
         let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
