@@ -124,7 +124,7 @@ fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
                 eprintln!("{class}, {trace}: {cycle} {what}, told as {bound} ({:+.1} %)", 100.0 * (bound / cycle - 1.0));
                 assert!((bound / cycle - 1.0).abs() < allowed, "{class}, {trace}: {bound} {what} for {cycle}");
             }
-            let units = |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.0.limit).collect::<Vec<_>>();
+            let units = |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.phase.limit).collect::<Vec<_>>();
             assert!(units(&bound).iter().all(|limit| !limit.is_empty()), "{class}, {trace}: a phase has no limit");
         }
     }
@@ -207,7 +207,7 @@ fn what_sorts_limits_where_it_is_slow() {
     ] {
         let sort = format!("sort={class}");
         let [before, after] = [vec![sort.as_str()], vec![sort.as_str(), change]].map(|set| run(trace, Fidelity::Bound, &set));
-        let limits: Vec<_> = after.frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.0.limit).collect();
+        let limits: Vec<_> = after.frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.phase.limit).collect();
         eprintln!("{class}, {change}: {} from {}, {limits:?}", cycles(&after), cycles(&before));
         assert!(limits.contains(&unit), "{class}, {change}: {limits:?}");
         assert!(cycles(&after) > least * cycles(&before), "{class}, {change}");
