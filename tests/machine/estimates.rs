@@ -124,7 +124,8 @@ fn bounds_of_every_class_are_near_the_cycles_that_they_stand_for() {
                 eprintln!("{class}, {trace}: {cycle} {what}, told as {bound} ({:+.1} %)", 100.0 * (bound / cycle - 1.0));
                 assert!((bound / cycle - 1.0).abs() < allowed, "{class}, {trace}: {bound} {what} for {cycle}");
             }
-            let units = |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.phase.limit).collect::<Vec<_>>();
+            let units =
+                |replay: &Replay| replay.frames.iter().flat_map(|f| &f.phases).map(|p| p.phase.limit).collect::<Vec<_>>();
             assert!(units(&bound).iter().all(|limit| !limit.is_empty()), "{class}, {trace}: a phase has no limit");
         }
     }
