@@ -27,7 +27,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let trace = arguments.reading.open(&arguments.trace)?;
+    let (trace, report) = arguments.reading.open_reported(&arguments.trace)?;
     let summary = check(&trace)?;
     if arguments.json {
         super::say_json(&summary)?;
@@ -52,6 +52,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     println!("{} commands:", grouped(summary.commands));
     for (name, count) in &summary.by_name {
         row(name, grouped(*count));
+    }
+    if let Some(report) = &report {
+        println!("{} calls, {} shaders of fixed functions:", grouped(report.calls.values().sum()), report.shaders);
+        for (name, count) in &report.calls {
+            row(name, grouped(*count));
+        }
+        for (heading, counts) in [("not supported", &report.unsupported), ("ignored for an error", &report.errors)] {
+            for (what, count) in counts {
+                println!("{heading}: {what}: {} times, first in call {}", grouped(count.times), count.first);
+            }
+        }
     }
     if arguments.commands {
         trace.for_each_command(|index, command| {

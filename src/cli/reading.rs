@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow};
+use anyhow::{Result, anyhow, bail};
 
 use crate::import;
+use crate::import::gl::Report;
 use crate::num::Limits;
 use crate::trace::{self, Trace};
 
@@ -17,21 +18,39 @@ pub struct Reading {
     /// Read files of the trace that symbolic links lead to
     #[arg(long)]
     follow_links: bool,
+    /// Take a recorded OpenGL program that asks for what is not supported, and leave that out
+    #[arg(long)]
+    lenient: bool,
 }
 
 impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
         let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
-        limits.chain(self.follow_links.then(|| "--follow-links".to_owned())).collect()
+        let flags = [(self.follow_links, "--follow-links"), (self.lenient, "--lenient")];
+        limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).collect()
     }
 
-    /// Opens a trace of any kind.
+    /// Opens a trace of any kind. What is left out of a recorded program is said.
     pub fn open(&self, path: &Path) -> Result<Trace> {
+        let (trace, report) = self.open_reported(path)?;
+        if let Some(refusal) = report.and_then(|report| report.refusal()) {
+            let path = path.display();
+            if !self.lenient {
+                bail!("{path}: not supported: {refusal}; --lenient leaves it out");
+            }
+            eprintln!("warning: {path}: left out, not supported: {refusal}");
+        }
+        Ok(trace)
+    }
+
+    /// Opens a trace of any kind, with what is known of a recorded program.
+    pub fn open_reported(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
         let mut limits = Limits::default();
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
-        Ok(import::open_with(path, &trace::Reading { limits, follow_links: self.follow_links })?)
+        let reading = trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient };
+        Ok(import::open_reported(path, &reading)?)
     }
 }

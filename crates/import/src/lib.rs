@@ -3,6 +3,7 @@
 //! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
 //! translated in memory and its blobs where they are.
 
+pub mod gl;
 pub mod wgpu;
 
 mod detect;
@@ -24,24 +25,34 @@ pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, Tra
     open_path(path.as_ref(), reading)
 }
 
-fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
+/// As [`open_with`], with what is known of a recorded OpenGL program. What it asks for and is not supported is no error here.
+pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl::Report>), TraceError> {
     // The path is the user's own; files that are found in a folder are the trace's.
     let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
+    let links = if in_folder { reading.links() } else { Links::Follow };
     match detect::detect_with(path, reading.links())? {
         Some(Found { kind: Kind::Native, path: file }) => match file.parent() {
             Some(folder) if in_folder => Trace::open_with(folder, reading),
             _ => Trace::open_with(file, reading),
         },
-        Some(Found { kind: Kind::Wgpu, path: file }) => {
-            wgpu::open_linked(&file, if in_folder { reading.links() } else { Links::Follow }, reading)
-        }
+        Some(Found { kind: Kind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
         Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
-            Err(TraceError::new(path, format_args!("{kind} traces are not supported yet")))
+            let (trace, report) = gl::open(&path, kind == Kind::Apitrace, links, reading)?;
+            return Ok((trace, Some(report)));
         }
         None => Err(TraceError::new(
             path,
             "is no trace: neither a native one (folder with trace.ron, or zip archive), nor a wgpu API trace (folder with \
              trace.ron), nor an apitrace or GLInterceptor file",
         )),
+    }
+    .map(|trace| (trace, None))
+}
+
+fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
+    let (trace, report) = open_reported(path, reading)?;
+    match report.and_then(|report| report.refusal()) {
+        Some(refusal) if !reading.lenient => Err(TraceError::new(path, format!("not supported: {refusal}; --lenient leaves it out"))),
+        _ => Ok(trace),
     }
 }

@@ -76,6 +76,8 @@ pub struct Reading {
     pub limits: Limits,
     /// Whether files that symbolic links lead to are read, inside the trace's folder and outside of it.
     pub follow_links: bool,
+    /// Whether a foreign trace is taken that asks for what is not supported; that is then left out.
+    pub lenient: bool,
 }
 
 impl Reading {

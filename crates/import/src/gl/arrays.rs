@@ -1,0 +1,368 @@
+//! Client arrays and buffer objects.
+
+use std::rc::Rc;
+
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::consts as e;
+use super::machine::Gl;
+use super::state::{UNITS, Vertex};
+
+/// Vertices of one draw at most.
+const VERTICES_MAX: u32 = 1 << 26;
+
+/// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, and texture coordinates from 8 on. The bits are
+/// those of [`Vertex::over`].
+const SLOTS: usize = 8 + UNITS;
+
+/// Where the elements of an array are.
+#[derive(Clone, Debug, Default)]
+enum Source {
+    /// Nowhere.
+    #[default]
+    None,
+    /// In the client's memory, as the recorder saw it.
+    Memory(Rc<[u8]>),
+    /// In a buffer object, from this byte on.
+    Buffer(u32, u64),
+}
+
+/// One array.
+#[derive(Clone, Debug, Default)]
+struct Array {
+    enabled: bool,
+    size: usize,
+    kind: u32,
+    stride: usize,
+    source: Source,
+}
+
+/// All of them.
+#[derive(Clone, Debug, Default)]
+pub struct Arrays {
+    slots: [Array; SLOTS],
+    /// The unit that calls mean.
+    pub active: usize,
+    /// The buffers that are bound: of arrays, of indices.
+    pub bound: [u32; 2],
+}
+
+fn scalar(kind: u32) -> Option<(Scalar, usize)> {
+    Some(match kind {
+        e::BYTE => (Scalar::Byte, 1),
+        e::UNSIGNED_BYTE => (Scalar::Ubyte, 1),
+        e::SHORT => (Scalar::Short, 2),
+        e::UNSIGNED_SHORT => (Scalar::Ushort, 2),
+        e::INT => (Scalar::Int, 4),
+        e::UNSIGNED_INT => (Scalar::Uint, 4),
+        e::FLOAT => (Scalar::Float, 4),
+        e::DOUBLE => (Scalar::Double, 8),
+        _ => return None,
+    })
+}
+
+fn read(scalar: Scalar, b: &[u8]) -> f64 {
+    match scalar {
+        Scalar::Byte => f64::from(b[0] as i8),
+        Scalar::Ubyte => f64::from(b[0]),
+        Scalar::Short => f64::from(i16::from_le_bytes([b[0], b[1]])),
+        Scalar::Ushort => f64::from(u16::from_le_bytes([b[0], b[1]])),
+        Scalar::Int => f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Uint => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Float => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        Scalar::Double => f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]),
+    }
+}
+
+/// The slot of a client state.
+fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
+    Ok(match array {
+        e::VERTEX_ARRAY => 0,
+        e::NORMAL_ARRAY => 1,
+        e::COLOR_ARRAY => 2,
+        e::SECONDARY_COLOR_ARRAY => 3,
+        e::FOG_COORD_ARRAY => 4,
+        e::EDGE_FLAG_ARRAY => 5,
+        e::INDEX_ARRAY => 6,
+        e::TEXTURE_COORD_ARRAY => 8 + gl.arrays.active,
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+fn set_enabled(gl: &mut Gl, array: u32, enabled: bool) -> Outcome {
+    let slot = slot(gl, array)?;
+    gl.arrays.slots[slot].enabled = enabled;
+    Ok(())
+}
+
+pub(super) fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_enabled(gl, call.u32(0)?, true)
+}
+
+pub(super) fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_enabled(gl, call.u32(0)?, false)
+}
+
+pub(super) fn client_active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
+    if unit >= UNITS {
+        return Err(INVALID_ENUM);
+    }
+    gl.arrays.active = unit;
+    Ok(())
+}
+
+fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &Arg) -> Outcome {
+    let stride = usize::try_from(stride).map_err(|_| INVALID_VALUE)?;
+    let source = match data {
+        Arg::Blob(bytes) => Source::Memory(bytes.clone()),
+        Arg::Pointer(at) if gl.arrays.bound[0] != 0 => Source::Buffer(gl.arrays.bound[0], *at),
+        Arg::Num(at) if gl.arrays.bound[0] != 0 => Source::Buffer(gl.arrays.bound[0], *at as u64),
+        Arg::Null if gl.arrays.bound[0] != 0 => Source::Buffer(gl.arrays.bound[0], 0),
+        // The recorder gives the contents right before the draw.
+        _ => Source::None,
+    };
+    let enabled = gl.arrays.slots[slot].enabled;
+    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source };
+    Ok(())
+}
+
+macro_rules! sized {
+    ($($name:ident $slot:expr, $least:literal;)+) => { $(
+        pub(super) fn $name(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+            let size = call.size(0)? as usize;
+            if !($least..=4).contains(&size) {
+                return Err(INVALID_VALUE);
+            }
+            let slot: fn(&Gl) -> usize = $slot;
+            point(gl, slot(gl), size, call.u32(1)?, call.i32(2)?, call.arg(3))
+        }
+    )+ };
+}
+
+sized! {
+    vertex_pointer |_| 0, 2;
+    color_pointer |_| 2, 3;
+    secondary_pointer |_| 3, 3;
+    texture_pointer |gl| 8 + gl.arrays.active, 1;
+}
+
+pub(super) fn normal_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    point(gl, 1, 3, call.u32(0)?, call.i32(1)?, call.arg(2))
+}
+
+pub(super) fn fog_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    point(gl, 4, 1, call.u32(0)?, call.i32(1)?, call.arg(2))
+}
+
+pub(super) fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    point(gl, 5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
+}
+
+/// An enabled array that is ready to be read.
+struct Ready {
+    slot: usize,
+    scalar: Scalar,
+    size: usize,
+    bytes: usize,
+    stride: usize,
+    start: usize,
+    data: Rc<[u8]>,
+}
+
+impl Gl {
+    /// Enabled arrays, and a bit for each.
+    fn ready(&self) -> Outcome<(Vec<Ready>, u32)> {
+        let mut ready = Vec::new();
+        let mut bits = 0;
+        for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
+            let (scalar, bytes) = scalar(array.kind).ok_or(INVALID_ENUM)?;
+            let (data, start): (Rc<[u8]>, usize) = match &array.source {
+                Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
+                Source::Memory(bytes) => (bytes.clone(), 0),
+                Source::Buffer(name, at) => (self.buffers.get(name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
+            };
+            let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
+            ready.push(Ready { slot, scalar, size: array.size, bytes, stride, start, data });
+            bits |= 1 << slot;
+        }
+        Ok((ready, bits))
+    }
+
+    fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
+        let mut vertex = self.state.current;
+        for array in ready {
+            let at = (index as usize).saturating_mul(array.stride).saturating_add(array.start);
+            let Some(element) = array.data.get(at..at.saturating_add(array.size * array.bytes)) else {
+                return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
+            };
+            let mut values = [0.0, 0.0, 0.0, 1.0];
+            for (value, bytes) in values.iter_mut().zip(element.chunks_exact(array.bytes)) {
+                *value = read(array.scalar, bytes);
+            }
+            let plain = values.map(|value| value as f32);
+            let normalized: [f32; 4] =
+                std::array::from_fn(|k| if k < array.size { array.scalar.normalized(values[k]) } else { plain[k] });
+            match array.slot {
+                0 => vertex.position = plain,
+                1 => vertex.normal = [normalized[0], normalized[1], normalized[2]],
+                2 => vertex.color = normalized,
+                3 => vertex.secondary = [normalized[0], normalized[1], normalized[2]],
+                4 => vertex.fog = plain[0],
+                5 => vertex.edge = values[0] != 0.0,
+                slot => vertex.texture[slot - 8] = plain,
+            }
+        }
+        Ok(vertex)
+    }
+
+    /// Draws elements of the arrays.
+    fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>) -> Outcome {
+        if mode > e::POLYGON {
+            return Err(INVALID_ENUM);
+        }
+        let (ready, bits) = self.ready()?;
+        if bits & 1 == 0 {
+            return Ok(());
+        }
+        let vertices = indices.map(|index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
+        self.vertices(mode, vertices, bits)
+    }
+}
+
+pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
+    if count > VERTICES_MAX {
+        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
+    }
+    gl.elements(mode, first..first.saturating_add(count))
+}
+
+fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
+    let (scalar, bytes) = scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
+    let bound = gl.arrays.bound[1];
+    let in_buffer = |at: u64| Ok((gl.buffers.get(&bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
+    let (data, start): (Rc<[u8]>, usize) = match data {
+        Arg::Blob(bytes) => (bytes.clone(), 0),
+        Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,
+        Arg::Num(at) if bound != 0 => in_buffer(*at as u64)?,
+        Arg::Null if bound != 0 => in_buffer(0)?,
+        Arg::Nums(numbers) => return Ok(numbers.iter().take(count as usize).map(|&n| n as u32).collect()),
+        _ if count == 0 => return Ok(Vec::new()),
+        _ => return Err(Fault::Damaged("the indices were not recorded".into())),
+    };
+    let end = start.saturating_add((count as usize).saturating_mul(bytes));
+    let Some(part) = data.get(start..end) else {
+        return Err(Fault::Damaged(format!("{count} indices reach past {} bytes", data.len())));
+    };
+    Ok(part.chunks_exact(bytes).map(|bytes| read(scalar, bytes) as u32).collect())
+}
+
+pub(super) fn draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let indices = indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?;
+    gl.elements(call.u32(0)?, indices.into_iter())
+}
+
+pub(super) fn draw_range_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let indices = indices(gl, call.size(3)?, call.u32(4)?, call.arg(5))?;
+    gl.elements(call.u32(0)?, indices.into_iter())
+}
+
+pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, firsts, counts) = (call.u32(0)?, call.numbers(1)?, call.numbers(2)?);
+    for (&first, &count) in firsts.iter().zip(counts.iter()) {
+        let (first, count) = (first as u32, count as u32);
+        if count > VERTICES_MAX {
+            return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
+        }
+        gl.elements(mode, first..first.saturating_add(count))?;
+    }
+    Ok(())
+}
+
+pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (ready, bits) = gl.ready()?;
+    let vertex = gl.fetch(&ready, call.u32(0)?)?;
+    gl.state.current = Vertex { position: gl.state.current.position, ..vertex };
+    if let (Some((_, vertices)), true) = (&mut gl.begun, bits & 1 != 0) {
+        vertices.push(vertex);
+    }
+    Ok(())
+}
+
+pub(super) fn push_client(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if gl.saved_client.len() >= 16 {
+        return Err(Fault::Error("GL_STACK_OVERFLOW"));
+    }
+    gl.saved_client.push((call.u32(0)?, Box::new((gl.arrays.clone(), gl.unpack))));
+    Ok(())
+}
+
+pub(super) fn pop_client(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    let (mask, saved) = gl.saved_client.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
+    let (arrays, unpack) = *saved;
+    if mask & e::CLIENT_VERTEX_ARRAY_BIT != 0 {
+        gl.arrays = arrays;
+    }
+    if mask & e::CLIENT_PIXEL_STORE_BIT != 0 {
+        gl.unpack = unpack;
+    }
+    Ok(())
+}
+
+fn target(call: &Call) -> Outcome<usize> {
+    match call.u32(0)? {
+        e::ARRAY_BUFFER => Ok(0),
+        e::ELEMENT_ARRAY_BUFFER => Ok(1),
+        e::PIXEL_UNPACK_BUFFER | e::PIXEL_PACK_BUFFER => Err(Fault::Unsupported("pixel buffer objects".into())),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+pub(super) fn bind_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let name = call.u32(1)?;
+    let target = match target(call) {
+        Err(Fault::Unsupported(_)) if name == 0 => return Ok(()),
+        other => other?,
+    };
+    gl.arrays.bound[target] = name;
+    if name != 0 {
+        gl.buffers.entry(name).or_insert_with(|| Rc::from([]));
+    }
+    Ok(())
+}
+
+pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (bound, size) = (gl.arrays.bound[target(call)?], call.f64(1)? as u64);
+    if bound == 0 {
+        return Err(INVALID_OPERATION);
+    }
+    let bytes: Rc<[u8]> = match call.arg(2) {
+        Arg::Blob(bytes) => bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from),
+        _ if size > 1 << 30 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
+        _ => vec![0; size as usize].into(),
+    };
+    gl.buffers.insert(bound, bytes);
+    Ok(())
+}
+
+pub(super) fn buffer_sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (bound, at) = (gl.arrays.bound[target(call)?], call.f64(1)? as u64 as usize);
+    let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
+    let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
+    let mut all = buffer.to_vec();
+    let part = all.get_mut(at..at.saturating_add(bytes.len())).ok_or(INVALID_VALUE)?;
+    part.copy_from_slice(bytes);
+    *buffer = all.into();
+    Ok(())
+}
+
+pub(super) fn delete_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    for &name in call.numbers(1)?.iter() {
+        let name = name as u32;
+        gl.buffers.remove(&name);
+        for bound in gl.arrays.bound.iter_mut().filter(|bound| **bound == name) {
+            *bound = 0;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,244 @@
+//! One recorded call, whichever reader it comes from.
+
+use std::borrow::Cow;
+use std::rc::Rc;
+
+/// A function that a recording calls.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Function {
+    /// Its number in this recording: dense, from 0.
+    pub id: u32,
+    /// Its name.
+    pub name: Rc<str>,
+}
+
+/// A value of an argument. Numbers of all types are `f64`, which has every value that OpenGL passes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Arg {
+    /// A null pointer, or an argument that was not recorded.
+    Null,
+    /// A number, an enumerant, a bit mask or a truth value.
+    Num(f64),
+    /// An array of numbers.
+    Nums(Rc<[f64]>),
+    /// Bytes.
+    Blob(Rc<[u8]>),
+    /// Text.
+    Str(Rc<str>),
+    /// An address, or an offset in a buffer object.
+    Pointer(u64),
+    /// An array of other values, or the members of a structure.
+    List(Rc<[Arg]>),
+}
+
+/// One call.
+#[derive(Clone, Debug)]
+pub struct Call {
+    /// Its number in the recording, from 0.
+    pub number: u64,
+    /// Where it begins: a byte of the expanded stream, or a line.
+    pub place: u64,
+    /// What is called.
+    pub function: Rc<Function>,
+    /// Its arguments.
+    pub args: Vec<Arg>,
+    /// What it answered; `Null` if nothing.
+    pub result: Arg,
+}
+
+/// Why a call has no effect.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// It raises an OpenGL error: the standard says that it is ignored.
+    Error(&'static str),
+    /// It, or what it asks for, is not supported: the name of that.
+    Unsupported(String),
+    /// An argument is missing or of another kind: the recording is damaged.
+    Damaged(String),
+    /// It asks for more than a limit allows.
+    Limit(String),
+}
+
+/// What a call comes to.
+pub type Outcome<T = ()> = Result<T, Fault>;
+
+/// The error of a value that an argument must not have.
+pub const INVALID_VALUE: Fault = Fault::Error("GL_INVALID_VALUE");
+/// The error of an enumerant that an argument must not have.
+pub const INVALID_ENUM: Fault = Fault::Error("GL_INVALID_ENUM");
+/// The error of a call that is not allowed in this state.
+pub const INVALID_OPERATION: Fault = Fault::Error("GL_INVALID_OPERATION");
+
+impl Call {
+    /// An argument; `Null` if it was not recorded.
+    pub fn arg(&self, index: usize) -> &Arg {
+        self.args.get(index).unwrap_or(&Arg::Null)
+    }
+
+    fn wrong(&self, index: usize, wanted: &str) -> Fault {
+        Fault::Damaged(format!("argument {index} is no {wanted}"))
+    }
+
+    /// A number.
+    pub fn f64(&self, index: usize) -> Outcome<f64> {
+        match self.arg(index) {
+            Arg::Num(number) => Ok(*number),
+            Arg::Pointer(address) => Ok(*address as f64),
+            Arg::Nums(numbers) if numbers.len() == 1 => Ok(numbers[0]),
+            // A null pointer in the place of an integer.
+            Arg::Null if index < self.args.len() => Ok(0.0),
+            _ => Err(self.wrong(index, "number")),
+        }
+    }
+
+    /// A number in single precision.
+    pub fn f32(&self, index: usize) -> Outcome<f32> {
+        self.f64(index).map(|number| number as f32)
+    }
+
+    /// A whole number, or an enumerant; negative ones wrap as in C.
+    pub fn u32(&self, index: usize) -> Outcome<u32> {
+        self.f64(index).map(|number| number as i64 as u32)
+    }
+
+    /// A whole number.
+    pub fn i32(&self, index: usize) -> Outcome<i32> {
+        self.f64(index).map(|number| number as i64 as i32)
+    }
+
+    /// A size: whole and not negative.
+    pub fn size(&self, index: usize) -> Outcome<u32> {
+        u32::try_from(self.i32(index)?).map_err(|_| INVALID_VALUE)
+    }
+
+    /// A truth value.
+    pub fn bool(&self, index: usize) -> Outcome<bool> {
+        self.f64(index).map(|number| number != 0.0)
+    }
+
+    /// An array of numbers; a single number is an array of one.
+    pub fn numbers(&self, index: usize) -> Outcome<Cow<'_, [f64]>> {
+        match self.arg(index) {
+            Arg::Nums(numbers) => Ok(Cow::Borrowed(numbers)),
+            Arg::Num(number) => Ok(Cow::Owned(vec![*number])),
+            _ => Err(self.wrong(index, "array of numbers")),
+        }
+    }
+
+    /// The first numbers of an array.
+    pub fn array<const N: usize>(&self, index: usize) -> Outcome<[f64; N]> {
+        let numbers = self.numbers(index)?;
+        let start = numbers.get(..N).ok_or_else(|| Fault::Damaged(format!("argument {index} has fewer than {N} numbers")))?;
+        Ok(std::array::from_fn(|k| start[k]))
+    }
+
+    /// Text.
+    pub fn text(&self, index: usize) -> Outcome<&str> {
+        match self.arg(index) {
+            Arg::Str(text) => Ok(text),
+            _ => Err(self.wrong(index, "text")),
+        }
+    }
+}
+
+/// The type that the end of a function's name states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scalar {
+    /// `b`
+    Byte,
+    /// `s`
+    Short,
+    /// `i`
+    Int,
+    /// `f`
+    Float,
+    /// `d`
+    Double,
+    /// `ub`
+    Ubyte,
+    /// `us`
+    Ushort,
+    /// `ui`
+    Uint,
+}
+
+impl Scalar {
+    /// A component that is normalised as colours and normals are: integers become [0, 1] or [-1, 1] (OpenGL 1.5, table 2.9).
+    pub fn normalized(self, value: f64) -> f32 {
+        (match self {
+            Scalar::Float | Scalar::Double => value,
+            Scalar::Ubyte => value / 255.0,
+            Scalar::Ushort => value / 65_535.0,
+            Scalar::Uint => value / 4_294_967_295.0,
+            Scalar::Byte => (2.0 * value + 1.0) / 255.0,
+            Scalar::Short => (2.0 * value + 1.0) / 65_535.0,
+            Scalar::Int => (2.0 * value + 1.0) / 4_294_967_295.0,
+        }) as f32
+    }
+}
+
+/// What the end of a function's name says of its arguments: `glColor4ubv` has 4 components of type `ub` in an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Components; 0 where the name has no number.
+    pub count: usize,
+    /// Their type.
+    pub scalar: Scalar,
+    /// Whether they are in an array.
+    pub vector: bool,
+}
+
+/// Endings of functions that extensions brought, which mean what the function of the core means.
+const EXTENSIONS: &[&str] = &["ARB", "EXT", "SGIS", "NV", "ATI", "APPLE", "MESA"];
+
+/// A name without `gl` and the ending of an extension.
+pub fn core_name(name: &str) -> Option<&str> {
+    let name = name.strip_prefix("gl").filter(|rest| rest.starts_with(|c: char| c.is_ascii_uppercase()))?;
+    Some(EXTENSIONS.iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name))
+}
+
+/// Parts a name into its stem and the shape of its arguments.
+pub fn shape(name: &str) -> Option<(&str, Shape)> {
+    let (rest, vector) = name.strip_suffix('v').map_or((name, false), |rest| (rest, true));
+    const TYPES: &[(&str, Scalar)] = &[
+        ("ub", Scalar::Ubyte),
+        ("us", Scalar::Ushort),
+        ("ui", Scalar::Uint),
+        ("b", Scalar::Byte),
+        ("s", Scalar::Short),
+        ("i", Scalar::Int),
+        ("f", Scalar::Float),
+        ("d", Scalar::Double),
+    ];
+    let (rest, scalar) = TYPES.iter().find_map(|&(end, scalar)| Some((rest.strip_suffix(end)?, scalar)))?;
+    let (stem, count) = match rest.strip_suffix(['1', '2', '3', '4']) {
+        Some(stem) => (stem, usize::from(rest.as_bytes()[rest.len() - 1] - b'0')),
+        None => (rest, 0),
+    };
+    Some((stem, Shape { count, scalar, vector }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_parted_into_stem_and_shape() {
+        let of = |name| shape(core_name(name).expect("a function of OpenGL"));
+        assert_eq!(of("glColor4ubv"), Some(("Color", Shape { count: 4, scalar: Scalar::Ubyte, vector: true })));
+        assert_eq!(of("glMultiTexCoord2fARB"), Some(("MultiTexCoord", Shape { count: 2, scalar: Scalar::Float, vector: false })));
+        assert_eq!(of("glLightfv"), Some(("Light", Shape { count: 0, scalar: Scalar::Float, vector: true })));
+        assert_eq!(of("glRotated"), Some(("Rotate", Shape { count: 0, scalar: Scalar::Double, vector: false })));
+        assert_eq!(core_name("glXSwapBuffers"), Some("XSwapBuffers"));
+        assert_eq!(core_name("wglSwapBuffers"), None);
+    }
+
+    #[test]
+    fn integers_are_normalised_as_colours_are() {
+        assert_eq!(Scalar::Ubyte.normalized(255.0), 1.0);
+        assert_eq!(Scalar::Byte.normalized(-128.0), -1.0);
+        assert_eq!(Scalar::Byte.normalized(127.0), 1.0);
+        assert_eq!(Scalar::Int.normalized(2_147_483_647.0), 1.0);
+        assert_eq!(Scalar::Float.normalized(3.0), 3.0);
+    }
+}

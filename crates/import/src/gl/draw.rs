@@ -1,0 +1,556 @@
+//! From what waits to a draw of the card: key, uniforms, vertices, pipeline.
+
+use gfx::state::*;
+
+use super::call::{Fault, Outcome};
+use super::card::{DEPTH, Draw, Fixed};
+use super::consts as e;
+use super::fragments::{blend_factor, blend_operation, stencil_operation};
+use super::key::*;
+use super::machine::Gl;
+use super::matrix::{self, IDENTITY, Matrix};
+use super::names;
+use super::primitive::{Batch, Class};
+use super::state::{PLANES, TARGETS, UNITS, Vertex};
+use super::texture::{Bound, Texture};
+use super::uniforms::{self, Source, to_clip};
+use super::wgsl::{self, location};
+
+fn compare(value: u32) -> Compare {
+    match value {
+        e::NEVER => Compare::Never,
+        e::LESS => Compare::Less,
+        e::EQUAL => Compare::Equal,
+        e::LEQUAL => Compare::LessEqual,
+        e::GREATER => Compare::Greater,
+        e::NOTEQUAL => Compare::NotEqual,
+        e::GEQUAL => Compare::GreaterEqual,
+        _ => Compare::Always,
+    }
+}
+
+/// The kind of texture of a target.
+pub fn kind_of(target: usize) -> Kind {
+    [Kind::D1, Kind::D2, Kind::Rectangle, Kind::D3, Kind::Cube][target]
+}
+
+/// Corners of an expanded point or line, and the triangles between them.
+const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+const QUAD: [u32; 6] = [0, 1, 2, 0, 2, 3];
+
+impl Gl {
+    /// The texture that a unit's target is bound to.
+    pub fn texture(&mut self, unit: usize, target: usize) -> &mut Texture {
+        let name = self.state.units[unit].bound[target];
+        let kind = kind_of(target);
+        let (table, key) = if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
+        table.entry(key).or_insert_with(|| Texture::new(kind))
+    }
+
+    /// Draws what waits.
+    pub fn flush(&mut self) -> Outcome {
+        if self.batch.indices.is_empty() {
+            return Ok(());
+        }
+        let batch = std::mem::take(&mut self.batch);
+        match self.draw(batch) {
+            // The call that ends the batch is not the one that cannot be drawn.
+            Err(Fault::Unsupported(what)) => {
+                self.refuse(what);
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    /// The scissor in the card's rows, from the top; none if it is empty.
+    fn scissor(&self) -> Option<Rect> {
+        let [width, height] = self.card.size().map(i64::from);
+        let [mut x0, mut y0, mut x1, mut y1] = [0, 0, width, height];
+        if self.state.is(e::SCISSOR_TEST) {
+            let [x, y, w, h] = self.state.scissor.map(i64::from);
+            (x0, y0, x1, y1) = (x0.max(x), y0.max(y), x1.min(x + w), y1.min(y + h));
+        }
+        if x0 >= x1 || y0 >= y1 {
+            return None;
+        }
+        Some(Rect { x: x0 as u32, y: (height - y1) as u32, width: (x1 - x0) as u32, height: (y1 - y0) as u32 })
+    }
+
+    fn viewport(&self) -> Viewport {
+        let height = self.card.size()[1] as f32;
+        let [x, y, w, h] = self.state.viewport.map(|value| value as f32);
+        let [min_depth, max_depth] = self.state.depth_range;
+        Viewport { x, y: height - y - h, width: w, height: h, min_depth, max_depth }
+    }
+
+    /// Channels that are written: the window has no alpha.
+    fn mask(&self) -> u8 {
+        if self.state.draw_buffer == e::NONE { 0 } else { self.state.color_mask & 7 }
+    }
+
+    /// Clears buffers, or the part of them that scissor and masks leave.
+    pub fn clear_buffers(&mut self, mask: u32) -> Outcome {
+        let Some(scissor) = self.scissor() else { return Ok(()) };
+        let [width, height] = self.card.size();
+        let whole = scissor == Rect { x: 0, y: 0, width, height };
+        let state = &self.state;
+        let wanted = |bit: u32| mask & bit != 0;
+        let channels = if wanted(e::COLOR_BUFFER_BIT) { self.mask() } else { 0 };
+        let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write;
+        let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) { state.stencil[0].write & 0xff } else { 0 };
+        let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
+        let partial = !whole || !matches!(channels, 0 | 7) || !matches!(stencil_mask, 0 | 0xff);
+        if !partial {
+            self.card.clear((channels == 7).then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
+            return Ok(());
+        }
+        let face = StencilFace { pass_op: StencilOp::Replace, depth_fail_op: StencilOp::Replace, ..StencilFace::default() };
+        let fixed = Fixed {
+            shader: self.card.clear_shader(),
+            attributes: vec![(0, VertexFormat::Float32x2)],
+            primitive: Primitive::default(),
+            depth: DepthStencil {
+                format: DEPTH,
+                depth_write: depth,
+                depth_compare: Compare::Always,
+                stencil_front: if stencil_mask != 0 { face } else { StencilFace::default() },
+                stencil_back: if stencil_mask != 0 { face } else { StencilFace::default() },
+                stencil_read_mask: 0xff,
+                stencil_write_mask: stencil_mask,
+                bias: 0,
+                bias_slope: 0.0,
+                bias_clamp: 0.0,
+            },
+            blend: None,
+            mask: channels,
+            textures: 0,
+        };
+        let pipeline = self.card.pipeline(&fixed);
+        let values = [color[0], color[1], color[2], 1.0, z, 0.0, 0.0, 0.0];
+        let uniforms = self.card.uniforms(&values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+        let pass = &mut self.card.pass;
+        let (vertices, first) = (pass.vertices.len() as u64, pass.indices.len() as u32);
+        pass.vertices.extend([-1.0_f32, -1.0, 3.0, -1.0, -1.0, 3.0].iter().flat_map(|value| value.to_le_bytes()));
+        pass.indices.extend([0, 1, 2]);
+        let viewport = Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
+        let blend = [0.0; 4];
+        self.card.draw(Draw { pipeline, uniforms, vertices, first, count: 3, textures: None, viewport, scissor, blend, stencil });
+        Ok(())
+    }
+
+    /// Draws a batch.
+    fn draw(&mut self, batch: Batch) -> Outcome {
+        if self.card.size() == [0; 2] {
+            return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
+        }
+        let Some(scissor) = self.scissor() else { return Ok(()) };
+        if self.state.viewport[2] <= 0 || self.state.viewport[3] <= 0 {
+            return Ok(());
+        }
+        let culled = batch.class == Class::Triangles && self.state.is(e::CULL_FACE) && self.state.cull == e::FRONT_AND_BACK;
+        if culled {
+            return Ok(());
+        }
+        let lines = batch.class == Class::Lines;
+        if lines && self.state.is(e::LINE_STIPPLE) && self.state.line_stipple.1 != 0xffff {
+            return Err(Fault::Unsupported("line stipples".into()));
+        }
+        if self.state.is(e::POLYGON_SMOOTH) && batch.class == Class::Triangles {
+            return Err(Fault::Unsupported("GL_POLYGON_SMOOTH".into()));
+        }
+        if self.state.is(e::COLOR_LOGIC_OP) && !matches!(self.state.logic, e::COPY | e::NOOP) {
+            return Err(Fault::Unsupported(format!("logic operation {}", names::name(self.state.logic))));
+        }
+        let mut bound = Vec::new();
+        let mut units = Vec::new();
+        for unit in 0..UNITS {
+            if let Some((key, texture)) = self.unit(unit, batch.class)? {
+                units.push(key);
+                bound.push(texture);
+            }
+        }
+        let mut key = self.key(&batch, units)?;
+        let constant = batch.vertices[batch.indices[0] as usize];
+        key.varying = varying(&batch, &constant, &key);
+        let mut blob = Vec::new();
+        let textures: [Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
+        let source = Source {
+            state: &self.state,
+            modelview: &self.modelview.top,
+            projection: &self.projection.top,
+            texture: &textures,
+            constant: &constant,
+            height: self.card.size()[1],
+        };
+        uniforms::bytes(&key, &source, &mut blob);
+        let shader = match self.shaders.get(&key) {
+            Some(&shader) => shader,
+            None => {
+                let label = format!("fixed-{}", self.shaders.len());
+                let shader = self.card.recorder.create_shader(&label, &wgsl::module(&key, &source));
+                self.shaders.insert(key.clone(), shader);
+                shader
+            }
+        };
+        let (attributes, bytes, indices) = if key.expand == Expand::No {
+            pack(&key, &batch)
+        } else {
+            let clip = to_clip(&self.projection.top, &self.modelview.top);
+            expand(&key, &batch, &clip, self.state.flat)
+        };
+        if indices.is_empty() {
+            return Ok(());
+        }
+        let fixed = self.fixed(shader, attributes, batch.class, &key, bound.len())?;
+        let pipeline = self.card.pipeline(&fixed);
+        let group = (!bound.is_empty()).then(|| self.card.textures(&bound.iter().map(|bound| bound.bound).collect::<Vec<_>>()));
+        let uniforms = self.card.uniforms(&blob);
+        let (viewport, blend) = (self.viewport(), self.state.blend_color);
+        let stencil = self.state.stencil[0].reference as u32;
+        let pass = &mut self.card.pass;
+        pass.textures.extend(bound.iter().map(|bound| bound.bound.0));
+        let (vertices, first, count) = (pass.vertices.len() as u64, pass.indices.len() as u32, indices.len() as u32);
+        pass.vertices.extend_from_slice(&bytes);
+        pass.indices.extend_from_slice(&indices);
+        self.card.draw(Draw { pipeline, uniforms, vertices, first, count, textures: group, viewport, scissor, blend, stencil });
+        Ok(())
+    }
+
+    /// The key of a unit and its texture, if it is on.
+    fn unit(&mut self, unit: usize, class: Class) -> Outcome<Option<(UnitKey, Bound)>> {
+        let enabled = self.state.units[unit].enabled;
+        let Some(target) = (0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0) else { return Ok(None) };
+        self.texture(unit, target);
+        let name = self.state.units[unit].bound[target];
+        let texture = if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
+        let Some(texture) = texture else { return Ok(None) };
+        let Some(bound) = texture.bind(&mut self.card)? else { return Ok(None) };
+        let state = &self.state.units[unit];
+        let made: [Option<Made>; 4] = std::array::from_fn(|k| {
+            let on = state.generated & 1 << k != 0;
+            on.then(|| match state.generation[k].mode {
+                e::OBJECT_LINEAR => Made::Object,
+                e::SPHERE_MAP => Made::Sphere,
+                e::REFLECTION_MAP => Made::Reflection,
+                e::NORMAL_MAP => Made::Normal,
+                _ => Made::Eye,
+            })
+        });
+        let m = &self.texture_matrices[unit].top;
+        let env = &state.environment;
+        let environment = match env.mode {
+            e::COMBINE => EnvironmentKey::Combine(env.combine, env.sources, env.operands, env.scales != [1.0; 2]),
+            mode => EnvironmentKey::Mode(mode),
+        };
+        let sprite = class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
+        let key = UnitKey {
+            unit,
+            kind: kind_of(target),
+            base: bound.base,
+            clamp: bound.clamp,
+            matrix: *m != IDENTITY && !sprite,
+            projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
+            bias: env.bias != 0.0,
+            made,
+            sprite,
+            environment,
+        };
+        Ok(Some((key, bound)))
+    }
+
+    fn key(&self, batch: &Batch, mut units: Vec<UnitKey>) -> Outcome<ShaderKey> {
+        let state = &self.state;
+        for unit in units.iter_mut().filter(|unit| !unit.projective && !unit.sprite) {
+            unit.projective = batch.vertices.iter().any(|vertex| vertex.texture[unit.unit][3] != 1.0);
+        }
+        let back = batch.polygon == Some(true) && state.two_side;
+        let lighting = state.is(e::LIGHTING).then(|| {
+            let lights = state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32));
+            let lights: Vec<LightKey> = lights
+                .map(|(_, light)| LightKey {
+                    directional: light.position[3] == 0.0,
+                    spot: light.spot_cutoff != 180.0,
+                    attenuated: light.attenuation != [1.0, 0.0, 0.0],
+                })
+                .collect();
+            let tracked = match state.color_material[1] {
+                _ if !state.is(e::COLOR_MATERIAL) => 0,
+                e::AMBIENT => 1,
+                e::DIFFUSE => 2,
+                e::AMBIENT_AND_DIFFUSE => 3,
+                e::SPECULAR => 4,
+                _ => 8,
+            };
+            let face = |face: u32| if matches!(state.color_material[0], f if f == face || f == e::FRONT_AND_BACK) { tracked } else { 0 };
+            let two_side = state.two_side && batch.class == Class::Triangles;
+            let shiny = |face: usize| state.materials[face].specular[..3] != [0.0; 3] || tracked == 4;
+            LightingKey {
+                specular: !lights.is_empty() && (shiny(0) || two_side && shiny(1) || back && shiny(1)),
+                lights,
+                local_viewer: state.local_viewer,
+                two_side,
+                separate: state.separate_specular,
+                color_material: [face(e::FRONT), face(e::BACK)],
+            }
+        });
+        let normalize = if state.is(e::NORMALIZE) { 1 } else { 2 * u8::from(state.is(e::RESCALE_NORMAL)) };
+        let attenuated_point = batch.class == Class::Points && state.point_attenuation != [1.0, 0.0, 0.0];
+        let sprite = units.iter().any(|unit| unit.sprite);
+        let expand = match batch.class {
+            Class::Points if state.is(e::POINT_SMOOTH) && !state.is(e::POINT_SPRITE) => Expand::SmoothPoint,
+            Class::Points if state.point_size > 1.0 || attenuated_point || sprite => Expand::Point,
+            Class::Lines if state.is(e::LINE_SMOOTH) => Expand::SmoothLine,
+            Class::Lines if state.line_width >= 1.5 => Expand::Line,
+            _ => Expand::No,
+        };
+        Ok(ShaderKey {
+            varying: Varying::default(),
+            lighting,
+            normalize,
+            units,
+            color_sum: state.is(e::COLOR_SUM) && !state.is(e::LIGHTING),
+            flat: state.flat,
+            fog: state.is(e::FOG).then_some(state.fog_mode),
+            fog_coordinate: state.is(e::FOG) && state.fog_from_coordinate,
+            alpha: (state.is(e::ALPHA_TEST) && state.alpha.0 != e::ALWAYS).then_some(state.alpha.0),
+            planes: (0..PLANES).filter(|&k| state.is(e::CLIP_PLANE0 + k as u32)).fold(0, |all, k| all | 1 << k),
+            stipple: batch.class == Class::Triangles && state.is(e::POLYGON_STIPPLE),
+            expand,
+            attenuated_point,
+            back,
+        })
+    }
+
+    /// State that is fixed in a pipeline.
+    fn fixed(
+        &self,
+        shader: num::ShaderId,
+        attributes: Vec<(u32, VertexFormat)>,
+        class: Class,
+        key: &ShaderKey,
+        textures: usize,
+    ) -> Outcome<Fixed> {
+        let state = &self.state;
+        let triangles = class == Class::Triangles;
+        let cull_mode = match state.cull {
+            _ if !triangles || !state.is(e::CULL_FACE) => CullMode::None,
+            e::FRONT => CullMode::Front,
+            _ => CullMode::Back,
+        };
+        let topology = match class {
+            _ if key.expand != Expand::No => Topology::TriangleList,
+            Class::Points => Topology::PointList,
+            Class::Lines => Topology::LineList,
+            Class::Triangles => Topology::TriangleList,
+        };
+        let primitive = Primitive {
+            topology,
+            front_face: if state.front == e::CW { FrontFace::Cw } else { FrontFace::Ccw },
+            cull_mode,
+            provoking_last: true,
+            ..Primitive::default()
+        };
+        let tested = state.is(e::DEPTH_TEST);
+        let stencil = state.is(e::STENCIL_TEST);
+        let two_side = state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil[0] != state.stencil[1];
+        let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
+        if stencil && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255) {
+            return Err(Fault::Unsupported("stencil references or masks that differ between faces".into()));
+        }
+        let face = |side: super::state::Stencil| -> Outcome<StencilFace> {
+            if !stencil {
+                return Ok(StencilFace::default());
+            }
+            let [fail, depth_fail, pass] = side.ops;
+            Ok(StencilFace {
+                compare: compare(side.compare),
+                fail_op: stencil_operation(fail)?,
+                depth_fail_op: stencil_operation(depth_fail)?,
+                pass_op: stencil_operation(pass)?,
+            })
+        };
+        let offset = match class {
+            Class::Triangles => e::POLYGON_OFFSET_FILL,
+            Class::Lines => e::POLYGON_OFFSET_LINE,
+            Class::Points => e::POLYGON_OFFSET_POINT,
+        };
+        let [factor, units] = match state.is(offset) {
+            true if triangles => state.polygon_offset,
+            true if self.state.polygon_modes != [e::FILL; 2] && state.polygon_offset != [0.0; 2] => {
+                return Err(Fault::Unsupported("polygon offset of lines and points".into()));
+            }
+            _ => [0.0; 2],
+        };
+        let depth = DepthStencil {
+            format: DEPTH,
+            depth_write: tested && state.depth_write,
+            depth_compare: if tested { compare(state.depth_func) } else { Compare::Always },
+            stencil_front: face(front)?,
+            stencil_back: face(back)?,
+            stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
+            stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
+            bias: if units >= 0.0 { (units + 0.5) as i32 } else { (units - 0.5) as i32 },
+            bias_slope: factor,
+            bias_clamp: 0.0,
+        };
+        let [source, destination, source_alpha, destination_alpha] = state.blend;
+        let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
+            let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
+                let op = blend_operation(op)?;
+                // The card's own rule: these do not weight.
+                if matches!(op, BlendOp::Min | BlendOp::Max) {
+                    return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
+                }
+                Ok(BlendComponent { src: blend_factor(src, alpha)?, dst: blend_factor(dst, alpha)?, op })
+            };
+            let color = component(source, destination, state.blend_ops[0], false)?;
+            Some(Blend { color, alpha: component(source_alpha, destination_alpha, state.blend_ops[1], true)? })
+        } else {
+            None
+        };
+        let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
+        let mask = if noop { 0 } else { self.mask() };
+        Ok(Fixed { shader, attributes, primitive, depth, blend, mask, textures })
+    }
+}
+
+/// Attributes that differ between vertices.
+fn varying(batch: &Batch, first: &Vertex, key: &ShaderKey) -> Varying {
+    let mut varying = Varying::default();
+    for vertex in &batch.vertices {
+        varying.color |= vertex.color != first.color;
+        varying.normal |= vertex.normal != first.normal;
+        varying.secondary |= vertex.secondary != first.secondary;
+        varying.fog |= vertex.fog != first.fog;
+        for unit in &key.units {
+            varying.texture[unit.unit] |= vertex.texture[unit.unit] != first.texture[unit.unit];
+        }
+    }
+    varying.color &= key.color();
+    varying.normal &= key.normal();
+    varying.secondary &= key.color_sum;
+    varying.fog &= key.fog_coordinate;
+    for unit in &key.units {
+        varying.texture[unit.unit] &= !unit.sprite && unit.made.iter().any(Option::is_none);
+    }
+    varying
+}
+
+/// A packed batch: attributes, bytes, indices.
+type Packed = (Vec<(u32, VertexFormat)>, Vec<u8>, Vec<u32>);
+
+/// The components that are needed of an attribute whose missing ones are 0, 0, 1.
+fn components(values: impl Iterator<Item = [f32; 4]>, least: usize) -> usize {
+    values.fold(least, |most, [_, _, z, w]| most.max(if w != 1.0 { 4 } else if z != 0.0 { 3 } else { 2 }))
+}
+
+fn float_format(components: usize) -> VertexFormat {
+    [VertexFormat::Float32, VertexFormat::Float32x2, VertexFormat::Float32x3, VertexFormat::Float32x4][components - 1]
+}
+
+/// Attributes of a key: location, components, and where they are in a vertex.
+fn layout(key: &ShaderKey, vertices: &[Vertex]) -> Vec<(u32, usize, fn(&Vertex, u32) -> [f32; 4])> {
+    let mut list: Vec<(u32, usize, fn(&Vertex, u32) -> [f32; 4])> = Vec::new();
+    let position = components(vertices.iter().map(|vertex| vertex.position), 2);
+    list.push((location::POSITION, position, |v, _| v.position));
+    if key.varying.color {
+        let opaque = vertices.iter().all(|vertex| vertex.color[3] == 1.0);
+        list.push((location::COLOR, if opaque { 3 } else { 4 }, |v, _| v.color));
+    }
+    if key.varying.normal {
+        list.push((location::NORMAL, 3, |v, _| [v.normal[0], v.normal[1], v.normal[2], 0.0]));
+    }
+    if key.varying.secondary {
+        list.push((location::SECONDARY, 3, |v, _| [v.secondary[0], v.secondary[1], v.secondary[2], 0.0]));
+    }
+    if key.varying.fog {
+        list.push((location::FOG, 1, |v, _| [v.fog; 4]));
+    }
+    for unit in key.units.iter().filter(|unit| wgsl::reads_coordinates(key, unit)) {
+        let count = components(vertices.iter().map(|vertex| vertex.texture[unit.unit]), 2);
+        list.push((location::TEXTURE + unit.unit as u32, count, |v, at| v.texture[(at - location::TEXTURE) as usize]));
+    }
+    list
+}
+
+fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
+    let layout = layout(key, &batch.vertices);
+    let mut bytes = Vec::new();
+    for vertex in &batch.vertices {
+        for &(location, count, of) in &layout {
+            for value in &of(vertex, location)[..count] {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+    }
+    let attributes = layout.iter().map(|&(location, count, _)| (location, float_format(count))).collect();
+    (attributes, bytes, batch.indices.clone())
+}
+
+/// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
+fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Packed {
+    let lines = batch.class == Class::Lines;
+    let layout = layout(key, &batch.vertices);
+    let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
+    attributes.push((location::CORNER, VertexFormat::Float32x2));
+    if lines {
+        attributes.push((location::OTHER, VertexFormat::Float32x4));
+    }
+    let (mut bytes, mut indices, mut count) = (Vec::new(), Vec::new(), 0_u32);
+    for primitive in batch.indices.chunks_exact(if lines { 2 } else { 1 }) {
+        let mut ends: Vec<Vertex> = primitive.iter().map(|&i| batch.vertices[i as usize]).collect();
+        if lines && !near_clip(&mut ends, clip, flat) {
+            continue;
+        }
+        for corner in CORNERS {
+            let (this, other) = match lines {
+                true if corner[1] > 0.0 => (&ends[1], &ends[0]),
+                true => (&ends[0], &ends[1]),
+                false => (&ends[0], &ends[0]),
+            };
+            for &(location, count, of) in &layout {
+                for value in &of(this, location)[..count] {
+                    bytes.extend_from_slice(&value.to_le_bytes());
+                }
+            }
+            let tail: &[f32] = if lines { &other.position } else { &[] };
+            for value in corner.iter().chain(tail) {
+                bytes.extend_from_slice(&value.to_le_bytes());
+            }
+        }
+        indices.extend(QUAD.map(|k| count + k));
+        count += 4;
+    }
+    (attributes, bytes, indices)
+}
+
+/// Cuts a line at the near plane; whether anything is left.
+fn near_clip(ends: &mut [Vertex], clip: &Matrix, flat: bool) -> bool {
+    let [a, b] = [0, 1].map(|k| matrix::transform(clip, ends[k].position)[2]);
+    if flat {
+        ends[0].color = ends[1].color;
+        ends[0].normal = ends[1].normal;
+    }
+    if !(a >= 0.0) && !(b >= 0.0) {
+        return false;
+    }
+    if a >= 0.0 && b >= 0.0 {
+        return true;
+    }
+    let t = a / (a - b);
+    let mix = |x: f32, y: f32| x + (y - x) * t;
+    let (from, to) = (ends[0], ends[1]);
+    let mut cut = from;
+    let mix4 = |x: [f32; 4], y: [f32; 4]| std::array::from_fn(|k| mix(x[k], y[k]));
+    cut.position = mix4(from.position, to.position);
+    cut.color = mix4(from.color, to.color);
+    cut.normal = std::array::from_fn(|k| mix(from.normal[k], to.normal[k]));
+    cut.secondary = std::array::from_fn(|k| mix(from.secondary[k], to.secondary[k]));
+    cut.fog = mix(from.fog, to.fog);
+    for unit in 0..UNITS {
+        cut.texture[unit] = mix4(from.texture[unit], to.texture[unit]);
+    }
+    ends[usize::from(!(b >= 0.0))] = cut;
+    true
+}

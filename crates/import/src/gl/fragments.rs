@@ -1,0 +1,237 @@
+//! What happens to fragments, and clears.
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
+use super::consts as e;
+use super::machine::Gl;
+use super::names;
+
+pub(super) fn scissor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (width, height) = (call.size(2)? as i32, call.size(3)? as i32);
+    gl.state.scissor = [call.i32(0)?, call.i32(1)?, width, height];
+    Ok(())
+}
+
+fn comparison(value: u32) -> Outcome<u32> {
+    if (e::NEVER..=e::ALWAYS).contains(&value) { Ok(value) } else { Err(INVALID_ENUM) }
+}
+
+pub(super) fn alpha_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.alpha = (comparison(call.u32(0)?)?, call.f32(1)?.clamp(0.0, 1.0));
+    Ok(())
+}
+
+fn sides(face: u32) -> Outcome<std::ops::Range<usize>> {
+    match face {
+        e::FRONT => Ok(0..1),
+        e::BACK => Ok(1..2),
+        e::FRONT_AND_BACK => Ok(0..2),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+fn set_func(gl: &mut Gl, face: u32, call: &Call, first: usize) -> Outcome {
+    let (compare, reference, mask) = (comparison(call.u32(first)?)?, call.i32(first + 1)?, call.u32(first + 2)?);
+    for side in &mut gl.state.stencil[sides(face)?] {
+        (side.compare, side.reference, side.read) = (compare, reference.clamp(0, 255), mask);
+    }
+    Ok(())
+}
+
+pub(super) fn stencil_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_func(gl, e::FRONT_AND_BACK, call, 0)
+}
+
+pub(super) fn stencil_func_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_func(gl, call.u32(0)?, call, 1)
+}
+
+fn set_op(gl: &mut Gl, face: u32, call: &Call, first: usize) -> Outcome {
+    let mut ops = [0; 3];
+    for (k, op) in ops.iter_mut().enumerate() {
+        *op = call.u32(first + k)?;
+        stencil_operation(*op)?;
+    }
+    for side in &mut gl.state.stencil[sides(face)?] {
+        side.ops = ops;
+    }
+    Ok(())
+}
+
+/// A stencil operation of the card.
+pub(super) fn stencil_operation(op: u32) -> Outcome<gfx::state::StencilOp> {
+    use gfx::state::StencilOp;
+    Ok(match op {
+        e::KEEP => StencilOp::Keep,
+        e::ZERO => StencilOp::Zero,
+        e::REPLACE => StencilOp::Replace,
+        e::INCR => StencilOp::IncrementClamp,
+        e::DECR => StencilOp::DecrementClamp,
+        e::INVERT => StencilOp::Invert,
+        e::INCR_WRAP => StencilOp::IncrementWrap,
+        e::DECR_WRAP => StencilOp::DecrementWrap,
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+pub(super) fn stencil_op(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_op(gl, e::FRONT_AND_BACK, call, 0)
+}
+
+pub(super) fn stencil_op_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_op(gl, call.u32(0)?, call, 1)
+}
+
+pub(super) fn stencil_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let mask = call.u32(0)?;
+    gl.state.stencil.iter_mut().for_each(|side| side.write = mask);
+    Ok(())
+}
+
+pub(super) fn depth_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.depth_func = comparison(call.u32(0)?)?;
+    Ok(())
+}
+
+pub(super) fn depth_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.depth_write = call.bool(0)?;
+    Ok(())
+}
+
+/// A blend factor of the card.
+pub(super) fn blend_factor(factor: u32, alpha: bool) -> Outcome<gfx::state::BlendFactor> {
+    use gfx::state::BlendFactor as F;
+    Ok(match factor {
+        e::ZERO => F::Zero,
+        e::ONE => F::One,
+        e::SRC_COLOR => F::Src,
+        e::ONE_MINUS_SRC_COLOR => F::OneMinusSrc,
+        e::SRC_ALPHA => F::SrcAlpha,
+        e::ONE_MINUS_SRC_ALPHA => F::OneMinusSrcAlpha,
+        e::DST_COLOR => F::Dst,
+        e::ONE_MINUS_DST_COLOR => F::OneMinusDst,
+        e::DST_ALPHA => F::DstAlpha,
+        e::ONE_MINUS_DST_ALPHA => F::OneMinusDstAlpha,
+        e::SRC_ALPHA_SATURATE => F::SrcAlphaSaturated,
+        // The alpha of the constant, where the factor is one of alpha.
+        e::CONSTANT_ALPHA if alpha => F::Constant,
+        e::ONE_MINUS_CONSTANT_ALPHA if alpha => F::OneMinusConstant,
+        e::CONSTANT_COLOR => F::Constant,
+        e::ONE_MINUS_CONSTANT_COLOR => F::OneMinusConstant,
+        e::CONSTANT_ALPHA | e::ONE_MINUS_CONSTANT_ALPHA => {
+            return Err(Fault::Unsupported(format!("blend factor {}", names::name(factor))));
+        }
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+pub(super) fn blend_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (source, destination) = (call.u32(0)?, call.u32(1)?);
+    set_blend(gl, [source, destination, source, destination])
+}
+
+pub(super) fn blend_func_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_blend(gl, [call.u32(0)?, call.u32(1)?, call.u32(2)?, call.u32(3)?])
+}
+
+fn set_blend(gl: &mut Gl, factors: [u32; 4]) -> Outcome {
+    for factor in factors {
+        blend_factor(factor, false)?;
+    }
+    gl.state.blend = factors;
+    Ok(())
+}
+
+/// A blend operation of the card.
+pub(super) fn blend_operation(op: u32) -> Outcome<gfx::state::BlendOp> {
+    use gfx::state::BlendOp;
+    Ok(match op {
+        e::FUNC_ADD => BlendOp::Add,
+        e::FUNC_SUBTRACT => BlendOp::Subtract,
+        e::FUNC_REVERSE_SUBTRACT => BlendOp::ReverseSubtract,
+        e::MIN => BlendOp::Min,
+        e::MAX => BlendOp::Max,
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+pub(super) fn blend_equation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let op = call.u32(0)?;
+    blend_operation(op)?;
+    gl.state.blend_ops = [op; 2];
+    Ok(())
+}
+
+pub(super) fn blend_equation_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let ops = [call.u32(0)?, call.u32(1)?];
+    for op in ops {
+        blend_operation(op)?;
+    }
+    gl.state.blend_ops = ops;
+    Ok(())
+}
+
+fn color(call: &Call) -> Outcome<[f32; 4]> {
+    Ok([call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(|value| value.clamp(0.0, 1.0)))
+}
+
+pub(super) fn blend_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.blend_color = color(call)?;
+    Ok(())
+}
+
+pub(super) fn logic_op(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let op = call.u32(0)?;
+    if !(e::CLEAR..=e::SET).contains(&op) {
+        return Err(INVALID_ENUM);
+    }
+    gl.state.logic = op;
+    Ok(())
+}
+
+pub(super) fn color_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let mut mask = 0;
+    for channel in 0..4 {
+        mask |= u8::from(call.bool(channel)?) << channel;
+    }
+    gl.state.color_mask = mask;
+    Ok(())
+}
+
+pub(super) fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    match call.u32(0)? {
+        buffer @ (e::BACK | e::BACK_LEFT | e::FRONT_AND_BACK | e::NONE) => gl.state.draw_buffer = buffer,
+        other @ (e::FRONT | e::FRONT_LEFT | e::LEFT) => {
+            return Err(Fault::Unsupported(format!("glDrawBuffer({})", names::name(other))));
+        }
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+pub(super) fn clear_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.clear_color = color(call)?;
+    Ok(())
+}
+
+pub(super) fn clear_depth(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.clear_depth = call.f32(0)?.clamp(0.0, 1.0);
+    Ok(())
+}
+
+pub(super) fn clear_stencil(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.clear_stencil = call.i32(0)?;
+    Ok(())
+}
+
+pub(super) fn clear(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let mask = call.u32(0)?;
+    let known = e::COLOR_BUFFER_BIT | e::DEPTH_BUFFER_BIT | e::STENCIL_BUFFER_BIT | e::ACCUM_BUFFER_BIT;
+    if mask & !known != 0 {
+        return Err(INVALID_VALUE);
+    }
+    if gl.render_mode != e::RENDER {
+        return Ok(());
+    }
+    // The accumulation buffer matters only where glAccum returns it, which is refused by name.
+    gl.clear_buffers(mask)
+}

@@ -1,0 +1,307 @@
+//! Pixel rectangles: from the client's memory to eight bits a channel.
+
+use super::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
+use super::consts as e;
+use super::names;
+
+/// Texels or pixels of a rectangle at most.
+const TEXELS_MAX: u64 = 1 << 28;
+
+/// How pixels lie in the client's memory (`glPixelStore`).
+#[derive(Clone, Copy, Debug)]
+pub struct PixelStore {
+    /// Rows begin at multiples of this.
+    pub alignment: u32,
+    /// Pixels of a row; 0: as many as the rectangle has.
+    pub row_length: u32,
+    /// Rows of an image; 0: as many as the rectangle has.
+    pub image_height: u32,
+    /// Pixels, rows and images that are left out.
+    pub skip: [u32; 3],
+    /// Whether the bytes of a component are the other way around.
+    pub swap: bool,
+    /// Whether the lowest bit of a bitmap's byte is the leftmost.
+    pub low_first: bool,
+}
+
+impl Default for PixelStore {
+    fn default() -> Self {
+        PixelStore { alignment: 4, row_length: 0, image_height: 0, skip: [0; 3], swap: false, low_first: false }
+    }
+}
+
+/// A component type of packed pixels: bytes, and shift and width of each component.
+fn packed(kind: u32) -> Option<(usize, [(u32, u32); 4])> {
+    let fields = match kind {
+        e::UNSIGNED_BYTE_3_3_2 => (1, [(5, 3), (2, 3), (0, 2), (0, 0)]),
+        e::UNSIGNED_BYTE_2_3_3_REV => (1, [(0, 3), (3, 3), (6, 2), (0, 0)]),
+        e::UNSIGNED_SHORT_5_6_5 => (2, [(11, 5), (5, 6), (0, 5), (0, 0)]),
+        e::UNSIGNED_SHORT_5_6_5_REV => (2, [(0, 5), (5, 6), (11, 5), (0, 0)]),
+        e::UNSIGNED_SHORT_4_4_4_4 => (2, [(12, 4), (8, 4), (4, 4), (0, 4)]),
+        e::UNSIGNED_SHORT_4_4_4_4_REV => (2, [(0, 4), (4, 4), (8, 4), (12, 4)]),
+        e::UNSIGNED_SHORT_5_5_5_1 => (2, [(11, 5), (6, 5), (1, 5), (0, 1)]),
+        e::UNSIGNED_SHORT_1_5_5_5_REV => (2, [(0, 5), (5, 5), (10, 5), (15, 1)]),
+        e::UNSIGNED_INT_8_8_8_8 => (4, [(24, 8), (16, 8), (8, 8), (0, 8)]),
+        e::UNSIGNED_INT_8_8_8_8_REV => (4, [(0, 8), (8, 8), (16, 8), (24, 8)]),
+        e::UNSIGNED_INT_10_10_10_2 => (4, [(22, 10), (12, 10), (2, 10), (0, 2)]),
+        e::UNSIGNED_INT_2_10_10_10_REV => (4, [(0, 10), (10, 10), (20, 10), (30, 2)]),
+        _ => return None,
+    };
+    Some(fields)
+}
+
+/// Places of red, green, blue and alpha among the components of a format; 4: zero, 5: one.
+fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
+    Ok(match format {
+        e::RED => (1, [0, 4, 4, 5]),
+        e::GREEN => (1, [4, 0, 4, 5]),
+        e::BLUE => (1, [4, 4, 0, 5]),
+        e::ALPHA => (1, [4, 4, 4, 0]),
+        e::LUMINANCE => (1, [0, 0, 0, 5]),
+        e::LUMINANCE_ALPHA => (2, [0, 0, 0, 1]),
+        e::RGB => (3, [0, 1, 2, 5]),
+        e::BGR => (3, [2, 1, 0, 5]),
+        e::RGBA => (4, [0, 1, 2, 3]),
+        e::BGRA => (4, [2, 1, 0, 3]),
+        e::COLOR_INDEX | e::STENCIL_INDEX | e::DEPTH_COMPONENT => {
+            return Err(Fault::Unsupported(format!("pixels of format {}", names::name(format))));
+        }
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+/// Bytes of a component.
+fn component_bytes(kind: u32) -> Outcome<usize> {
+    Ok(match kind {
+        e::UNSIGNED_BYTE | e::BYTE => 1,
+        e::UNSIGNED_SHORT | e::SHORT => 2,
+        e::UNSIGNED_INT | e::INT | e::FLOAT => 4,
+        e::BITMAP => return Err(Fault::Unsupported("pixels of type GL_BITMAP".into())),
+        _ => return Err(INVALID_ENUM),
+    })
+}
+
+/// A value in [0, 1] as eight bits.
+pub fn byte(value: f64) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+fn component(kind: u32, bytes: &[u8], swap: bool) -> u8 {
+    let mut raw = [0; 4];
+    raw[..bytes.len()].copy_from_slice(bytes);
+    if swap {
+        raw[..bytes.len()].reverse();
+    }
+    let bits = u32::from_le_bytes(raw);
+    match kind {
+        e::UNSIGNED_BYTE => bits as u8,
+        e::BYTE => byte((2.0 * f64::from(bits as i8) + 1.0) / 255.0),
+        e::UNSIGNED_SHORT => byte(f64::from(bits) / 65_535.0),
+        e::SHORT => byte((2.0 * f64::from(bits as i16) + 1.0) / 65_535.0),
+        e::UNSIGNED_INT => byte(f64::from(bits) / 4_294_967_295.0),
+        e::INT => byte((2.0 * f64::from(bits as i32) + 1.0) / 4_294_967_295.0),
+        _ => byte(f64::from(f32::from_bits(bits))),
+    }
+}
+
+/// Red, green, blue and alpha of each pixel of a rectangle, rows from the bottom.
+pub fn unpack(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[u8; 4]>> {
+    let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
+    if count > TEXELS_MAX {
+        return Err(Fault::Limit(format!("{count} texels in one call, at most {TEXELS_MAX}")));
+    }
+    let (components, places) = places(format)?;
+    let fields = packed(kind);
+    let pixel = match fields {
+        Some((bytes, fields)) => {
+            if (fields[3].1 > 0) != (components == 4) || components < 3 {
+                return Err(INVALID_OPERATION);
+            }
+            bytes
+        }
+        None => components * component_bytes(kind)?,
+    };
+    let part = if fields.is_some() { pixel } else { pixel / components };
+    let [width, height, depth] = size.map(|edge| edge as usize);
+    let row_pixels = if store.row_length > 0 { store.row_length as usize } else { width };
+    // Rows of components that are larger than the alignment are not padded.
+    let align = (store.alignment as usize).max(1);
+    let row = if part >= align { row_pixels * pixel } else { (row_pixels * pixel).div_ceil(align) * align };
+    let rows = if store.image_height > 0 { store.image_height as usize } else { height };
+    let start = store.skip[0] as usize * pixel + store.skip[1] as usize * row + store.skip[2] as usize * row * rows;
+    let mut out = Vec::new();
+    for z in 0..depth {
+        for y in 0..height {
+            let at = start + (z * rows + y) * row;
+            let Some(line) = bytes.get(at..at + width * pixel) else {
+                return Err(Fault::Damaged(format!("the pixels have {} bytes, row {y} ends at {}", bytes.len(), at + width * pixel)));
+            };
+            if format == e::RGBA && kind == e::UNSIGNED_BYTE {
+                out.extend(line.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]));
+                continue;
+            }
+            for texel in line.chunks_exact(pixel) {
+                let mut values = [0, 0, 0, 0, 0, 255];
+                match fields {
+                    Some((_, fields)) => {
+                        let mut raw = [0; 4];
+                        raw[..pixel].copy_from_slice(texel);
+                        if store.swap {
+                            raw[..pixel].reverse();
+                        }
+                        let bits = u32::from_le_bytes(raw);
+                        for (value, (shift, width)) in values.iter_mut().zip(fields) {
+                            let most = (1_u32 << width) - 1;
+                            if most > 0 {
+                                *value = byte(f64::from(bits >> shift & most) / f64::from(most));
+                            }
+                        }
+                    }
+                    None => {
+                        for (value, bytes) in values.iter_mut().zip(texel.chunks_exact(part)) {
+                            *value = component(kind, bytes, store.swap);
+                        }
+                    }
+                }
+                out.push(places.map(|place| values[place]));
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// What a texture's channels mean to its environment (OpenGL 1.5, table 3.15), and how they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Base {
+    /// Alpha: kept in one channel.
+    Alpha,
+    /// Luminance: kept in one channel.
+    Luminance,
+    /// Luminance and alpha: kept in two channels.
+    LuminanceAlpha,
+    /// Intensity: kept in one channel.
+    Intensity,
+    /// Colour.
+    Rgb,
+    /// Colour and alpha.
+    Rgba,
+}
+
+impl Base {
+    /// The base format of an internal format.
+    pub fn of(internal: u32) -> Outcome<Base> {
+        Ok(match internal {
+            1 | e::LUMINANCE | e::LUMINANCE4..=e::LUMINANCE16 | e::COMPRESSED_LUMINANCE => Base::Luminance,
+            2 | e::LUMINANCE_ALPHA | e::LUMINANCE4_ALPHA4..=e::LUMINANCE16_ALPHA16 | e::COMPRESSED_LUMINANCE_ALPHA => {
+                Base::LuminanceAlpha
+            }
+            3 | e::RGB | e::R3_G3_B2 | e::RGB4..=e::RGB16 | e::COMPRESSED_RGB | e::COMPRESSED_RGB_S3TC_DXT1_EXT => Base::Rgb,
+            4 | e::RGBA
+            | e::RGBA2..=e::RGBA16
+            | e::COMPRESSED_RGBA
+            | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,
+            e::ALPHA | e::ALPHA4..=e::ALPHA16 | e::COMPRESSED_ALPHA => Base::Alpha,
+            e::INTENSITY..=e::INTENSITY16 | e::COMPRESSED_INTENSITY => Base::Intensity,
+            e::DEPTH_COMPONENT | e::DEPTH_COMPONENT16..=e::DEPTH_COMPONENT32 | e::RED | e::RG => {
+                return Err(Fault::Unsupported(format!("textures of internal format {}", names::name(internal))));
+            }
+            _ => return Err(INVALID_VALUE_FORMAT),
+        })
+    }
+
+    /// The format in which texels are kept.
+    pub fn format(self) -> gfx::format::Format {
+        match self {
+            Base::Alpha | Base::Luminance | Base::Intensity => gfx::format::Format::R8Unorm,
+            Base::LuminanceAlpha => gfx::format::Format::Rg8Unorm,
+            Base::Rgb | Base::Rgba => gfx::format::Format::Rgba8Unorm,
+        }
+    }
+
+    /// Texels as they are kept.
+    pub fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
+        match self {
+            Base::Alpha => texels.iter().map(|t| t[3]).collect(),
+            Base::Luminance | Base::Intensity => texels.iter().map(|t| t[0]).collect(),
+            Base::LuminanceAlpha => texels.iter().flat_map(|t| [t[0], t[3]]).collect(),
+            Base::Rgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
+            Base::Rgba => texels.as_flattened().to_vec(),
+        }
+    }
+
+    /// WGSL of what the environment reads, from a kept texel `t`.
+    pub fn swizzle(self) -> &'static str {
+        match self {
+            Base::Alpha => "vec4f(0, 0, 0, t.r)",
+            Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
+            Base::LuminanceAlpha => "t.rrrg",
+            Base::Intensity => "t.rrrr",
+            Base::Rgb | Base::Rgba => "t",
+        }
+    }
+
+    /// WGSL of what is kept, from a colour `c`.
+    pub fn unswizzle(self) -> &'static str {
+        match self {
+            Base::Alpha => "c.aaaa",
+            Base::Luminance | Base::Intensity => "c.rrrr",
+            Base::LuminanceAlpha => "c.raaa",
+            Base::Rgb => "vec4f(c.rgb, 1)",
+            Base::Rgba => "c",
+        }
+    }
+}
+
+/// The standard's error for an internal format that is none.
+const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
+
+/// The next smaller level of an image of kept texels: each is the mean of the four (or two) below it.
+pub fn half(size: [u32; 2], channels: usize, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
+    let smaller = size.map(|edge| (edge / 2).max(1));
+    let mut out = Vec::with_capacity((smaller[0] * smaller[1]) as usize * channels);
+    for y in 0..smaller[1] {
+        for x in 0..smaller[0] {
+            for channel in 0..channels {
+                let at = |dx: u32, dy: u32| {
+                    let (x, y) = ((2 * x + dx).min(size[0] - 1), (2 * y + dy).min(size[1] - 1));
+                    u32::from(texels[(y * size[0] + x) as usize * channels + channel])
+                };
+                out.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
+            }
+        }
+    }
+    (smaller, out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_padded_to_the_alignment() {
+        let bytes = [1, 2, 3, 0, 4, 5, 6, 0];
+        let store = PixelStore::default();
+        let texels = unpack(&store, [1, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes).expect("pixels");
+        assert_eq!(texels, [[1, 2, 3, 255], [4, 5, 6, 255]]);
+        let store = PixelStore { alignment: 1, ..store };
+        let texels = unpack(&store, [1, 2, 1], e::BGR, e::UNSIGNED_BYTE, &bytes).expect("pixels");
+        assert_eq!(texels, [[3, 2, 1, 255], [5, 4, 0, 255]]);
+        assert!(matches!(unpack(&store, [2, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes), Err(Fault::Damaged(_))));
+    }
+
+    #[test]
+    fn packed_pixels_are_read_by_their_fields() {
+        let store = PixelStore::default();
+        let texels = unpack(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_5_6_5, &[0x1f, 0xf8]).expect("pixels");
+        assert_eq!(texels, [[255, 0, 255, 255]]);
+        let texels = unpack(&store, [1, 1, 1], e::BGRA, e::UNSIGNED_INT_8_8_8_8_REV, &[1, 2, 3, 4]).expect("pixels");
+        assert_eq!(texels, [[3, 2, 1, 4]]);
+        assert_eq!(unpack(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_4_4_4_4, &[0, 0]), Err(INVALID_OPERATION));
+    }
+
+    #[test]
+    fn levels_are_halved_by_means() {
+        assert_eq!(half([2, 2], 1, &[0, 4, 8, 12]), ([1, 1], vec![6]));
+        assert_eq!(half([4, 1], 1, &[0, 2, 10, 20]), ([2, 1], vec![1, 15]));
+    }
+}

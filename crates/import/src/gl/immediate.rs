@@ -1,0 +1,109 @@
+//! Vertices one by one.
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
+use super::consts as e;
+use super::machine::{Gl, components};
+use super::state::UNITS;
+
+/// Vertices between Begin and End at most.
+const VERTICES_MAX: usize = 1 << 24;
+
+pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let mode = call.u32(0)?;
+    if gl.begun.is_some() {
+        return Err(INVALID_OPERATION);
+    }
+    if mode > e::POLYGON {
+        return Err(INVALID_ENUM);
+    }
+    gl.begun = Some((mode, Vec::new()));
+    Ok(())
+}
+
+pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    let (mode, vertices) = gl.begun.take().ok_or(INVALID_OPERATION)?;
+    gl.primitive(mode, &vertices)
+}
+
+fn position(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
+    Ok(components(call, shape, 0)?.0.map(|value| value as f32))
+}
+
+pub(super) fn vertex(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.vertex_at(position(call, shape)?)
+}
+
+impl Gl {
+    /// A vertex at a position, with the current attributes. Outside of Begin and End it does nothing.
+    pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
+        let mut vertex = self.state.current;
+        vertex.position = position;
+        let Some((_, vertices)) = &mut self.begun else { return Ok(()) };
+        if vertices.len() >= VERTICES_MAX {
+            return Err(Fault::Limit(format!("more than {VERTICES_MAX} vertices between glBegin and glEnd")));
+        }
+        vertices.push(vertex);
+        Ok(())
+    }
+}
+
+fn normalized(call: &Call, shape: Shape) -> Outcome<([f32; 4], usize)> {
+    let (values, count) = components(call, shape, 0)?;
+    Ok((std::array::from_fn(|k| if k < count { shape.scalar.normalized(values[k]) } else { values[k] as f32 }), count))
+}
+
+pub(super) fn normal(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let ([x, y, z, _], _) = normalized(call, shape)?;
+    gl.state.current.normal = [x, y, z];
+    Ok(())
+}
+
+pub(super) fn color(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.state.current.color = normalized(call, shape)?.0;
+    Ok(())
+}
+
+pub(super) fn secondary(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let ([r, g, b, _], _) = normalized(call, shape)?;
+    gl.state.current.secondary = [r, g, b];
+    Ok(())
+}
+
+pub(super) fn fog_coordinate(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.state.current.fog = components(call, shape, 0)?.0[0] as f32;
+    Ok(())
+}
+
+pub(super) fn edge_flag(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.current.edge = call.bool(0)?;
+    Ok(())
+}
+
+pub(super) fn texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.state.current.texture[0] = position(call, shape)?;
+    Ok(())
+}
+
+pub(super) fn multi_texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
+    if unit >= UNITS {
+        return Err(INVALID_ENUM);
+    }
+    gl.state.current.texture[unit] = components(call, shape, 1)?.0.map(|value| value as f32);
+    Ok(())
+}
+
+pub(super) fn rectangle(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let [x1, y1, x2, y2] = if shape.vector {
+        let ([a, b], [c, d]) = (call.array::<2>(0)?, call.array::<2>(1)?);
+        [a, b, c, d]
+    } else {
+        [call.f64(0)?, call.f64(1)?, call.f64(2)?, call.f64(3)?]
+    };
+    let corners = [[x1, y1], [x2, y1], [x2, y2], [x1, y2]].map(|[x, y]| {
+        let mut vertex = gl.state.current;
+        (vertex.position, vertex.edge) = ([x as f32, y as f32, 0.0, 1.0], true);
+        vertex
+    });
+    gl.primitive(e::POLYGON, &corners)
+}

@@ -1,0 +1,194 @@
+//! What decides which shader a draw needs. Terms that cannot matter are not in it.
+
+use super::image::Base;
+use super::state::UNITS;
+
+/// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Varying {
+    /// Primary colour.
+    pub color: bool,
+    /// Normal.
+    pub normal: bool,
+    /// Secondary colour.
+    pub secondary: bool,
+    /// Fog coordinate.
+    pub fog: bool,
+    /// Texture coordinates.
+    pub texture: [bool; UNITS],
+}
+
+/// One enabled light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LightKey {
+    /// A direction.
+    pub directional: bool,
+    /// A spot.
+    pub spot: bool,
+    /// Attenuated.
+    pub attenuated: bool,
+}
+
+/// Lighting.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LightingKey {
+    /// Enabled lights in order.
+    pub lights: Vec<LightKey>,
+    /// The viewer is in the scene.
+    pub local_viewer: bool,
+    /// Back faces have a colour of their own.
+    pub two_side: bool,
+    /// Specular light occurs.
+    pub specular: bool,
+    /// Specular light is added after texturing.
+    pub separate: bool,
+    /// The colour is a material's: bit 0 ambient, 1 diffuse, 2 specular, 3 emission; of front and of back.
+    pub color_material: [u8; 2],
+}
+
+/// How a coordinate is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Made {
+    /// By a plane in object space.
+    Object,
+    /// By a plane in eye space.
+    Eye,
+    /// By the sphere map.
+    Sphere,
+    /// By the reflection.
+    Reflection,
+    /// By the normal.
+    Normal,
+}
+
+/// The shape of a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// Kept as a 2D texture of one row.
+    D1,
+    /// 2D.
+    D2,
+    /// 2D, coordinates in texels.
+    Rectangle,
+    /// 3D.
+    D3,
+    /// Cube.
+    Cube,
+}
+
+/// A texture environment.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum EnvironmentKey {
+    /// One of the plain modes.
+    Mode(u32),
+    /// Combiners: functions, sources, operands; whether results are scaled.
+    Combine([u32; 2], [[u32; 3]; 2], [[u32; 3]; 2], bool),
+}
+
+/// An enabled texture unit.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct UnitKey {
+    /// Its number.
+    pub unit: usize,
+    /// The texture.
+    pub kind: Kind,
+    /// Its base format.
+    pub base: Base,
+    /// Coordinates that are clamped to [0, 1] before filtering (`GL_CLAMP`).
+    pub clamp: [bool; 3],
+    /// Generated coordinates.
+    pub made: [Option<Made>; 4],
+    /// Whether the texture matrix is not the identity.
+    pub matrix: bool,
+    /// Whether q may be other than 1.
+    pub projective: bool,
+    /// Whether the level of detail is biased.
+    pub bias: bool,
+    /// Whether the coordinates are those of the sprite.
+    pub sprite: bool,
+    /// What is done with it.
+    pub environment: EnvironmentKey,
+}
+
+/// How primitives become triangles in the vertex stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Expand {
+    /// Not.
+    #[default]
+    No,
+    /// Points as squares.
+    Point,
+    /// Points as discs.
+    SmoothPoint,
+    /// Lines as parallelograms.
+    Line,
+    /// Lines as rectangles with soft edges.
+    SmoothLine,
+}
+
+/// All that decides a shader.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ShaderKey {
+    /// Attributes in the buffer.
+    pub varying: Varying,
+    /// Lighting.
+    pub lighting: Option<LightingKey>,
+    /// Normals: 0 as they are, 1 normalised, 2 rescaled.
+    pub normalize: u8,
+    /// Enabled texture units.
+    pub units: Vec<UnitKey>,
+    /// The secondary colour is added.
+    pub color_sum: bool,
+    /// Flat shading.
+    pub flat: bool,
+    /// Fog: the mode.
+    pub fog: Option<u32>,
+    /// Fog is by the fog coordinate.
+    pub fog_coordinate: bool,
+    /// Alpha test: the comparison.
+    pub alpha: Option<u32>,
+    /// Enabled clip planes.
+    pub planes: u8,
+    /// Polygon stipple.
+    pub stipple: bool,
+    /// Expansion.
+    pub expand: Expand,
+    /// Points whose size depends on the distance.
+    pub attenuated_point: bool,
+    /// Lines and points of polygons that are back faces.
+    pub back: bool,
+}
+
+impl ShaderKey {
+    /// Whether the position in eye space is needed.
+    pub fn eye(&self) -> bool {
+        let made = self.units.iter().any(|unit| {
+            unit.made.iter().flatten().any(|made| matches!(made, Made::Eye | Made::Sphere | Made::Reflection))
+        });
+        let lit = self.lighting.as_ref().is_some_and(|l| l.local_viewer || l.lights.iter().any(|light| !light.directional));
+        made || lit || self.planes != 0 || self.attenuated_point || self.fog.is_some() && !self.fog_coordinate
+    }
+
+    /// Whether the normal in eye space is needed.
+    pub fn normal(&self) -> bool {
+        let made = |unit: &UnitKey| {
+            unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection | Made::Normal))
+        };
+        self.units.iter().any(made) || self.lighting.as_ref().is_some_and(|l| !l.lights.is_empty())
+    }
+
+    /// Whether the vertex's primary colour is needed.
+    pub fn color(&self) -> bool {
+        self.lighting.as_ref().is_none_or(|lighting| lighting.color_material != [0; 2])
+    }
+
+    /// Whether back faces have a colour of their own.
+    pub fn two_side(&self) -> bool {
+        self.lighting.as_ref().is_some_and(|lighting| lighting.two_side)
+    }
+
+    /// Whether a second colour is added after texturing.
+    pub fn secondary(&self) -> bool {
+        self.color_sum || self.lighting.as_ref().is_some_and(|lighting| lighting.separate && lighting.specular)
+    }
+}

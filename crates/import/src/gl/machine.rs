@@ -1,0 +1,261 @@
+//! The OpenGL machine: calls in, commands for the card out.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::rc::Rc;
+
+use trace::Trace;
+
+use super::arrays::Arrays;
+use super::call::{Arg, Call, Fault, INVALID_OPERATION, Outcome, Shape};
+use super::card::Card;
+use super::consts as e;
+use super::evaluator::Maps;
+use super::image::PixelStore;
+use super::key::ShaderKey;
+use super::lists::List;
+use super::primitive::Batch;
+use super::state::{Stack, State, UNITS, Vertex};
+use super::table::{self, Entry, Moment};
+use super::texture::Texture;
+
+/// Windows are at most so wide and high.
+const WINDOW_MAX: u32 = 16_384;
+/// What is kept of each kind of object names, so that a recording cannot ask for memory without calls.
+const NAMES_MAX: usize = 1 << 20;
+
+/// How often something occurred, and where first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Count {
+    /// How often.
+    pub times: u64,
+    /// Number of the first call.
+    pub first: u64,
+}
+
+/// Counts by name.
+pub type Counts = BTreeMap<String, Count>;
+
+/// The machine.
+pub struct Gl {
+    /// The card.
+    pub card: Card,
+    /// The server's state.
+    pub state: State,
+    /// Saved states.
+    pub saved: Vec<(u32, Box<State>)>,
+    /// Matrices.
+    pub modelview: Stack,
+    /// Matrices.
+    pub projection: Stack,
+    /// Matrices.
+    pub texture_matrices: [Stack; UNITS],
+    /// Matrices of colours; they have no effect.
+    pub color_matrix: Stack,
+    /// Client arrays.
+    pub arrays: Arrays,
+    /// Saved client state.
+    pub saved_client: Vec<(u32, Box<(Arrays, PixelStore)>)>,
+    /// Buffer objects.
+    pub buffers: BTreeMap<u32, Rc<[u8]>>,
+    /// How pixels are read.
+    pub unpack: PixelStore,
+    /// Texture objects by name.
+    pub textures: BTreeMap<u32, Texture>,
+    /// Textures of name 0, by target.
+    pub default_textures: BTreeMap<u32, Texture>,
+    /// Display lists.
+    pub lists: BTreeMap<u32, Rc<List>>,
+    /// The list that is compiled: name, whether it is executed too.
+    pub compiling: Option<(u32, bool, List)>,
+    /// Evaluators.
+    pub maps: Maps,
+    /// Between Begin and End: the mode and the vertices.
+    pub begun: Option<(u32, Vec<Vertex>)>,
+    /// Primitives that wait for a draw.
+    pub batch: Batch,
+    /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
+    pub render_mode: u32,
+    /// Shaders by key.
+    pub shaders: BTreeMap<ShaderKey, num::ShaderId>,
+    /// Calls by name.
+    pub calls: BTreeMap<Rc<str>, u64>,
+    /// What is not supported.
+    pub unsupported: Counts,
+    /// Calls that raise an error.
+    pub errors: Counts,
+    /// The call that is run.
+    pub number: u64,
+    entries: Vec<Option<Entry>>,
+    counted: Vec<(Rc<str>, u64)>,
+    /// Whether the size of the window was stated, so that viewports do not change it.
+    pub fixed_window: bool,
+    /// Lists that are executed in each other.
+    pub depth: u32,
+}
+
+impl Gl {
+    /// A machine in its first state; `name` is what messages about its commands call it.
+    pub fn new(name: &Path) -> Gl {
+        Gl {
+            card: Card::new(name),
+            state: State::default(),
+            saved: Vec::new(),
+            modelview: Stack::new(32),
+            projection: Stack::new(32),
+            texture_matrices: std::array::from_fn(|_| Stack::new(10)),
+            color_matrix: Stack::new(10),
+            arrays: Arrays::default(),
+            saved_client: Vec::new(),
+            buffers: BTreeMap::new(),
+            unpack: PixelStore::default(),
+            textures: BTreeMap::new(),
+            default_textures: BTreeMap::new(),
+            lists: BTreeMap::new(),
+            compiling: None,
+            maps: Maps::default(),
+            begun: None,
+            batch: Batch::default(),
+            render_mode: e::RENDER,
+            shaders: BTreeMap::new(),
+            calls: BTreeMap::new(),
+            unsupported: Counts::new(),
+            errors: Counts::new(),
+            number: 0,
+            entries: Vec::new(),
+            counted: Vec::new(),
+            fixed_window: false,
+            depth: 0,
+        }
+    }
+
+    /// Notes that something is not supported.
+    pub fn refuse(&mut self, what: String) {
+        let count = self.unsupported.entry(what).or_insert(Count { times: 0, first: self.number });
+        count.times += 1;
+    }
+
+    /// Runs a call. Errors are those that end the import.
+    pub fn call(&mut self, call: &Call) -> Result<(), String> {
+        self.number = call.number;
+        let id = call.function.id as usize;
+        if self.entries.len() <= id {
+            self.entries.resize(id + 1, None);
+            self.counted.resize(id + 1, ("".into(), 0));
+        }
+        let entry = *self.entries[id].get_or_insert_with(|| table::find(&call.function.name));
+        let counted = &mut self.counted[id];
+        if counted.1 == 0 {
+            counted.0 = call.function.name.clone();
+        }
+        counted.1 += 1;
+        if let (Some((_, execute, list)), Moment::Server | Moment::Vertex) = (&mut self.compiling, entry.moment) {
+            list.push(entry, call)?;
+            if !*execute {
+                return Ok(());
+            }
+        }
+        let outcome = self.execute(entry, call);
+        self.settle(call, outcome)
+    }
+
+    /// Runs a call, whether it was recorded or comes from a list.
+    pub fn execute(&mut self, entry: Entry, call: &Call) -> Outcome {
+        match entry.moment {
+            Moment::Vertex | Moment::Ignored => {}
+            Moment::Server | Moment::Client if self.begun.is_some() => return Err(INVALID_OPERATION),
+            Moment::Server => self.flush()?,
+            Moment::Client => {}
+        }
+        (entry.run)(self, call, entry.shape)
+    }
+
+    /// Notes what a call came to.
+    pub fn settle(&mut self, call: &Call, outcome: Outcome) -> Result<(), String> {
+        match outcome {
+            Ok(()) => {}
+            Err(Fault::Unsupported(what)) => self.refuse(what),
+            Err(Fault::Error(error)) => {
+                let name = format!("{}: {error}", call.function.name);
+                self.errors.entry(name).or_insert(Count { times: 0, first: call.number }).times += 1;
+            }
+            Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => return Err(format!("{}: {reason}", call.function.name)),
+        }
+        let objects = [self.textures.len(), self.lists.len(), self.buffers.len()];
+        if objects.into_iter().any(|count| count > NAMES_MAX) {
+            return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
+        }
+        Ok(())
+    }
+
+    /// The window is at least so large. A recording that does not state its size tells it by its first viewport.
+    pub fn window(&mut self, size: [u32; 2], fixed: bool) -> Outcome {
+        if size.into_iter().any(|edge| edge > WINDOW_MAX) {
+            return Err(Fault::Limit(format!("a window of {} x {} pixels, at most {WINDOW_MAX} each", size[0], size[1])));
+        }
+        let old = self.card.size();
+        let new = if fixed { size } else { [old[0].max(size[0]), old[1].max(size[1])] };
+        if (fixed || !self.fixed_window) && new != old && !new.contains(&0) {
+            self.flush()?;
+            self.card.resize(new);
+        }
+        self.fixed_window |= fixed;
+        Ok(())
+    }
+
+    /// Ends a frame.
+    pub fn swap(&mut self) -> Outcome {
+        self.flush()?;
+        self.card.present();
+        Ok(())
+    }
+
+    /// Calls by name.
+    pub fn finish_counts(&mut self) {
+        for (name, count) in self.counted.drain(..).filter(|&(_, count)| count > 0) {
+            *self.calls.entry(name).or_insert(0) += count;
+        }
+    }
+
+    /// The trace.
+    pub fn finish(mut self) -> Outcome<Trace> {
+        self.flush()?;
+        self.card.end_pass();
+        Ok(self.card.recorder.finish())
+    }
+
+    /// The matrix stack that calls mean.
+    pub fn stack(&mut self) -> &mut Stack {
+        match self.state.matrix_mode {
+            e::PROJECTION => &mut self.projection,
+            e::TEXTURE => &mut self.texture_matrices[self.state.active],
+            e::COLOR => &mut self.color_matrix,
+            _ => &mut self.modelview,
+        }
+    }
+}
+
+/// Components of a typed call from the argument `first` on, which are in an array where its name ends in `v`.
+pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4], usize)> {
+    let mut values = [0.0, 0.0, 0.0, 1.0];
+    let count = shape.count.clamp(1, 4);
+    if shape.vector {
+        match call.arg(first) {
+            Arg::Nums(numbers) => {
+                let numbers = numbers.get(..count).ok_or_else(|| Fault::Damaged(format!("an array of fewer than {count} numbers")))?;
+                values[..count].copy_from_slice(numbers);
+            }
+            _ => values[0] = call.f64(first)?,
+        }
+    } else {
+        for k in 0..count {
+            values[k] = call.f64(first + k)?;
+        }
+    }
+    Ok((values, count))
+}
+
+/// Parameters of a typed call without a number in its name, from the argument `first` on.
+pub fn parameters(call: &Call, first: usize) -> Outcome<Vec<f64>> {
+    call.numbers(first).map(|numbers| numbers.into_owned())
+}

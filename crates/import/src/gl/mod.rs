@@ -1,0 +1,153 @@
+//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5.
+//!
+//! The machine keeps OpenGL's state. What is drawn between two changes of state becomes one draw. Fixed-function state becomes WGSL that is made
+//! from a small key ([`key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
+//! else must happen: a clear, a copy of the frame buffer, a write to a texture that the pass reads, the end of the frame.
+//!
+//! * Clip space: depths from -w to w become 0 to w in the matrix. The window's origin is at the lower left; rows are turned where the
+//!   viewport, the scissor and copies are computed.
+//! * A texture's first row is its lowest in OpenGL and the first in memory in both, so images are taken as they are. Only copies of the
+//!   frame buffer turn rows.
+//! * The window has no alpha: it stays 1, as where a program asks for a visual without alpha.
+//! * A call that raises an OpenGL error has no effect.
+//! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
+
+mod arrays;
+mod call;
+mod card;
+mod consts;
+mod draw;
+mod evaluator;
+mod fragments;
+mod image;
+mod immediate;
+mod key;
+mod lists;
+mod machine;
+mod matrix;
+mod names;
+mod pixels;
+mod primitive;
+mod raster;
+mod reader;
+mod state;
+mod table;
+mod texture;
+mod texturing;
+mod transform;
+mod uniforms;
+mod wgsl;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::rc::Rc;
+
+use std::io::Read;
+
+use host::Links;
+use trace::{Reading, Trace, TraceError};
+
+use call::{Call, Fault};
+use machine::Gl;
+pub use machine::{Count, Counts};
+use reader::{Apitrace, Broken, GliText, Input, Memory, Reader};
+
+/// Bytes of GLInterceptor's memory file at most.
+const MEMORY_MAX: u64 = 2 << 30;
+
+/// What a recording has.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Calls by name.
+    pub calls: BTreeMap<Rc<str>, u64>,
+    /// Frames.
+    pub frames: u64,
+    /// What is not supported.
+    pub unsupported: Counts,
+    /// Calls that raise an OpenGL error, and so have no effect.
+    pub errors: Counts,
+    /// Shaders that the fixed functions became.
+    pub shaders: usize,
+}
+
+impl Report {
+    /// What is not supported, on one line; none if everything is.
+    pub fn refusal(&self) -> Option<String> {
+        if self.unsupported.is_empty() {
+            return None;
+        }
+        let one = |(what, count): (&String, &Count)| format!("{what} ({} times, first in call {})", count.times, count.first);
+        Some(self.unsupported.iter().map(one).collect::<Vec<_>>().join("; "))
+    }
+}
+
+/// Opens a recording of apitrace or GLInterceptor.
+///
+/// # Errors
+/// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
+pub fn open(path: &Path, apitrace: bool, links: Links, reading: &Reading) -> Result<(Trace, Report), TraceError> {
+    let fail = |reason: String| TraceError::new(path, reason);
+    let mut file = host::open(path, links).map_err(|error| TraceError::new(path, error))?;
+    let mut start = [0; 2];
+    file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
+    let input: Input = Box::new(file);
+    let memory = if apitrace { Memory::default() } else { memory_of(path, reading)? };
+    import(path, input, start, apitrace, memory, reading)
+}
+
+/// Imports a recording from a stream whose first two bytes have been read.
+fn import(path: &Path, input: Input, start: [u8; 2], apitrace: bool, memory: Memory, reading: &Reading) -> Result<(Trace, Report), TraceError> {
+    let unit = if apitrace { "byte" } else { "line" };
+    let broken =
+        |broken: Broken| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
+    let mut reader = if apitrace {
+        Reader::Apitrace(Box::new(Apitrace::open(input, start, &reading.limits).map_err(broken)?))
+    } else {
+        Reader::Gli(Box::new(GliText::open(input, start, memory, &reading.limits).map_err(broken)?))
+    };
+    let mut gl = Gl::new(path);
+    while let Some(call) = reader.next().map_err(broken)? {
+        let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
+        if let Some(size) = reader.window()
+            && !gl.fixed_window
+            && let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.window(size, true)
+        {
+            return Err(wrong(reason));
+        }
+        run(&mut gl, &call).map_err(wrong)?;
+    }
+    gl.finish_counts();
+    let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, shaders: gl.shaders.len(), ..Report::default() };
+    if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
+        return Err(TraceError::new(path, reason));
+    }
+    report.unsupported = std::mem::take(&mut gl.unsupported);
+    report.errors = std::mem::take(&mut gl.errors);
+    let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
+    Ok((trace.with_limits(reading.limits), report))
+}
+
+fn run(gl: &mut Gl, call: &Call) -> Result<(), String> {
+    gl.call(call)
+}
+
+/// The memory file beside a text recording, if there is one.
+fn memory_of(path: &Path, reading: &Reading) -> Result<Memory, TraceError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut contents = Vec::new();
+    for name in ["BufferDescriptors.dat", "MemoryRegions.dat"] {
+        let file = folder.join(name);
+        if std::fs::symlink_metadata(&file).is_err() {
+            return Ok(Memory::default());
+        }
+        let fail = |error: std::io::Error| TraceError::new(&file, error);
+        let mut bytes = Vec::new();
+        host::open(&file, reading.links()).map_err(fail)?.take(MEMORY_MAX + 1).read_to_end(&mut bytes).map_err(fail)?;
+        if bytes.len() as u64 > MEMORY_MAX {
+            return Err(TraceError::new(&file, format!("is longer than {MEMORY_MAX} bytes")));
+        }
+        reading.limits.trace_bytes.check(bytes.len() as u64).map_err(|error| TraceError::new(&file, error))?;
+        contents.push(bytes);
+    }
+    Memory::parse(&contents[0], &contents[1]).map_err(|reason| TraceError::new(folder.join("MemoryRegions.dat"), reason))
+}

@@ -1,0 +1,38 @@
+//! Names of enumerants, as text recordings have them.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+/// One `NAME VALUE` a line, the value in hexadecimal.
+const TEXT: &str = include_str!("names.txt");
+
+/// Endings of names that may be left out.
+const ENDINGS: &[&str] = &["", "_ARB", "_EXT", "_SGIS"];
+
+fn table() -> &'static BTreeMap<&'static str, u32> {
+    static TABLE: OnceLock<BTreeMap<&'static str, u32>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let line = |line: &'static str| {
+            let (name, value) = line.split_once(' ')?;
+            Some((name, u32::from_str_radix(value, 16).ok()?))
+        };
+        TEXT.lines().filter_map(line).collect()
+    })
+}
+
+/// The value of a name.
+pub fn value(name: &str) -> Option<u32> {
+    match name {
+        "TRUE" => Some(1),
+        "FALSE" => Some(0),
+        // Names of extensions mean what the core's names mean.
+        _ => ENDINGS.iter().find_map(|end| table().get(name.strip_suffix(end)?).copied()),
+    }
+}
+
+/// A name of a value for messages; where several have it, the first by name.
+pub fn name(value: u32) -> String {
+    // Small numbers are modes of primitives and bits, not what messages are about.
+    let known = table().iter().find(|&(_, &v)| v == value && value > 0xff);
+    known.map_or_else(|| format!("{value:#06x}"), |(name, _)| (*name).to_owned())
+}

@@ -1,0 +1,206 @@
+//! Primitives become lists of points, lines or triangles, which wait for one draw as long as the state stays.
+
+use super::call::Outcome;
+use super::consts as e;
+use super::machine::Gl;
+use super::matrix::{self, Matrix};
+use super::state::Vertex;
+use super::uniforms::to_clip;
+
+/// Vertices of a batch after which it is drawn.
+const BATCH_MAX: usize = 1 << 17;
+
+/// What a batch consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Class {
+    /// Points.
+    Points,
+    /// Lines.
+    Lines,
+    /// Triangles.
+    #[default]
+    Triangles,
+}
+
+/// Primitives that wait.
+#[derive(Default)]
+pub struct Batch {
+    /// What they are.
+    pub class: Class,
+    /// Whether they are edges or corners of polygons, and of back faces.
+    pub polygon: Option<bool>,
+    /// Vertices.
+    pub vertices: Vec<Vertex>,
+    /// Indices: of triangles, lines or points; the last vertex of each gives flat colours.
+    pub indices: Vec<u32>,
+    /// Pattern positions of lines are not kept: stippled lines are refused.
+    pub primitives: u64,
+}
+
+impl Gl {
+    /// Draws a primitive of these vertices.
+    pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+        if self.render_mode != e::RENDER || vertices.is_empty() {
+            return Ok(());
+        }
+        let n = vertices.len() as u32;
+        let mut indices: Vec<u32> = Vec::new();
+        let class = match mode {
+            e::POINTS => {
+                indices.extend(0..n);
+                Class::Points
+            }
+            e::LINES => {
+                indices.extend(0..n / 2 * 2);
+                Class::Lines
+            }
+            e::LINE_STRIP | e::LINE_LOOP => {
+                if n < 2 {
+                    return Ok(());
+                }
+                indices.extend((1..n).flat_map(|i| [i - 1, i]));
+                if mode == e::LINE_LOOP {
+                    indices.extend([n - 1, 0]);
+                }
+                Class::Lines
+            }
+            _ => return self.polygons(mode, vertices),
+        };
+        self.add(class, None, vertices, &indices)
+    }
+
+    /// Appends primitives to the batch.
+    fn add(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+        if indices.is_empty() {
+            return Ok(());
+        }
+        let batch = &self.batch;
+        let other = batch.class != class || batch.polygon != polygon;
+        // A logic operation reads what the primitive before it has written.
+        let alone = self.state.is(e::COLOR_LOGIC_OP);
+        if !batch.indices.is_empty() && (other || alone || batch.vertices.len() + vertices.len() > BATCH_MAX) {
+            self.flush()?;
+        }
+        let batch = &mut self.batch;
+        (batch.class, batch.polygon) = (class, polygon);
+        let base = batch.vertices.len() as u32;
+        batch.vertices.extend_from_slice(vertices);
+        batch.indices.extend(indices.iter().map(|index| base + index));
+        batch.primitives += 1;
+        Ok(())
+    }
+
+    /// Triangles, quadrilaterals and polygons.
+    fn polygons(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+        let n = vertices.len() as u32;
+        // Corners of each polygon; the last one of a triangle gives its flat colour.
+        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let quads = |first: u32, step: u32, corners: [u32; 4], out: &mut Vec<[u32; 3]>| {
+            let count = if n < 4 { 0 } else { (n - 4) / step + 1 };
+            for k in 0..count {
+                let [a, b, c, d] = corners.map(|corner| first + k * step + corner);
+                out.extend([[a, b, d], [b, c, d]]);
+            }
+        };
+        match mode {
+            e::TRIANGLES => triangles.extend((0..n / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2])),
+            e::TRIANGLE_STRIP => triangles.extend((2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] })),
+            e::TRIANGLE_FAN => triangles.extend((2..n).map(|i| [0, i - 1, i])),
+            // The first vertex of a polygon gives its flat colour.
+            e::POLYGON => triangles.extend((2..n).map(|i| [i - 1, i, 0])),
+            e::QUADS => quads(0, 4, [0, 1, 2, 3], &mut triangles),
+            e::QUAD_STRIP => {
+                for k in 0..n.saturating_sub(2) / 2 {
+                    let i = 2 * k;
+                    triangles.extend([[i + 2, i, i + 3], [i, i + 1, i + 3]]);
+                }
+            }
+            _ => return Err(super::call::INVALID_ENUM),
+        }
+        let modes = self.state.polygon_modes;
+        if modes == [e::FILL; 2] || (self.state.is(e::CULL_FACE) && self.filled_only()) {
+            return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
+        }
+        self.outlines(mode, vertices, &triangles)
+    }
+
+    /// Whether the faces that are not culled are filled.
+    fn filled_only(&self) -> bool {
+        match self.state.cull {
+            e::FRONT => self.state.polygon_modes[1] == e::FILL,
+            e::BACK => self.state.polygon_modes[0] == e::FILL,
+            _ => true,
+        }
+    }
+
+    /// Polygons of which some are drawn as lines or points. Facing is found here, since the card knows it of triangles only.
+    fn outlines(&mut self, mode: u32, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Outcome {
+        let n = vertices.len() as u32;
+        let polygons: Vec<Vec<u32>> = match mode {
+            e::QUADS => (0..n / 4).map(|k| (4 * k..4 * k + 4).collect()).collect(),
+            e::QUAD_STRIP => (0..n.saturating_sub(2) / 2).map(|k| vec![2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2]).collect(),
+            e::POLYGON if n > 2 => vec![(0..n).collect()],
+            e::POLYGON => Vec::new(),
+            _ => triangles.iter().map(|t| t.to_vec()).collect(),
+        };
+        let clip = to_clip(&self.projection.top, &self.modelview.top);
+        for corners in polygons {
+            let back = self.is_back(&clip, corners.iter().map(|&i| &vertices[i as usize]));
+            let culled = self.state.is(e::CULL_FACE)
+                && match self.state.cull {
+                    e::FRONT => !back,
+                    e::BACK => back,
+                    _ => true,
+                };
+            if culled {
+                continue;
+            }
+            let edged = !matches!(mode, e::TRIANGLES | e::QUADS | e::POLYGON);
+            let is_edge = |i: u32| edged || vertices[i as usize].edge;
+            let count = corners.len();
+            let mut indices = Vec::new();
+            let class = match self.state.polygon_modes[usize::from(back)] {
+                e::POINT => {
+                    indices.extend(corners.iter().copied().filter(|&i| is_edge(i)));
+                    Class::Points
+                }
+                e::LINE => {
+                    for k in (0..count).filter(|&k| is_edge(corners[k])) {
+                        indices.extend([corners[k], corners[(k + 1) % count]]);
+                    }
+                    Class::Lines
+                }
+                _ => {
+                    indices.extend((2..count).flat_map(|k| [corners[0], corners[k - 1], corners[k]]));
+                    Class::Triangles
+                }
+            };
+            if self.state.flat {
+                // All that is left of a polygon has the colour of its provoking vertex.
+                return Err(super::call::Fault::Unsupported("flat shading of polygons drawn as lines or points".into()));
+            }
+            let used: Vec<Vertex> = indices.iter().map(|&i| vertices[i as usize]).collect();
+            let all: Vec<u32> = (0..used.len() as u32).collect();
+            let polygon = (class != Class::Triangles).then_some(back);
+            self.add(class, polygon, &used, &all)?;
+        }
+        Ok(())
+    }
+
+    /// Whether a polygon shows its back: by the sign of its area in the window.
+    fn is_back<'a>(&self, clip: &Matrix, corners: impl Iterator<Item = &'a Vertex>) -> bool {
+        let window: Vec<[f64; 2]> = corners
+            .map(|vertex| {
+                let [x, y, _, w] = matrix::transform(clip, vertex.position).map(f64::from);
+                [x / w, y / w]
+            })
+            .collect();
+        let area: f64 = (0..window.len())
+            .map(|k| {
+                let ([ax, ay], [bx, by]) = (window[k], window[(k + 1) % window.len()]);
+                ax * by - bx * ay
+            })
+            .sum();
+        (area < 0.0) == (self.state.front == e::CCW)
+    }
+}

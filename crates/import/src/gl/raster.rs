@@ -1,0 +1,299 @@
+//! Capabilities, lighting, fog, and how primitives are rasterised.
+
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::consts as e;
+use super::machine::{Gl, parameters};
+use super::matrix;
+use super::names;
+use super::state::{LIGHTS, TARGETS, capability};
+
+pub(super) fn swap(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    gl.swap()
+}
+
+fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
+    if let Some(bit) = capability(cap) {
+        gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
+        return Ok(());
+    }
+    let unit = &mut gl.state.units[gl.state.active];
+    if let Some(k) = TARGETS.iter().position(|&target| target == cap) {
+        unit.enabled = unit.enabled & !(1 << k) | u8::from(on) << k;
+        return Ok(());
+    }
+    if (e::TEXTURE_GEN_S..=e::TEXTURE_GEN_Q).contains(&cap) {
+        let k = cap - e::TEXTURE_GEN_S;
+        unit.generated = unit.generated & !(1 << k) | u8::from(on) << k;
+        return Ok(());
+    }
+    // What is off already, or changes no picture.
+    let harmless = [e::INDEX_LOGIC_OP, e::DEBUG_OUTPUT, e::DEBUG_OUTPUT_SYNCHRONOUS, e::TEXTURE_CUBE_MAP_SEAMLESS];
+    if !on || harmless.contains(&cap) {
+        return Ok(());
+    }
+    Err(Fault::Unsupported(format!("glEnable({})", names::name(cap))))
+}
+
+pub(super) fn enable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set(gl, call.u32(0)?, true)
+}
+
+pub(super) fn disable(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set(gl, call.u32(0)?, false)
+}
+
+pub(super) fn push_attrib(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if gl.saved.len() >= 16 {
+        return Err(Fault::Error("GL_STACK_OVERFLOW"));
+    }
+    gl.saved.push((call.u32(0)?, Box::new(gl.state.clone())));
+    Ok(())
+}
+
+pub(super) fn pop_attrib(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    let (mask, saved) = gl.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
+    gl.state.restore(mask, *saved);
+    Ok(())
+}
+
+pub(super) fn shade_model(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.flat = match call.u32(0)? {
+        e::FLAT => true,
+        e::SMOOTH => false,
+        _ => return Err(INVALID_ENUM),
+    };
+    Ok(())
+}
+
+fn color(values: &[f64], shape: Shape) -> Outcome<[f32; 4]> {
+    let float = matches!(shape.scalar, super::call::Scalar::Float | super::call::Scalar::Double);
+    let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
+    Ok(std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) }))
+}
+
+fn vector<const N: usize>(values: &[f64]) -> Outcome<[f32; N]> {
+    let values = values.get(..N).ok_or_else(|| Fault::Damaged(format!("fewer than {N} numbers")))?;
+    Ok(std::array::from_fn(|k| values[k] as f32))
+}
+
+fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
+    match face {
+        e::FRONT => Ok(0..1),
+        e::BACK => Ok(1..2),
+        e::FRONT_AND_BACK => Ok(0..2),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
+    let mut materials = gl.state.materials.clone();
+    for material in &mut materials[face] {
+        match name {
+            e::AMBIENT => material.ambient = color(&values, shape)?,
+            e::DIFFUSE => material.diffuse = color(&values, shape)?,
+            e::AMBIENT_AND_DIFFUSE => {
+                material.ambient = color(&values, shape)?;
+                material.diffuse = material.ambient;
+            }
+            e::SPECULAR => material.specular = color(&values, shape)?,
+            e::EMISSION => material.emission = color(&values, shape)?,
+            e::SHININESS => {
+                let [shininess] = vector(&values)?;
+                if !(0.0..=128.0).contains(&shininess) {
+                    return Err(INVALID_VALUE);
+                }
+                material.shininess = shininess;
+            }
+            e::COLOR_INDEXES => {}
+            _ => return Err(INVALID_ENUM),
+        }
+    }
+    if materials == gl.state.materials {
+        return Ok(());
+    }
+    // What was drawn before has the material before.
+    if let Some((mode, vertices)) = &mut gl.begun {
+        let whole = match *mode {
+            e::POINTS => 1,
+            e::LINES => 2,
+            e::TRIANGLES => 3,
+            e::QUADS => 4,
+            _ => 0,
+        };
+        let complete = vertices.is_empty() || whole > 0 && vertices.len().is_multiple_of(whole);
+        if !complete && gl.state.is(e::LIGHTING) {
+            return Err(Fault::Unsupported("glMaterial within a primitive".into()));
+        }
+        if complete {
+            let (mode, vertices) = (*mode, std::mem::take(vertices));
+            gl.primitive(mode, &vertices)?;
+        }
+    }
+    gl.flush()?;
+    gl.state.materials = materials;
+    Ok(())
+}
+
+pub(super) fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (face, mode) = (call.u32(0)?, call.u32(1)?);
+    faces(face)?;
+    if !matches!(mode, e::EMISSION | e::AMBIENT | e::DIFFUSE | e::SPECULAR | e::AMBIENT_AND_DIFFUSE) {
+        return Err(INVALID_ENUM);
+    }
+    gl.state.color_material = [face, mode];
+    Ok(())
+}
+
+pub(super) fn light(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (k, name, values) = (call.u32(0)?.wrapping_sub(e::LIGHT0) as usize, call.u32(1)?, parameters(call, 2)?);
+    let modelview = gl.modelview.top;
+    let light = gl.state.lights.get_mut(k).filter(|_| k < LIGHTS).ok_or(INVALID_ENUM)?;
+    match name {
+        e::AMBIENT => light.ambient = color(&values, shape)?,
+        e::DIFFUSE => light.diffuse = color(&values, shape)?,
+        e::SPECULAR => light.specular = color(&values, shape)?,
+        e::POSITION => light.position = matrix::transform(&modelview, vector(&values)?),
+        e::SPOT_DIRECTION => {
+            let [x, y, z] = vector(&values)?;
+            let [x, y, z, _] = matrix::transform(&modelview, [x, y, z, 0.0]);
+            light.spot_direction = [x, y, z];
+        }
+        _ => {
+            let [value] = vector(&values)?;
+            match name {
+                e::SPOT_EXPONENT if (0.0..=128.0).contains(&value) => light.spot_exponent = value,
+                e::SPOT_CUTOFF if (0.0..=90.0).contains(&value) || value == 180.0 => light.spot_cutoff = value,
+                e::CONSTANT_ATTENUATION if value >= 0.0 => light.attenuation[0] = value,
+                e::LINEAR_ATTENUATION if value >= 0.0 => light.attenuation[1] = value,
+                e::QUADRATIC_ATTENUATION if value >= 0.0 => light.attenuation[2] = value,
+                e::SPOT_EXPONENT..=e::QUADRATIC_ATTENUATION => return Err(INVALID_VALUE),
+                _ => return Err(INVALID_ENUM),
+            }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn light_model(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+    let [value] = vector(&values)?;
+    match name {
+        e::LIGHT_MODEL_AMBIENT => gl.state.model_ambient = color(&values, shape)?,
+        e::LIGHT_MODEL_LOCAL_VIEWER => gl.state.local_viewer = value != 0.0,
+        e::LIGHT_MODEL_TWO_SIDE => gl.state.two_side = value != 0.0,
+        e::LIGHT_MODEL_COLOR_CONTROL => {
+            gl.state.separate_specular = match value as u32 {
+                e::SEPARATE_SPECULAR_COLOR => true,
+                e::SINGLE_COLOR => false,
+                _ => return Err(INVALID_ENUM),
+            }
+        }
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+pub(super) fn fog(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+    let [value] = vector(&values)?;
+    match name {
+        e::FOG_MODE => match value as u32 {
+            mode @ (e::LINEAR | e::EXP | e::EXP2) => gl.state.fog_mode = mode,
+            _ => return Err(INVALID_ENUM),
+        },
+        e::FOG_DENSITY if value < 0.0 => return Err(INVALID_VALUE),
+        e::FOG_DENSITY => gl.state.fog[0] = value,
+        e::FOG_START => gl.state.fog[1] = value,
+        e::FOG_END => gl.state.fog[2] = value,
+        e::FOG_COLOR => gl.state.fog_color = color(&values, shape)?.map(|value| value.clamp(0.0, 1.0)),
+        e::FOG_COORD_SRC => gl.state.fog_from_coordinate = value as u32 == e::FOG_COORD,
+        e::FOG_INDEX => {}
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+pub(super) fn cull_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let face = call.u32(0)?;
+    faces(face)?;
+    gl.state.cull = face;
+    Ok(())
+}
+
+pub(super) fn front_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    match call.u32(0)? {
+        winding @ (e::CW | e::CCW) => gl.state.front = winding,
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+pub(super) fn polygon_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (face, mode) = (faces(call.u32(0)?)?, call.u32(1)?);
+    if !matches!(mode, e::POINT | e::LINE | e::FILL) {
+        return Err(INVALID_ENUM);
+    }
+    gl.state.polygon_modes[face].fill(mode);
+    Ok(())
+}
+
+pub(super) fn polygon_offset(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.polygon_offset = [call.f32(0)?, call.f32(1)?];
+    Ok(())
+}
+
+pub(super) fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let bytes: Vec<u8> = match call.arg(0) {
+        Arg::Blob(bytes) => bytes.to_vec(),
+        Arg::Nums(numbers) => numbers.iter().map(|&number| number as u8).collect(),
+        _ => return Err(Fault::Damaged("argument 0 is no pattern".into())),
+    };
+    let plain = gl.unpack.row_length == 0 && gl.unpack.skip == [0; 3] && !gl.unpack.low_first && gl.unpack.alignment <= 4;
+    if !plain {
+        return Err(Fault::Unsupported("polygon stipples with pixel storage modes".into()));
+    }
+    let rows = bytes.get(..128).ok_or_else(|| Fault::Damaged("a pattern of fewer than 128 bytes".into()))?;
+    gl.state.stipple = std::array::from_fn(|k| u32::from_be_bytes([rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]]));
+    Ok(())
+}
+
+pub(super) fn line_width(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let width = call.f32(0)?;
+    if !(width > 0.0) {
+        return Err(INVALID_VALUE);
+    }
+    gl.state.line_width = width;
+    Ok(())
+}
+
+pub(super) fn line_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.line_stipple = (call.i32(0)?.clamp(1, 256) as u32, call.u32(1)? & 0xffff);
+    Ok(())
+}
+
+pub(super) fn point_size(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let size = call.f32(0)?;
+    if !(size > 0.0) {
+        return Err(INVALID_VALUE);
+    }
+    gl.state.point_size = size;
+    Ok(())
+}
+
+pub(super) fn point_parameter(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (name, values) = (call.u32(0)?, parameters(call, 1)?);
+    let [value] = vector(&values)?;
+    match name {
+        e::POINT_SIZE_MIN if value >= 0.0 => gl.state.point_limits[0] = value,
+        e::POINT_SIZE_MAX if value >= 0.0 => gl.state.point_limits[1] = value,
+        e::POINT_FADE_THRESHOLD_SIZE if value >= 0.0 => gl.state.point_limits[2] = value,
+        e::POINT_SIZE_MIN | e::POINT_SIZE_MAX | e::POINT_FADE_THRESHOLD_SIZE => return Err(INVALID_VALUE),
+        e::POINT_DISTANCE_ATTENUATION => gl.state.point_attenuation = vector(&values)?,
+        e::POINT_SPRITE_COORD_ORIGIN => {
+            return if value as u32 == e::UPPER_LEFT { Ok(()) } else { Err(Fault::Unsupported("sprites from the lower left".into())) };
+        }
+        _ => return Err(INVALID_ENUM),
+    }
+    if gl.begun.is_some() { Err(INVALID_OPERATION) } else { Ok(()) }
+}

@@ -1,0 +1,379 @@
+//! Recordings of apitrace: the container, and the events in it. Versions 1 to 6.
+//!
+//! The stream has *enter* events, which have a call's function and arguments, and *leave* events, which have outputs. A call is answered
+//! at its leave event, as apitrace's own player does.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use num::Limits;
+
+use super::Broken;
+use super::chunks::{Chunks, Input, Stop};
+use crate::gl::call::{Arg, Call, Function};
+
+/// The newest version that is read.
+const VERSION_MAX: u64 = 6;
+/// Depth of arrays and structures in each other.
+const NESTING_MAX: u32 = 32;
+/// Elements of an array; bulk data are blobs.
+const ELEMENTS_MAX: u64 = 1 << 24;
+/// Calls that are entered and not left: one a thread of the program.
+const OPEN_MAX: usize = 4096;
+/// Signatures of one kind, and arguments of a function.
+const SIGNATURES_MAX: u64 = 1 << 20;
+const ARGUMENTS_MAX: u64 = 1 << 10;
+
+/// Reads calls one at a time.
+pub struct Apitrace {
+    bytes: Chunks,
+    version: u64,
+    functions: Table<(Rc<Function>, u64)>,
+    /// Old enumerants have their value in the signature.
+    enums: Table<f64>,
+    bitmasks: Table<()>,
+    /// Members of structures.
+    structs: Table<u64>,
+    frames: Table<()>,
+    open: BTreeMap<u64, Call>,
+    next: u64,
+    ended: bool,
+}
+
+/// Signatures by their number.
+struct Table<T>(BTreeMap<u64, T>);
+
+impl<T> Default for Table<T> {
+    fn default() -> Self {
+        Table(BTreeMap::new())
+    }
+}
+
+impl<T: Clone> Table<T> {
+    fn get(&self, id: u64) -> Option<T> {
+        self.0.get(&id).cloned()
+    }
+
+    fn insert(&mut self, id: u64, value: T) -> Result<T, Stop> {
+        if self.0.len() as u64 >= SIGNATURES_MAX {
+            return Err(Stop::Broken(format!("more than {SIGNATURES_MAX} signatures")));
+        }
+        self.0.insert(id, value.clone());
+        Ok(value)
+    }
+}
+
+fn broken<T>(reason: impl Into<String>) -> Result<T, Stop> {
+    Err(Stop::Broken(reason.into()))
+}
+
+impl Apitrace {
+    /// Reads the header; `start` is the file's first two bytes, which have been read.
+    pub fn open(file: Input, start: [u8; 2], limits: &Limits) -> Result<Apitrace, Broken> {
+        let fail = |place, reason| Broken { call: 0, place, reason };
+        let bytes = Chunks::apitrace(file, start, limits).map_err(|reason| fail(0, reason))?;
+        let mut reader = Apitrace {
+            bytes,
+            version: 0,
+            functions: Table::default(),
+            enums: Table::default(),
+            bitmasks: Table::default(),
+            structs: Table::default(),
+            frames: Table::default(),
+            open: BTreeMap::new(),
+            next: 0,
+            ended: false,
+        };
+        match reader.header() {
+            Ok(()) => Ok(reader),
+            Err(stop) => Err(reader.broken(stop)),
+        }
+    }
+
+    fn broken(&self, stop: Stop) -> Broken {
+        let reason = match stop {
+            Stop::End => "the recording ends inside a call or its header".into(),
+            Stop::Broken(reason) => reason,
+        };
+        Broken { call: self.next.saturating_sub(1), place: self.bytes.offset(), reason }
+    }
+
+    fn header(&mut self) -> Result<(), Stop> {
+        self.version = self.uint()?;
+        if !(1..=VERSION_MAX).contains(&self.version) {
+            return broken(format!("apitrace container of version {}, versions 1 to {VERSION_MAX} are read", self.version));
+        }
+        if self.version >= 6 {
+            let _semantic = self.uint()?;
+            while !self.string()?.is_empty() {
+                self.string()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The next call; none at the end of the recording.
+    pub fn next(&mut self) -> Result<Option<Call>, Broken> {
+        self.step().map_err(|stop| self.broken(stop))
+    }
+
+    fn step(&mut self) -> Result<Option<Call>, Stop> {
+        while !self.ended {
+            let place = self.bytes.offset();
+            match self.bytes.byte() {
+                Ok(0) => self.enter(place)?,
+                Ok(1) => {
+                    let number = self.uint()?;
+                    let Some(mut call) = self.open.remove(&number) else {
+                        return broken(format!("call {number} is left, but was not entered"));
+                    };
+                    self.details(&mut call)?;
+                    return Ok(Some(call));
+                }
+                Ok(other) => return broken(format!("an event of kind {other}")),
+                Err(Stop::End) => self.ended = true,
+                Err(stop) => return Err(stop),
+            }
+        }
+        // Calls in which the program ended.
+        Ok(self.open.pop_first().map(|(_, call)| call))
+    }
+
+    fn enter(&mut self, place: u64) -> Result<(), Stop> {
+        let number = self.next;
+        self.next += 1;
+        if self.version >= 4 {
+            let _thread = self.uint()?;
+        }
+        let id = self.uint()?;
+        let (function, count) = match self.functions.get(id) {
+            Some(known) => known,
+            None => {
+                let name = self.string()?;
+                let count = self.uint()?;
+                if count > ARGUMENTS_MAX {
+                    return broken(format!("function {name:?} with {count} arguments"));
+                }
+                for _ in 0..count {
+                    self.string()?;
+                }
+                let function = Rc::new(Function { id: self.functions.0.len() as u32, name: name.into() });
+                self.functions.insert(id, (function, count))?
+            }
+        };
+        let mut call = Call { number, place, function, args: vec![Arg::Null; count as usize], result: Arg::Null };
+        self.details(&mut call)?;
+        if self.open.len() >= OPEN_MAX {
+            return broken(format!("more than {OPEN_MAX} calls are entered and not left"));
+        }
+        self.open.insert(number, call);
+        Ok(())
+    }
+
+    fn details(&mut self, call: &mut Call) -> Result<(), Stop> {
+        loop {
+            match self.bytes.byte()? {
+                0 => return Ok(()),
+                1 => {
+                    let index = self.uint()?;
+                    let value = self.value(0)?;
+                    match call.args.get_mut(index as usize) {
+                        Some(place) => *place = value,
+                        None => return broken(format!("{} has no argument {index}", call.function.name)),
+                    }
+                }
+                2 => call.result = self.value(0)?,
+                3 | 5 => {
+                    // A thread, or flags.
+                    self.uint()?;
+                }
+                4 => {
+                    for _ in 0..self.uint()? {
+                        self.frame()?;
+                    }
+                }
+                other => return broken(format!("a detail of kind {other} in {}", call.function.name)),
+            }
+        }
+    }
+
+    /// A frame of a backtrace.
+    fn frame(&mut self) -> Result<(), Stop> {
+        let id = self.uint()?;
+        if self.frames.get(id).is_some() {
+            return Ok(());
+        }
+        loop {
+            match self.bytes.byte()? {
+                0 => return self.frames.insert(id, ()),
+                1..=3 => drop(self.string()?),
+                4 | 5 => drop(self.uint()?),
+                other => return broken(format!("a backtrace with a part of kind {other}")),
+            }
+        }
+    }
+
+    fn value(&mut self, depth: u32) -> Result<Arg, Stop> {
+        if depth > NESTING_MAX {
+            return broken(format!("values nested more than {NESTING_MAX} deep"));
+        }
+        let kind = self.bytes.byte()?;
+        self.value_of(kind, depth)
+    }
+
+    fn value_of(&mut self, kind: u8, depth: u32) -> Result<Arg, Stop> {
+        Ok(match kind {
+            0 => Arg::Null,
+            1 => Arg::Num(0.0),
+            2 => Arg::Num(1.0),
+            3 => Arg::Num(-(self.uint()? as f64)),
+            4 => Arg::Num(self.uint()? as f64),
+            5 => Arg::Num(f64::from(f32::from_le_bytes(self.bytes.array()?))),
+            6 => Arg::Num(f64::from_le_bytes(self.bytes.array()?)),
+            7 => Arg::Str(self.string()?.into()),
+            8 => {
+                let length = self.uint()?;
+                Arg::Blob(self.bytes.bytes(length)?.into())
+            }
+            9 => Arg::Num(self.enumerant()?),
+            10 => {
+                self.bitmask()?;
+                Arg::Num(self.uint()? as f64)
+            }
+            11 => self.array(depth)?,
+            12 => {
+                let members = self.structure()?;
+                let mut values = Vec::new();
+                for _ in 0..members {
+                    values.push(self.value(depth + 1)?);
+                }
+                Arg::List(values.into())
+            }
+            13 => Arg::Pointer(self.uint()?),
+            14 => {
+                let _human = self.value(depth + 1)?;
+                self.value(depth + 1)?
+            }
+            15 => {
+                let length = self.uint()?;
+                self.bytes.allow(length)?;
+                let mut text = String::new();
+                for _ in 0..length {
+                    text.push(u32::try_from(self.uint()?).ok().and_then(char::from_u32).unwrap_or('\u{fffd}'));
+                }
+                Arg::Str(text.into())
+            }
+            other => return broken(format!("a value of kind {other}")),
+        })
+    }
+
+    /// An array: of numbers if all are numbers.
+    fn array(&mut self, depth: u32) -> Result<Arg, Stop> {
+        let length = self.uint()?;
+        self.bytes.allow(length)?;
+        if length > ELEMENTS_MAX {
+            return broken(format!("an array of {length} elements"));
+        }
+        let mut numbers = Vec::new();
+        for done in 0..length {
+            match self.value(depth + 1)? {
+                Arg::Num(number) => numbers.push(number),
+                other => {
+                    let mut list: Vec<Arg> = numbers.into_iter().map(Arg::Num).collect();
+                    list.push(other);
+                    for _ in done + 1..length {
+                        list.push(self.value(depth + 1)?);
+                    }
+                    return Ok(Arg::List(list.into()));
+                }
+            }
+        }
+        Ok(Arg::Nums(numbers.into()))
+    }
+
+    fn enumerant(&mut self) -> Result<f64, Stop> {
+        let id = self.uint()?;
+        if self.version < 3 {
+            // Each name is a signature of its own.
+            return match self.enums.get(id) {
+                Some(value) => Ok(value),
+                None => {
+                    self.string()?;
+                    let value = self.sint()?;
+                    self.enums.insert(id, value)
+                }
+            };
+        }
+        if self.enums.get(id).is_none() {
+            for _ in 0..self.uint()? {
+                self.string()?;
+                self.sint()?;
+            }
+            self.enums.insert(id, 0.0)?;
+        }
+        self.sint()
+    }
+
+    fn bitmask(&mut self) -> Result<(), Stop> {
+        let id = self.uint()?;
+        if self.bitmasks.get(id).is_none() {
+            for _ in 0..self.uint()? {
+                self.string()?;
+                self.uint()?;
+            }
+            self.bitmasks.insert(id, ())?;
+        }
+        Ok(())
+    }
+
+    fn structure(&mut self) -> Result<u64, Stop> {
+        let id = self.uint()?;
+        if let Some(members) = self.structs.get(id) {
+            return Ok(members);
+        }
+        let name = self.string()?;
+        let members = self.uint()?;
+        if members > ARGUMENTS_MAX {
+            return broken(format!("structure {name:?} with {members} members"));
+        }
+        for _ in 0..members {
+            self.string()?;
+        }
+        self.structs.insert(id, members)
+    }
+
+    /// An integer of 7 bits a byte, low bits first.
+    fn uint(&mut self) -> Result<u64, Stop> {
+        let mut value = 0_u64;
+        let mut shift = 0;
+        loop {
+            let byte = self.bytes.byte()?;
+            let bits = u64::from(byte & 0x7f);
+            if shift >= 64 || (bits << shift) >> shift != bits {
+                return broken("a number of more than 64 bits");
+            }
+            value |= bits << shift;
+            if byte & 0x80 == 0 {
+                return Ok(value);
+            }
+            shift += 7;
+        }
+    }
+
+    fn sint(&mut self) -> Result<f64, Stop> {
+        match self.bytes.byte()? {
+            3 => Ok(-(self.uint()? as f64)),
+            4 => Ok(self.uint()? as f64),
+            other => broken(format!("an enumerant with a value of kind {other}")),
+        }
+    }
+
+    fn string(&mut self) -> Result<String, Stop> {
+        let length = self.uint()?;
+        let bytes = self.bytes.bytes(length)?;
+        Ok(match String::from_utf8(bytes) {
+            Ok(text) => text,
+            Err(error) => String::from_utf8_lossy(error.as_bytes()).into_owned(),
+        })
+    }
+}

@@ -1,0 +1,167 @@
+//! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, or plain.
+
+use std::io::{BufReader, Read};
+
+use flate2::read::MultiGzDecoder;
+use num::Limits;
+
+/// Bytes that one Snappy chunk may expand to. apitrace writes chunks of 1 MiB.
+const CHUNK_MAX: usize = 64 << 20;
+
+/// Bytes that are asked for at once where there are no chunks.
+const PIECE: usize = 256 << 10;
+
+/// Where bytes come from: a file, or memory.
+pub type Input = Box<dyn Read>;
+
+enum Packing {
+    Snappy(BufReader<Input>, snap::raw::Decoder),
+    Stream(Input),
+}
+
+/// A file that is expanded while it is read. No more than one chunk is in memory.
+pub struct Chunks {
+    packing: Packing,
+    packed: Vec<u8>,
+    piece: Vec<u8>,
+    at: usize,
+    /// Expanded bytes before `piece`.
+    before: u64,
+    limits: Limits,
+}
+
+/// Why there is no next byte.
+#[derive(Debug)]
+pub enum Stop {
+    /// The file ends here.
+    End,
+    /// It cannot be read or expanded.
+    Broken(String),
+}
+
+impl Chunks {
+    /// The chunks of an apitrace file; `start` is its first two bytes, which have been read.
+    pub fn apitrace(file: Input, start: [u8; 2], limits: &Limits) -> Result<Chunks, String> {
+        let packing = match start {
+            [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
+            [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
+            _ => return Err("is neither a Snappy nor a gzip recording of apitrace; Brotli is not supported: `apitrace repack` \
+                             changes it"
+                .into()),
+        };
+        Ok(Chunks::new(packing, limits))
+    }
+
+    /// A text, plain or gzip.
+    pub fn text(file: Input, start: [u8; 2], limits: &Limits) -> Chunks {
+        let stream: Input = match start {
+            [0x1f, 0x8b] => gzip(start, file),
+            _ => Box::new(std::io::Cursor::new(start).chain(file)),
+        };
+        Chunks::new(Packing::Stream(stream), limits)
+    }
+
+    fn new(packing: Packing, limits: &Limits) -> Chunks {
+        Chunks { packing, packed: Vec::new(), piece: Vec::new(), at: 0, before: 0, limits: *limits }
+    }
+
+    /// Number of the next expanded byte, from 0.
+    pub fn offset(&self) -> u64 {
+        self.before + self.at as u64
+    }
+
+    /// Bytes that a value of this length needs are allowed.
+    pub fn allow(&self, length: u64) -> Result<(), Stop> {
+        self.limits.trace_bytes.check(self.offset().saturating_add(length)).map_err(|error| Stop::Broken(error.to_string()))
+    }
+
+    /// Replaces the piece, which is used up, by the next one.
+    #[cold]
+    fn refill(&mut self) -> Result<(), Stop> {
+        self.before += self.piece.len() as u64;
+        self.at = 0;
+        self.piece.clear();
+        let broken = |what: &str, error: &dyn std::fmt::Display| Stop::Broken(format!("{what}: {error}"));
+        while self.piece.is_empty() {
+            match &mut self.packing {
+                Packing::Stream(stream) => {
+                    stream.take(PIECE as u64).read_to_end(&mut self.piece).map_err(|error| broken("cannot be expanded", &error))?;
+                    if self.piece.is_empty() {
+                        return Err(Stop::End);
+                    }
+                }
+                Packing::Snappy(file, decoder) => {
+                    let mut length = [0; 4];
+                    match file.read(&mut length[..1]).map_err(|error| broken("cannot be read", &error))? {
+                        0 => return Err(Stop::End),
+                        _ => file.read_exact(&mut length[1..]).map_err(|_| Stop::Broken("ends inside the length of a chunk".into()))?,
+                    }
+                    let length = u32::from_le_bytes(length) as usize;
+                    if length > snap::raw::max_compress_len(CHUNK_MAX) {
+                        return Err(Stop::Broken(format!("a chunk of {length} bytes, longer than any")));
+                    }
+                    self.packed.clear();
+                    let read = file.take(length as u64).read_to_end(&mut self.packed).map_err(|error| broken("cannot be read", &error))?;
+                    if read < length {
+                        return Err(Stop::Broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
+                    }
+                    let expanded = snap::raw::decompress_len(&self.packed).map_err(|error| broken("a Snappy chunk", &error))?;
+                    // Three bytes of Snappy stand for 64 at most.
+                    if expanded > CHUNK_MAX.min(length.saturating_mul(64)) {
+                        return Err(Stop::Broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
+                    }
+                    self.piece.resize(expanded, 0);
+                    let done = decoder.decompress(&self.packed, &mut self.piece).map_err(|error| broken("a Snappy chunk", &error))?;
+                    self.piece.truncate(done);
+                }
+            }
+        }
+        self.limits.trace_bytes.check(self.before + self.piece.len() as u64).map_err(|error| Stop::Broken(error.to_string()))
+    }
+
+    /// The next byte.
+    #[inline]
+    pub fn byte(&mut self) -> Result<u8, Stop> {
+        if self.at == self.piece.len() {
+            self.refill()?;
+        }
+        let byte = self.piece[self.at];
+        self.at += 1;
+        Ok(byte)
+    }
+
+    /// The next bytes, in a vector that grows with what is there.
+    pub fn bytes(&mut self, length: u64) -> Result<Vec<u8>, Stop> {
+        self.allow(length)?;
+        let mut bytes = Vec::new();
+        let mut left = length;
+        while left > 0 {
+            if self.at == self.piece.len() {
+                self.refill()?;
+            }
+            let part = (left.min((self.piece.len() - self.at) as u64)) as usize;
+            bytes.extend_from_slice(&self.piece[self.at..self.at + part]);
+            self.at += part;
+            left -= part as u64;
+        }
+        Ok(bytes)
+    }
+
+    /// The next bytes, a known number.
+    pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
+        let mut bytes = [0; N];
+        if let Some(here) = self.piece.get(self.at..self.at + N) {
+            bytes.copy_from_slice(here);
+            self.at += N;
+        } else {
+            for byte in &mut bytes {
+                *byte = self.byte()?;
+            }
+        }
+        Ok(bytes)
+    }
+}
+
+fn gzip(start: [u8; 2], file: Input) -> Input {
+    Box::new(MultiGzDecoder::new(BufReader::with_capacity(PIECE, std::io::Cursor::new(start).chain(file))))
+}

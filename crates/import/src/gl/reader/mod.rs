@@ -1,0 +1,56 @@
+//! Readers of recordings: each answers one call after another.
+
+pub mod apitrace;
+pub mod chunks;
+pub mod gli;
+
+pub use apitrace::Apitrace;
+pub use chunks::Input;
+pub use gli::{GliText, Memory};
+
+use super::call::Call;
+
+/// What is wrong with a recording, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// The number of the call, from 0.
+    pub call: u64,
+    /// The byte of the expanded stream, or the line of the text.
+    pub place: u64,
+    /// What is wrong.
+    pub reason: String,
+}
+
+/// A recording that is being read.
+pub enum Reader {
+    /// apitrace's container.
+    Apitrace(Box<Apitrace>),
+    /// GLInterceptor's text.
+    Gli(Box<GliText>),
+}
+
+impl Reader {
+    /// The next call; none at the end of the recording.
+    pub fn next(&mut self) -> Result<Option<Call>, Broken> {
+        match self {
+            Reader::Apitrace(reader) => reader.next(),
+            Reader::Gli(reader) => reader.next(),
+        }
+    }
+
+    /// The window's size, where the recording states it by now.
+    pub fn window(&self) -> Option<[u32; 2]> {
+        match self {
+            Reader::Apitrace(_) => None,
+            Reader::Gli(reader) => reader.window,
+        }
+    }
+
+    /// What places are: bytes or lines.
+    pub fn unit(&self) -> &'static str {
+        match self {
+            Reader::Apitrace(_) => "byte",
+            Reader::Gli(_) => "line",
+        }
+    }
+}

@@ -1,0 +1,484 @@
+//! The server's state: what `glPushAttrib` saves.
+
+use super::consts as e;
+use super::matrix::IDENTITY;
+use super::matrix::Matrix;
+
+/// Texture units.
+pub const UNITS: usize = 8;
+/// Lights.
+pub const LIGHTS: usize = 8;
+/// User clip planes.
+pub const PLANES: usize = 6;
+
+/// Texture targets of a unit, in order of rising precedence.
+pub const TARGETS: [u32; 5] = [e::TEXTURE_1D, e::TEXTURE_2D, e::TEXTURE_RECTANGLE, e::TEXTURE_3D, e::TEXTURE_CUBE_MAP];
+
+/// The attributes of a vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Position in object space.
+    pub position: [f32; 4],
+    /// Normal.
+    pub normal: [f32; 3],
+    /// Primary colour.
+    pub color: [f32; 4],
+    /// Secondary colour.
+    pub secondary: [f32; 3],
+    /// Fog coordinate.
+    pub fog: f32,
+    /// Texture coordinates.
+    pub texture: [[f32; 4]; UNITS],
+    /// Whether an edge of a polygon begins here.
+    pub edge: bool,
+}
+
+/// A light; positions and directions are in eye space.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Colours.
+    pub ambient: [f32; 4],
+    /// Colours.
+    pub diffuse: [f32; 4],
+    /// Colours.
+    pub specular: [f32; 4],
+    /// Position; w = 0: a direction.
+    pub position: [f32; 4],
+    /// Direction of the spot.
+    pub spot_direction: [f32; 3],
+    /// Exponent of the spot.
+    pub spot_exponent: f32,
+    /// Cutoff in degrees; 180: no spot.
+    pub spot_cutoff: f32,
+    /// Constant, linear, quadratic.
+    pub attenuation: [f32; 3],
+}
+
+/// A material of one side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Colours.
+    pub ambient: [f32; 4],
+    /// Colours.
+    pub diffuse: [f32; 4],
+    /// Colours.
+    pub specular: [f32; 4],
+    /// Colours.
+    pub emission: [f32; 4],
+    /// Exponent.
+    pub shininess: f32,
+}
+
+/// Generation of one texture coordinate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Generation {
+    /// `GL_EYE_LINEAR`, ...
+    pub mode: u32,
+    /// Object plane.
+    pub object: [f32; 4],
+    /// Eye plane, in eye space.
+    pub eye: [f32; 4],
+}
+
+/// Texture environment of a unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Environment {
+    /// `GL_MODULATE`, ...
+    pub mode: u32,
+    /// Constant colour.
+    pub color: [f32; 4],
+    /// Combiners of colour and alpha.
+    pub combine: [u32; 2],
+    /// Sources of both.
+    pub sources: [[u32; 3]; 2],
+    /// Operands of both.
+    pub operands: [[u32; 3]; 2],
+    /// Scales of both.
+    pub scales: [f32; 2],
+    /// Bias of the level of detail.
+    pub bias: f32,
+}
+
+/// A texture unit.
+#[derive(Clone, Debug)]
+pub struct Unit {
+    /// Which of [`TARGETS`] are enabled.
+    pub enabled: u8,
+    /// Names of the textures that are bound to them.
+    pub bound: [u32; 5],
+    /// Which of s, t, r, q are generated.
+    pub generated: u8,
+    /// How.
+    pub generation: [Generation; 4],
+    /// Environment.
+    pub environment: Environment,
+}
+
+/// Stencil state of one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stencil {
+    /// Comparison.
+    pub compare: u32,
+    /// Reference.
+    pub reference: i32,
+    /// Mask of the comparison.
+    pub read: u32,
+    /// Operations: fail, depth fail, pass.
+    pub ops: [u32; 3],
+    /// Mask of writes.
+    pub write: u32,
+}
+
+/// All of it.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Current vertex attributes.
+    pub current: Vertex,
+    /// Enabled capabilities: a bit of [`capability`] each.
+    pub enabled: u64,
+    /// x, y, width, height.
+    pub viewport: [i32; 4],
+    /// Near and far depth.
+    pub depth_range: [f32; 2],
+    /// Matrix that matrix calls mean.
+    pub matrix_mode: u32,
+    /// Clip planes in eye space.
+    pub planes: [[f32; 4]; PLANES],
+    /// Lights.
+    pub lights: [Light; LIGHTS],
+    /// Ambient light of the scene.
+    pub model_ambient: [f32; 4],
+    /// Whether the viewer is in the scene.
+    pub local_viewer: bool,
+    /// Whether back faces are lit.
+    pub two_side: bool,
+    /// Whether specular light is added after texturing.
+    pub separate_specular: bool,
+    /// Materials: front, back.
+    pub materials: [Material; 2],
+    /// Faces and mode of colour material.
+    pub color_material: [u32; 2],
+    /// Flat shading.
+    pub flat: bool,
+    /// Fog.
+    pub fog_mode: u32,
+    /// Fog.
+    pub fog_color: [f32; 4],
+    /// Density, start, end.
+    pub fog: [f32; 3],
+    /// Whether fog takes the fog coordinate.
+    pub fog_from_coordinate: bool,
+    /// Faces that are culled.
+    pub cull: u32,
+    /// Winding of front faces.
+    pub front: u32,
+    /// Polygon modes: front, back.
+    pub polygon_modes: [u32; 2],
+    /// Factor and units.
+    pub polygon_offset: [f32; 2],
+    /// Polygon stipple pattern: rows from the bottom.
+    pub stipple: [u32; 32],
+    /// Line width.
+    pub line_width: f32,
+    /// Factor and pattern.
+    pub line_stipple: (u32, u32),
+    /// Point size.
+    pub point_size: f32,
+    /// Minimum, maximum, fade threshold.
+    pub point_limits: [f32; 3],
+    /// Constant, linear, quadratic.
+    pub point_attenuation: [f32; 3],
+    /// Units whose coordinates sprites replace.
+    pub point_sprites: u8,
+    /// Depth test.
+    pub depth_func: u32,
+    /// Depth test.
+    pub depth_write: bool,
+    /// Depth test.
+    pub clear_depth: f32,
+    /// Front and back.
+    pub stencil: [Stencil; 2],
+    /// Stencil.
+    pub clear_stencil: i32,
+    /// Alpha test: comparison and reference.
+    pub alpha: (u32, f32),
+    /// Blend factors: source and destination of colour, of alpha.
+    pub blend: [u32; 4],
+    /// Blend equations of colour and alpha.
+    pub blend_ops: [u32; 2],
+    /// Blend constant.
+    pub blend_color: [f32; 4],
+    /// Logic operation.
+    pub logic: u32,
+    /// Channels that are written.
+    pub color_mask: u8,
+    /// Clear colour.
+    pub clear_color: [f32; 4],
+    /// Colour buffer that is drawn to.
+    pub draw_buffer: u32,
+    /// Scissor: x, y, width, height.
+    pub scissor: [i32; 4],
+    /// Texture units.
+    pub units: [Unit; UNITS],
+    /// The unit that calls mean.
+    pub active: usize,
+    /// Display lists.
+    pub list_base: u32,
+    /// Evaluator grids: count, from, to in u and v.
+    pub grids: [(i32, f32, f32); 2],
+    /// Raster position in window space, and whether it is valid.
+    pub raster: Option<[f32; 4]>,
+    /// Colour of the raster position.
+    pub raster_color: [f32; 4],
+    /// Zoom of pixel rectangles.
+    pub zoom: [f32; 2],
+}
+
+impl Default for State {
+    fn default() -> State {
+        let black = [0.0, 0.0, 0.0, 1.0];
+        let white = [1.0; 4];
+        let light = Light {
+            ambient: black,
+            diffuse: black,
+            specular: black,
+            position: [0.0, 0.0, 1.0, 0.0],
+            spot_direction: [0.0, 0.0, -1.0],
+            spot_exponent: 0.0,
+            spot_cutoff: 180.0,
+            attenuation: [1.0, 0.0, 0.0],
+        };
+        let mut lights: [Light; LIGHTS] = std::array::from_fn(|_| light.clone());
+        (lights[0].diffuse, lights[0].specular) = (white, white);
+        let material = Material {
+            ambient: [0.2, 0.2, 0.2, 1.0],
+            diffuse: [0.8, 0.8, 0.8, 1.0],
+            specular: black,
+            emission: black,
+            shininess: 0.0,
+        };
+        let plane = |k: usize| std::array::from_fn(|i| if i == k && k < 2 { 1.0 } else { 0.0 });
+        let unit = Unit {
+            enabled: 0,
+            bound: [0; 5],
+            generated: 0,
+            generation: std::array::from_fn(|k| Generation { mode: e::EYE_LINEAR, object: plane(k), eye: plane(k) }),
+            environment: Environment {
+                mode: e::MODULATE,
+                color: [0.0; 4],
+                combine: [e::MODULATE; 2],
+                sources: [[e::TEXTURE, e::PREVIOUS, e::CONSTANT]; 2],
+                operands: [[e::SRC_COLOR, e::SRC_COLOR, e::SRC_ALPHA], [e::SRC_ALPHA; 3]],
+                scales: [1.0; 2],
+                bias: 0.0,
+            },
+        };
+        let stencil = Stencil { compare: e::ALWAYS, reference: 0, read: !0, ops: [e::KEEP; 3], write: !0 };
+        State {
+            current: Vertex {
+                position: black,
+                normal: [0.0, 0.0, 1.0],
+                color: white,
+                secondary: [0.0; 3],
+                fog: 0.0,
+                texture: [black; UNITS],
+                edge: true,
+            },
+            enabled: capability(e::DITHER).unwrap_or(0) | capability(e::MULTISAMPLE).unwrap_or(0),
+            viewport: [0; 4],
+            depth_range: [0.0, 1.0],
+            matrix_mode: e::MODELVIEW,
+            planes: [[0.0; 4]; PLANES],
+            lights,
+            model_ambient: [0.2, 0.2, 0.2, 1.0],
+            local_viewer: false,
+            two_side: false,
+            separate_specular: false,
+            materials: [material.clone(), material],
+            color_material: [e::FRONT_AND_BACK, e::AMBIENT_AND_DIFFUSE],
+            flat: false,
+            fog_mode: e::EXP,
+            fog_color: [0.0; 4],
+            fog: [1.0, 0.0, 1.0],
+            fog_from_coordinate: false,
+            cull: e::BACK,
+            front: e::CCW,
+            polygon_modes: [e::FILL; 2],
+            polygon_offset: [0.0; 2],
+            stipple: [!0; 32],
+            line_width: 1.0,
+            line_stipple: (1, 0xffff),
+            point_size: 1.0,
+            point_limits: [0.0, 2048.0, 1.0],
+            point_attenuation: [1.0, 0.0, 0.0],
+            point_sprites: 0,
+            depth_func: e::LESS,
+            depth_write: true,
+            clear_depth: 1.0,
+            stencil: [stencil; 2],
+            clear_stencil: 0,
+            alpha: (e::ALWAYS, 0.0),
+            blend: [e::ONE, e::ZERO, e::ONE, e::ZERO],
+            blend_ops: [e::FUNC_ADD; 2],
+            blend_color: [0.0; 4],
+            logic: e::COPY,
+            color_mask: 15,
+            clear_color: [0.0; 4],
+            draw_buffer: e::BACK,
+            scissor: [0; 4],
+            units: std::array::from_fn(|_| unit.clone()),
+            active: 0,
+            list_base: 0,
+            grids: [(1, 0.0, 1.0); 2],
+            raster: Some([0.0, 0.0, 0.0, 1.0]),
+            raster_color: white,
+            zoom: [1.0; 2],
+        }
+    }
+}
+
+/// Capabilities that are a bit of the state.
+const CAPABILITIES: &[(u32, u32)] = &[
+    (e::ALPHA_TEST, e::COLOR_BUFFER_BIT),
+    (e::AUTO_NORMAL, e::EVAL_BIT),
+    (e::BLEND, e::COLOR_BUFFER_BIT),
+    (e::COLOR_LOGIC_OP, e::COLOR_BUFFER_BIT),
+    (e::COLOR_MATERIAL, e::LIGHTING_BIT),
+    (e::COLOR_SUM, e::FOG_BIT),
+    (e::CULL_FACE, e::POLYGON_BIT),
+    (e::DEPTH_TEST, e::DEPTH_BUFFER_BIT),
+    (e::DITHER, e::COLOR_BUFFER_BIT),
+    (e::FOG, e::FOG_BIT),
+    (e::LIGHTING, e::LIGHTING_BIT),
+    (e::LINE_SMOOTH, e::LINE_BIT),
+    (e::LINE_STIPPLE, e::LINE_BIT),
+    (e::MULTISAMPLE, e::MULTISAMPLE_BIT),
+    (e::NORMALIZE, e::TRANSFORM_BIT),
+    (e::POINT_SMOOTH, e::POINT_BIT),
+    (e::POINT_SPRITE, e::POINT_BIT),
+    (e::POLYGON_OFFSET_FILL, e::POLYGON_BIT),
+    (e::POLYGON_OFFSET_LINE, e::POLYGON_BIT),
+    (e::POLYGON_OFFSET_POINT, e::POLYGON_BIT),
+    (e::POLYGON_SMOOTH, e::POLYGON_BIT),
+    (e::POLYGON_STIPPLE, e::POLYGON_BIT),
+    (e::RESCALE_NORMAL, e::TRANSFORM_BIT),
+    (e::SCISSOR_TEST, e::SCISSOR_BIT),
+    (e::STENCIL_TEST, e::STENCIL_BUFFER_BIT),
+    (e::STENCIL_TEST_TWO_SIDE_EXT, e::STENCIL_BUFFER_BIT),
+    // What has no effect on one sample a pixel.
+    (e::SAMPLE_ALPHA_TO_COVERAGE, e::MULTISAMPLE_BIT),
+    (e::SAMPLE_ALPHA_TO_ONE, e::MULTISAMPLE_BIT),
+    (e::SAMPLE_COVERAGE, e::MULTISAMPLE_BIT),
+];
+
+/// First bits of lights, clip planes and evaluators.
+const LIGHT_BIT: u32 = 32;
+const PLANE_BIT: u32 = LIGHT_BIT + LIGHTS as u32;
+const MAP_BIT: u32 = PLANE_BIT + PLANES as u32;
+
+/// The bit of a capability, or none if it is no bit of the state.
+pub fn capability(cap: u32) -> Option<u64> {
+    let bit = match cap {
+        e::LIGHT0..0x4008 => LIGHT_BIT + cap - e::LIGHT0,
+        e::CLIP_PLANE0..0x3006 => PLANE_BIT + cap - e::CLIP_PLANE0,
+        e::MAP1_COLOR_4..=e::MAP1_VERTEX_4 => MAP_BIT + cap - e::MAP1_COLOR_4,
+        e::MAP2_COLOR_4..=e::MAP2_VERTEX_4 => MAP_BIT + 9 + cap - e::MAP2_COLOR_4,
+        _ => CAPABILITIES.iter().position(|&(known, _)| known == cap)? as u32,
+    };
+    Some(1 << bit)
+}
+
+/// The capabilities that the groups of `mask` have.
+fn capabilities_of(mask: u32) -> u64 {
+    if mask & e::ENABLE_BIT != 0 {
+        return !0;
+    }
+    let mut bits = 0;
+    for (k, &(_, group)) in CAPABILITIES.iter().enumerate() {
+        bits |= u64::from(mask & group != 0) << k;
+    }
+    let range = |first: u32, count: u32| ((1_u64 << count) - 1) << first;
+    let groups = [
+        (e::LIGHTING_BIT, range(LIGHT_BIT, LIGHTS as u32)),
+        (e::TRANSFORM_BIT, range(PLANE_BIT, PLANES as u32)),
+        (e::EVAL_BIT, range(MAP_BIT, 18)),
+    ];
+    groups.iter().filter(|&&(group, _)| mask & group != 0).fold(bits, |all, &(_, range)| all | range)
+}
+
+impl State {
+    /// Whether a capability is enabled.
+    pub fn is(&self, cap: u32) -> bool {
+        capability(cap).is_some_and(|bit| self.enabled & bit != 0)
+    }
+
+    /// Takes the groups of `mask` from a saved state.
+    pub fn restore(&mut self, mask: u32, saved: State) {
+        let caps = capabilities_of(mask);
+        self.enabled = self.enabled & !caps | saved.enabled & caps;
+        let has = |bit: u32| mask & bit != 0;
+        macro_rules! take {
+            ($bit:expr => $($field:ident),+) => { if has($bit) { $(self.$field = saved.$field.clone();)+ } };
+        }
+        take!(e::CURRENT_BIT => current, raster, raster_color);
+        take!(e::VIEWPORT_BIT => viewport, depth_range);
+        take!(e::TRANSFORM_BIT => matrix_mode, planes);
+        take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat);
+        take!(e::FOG_BIT => fog_mode, fog_color, fog, fog_from_coordinate);
+        take!(e::POLYGON_BIT => cull, front, polygon_modes, polygon_offset);
+        take!(e::POLYGON_STIPPLE_BIT => stipple);
+        take!(e::LINE_BIT => line_width, line_stipple);
+        take!(e::POINT_BIT => point_size, point_limits, point_attenuation, point_sprites);
+        take!(e::DEPTH_BUFFER_BIT => depth_func, depth_write, clear_depth);
+        take!(e::STENCIL_BUFFER_BIT => stencil, clear_stencil);
+        take!(e::COLOR_BUFFER_BIT => alpha, blend, blend_ops, blend_color, logic, color_mask, clear_color, draw_buffer);
+        take!(e::SCISSOR_BIT => scissor);
+        take!(e::LIST_BIT => list_base);
+        take!(e::EVAL_BIT => grids);
+        take!(e::PIXEL_MODE_BIT => zoom);
+        if has(e::TEXTURE_BIT) {
+            self.active = saved.active;
+        }
+        for (unit, old) in self.units.iter_mut().zip(&saved.units) {
+            if has(e::TEXTURE_BIT) {
+                *unit = old.clone();
+            } else if has(e::ENABLE_BIT) {
+                (unit.enabled, unit.generated) = (old.enabled, old.generated);
+            }
+        }
+    }
+}
+
+/// A stack of matrices.
+#[derive(Clone, Debug)]
+pub struct Stack {
+    /// The one that is used.
+    pub top: Matrix,
+    below: Vec<Matrix>,
+    most: usize,
+}
+
+impl Stack {
+    /// A stack with the identity; it holds `most` matrices.
+    pub fn new(most: usize) -> Stack {
+        Stack { top: IDENTITY, below: Vec::new(), most }
+    }
+
+    /// Pushes a copy of the top; whether there was room.
+    pub fn push(&mut self) -> bool {
+        let room = self.below.len() + 1 < self.most;
+        if room {
+            self.below.push(self.top);
+        }
+        room
+    }
+
+    /// Removes the top; whether there was one below.
+    pub fn pop(&mut self) -> bool {
+        let below = self.below.pop();
+        if let Some(matrix) = below {
+            self.top = matrix;
+        }
+        below.is_some()
+    }
+}

@@ -1,0 +1,216 @@
+//! Which function of the machine runs a call.
+
+use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
+use super::machine::Gl;
+use super::{arrays, evaluator, fragments, immediate, lists, pixels, raster, texturing, transform};
+
+/// When a function may be called, and what it does to what waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// Also between Begin and End; what waits goes on to wait.
+    Vertex,
+    /// It changes the server's state, or reads it.
+    Server,
+    /// It is the client's alone: no display list has it.
+    Client,
+    /// It has no effect on pictures.
+    Ignored,
+}
+
+/// A function of the machine.
+pub type Run = fn(&mut Gl, &Call, Shape) -> Outcome;
+
+/// What is known of a function.
+#[derive(Clone, Copy)]
+pub struct Entry {
+    /// What runs it.
+    pub run: Run,
+    /// When.
+    pub moment: Moment,
+    /// What the end of its name says.
+    pub shape: Shape,
+}
+
+fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    Ok(())
+}
+
+fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    Err(Fault::Unsupported(call.function.name.to_string()))
+}
+
+/// The entry of a function of this name; what is not known is refused by name when it is called.
+pub fn find(name: &str) -> Entry {
+    let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
+    let entry = |(moment, run): (Moment, Run), shape| Entry { run, moment, shape };
+    let Some(core) = core_name(name) else { return entry(window_system(name), plain) };
+    if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
+        return entry(window, plain);
+    }
+    if let Some(found) = exact(core) {
+        return entry(found, plain);
+    }
+    if let Some((stem, shape)) = shape(core)
+        && let Some(found) = typed(stem)
+    {
+        return entry(found, shape);
+    }
+    entry((Moment::Client, unknown), plain)
+}
+
+fn window_system(name: &str) -> (Moment, Run) {
+    match name {
+        "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => (Moment::Client, raster::swap),
+        _ => (Moment::Ignored, nothing),
+    }
+}
+
+/// Functions whose names have no types.
+fn exact(name: &str) -> Option<(Moment, Run)> {
+    use Moment::{Client, Ignored, Server, Vertex};
+    let found: (Moment, Run) = match name {
+        "Begin" => (Vertex, immediate::begin),
+        "End" => (Vertex, immediate::end),
+        "EdgeFlag" | "EdgeFlagv" => (Vertex, immediate::edge_flag),
+        "ArrayElement" => (Vertex, arrays::array_element),
+        "CallList" => (Vertex, lists::call_list),
+        "CallLists" => (Vertex, lists::call_lists),
+        "NewList" => (Client, lists::new_list),
+        "EndList" => (Client, lists::end_list),
+        "ListBase" => (Server, lists::list_base),
+        "DeleteLists" => (Client, lists::delete_lists),
+        "EnableClientState" => (Client, arrays::enable),
+        "DisableClientState" => (Client, arrays::disable),
+        "ClientActiveTexture" => (Client, arrays::client_active),
+        "VertexPointer" => (Client, arrays::vertex_pointer),
+        "NormalPointer" => (Client, arrays::normal_pointer),
+        "ColorPointer" => (Client, arrays::color_pointer),
+        "SecondaryColorPointer" => (Client, arrays::secondary_pointer),
+        "TexCoordPointer" => (Client, arrays::texture_pointer),
+        "FogCoordPointer" => (Client, arrays::fog_pointer),
+        "EdgeFlagPointer" => (Client, arrays::edge_pointer),
+        "DrawArrays" => (Client, arrays::draw_arrays),
+        "MultiDrawArrays" => (Client, arrays::multi_draw_arrays),
+        "DrawElements" => (Client, arrays::draw_elements),
+        "DrawRangeElements" => (Client, arrays::draw_range_elements),
+        "PushClientAttrib" => (Client, arrays::push_client),
+        "PopClientAttrib" => (Client, arrays::pop_client),
+        "BindBuffer" => (Client, arrays::bind_buffer),
+        "BufferData" => (Client, arrays::buffer_data),
+        "BufferSubData" => (Client, arrays::buffer_sub_data),
+        "DeleteBuffers" => (Client, arrays::delete_buffers),
+        "MatrixMode" => (Server, transform::matrix_mode),
+        "LoadIdentity" => (Server, transform::load_identity),
+        "PushMatrix" => (Server, transform::push_matrix),
+        "PopMatrix" => (Server, transform::pop_matrix),
+        "Ortho" => (Server, transform::ortho),
+        "Frustum" => (Server, transform::frustum),
+        "Viewport" => (Server, transform::viewport),
+        "DepthRange" => (Server, transform::depth_range),
+        "ClipPlane" => (Server, transform::clip_plane),
+        "Enable" => (Server, raster::enable),
+        "Disable" => (Server, raster::disable),
+        "PushAttrib" => (Server, raster::push_attrib),
+        "PopAttrib" => (Server, raster::pop_attrib),
+        "ShadeModel" => (Server, raster::shade_model),
+        "ColorMaterial" => (Server, raster::color_material),
+        "CullFace" => (Server, raster::cull_face),
+        "FrontFace" => (Server, raster::front_face),
+        "PolygonMode" => (Server, raster::polygon_mode),
+        "PolygonOffset" => (Server, raster::polygon_offset),
+        "PolygonStipple" => (Server, raster::polygon_stipple),
+        "LineWidth" => (Server, raster::line_width),
+        "LineStipple" => (Server, raster::line_stipple),
+        "PointSize" => (Server, raster::point_size),
+        "Scissor" => (Server, fragments::scissor),
+        "AlphaFunc" => (Server, fragments::alpha_func),
+        "StencilFunc" => (Server, fragments::stencil_func),
+        "StencilFuncSeparate" => (Server, fragments::stencil_func_separate),
+        "StencilOp" => (Server, fragments::stencil_op),
+        "StencilOpSeparate" => (Server, fragments::stencil_op_separate),
+        "StencilMask" => (Server, fragments::stencil_mask),
+        "DepthFunc" => (Server, fragments::depth_func),
+        "DepthMask" => (Server, fragments::depth_mask),
+        "BlendFunc" => (Server, fragments::blend_func),
+        "BlendFuncSeparate" => (Server, fragments::blend_func_separate),
+        "BlendEquation" => (Server, fragments::blend_equation),
+        "BlendEquationSeparate" => (Server, fragments::blend_equation_separate),
+        "BlendColor" => (Server, fragments::blend_color),
+        "LogicOp" => (Server, fragments::logic_op),
+        "ColorMask" => (Server, fragments::color_mask),
+        "DrawBuffer" => (Server, fragments::draw_buffer),
+        "Clear" => (Server, fragments::clear),
+        "ClearColor" => (Server, fragments::clear_color),
+        "ClearDepth" | "ClearDepthf" => (Server, fragments::clear_depth),
+        "ClearStencil" => (Server, fragments::clear_stencil),
+        "ActiveTexture" => (Server, texturing::active),
+        "BindTexture" => (Server, texturing::bind),
+        "DeleteTextures" => (Client, texturing::delete),
+        "TexImage1D" => (Server, texturing::image_1d),
+        "TexImage2D" => (Server, texturing::image_2d),
+        "TexImage3D" => (Server, texturing::image_3d),
+        "TexSubImage1D" => (Server, texturing::sub_image_1d),
+        "TexSubImage2D" => (Server, texturing::sub_image_2d),
+        "TexSubImage3D" => (Server, texturing::sub_image_3d),
+        "CopyTexImage1D" => (Server, texturing::copy_image_1d),
+        "CopyTexImage2D" => (Server, texturing::copy_image_2d),
+        "CopyTexSubImage1D" => (Server, texturing::copy_sub_image_1d),
+        "CopyTexSubImage2D" => (Server, texturing::copy_sub_image_2d),
+        "RenderMode" => (Client, pixels::render_mode),
+        "EvalMesh1" => (Server, evaluator::mesh_1),
+        "EvalMesh2" => (Server, evaluator::mesh_2),
+        "EvalPoint1" => (Vertex, evaluator::point_1),
+        "EvalPoint2" => (Vertex, evaluator::point_2),
+        // What leaves no trace in pictures.
+        "Flush" | "Finish" | "Hint" | "FeedbackBuffer" | "SelectBuffer" | "InitNames" | "PushName" | "PopName" | "LoadName"
+        | "PassThrough" | "ReadPixels" | "ReadBuffer" | "GenLists" | "GenTextures" | "GenBuffers" | "GenQueries" | "GenProgram"
+        | "GenPrograms" | "BindProgram" | "ProgramString" | "DeletePrograms" | "LockArrays" | "UnlockArrays" | "ClearAccum"
+        | "ClearIndex" | "IndexMask" | "IndexPointer" | "PrioritizeTextures" | "AreTexturesResident" | "SampleCoverage"
+        | "DebugMessageCallback" | "DebugMessageControl" | "ObjectLabel" | "PushDebugGroup" | "PopDebugGroup"
+        | "StringMarkerGREMEDY" | "GetError" | "GetString" | "GetStringi" => (Ignored, nothing),
+        _ if name.starts_with("Get") || name.starts_with("Is") => (Ignored, nothing),
+        _ => return None,
+    };
+    Some(found)
+}
+
+/// Functions whose names end in a type.
+fn typed(stem: &str) -> Option<(Moment, Run)> {
+    use Moment::{Client, Ignored, Server, Vertex};
+    let found: (Moment, Run) = match stem {
+        "Vertex" => (Vertex, immediate::vertex),
+        "Normal" => (Vertex, immediate::normal),
+        "Color" => (Vertex, immediate::color),
+        "SecondaryColor" => (Vertex, immediate::secondary),
+        "FogCoord" => (Vertex, immediate::fog_coordinate),
+        "TexCoord" => (Vertex, immediate::texture),
+        "MultiTexCoord" => (Vertex, immediate::multi_texture),
+        "Rect" => (Server, immediate::rectangle),
+        "EvalCoord" => (Vertex, evaluator::coordinate),
+        "Material" => (Vertex, raster::material),
+        "Light" => (Server, raster::light),
+        "LightModel" => (Server, raster::light_model),
+        "Fog" => (Server, raster::fog),
+        "PointParameter" => (Server, raster::point_parameter),
+        "LoadMatrix" => (Server, transform::load_matrix),
+        "LoadTransposeMatrix" => (Server, transform::load_transposed),
+        "MultMatrix" => (Server, transform::multiply_matrix),
+        "MultTransposeMatrix" => (Server, transform::multiply_transposed),
+        "Rotate" => (Server, transform::rotate),
+        "Scale" => (Server, transform::scale),
+        "Translate" => (Server, transform::translate),
+        "DepthRange" => (Server, transform::depth_range),
+        "TexParameter" => (Server, texturing::parameter),
+        "TexEnv" => (Server, texturing::environment),
+        "TexGen" => (Server, texturing::generation),
+        "PixelStore" => (Client, pixels::pixel_store),
+        "PixelTransfer" => (Server, pixels::pixel_transfer),
+        "RasterPos" => (Server, pixels::raster_position),
+        "WindowPos" => (Server, pixels::window_position),
+        "Map" => (Server, evaluator::map),
+        "MapGrid" => (Server, evaluator::grid),
+        "Index" => (Ignored, nothing),
+        _ => return None,
+    };
+    Some(found)
+}

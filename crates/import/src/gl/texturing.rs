@@ -1,0 +1,362 @@
+//! Texture objects, images, parameters and environments.
+
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::consts as e;
+use super::image::{self, Base};
+use super::machine::{Gl, parameters};
+use super::matrix;
+use super::names;
+use super::state::{TARGETS, UNITS};
+use super::texture::{Level, Texture};
+
+/// Edges of textures at most.
+const EDGE_MAX: u32 = 4096;
+
+pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
+    if unit >= UNITS {
+        return Err(INVALID_ENUM);
+    }
+    gl.state.active = unit;
+    Ok(())
+}
+
+fn target_of(target: u32) -> Outcome<usize> {
+    TARGETS.iter().position(|&known| known == target).ok_or(INVALID_ENUM)
+}
+
+pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);
+    let kind = super::draw::kind_of(target);
+    if name != 0 && gl.textures.entry(name).or_insert_with(|| Texture::new(kind)).kind != kind {
+        return Err(INVALID_OPERATION);
+    }
+    gl.state.units[gl.state.active].bound[target] = name;
+    Ok(())
+}
+
+pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.flush()?;
+    for &name in call.numbers(1)?.iter() {
+        let name = name as u32;
+        if let Some(mut texture) = gl.textures.remove(&name).filter(|_| name != 0) {
+            texture.free(&mut gl.card);
+            for bound in gl.state.units.iter_mut().flat_map(|unit| &mut unit.bound).filter(|bound| **bound == name) {
+                *bound = 0;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The target and face that an image call means; none of a proxy.
+fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
+    let proxies = [e::PROXY_TEXTURE_1D, e::PROXY_TEXTURE_2D, e::PROXY_TEXTURE_3D, e::PROXY_TEXTURE_CUBE_MAP, e::PROXY_TEXTURE_RECTANGLE];
+    if proxies.contains(&target) {
+        return Ok(None);
+    }
+    let face = target.wrapping_sub(e::TEXTURE_CUBE_MAP_POSITIVE_X);
+    if face < 6 && allowed.contains(&e::TEXTURE_2D) {
+        return Ok(Some((target_of(e::TEXTURE_CUBE_MAP)?, face)));
+    }
+    if allowed.contains(&target) { Ok(Some((target_of(target)?, 0))) } else { Err(INVALID_ENUM) }
+}
+
+const PLANAR: &[u32] = &[e::TEXTURE_2D, e::TEXTURE_RECTANGLE];
+
+/// The texture that a target of the active unit means, and the card.
+fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut super::card::Card) -> Outcome<T>) -> Outcome<T> {
+    let unit = gl.state.active;
+    gl.texture(unit, target);
+    let name = gl.state.units[unit].bound[target];
+    let texture = if name == 0 { gl.default_textures.get_mut(&(target as u32)) } else { gl.textures.get_mut(&name) };
+    run(texture.ok_or(INVALID_OPERATION)?, &mut gl.card)
+}
+
+/// Checks what all images have in common.
+fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
+    if !(0..=12).contains(&level) || size.iter().any(|&edge| edge > EDGE_MAX) || !(0..=1).contains(&border) {
+        return Err(INVALID_VALUE);
+    }
+    if border == 1 {
+        return Err(Fault::Unsupported("textures with a border".into()));
+    }
+    Ok(level as u32)
+}
+
+/// `glTexImage`: level, internal format, size, border, format and type from these arguments on.
+fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+    let Some((target, face)) = image_target(call.u32(0)?, allowed)? else { return Ok(()) };
+    let mut size = [1; 3];
+    for (k, edge) in size.iter_mut().enumerate().take(dimensions) {
+        *edge = call.size(3 + k)?;
+    }
+    let level = checked(call.i32(1)?, size, call.i32(3 + dimensions)?)?;
+    let internal = call.u32(2)?;
+    let base = Base::of(internal)?;
+    if (e::COMPRESSED_RGB_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT).contains(&internal) {
+        return Err(Fault::Unsupported("S3TC textures".into()));
+    }
+    let (format, kind) = (call.u32(4 + dimensions)?, call.u32(5 + dimensions)?);
+    let texel = base.format().block_bytes() as usize;
+    let bytes = match call.arg(6 + dimensions) {
+        Arg::Blob(bytes) => base.keep(&image::unpack(&gl.unpack, size, format, kind, bytes)?),
+        // Contents are undefined; zeros are as good as any.
+        Arg::Null | Arg::Num(0.0) | Arg::Pointer(0) => vec![0; size.iter().product::<u32>() as usize * texel],
+        _ => return Err(Fault::Damaged("the image was not recorded".into())),
+    };
+    with(gl, target, |texture, card| {
+        let generate = texture.generate && level == texture.range[0];
+        texture.define(card, face, level, Level { size, base, bytes: Some(bytes.clone()) });
+        if generate && !size.contains(&0) {
+            if size[2] > 1 {
+                return Err(Fault::Unsupported("automatic mipmaps of 3D textures".into()));
+            }
+            let (mut smaller, mut texels, mut at) = ([size[0], size[1]], bytes, level);
+            while smaller != [1, 1] {
+                (smaller, texels) = image::half(smaller, texel, &texels);
+                at += 1;
+                let image = Level { size: [smaller[0], smaller[1], 1], base, bytes: Some(texels.clone()) };
+                texture.define(card, face, at, image);
+            }
+        }
+        Ok(())
+    })
+}
+
+pub(super) fn image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    define(gl, call, &[e::TEXTURE_1D], 1)
+}
+
+pub(super) fn image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    define(gl, call, PLANAR, 2)
+}
+
+pub(super) fn image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    define(gl, call, &[e::TEXTURE_3D], 3)
+}
+
+/// Whether a part lies in an image.
+fn inside(image: &Level, origin: [u32; 3], size: [u32; 3]) -> bool {
+    (0..3).all(|k| u64::from(origin[k]) + u64::from(size[k]) <= u64::from(image.size[k]))
+}
+
+fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+    let (target, face) = image_target(call.u32(0)?, allowed)?.ok_or(INVALID_ENUM)?;
+    let level = call.size(1)?;
+    let (mut origin, mut size) = ([0; 3], [1; 3]);
+    for k in 0..dimensions {
+        origin[k] = call.size(2 + k)?;
+        size[k] = call.size(2 + dimensions + k)?;
+    }
+    let (format, kind) = (call.u32(2 + 2 * dimensions)?, call.u32(3 + 2 * dimensions)?);
+    let Arg::Blob(bytes) = call.arg(4 + 2 * dimensions) else {
+        return if size.contains(&0) { Ok(()) } else { Err(Fault::Damaged("the image was not recorded".into())) };
+    };
+    let store = gl.unpack;
+    with(gl, target, |texture, card| {
+        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        if !inside(image, origin, size) {
+            return Err(INVALID_VALUE);
+        }
+        if size.contains(&0) {
+            return Ok(());
+        }
+        if texture.generate && level == texture.range[0] {
+            return Err(Fault::Unsupported("automatic mipmaps of parts of images".into()));
+        }
+        let kept = image.base.keep(&image::unpack(&store, size, format, kind, bytes)?);
+        texture.write(card, face, level, origin, size, &kept);
+        Ok(())
+    })
+}
+
+pub(super) fn sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    write_part(gl, call, &[e::TEXTURE_1D], 1)
+}
+
+pub(super) fn sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    write_part(gl, call, PLANAR, 2)
+}
+
+pub(super) fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    write_part(gl, call, &[e::TEXTURE_3D], 3)
+}
+
+/// Copies of the window into a part of an image.
+fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+    with(gl, target, |texture, card| {
+        if texture.generate && level == texture.range[0] {
+            return Err(Fault::Unsupported("automatic mipmaps of copies".into()));
+        }
+        texture.copy(card, face, level, to, from, size)
+    })
+}
+
+fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) -> Outcome {
+    let (target, face) = image_target(call.u32(0)?, allowed)?.ok_or(INVALID_ENUM)?;
+    let from = [call.i32(3)?, call.i32(4)?];
+    let (height, border) = match height {
+        Some(height) => (height, call.i32(6)?),
+        None => (call.size(6)?, call.i32(7)?),
+    };
+    let size = [call.size(5)?, height, 1];
+    let level = checked(call.i32(1)?, size, border)?;
+    let base = Base::of(call.u32(2)?)?;
+    with(gl, target, |texture, card| {
+        let same = texture.levels.get(&(face, level)).is_some_and(|image| image.size == size && image.base == base);
+        if !same {
+            let bytes = vec![0; (size[0] * size[1] * base.format().block_bytes()) as usize];
+            texture.define(card, face, level, Level { size, base, bytes: Some(bytes) });
+        }
+        Ok(())
+    })?;
+    copy(gl, target, face, level, [0; 2], from, [size[0], size[1]])
+}
+
+pub(super) fn copy_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    copy_image(gl, call, &[e::TEXTURE_1D], Some(1))
+}
+
+pub(super) fn copy_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    copy_image(gl, call, PLANAR, None)
+}
+
+fn copy_part(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+    with(gl, target, |texture, _| {
+        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        if inside(image, [to[0], to[1], 0], [size[0], size[1], 1]) { Ok(()) } else { Err(INVALID_VALUE) }
+    })?;
+    copy(gl, target, face, level, to, from, size)
+}
+
+pub(super) fn copy_sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, face) = image_target(call.u32(0)?, &[e::TEXTURE_1D])?.ok_or(INVALID_ENUM)?;
+    let from = [call.i32(3)?, call.i32(4)?];
+    copy_part(gl, target, face, call.size(1)?, [call.size(2)?, 0], from, [call.size(5)?, 1])
+}
+
+pub(super) fn copy_sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, face) = image_target(call.u32(0)?, PLANAR)?.ok_or(INVALID_ENUM)?;
+    let (to, from) = ([call.size(2)?, call.size(3)?], [call.i32(4)?, call.i32(5)?]);
+    copy_part(gl, target, face, call.size(1)?, to, from, [call.size(6)?, call.size(7)?])
+}
+
+pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (target, name, values) = (target_of(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
+    let value = *values.first().ok_or(INVALID_VALUE)?;
+    let word = value as i64 as u32;
+    with(gl, target, |texture, _| {
+        let filters = [e::NEAREST, e::LINEAR];
+        match name {
+            e::TEXTURE_MIN_FILTER if filters.contains(&word) || (e::NEAREST_MIPMAP_NEAREST..=e::LINEAR_MIPMAP_LINEAR).contains(&word) => {
+                texture.min = word;
+            }
+            e::TEXTURE_MAG_FILTER if filters.contains(&word) => texture.mag = word,
+            e::TEXTURE_MIN_FILTER | e::TEXTURE_MAG_FILTER => return Err(INVALID_ENUM),
+            e::TEXTURE_WRAP_S => texture.wrap[0] = word,
+            e::TEXTURE_WRAP_T => texture.wrap[1] = word,
+            e::TEXTURE_WRAP_R => texture.wrap[2] = word,
+            e::TEXTURE_BORDER_COLOR => {
+                let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
+                let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
+                texture.border = std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
+            }
+            e::TEXTURE_MIN_LOD => texture.lod[0] = value as f32,
+            e::TEXTURE_MAX_LOD => texture.lod[1] = value as f32,
+            e::TEXTURE_BASE_LEVEL if value == f64::from(texture.range[0]) => {}
+            e::TEXTURE_BASE_LEVEL => return Err(Fault::Unsupported("GL_TEXTURE_BASE_LEVEL other than 0".into())),
+            e::TEXTURE_MAX_LEVEL if value >= 0.0 => texture.range[1] = word,
+            e::TEXTURE_MAX_LEVEL => return Err(INVALID_VALUE),
+            e::TEXTURE_MAX_ANISOTROPY_EXT => texture.anisotropy = value as f32,
+            e::GENERATE_MIPMAP => texture.generate = value != 0.0,
+            e::TEXTURE_PRIORITY | e::DEPTH_TEXTURE_MODE | e::TEXTURE_COMPARE_FUNC => {}
+            e::TEXTURE_COMPARE_MODE if word == e::NONE => {}
+            e::TEXTURE_LOD_BIAS if value == 0.0 => {}
+            e::TEXTURE_COMPARE_MODE | e::TEXTURE_LOD_BIAS => {
+                return Err(Fault::Unsupported(format!("texture parameter {}", names::name(name))));
+            }
+            _ => return Err(INVALID_ENUM),
+        }
+        Ok(())
+    })
+}
+
+pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (target, name, values) = (call.u32(0)?, call.u32(1)?, parameters(call, 2)?);
+    let value = *values.first().ok_or(INVALID_VALUE)?;
+    let word = value as i64 as u32;
+    let unit = gl.state.active;
+    let env = &mut gl.state.units[unit].environment;
+    match (target, name) {
+        (e::TEXTURE_FILTER_CONTROL, e::TEXTURE_LOD_BIAS) => env.bias = value as f32,
+        (e::POINT_SPRITE, e::COORD_REPLACE) => {
+            let bit = 1 << unit;
+            gl.state.point_sprites = gl.state.point_sprites & !bit | if value != 0.0 { bit } else { 0 };
+        }
+        (e::TEXTURE_ENV, e::TEXTURE_ENV_MODE) => match word {
+            e::MODULATE | e::DECAL | e::BLEND | e::REPLACE | e::ADD | e::COMBINE => env.mode = word,
+            _ => return Err(INVALID_ENUM),
+        },
+        (e::TEXTURE_ENV, e::TEXTURE_ENV_COLOR) => {
+            let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
+            let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
+            let color: [f32; 4] = std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
+            env.color = color.map(|value| value.clamp(0.0, 1.0));
+        }
+        (e::TEXTURE_ENV, e::COMBINE_RGB | e::COMBINE_ALPHA) => {
+            let plain = matches!(word, e::REPLACE | e::MODULATE | e::ADD | e::ADD_SIGNED | e::INTERPOLATE | e::SUBTRACT);
+            if !plain && (name == e::COMBINE_ALPHA || !matches!(word, e::DOT3_RGB | e::DOT3_RGBA)) {
+                return Err(INVALID_ENUM);
+            }
+            env.combine[usize::from(name == e::COMBINE_ALPHA)] = word;
+        }
+        (e::TEXTURE_ENV, e::SRC0_RGB..=e::SRC2_RGB) => env.sources[0][(name - e::SRC0_RGB) as usize] = source(word)?,
+        (e::TEXTURE_ENV, e::SRC0_ALPHA..=e::SRC2_ALPHA) => env.sources[1][(name - e::SRC0_ALPHA) as usize] = source(word)?,
+        (e::TEXTURE_ENV, e::OPERAND0_RGB..=e::OPERAND2_RGB) => env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?,
+        (e::TEXTURE_ENV, e::OPERAND0_ALPHA..=e::OPERAND2_ALPHA) => {
+            env.operands[1][(name - e::OPERAND0_ALPHA) as usize] = operand(word)?;
+        }
+        (e::TEXTURE_ENV, e::RGB_SCALE | e::ALPHA_SCALE) => {
+            if ![1.0, 2.0, 4.0].contains(&value) {
+                return Err(INVALID_VALUE);
+            }
+            env.scales[usize::from(name == e::ALPHA_SCALE)] = value as f32;
+        }
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+fn source(word: u32) -> Outcome<u32> {
+    let unit = word.wrapping_sub(e::TEXTURE0) < UNITS as u32;
+    if unit || matches!(word, e::TEXTURE | e::CONSTANT | e::PRIMARY_COLOR | e::PREVIOUS) { Ok(word) } else { Err(INVALID_ENUM) }
+}
+
+fn operand(word: u32) -> Outcome<u32> {
+    let known = matches!(word, e::SRC_COLOR | e::ONE_MINUS_SRC_COLOR | e::SRC_ALPHA | e::ONE_MINUS_SRC_ALPHA);
+    if known { Ok(word) } else { Err(INVALID_ENUM) }
+}
+
+pub(super) fn generation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, parameters(call, 2)?);
+    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(matrix::IDENTITY);
+    let unit = &mut gl.state.units[gl.state.active];
+    let generation = unit.generation.get_mut(coordinate).ok_or(INVALID_ENUM)?;
+    let plane = || -> Outcome<[f32; 4]> {
+        let values = values.get(..4).ok_or_else(|| Fault::Damaged("a plane of fewer than 4 numbers".into()))?;
+        Ok(std::array::from_fn(|k| values[k] as f32))
+    };
+    match name {
+        e::TEXTURE_GEN_MODE => match values.first().map(|&value| value as u32) {
+            Some(mode @ (e::OBJECT_LINEAR | e::EYE_LINEAR)) => generation.mode = mode,
+            Some(mode @ e::SPHERE_MAP) if coordinate < 2 => generation.mode = mode,
+            Some(mode @ (e::REFLECTION_MAP | e::NORMAL_MAP)) if coordinate < 3 => generation.mode = mode,
+            _ => return Err(INVALID_ENUM),
+        },
+        e::OBJECT_PLANE => generation.object = plane()?,
+        e::EYE_PLANE => generation.eye = matrix::transform_plane(plane()?, &inverse),
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}

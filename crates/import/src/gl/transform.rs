@@ -1,0 +1,118 @@
+//! Matrices, viewport and clip planes.
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
+use super::consts as e;
+use super::machine::Gl;
+use super::matrix::{self, IDENTITY, Matrix};
+use super::state::PLANES;
+
+pub(super) fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    match call.u32(0)? {
+        mode @ (e::MODELVIEW | e::PROJECTION | e::TEXTURE | e::COLOR) => gl.state.matrix_mode = mode,
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
+fn multiply(gl: &mut Gl, by: &Matrix) -> Outcome {
+    let stack = gl.stack();
+    stack.top = matrix::product(&stack.top, by);
+    Ok(())
+}
+
+fn given(call: &Call) -> Outcome<Matrix> {
+    Ok(call.array::<16>(0)?.map(|value| value as f32))
+}
+
+pub(super) fn load_identity(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    gl.stack().top = IDENTITY;
+    Ok(())
+}
+
+pub(super) fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.stack().top = given(call)?;
+    Ok(())
+}
+
+pub(super) fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.stack().top = matrix::transpose(&given(call)?);
+    Ok(())
+}
+
+pub(super) fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &given(call)?)
+}
+
+pub(super) fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &matrix::transpose(&given(call)?))
+}
+
+pub(super) fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    if gl.stack().push() { Ok(()) } else { Err(Fault::Error("GL_STACK_OVERFLOW")) }
+}
+
+pub(super) fn pop_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+    if gl.stack().pop() { Ok(()) } else { Err(Fault::Error("GL_STACK_UNDERFLOW")) }
+}
+
+fn box_of(call: &Call) -> Outcome<[f64; 6]> {
+    let mut values = [0.0; 6];
+    for (k, value) in values.iter_mut().enumerate() {
+        *value = call.f64(k)?;
+    }
+    if values[0] == values[1] || values[2] == values[3] || values[4] == values[5] {
+        return Err(INVALID_VALUE);
+    }
+    Ok(values)
+}
+
+pub(super) fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &matrix::ortho(box_of(call)?))
+}
+
+pub(super) fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let values = box_of(call)?;
+    if values[4] <= 0.0 || values[5] <= 0.0 {
+        return Err(INVALID_VALUE);
+    }
+    multiply(gl, &matrix::frustum(values))
+}
+
+pub(super) fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
+}
+
+pub(super) fn scale(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &matrix::scaling([call.f32(0)?, call.f32(1)?, call.f32(2)?]))
+}
+
+pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    multiply(gl, &matrix::translation([call.f32(0)?, call.f32(1)?, call.f32(2)?]))
+}
+
+pub(super) fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (x, y, width, height) = (call.i32(0)?, call.i32(1)?, call.size(2)?, call.size(3)?);
+    let reach = |from: i32, size: u32| (i64::from(from) + i64::from(size)).clamp(0, i64::from(u32::MAX)) as u32;
+    let first = gl.card.size() == [0; 2];
+    gl.window([reach(x, width), reach(y, height)], false)?;
+    gl.state.viewport = [x, y, width as i32, height as i32];
+    if first {
+        // The scissor starts as large as the window.
+        let [width, height] = gl.card.size();
+        gl.state.scissor = [0, 0, width as i32, height as i32];
+    }
+    Ok(())
+}
+
+pub(super) fn depth_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.depth_range = [call.f32(0)?.clamp(0.0, 1.0), call.f32(1)?.clamp(0.0, 1.0)];
+    Ok(())
+}
+
+pub(super) fn clip_plane(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let plane = call.u32(0)?.wrapping_sub(e::CLIP_PLANE0) as usize;
+    let equation = call.array::<4>(1)?.map(|value| value as f32);
+    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(IDENTITY);
+    *gl.state.planes.get_mut(plane).filter(|_| plane < PLANES).ok_or(INVALID_ENUM)? = matrix::transform_plane(equation, &inverse);
+    Ok(())
+}

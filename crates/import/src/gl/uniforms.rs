@@ -1,0 +1,201 @@
+//! The uniforms of a draw: one list of fields, which is both the block's declaration and its bytes.
+
+use super::consts as e;
+use super::key::{EnvironmentKey, Made, ShaderKey};
+use super::matrix::{self, Matrix};
+use super::state::{State, UNITS, Vertex};
+
+/// What uniforms are made of.
+pub struct Source<'a> {
+    /// The state.
+    pub state: &'a State,
+    /// The modelview matrix.
+    pub modelview: &'a Matrix,
+    /// The projection matrix.
+    pub projection: &'a Matrix,
+    /// Texture matrices.
+    pub texture: &'a [Matrix; UNITS],
+    /// Attributes that are the same for all vertices.
+    pub constant: &'a Vertex,
+    /// The window's height in pixels.
+    pub height: u32,
+}
+
+/// A field: its name, the number of an element if it has one, and its vectors.
+pub type Visit<'a> = &'a mut dyn FnMut(&'static str, Option<usize>, &[[f32; 4]]);
+
+fn columns(m: &Matrix) -> [[f32; 4]; 4] {
+    std::array::from_fn(|column| std::array::from_fn(|row| m[4 * column + row]))
+}
+
+/// The matrix from object space to the clip space of the card, where depths are from 0 to w.
+pub fn to_clip(projection: &Matrix, modelview: &Matrix) -> Matrix {
+    let mut m = matrix::product(projection, modelview);
+    for column in 0..4 {
+        m[4 * column + 2] = 0.5 * (m[4 * column + 2] + m[4 * column + 3]);
+    }
+    m
+}
+
+/// Names all fields that a shader of this key has, in order.
+pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
+    let (state, constant) = (source.state, source.constant);
+    let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
+    field("mvp", None, &columns(&to_clip(source.projection, source.modelview)));
+    if key.eye() {
+        field("modelview", None, &columns(source.modelview));
+    }
+    if key.normal() {
+        let normals = matrix::normal_matrix(source.modelview);
+        field("normal_matrix", None, &normals);
+        if key.normalize == 2 {
+            // The length of the third row of the inverse (OpenGL 1.5, section 2.11.3).
+            let length = normals.iter().map(|column| column[2] * column[2]).sum::<f32>().sqrt();
+            field("rescale", None, &[[if length > 0.0 { 1.0 / length } else { 1.0 }; 4]]);
+        }
+        if !key.varying.normal {
+            field("normal", None, &[wide(constant.normal, 0.0)]);
+        }
+    }
+    if key.color() && !key.varying.color {
+        field("color", None, &[constant.color]);
+    }
+    if key.color_sum && !key.varying.secondary {
+        field("secondary", None, &[wide(constant.secondary, 0.0)]);
+    }
+    if key.fog.is_some() {
+        let [density, start, end] = state.fog;
+        field("fog_color", None, &[state.fog_color]);
+        let scale = if end == start { 1.0 } else { 1.0 / (end - start) };
+        field("fog_terms", None, &[[density, start, end, scale]]);
+        if key.fog_coordinate && !key.varying.fog {
+            field("fog_coordinate", None, &[[constant.fog; 4]]);
+        }
+    }
+    lighting(key, source, field);
+    for unit in &key.units {
+        let (k, of) = (unit.unit, &state.units[unit.unit]);
+        if !key.varying.texture[k] && !unit.sprite && unit.made.iter().any(Option::is_none) {
+            field("texture", Some(k), &[constant.texture[k]]);
+        }
+        let planes = |wanted: Made, plane: &dyn Fn(usize) -> [f32; 4]| {
+            let any = unit.made.contains(&Some(wanted));
+            any.then(|| std::array::from_fn::<_, 4, _>(plane))
+        };
+        if let Some(planes) = planes(Made::Object, &|k| of.generation[k].object) {
+            field("object_planes", Some(k), &planes);
+        }
+        if let Some(planes) = planes(Made::Eye, &|k| of.generation[k].eye) {
+            field("eye_planes", Some(k), &planes);
+        }
+        if unit.matrix {
+            field("texture_matrix", Some(k), &columns(&source.texture[k]));
+        }
+        if unit.bias {
+            field("bias", Some(k), &[[of.environment.bias; 4]]);
+        }
+        let constant = match &unit.environment {
+            EnvironmentKey::Mode(mode) => *mode == e::BLEND,
+            EnvironmentKey::Combine(_, sources, _, _) => sources.iter().flatten().any(|&source| source == e::CONSTANT),
+        };
+        if constant {
+            field("environment", Some(k), &[of.environment.color]);
+        }
+        if let EnvironmentKey::Combine(.., true) = unit.environment {
+            let [rgb, alpha] = of.environment.scales;
+            field("scales", Some(k), &[[rgb, rgb, rgb, alpha]]);
+        }
+    }
+    if key.alpha.is_some() {
+        field("alpha_reference", None, &[[state.alpha.1; 4]]);
+    }
+    for plane in 0..state.planes.len() {
+        if key.planes & 1 << plane != 0 {
+            field("plane", Some(plane), &[state.planes[plane]]);
+        }
+    }
+    if key.stipple {
+        let rows: [[f32; 4]; 8] = std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(state.stipple[4 * k + i])));
+        field("stipple", None, &rows);
+        field("height", None, &[[source.height as f32; 4]]);
+    }
+    if key.expand != super::key::Expand::No {
+        let [_, _, width, height] = state.viewport.map(|value| value as f32);
+        let lines = matches!(key.expand, super::key::Expand::Line | super::key::Expand::SmoothLine);
+        let size = if lines { state.line_width } else { state.point_size };
+        // Without smoothing, widths are whole.
+        let size = match key.expand {
+            super::key::Expand::Line => (size + 0.5).floor().max(1.0),
+            _ => size,
+        };
+        field("screen", None, &[[0.5 * width, 0.5 * height, size, 0.0]]);
+        if key.attenuated_point {
+            field("point_attenuation", None, &[wide(state.point_attenuation, 0.0)]);
+            field("point_limits", None, &[wide(state.point_limits, 0.0)]);
+        }
+    }
+}
+
+fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
+    let Some(lighting) = &key.lighting else { return };
+    let state = source.state;
+    field("model_ambient", None, &[state.model_ambient]);
+    for (face, name) in ["front_material", "back_material"].into_iter().enumerate() {
+        let wanted = if lighting.two_side { true } else { (face == 1) == key.back };
+        if wanted {
+            let m = &state.materials[face];
+            let [r, g, b, _] = m.specular;
+            field(name, None, &[m.ambient, m.diffuse, [r, g, b, m.shininess], m.emission]);
+        }
+    }
+    let lights = (0..state.lights.len()).filter(|&k| state.is(e::LIGHT0 + k as u32)).map(|k| &state.lights[k]);
+    for (k, (light, of)) in lights.zip(&lighting.lights).enumerate() {
+        let [x, y, z, w] = light.position;
+        let position = if of.directional {
+            let [x, y, z] = matrix::normalized([x, y, z]);
+            [x, y, z, 0.0]
+        } else {
+            [x / w, y / w, z / w, 1.0]
+        };
+        let mut vectors = vec![light.ambient, light.diffuse, light.specular, position];
+        // Half way to a viewer at infinity.
+        let [hx, hy, hz] = matrix::normalized([position[0], position[1], position[2] + 1.0]);
+        vectors.push([hx, hy, hz, 0.0]);
+        let [a, b, c] = light.attenuation;
+        vectors.push([light.spot_exponent, a, b, c]);
+        let [x, y, z] = matrix::normalized(light.spot_direction);
+        vectors.push([x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32]);
+        field("light", Some(k), &vectors);
+    }
+}
+
+/// A field's name in WGSL.
+pub fn name(name: &str, index: Option<usize>) -> String {
+    index.map_or_else(|| name.to_owned(), |index| format!("{name}{index}"))
+}
+
+/// The declaration of the block.
+pub fn declaration(key: &ShaderKey, source: &Source) -> String {
+    let mut text = String::from("struct Uniforms {\n");
+    visit(key, source, &mut |field, index, vectors| {
+        let kind = match (field, vectors.len()) {
+            ("mvp" | "modelview" | "texture_matrix" | "object_planes" | "eye_planes", _) => "mat4x4f".to_owned(),
+            ("normal_matrix", _) => "mat3x3f".to_owned(),
+            ("stipple", count) => format!("array<vec4u, {count}>"),
+            (_, 1) => "vec4f".to_owned(),
+            (_, count) => format!("array<vec4f, {count}>"),
+        };
+        text.push_str(&format!("    {}: {kind},\n", name(field, index)));
+    });
+    text.push_str("}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n");
+    text
+}
+
+/// The bytes of the block.
+pub fn bytes(key: &ShaderKey, source: &Source, out: &mut Vec<u8>) {
+    visit(key, source, &mut |_, _, vectors| {
+        for value in vectors.as_flattened() {
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+    });
+}

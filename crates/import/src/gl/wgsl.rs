@@ -1,0 +1,474 @@
+//! WGSL of a key: the fixed-function vertex stage and fragment stage.
+
+use std::fmt::Write;
+
+use super::consts as e;
+use super::image::Base;
+use super::key::{EnvironmentKey, Expand, Kind, Made, ShaderKey, UnitKey};
+use super::uniforms::{self, Source};
+
+/// Locations of vertex attributes.
+pub mod location {
+    /// Position.
+    pub const POSITION: u32 = 0;
+    /// Primary colour.
+    pub const COLOR: u32 = 1;
+    /// Normal.
+    pub const NORMAL: u32 = 2;
+    /// Secondary colour.
+    pub const SECONDARY: u32 = 3;
+    /// Fog coordinate.
+    pub const FOG: u32 = 4;
+    /// The corner of an expanded point or line.
+    pub const CORNER: u32 = 5;
+    /// The other end of an expanded line.
+    pub const OTHER: u32 = 6;
+    /// Texture coordinates of unit 0.
+    pub const TEXTURE: u32 = 8;
+}
+
+/// A line of code.
+macro_rules! line {
+    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
+}
+
+/// The module of a key. `source` gives the uniforms, of which only names and sizes count.
+pub fn module(key: &ShaderKey, source: &Source) -> String {
+    let mut out = String::new();
+    if key.planes != 0 {
+        line!(out, "enable clip_distances;");
+    }
+    out.push_str(&uniforms::declaration(key, source));
+    for (slot, unit) in key.units.iter().enumerate() {
+        let kind = match unit.kind {
+            Kind::D1 | Kind::D2 | Kind::Rectangle => "texture_2d",
+            Kind::D3 => "texture_3d",
+            Kind::Cube => "texture_cube",
+        };
+        line!(out, "@group(1) @binding({}) var image{}: {kind}<f32>;", 2 * slot, unit.unit);
+        line!(out, "@group(1) @binding({}) var sampler{}: sampler;", 2 * slot + 1, unit.unit);
+    }
+    interface(key, &mut out);
+    if key.lighting.is_some() {
+        light(key, &mut out);
+    }
+    vertex(key, &mut out);
+    fragment(key, &mut out);
+    out
+}
+
+/// What the vertex stage reads and what it hands on.
+fn interface(key: &ShaderKey, out: &mut String) {
+    line!(out, "struct Input {{");
+    line!(out, "    @location({}) position: vec4f,", location::POSITION);
+    let v = &key.varying;
+    let attributes = [
+        (v.color && key.color(), location::COLOR, "color: vec4f"),
+        (v.normal && key.normal(), location::NORMAL, "normal: vec3f"),
+        (v.secondary && key.color_sum, location::SECONDARY, "secondary: vec3f"),
+        (v.fog && key.fog.is_some() && key.fog_coordinate, location::FOG, "fog: f32"),
+        (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
+        (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
+    ];
+    for (wanted, location, declaration) in attributes {
+        if wanted {
+            line!(out, "    @location({location}) {declaration},");
+        }
+    }
+    for unit in &key.units {
+        if reads_coordinates(key, unit) {
+            line!(out, "    @location({}) texture{}: vec4f,", location::TEXTURE + unit.unit as u32, unit.unit);
+        }
+    }
+    line!(out, "}}\nstruct Varying {{\n    @builtin(position) position: vec4f,");
+    let flat = if key.flat { "@interpolate(flat) " } else { "" };
+    line!(out, "    @location(0) {flat}color: vec4f,");
+    if key.secondary() {
+        line!(out, "    @location(1) {flat}secondary: vec3f,");
+    }
+    if key.two_side() {
+        line!(out, "    @location(2) {flat}back_color: vec4f,");
+        if key.secondary() {
+            line!(out, "    @location(3) {flat}back_secondary: vec3f,");
+        }
+    }
+    if key.fog.is_some() {
+        line!(out, "    @location(4) fog: f32,");
+    }
+    if key.expand != Expand::No {
+        line!(out, "    @location(5) @interpolate(linear) corner: vec3f,");
+    }
+    for unit in key.units.iter().filter(|unit| !unit.sprite) {
+        let kind = if unit.projective { "vec4f" } else { "vec3f" };
+        line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
+    }
+    if key.planes != 0 {
+        line!(out, "    @builtin(clip_distances) clip: array<f32, {}>,", key.planes.count_ones());
+    }
+    line!(out, "}}");
+}
+
+/// Whether the coordinates of a unit are an attribute in the buffer.
+pub fn reads_coordinates(key: &ShaderKey, unit: &UnitKey) -> bool {
+    key.varying.texture[unit.unit] && !unit.sprite && unit.made.iter().any(Option::is_none)
+}
+
+/// Lighting of one side (OpenGL 1.5, section 2.14.1).
+fn light(key: &ShaderKey, out: &mut String) {
+    let Some(lighting) = &key.lighting else { return };
+    line!(out, "struct Lit {{ primary: vec4f, secondary: vec3f }}");
+    line!(out, "fn light(eye: vec3f, n: vec3f, ambient: vec3f, diffuse: vec4f, specular: vec4f, emission: vec3f) -> Lit {{");
+    line!(out, "    var sum = emission + ambient * u.model_ambient.rgb;\n    var shine = vec3f();");
+    for (k, of) in lighting.lights.iter().enumerate() {
+        line!(out, "    {{ // light {k}");
+        if of.directional {
+            line!(out, "        let l = u.light{k}[3].xyz;\n        var strength = 1.0;");
+        } else {
+            line!(out, "        let way = u.light{k}[3].xyz - eye;\n        let distance = length(way);");
+            line!(out, "        let l = way / max(distance, 1e-30);\n        var strength = 1.0;");
+            if of.attenuated {
+                line!(out, "        let terms = u.light{k}[5];");
+                line!(out, "        strength = 1.0 / (terms.y + distance * (terms.z + distance * terms.w));");
+            }
+        }
+        if of.spot {
+            line!(out, "        let spot = -dot(l, u.light{k}[6].xyz);");
+            line!(out, "        strength *= select(0.0, pow(max(spot, 1e-30), u.light{k}[5].x), spot >= u.light{k}[6].w);");
+        }
+        line!(out, "        let facing = dot(n, l);");
+        line!(out, "        sum += strength * (ambient * u.light{k}[0].rgb + max(facing, 0.0) * diffuse.rgb * u.light{k}[1].rgb);");
+        if lighting.specular {
+            let half = match (lighting.local_viewer, of.directional) {
+                (true, _) => "normalize(l - normalize(eye))".to_owned(),
+                (false, true) => format!("u.light{k}[4].xyz"),
+                (false, false) => "normalize(l + vec3f(0, 0, 1))".to_owned(),
+            };
+            // An exponent of 0 gives 1 even where the base is 0.
+            line!(out, "        let gloss = pow(max(dot(n, {half}), 1e-30), specular.w);");
+            line!(out, "        shine += select(0.0, strength * gloss, facing > 0.0) * specular.rgb * u.light{k}[2].rgb;");
+        }
+        line!(out, "    }}");
+    }
+    let (primary, secondary) = if lighting.separate { ("sum", "shine") } else { ("sum + shine", "vec3f()") };
+    line!(out, "    return Lit(saturate(vec4f({primary}, diffuse.a)), saturate({secondary}));\n}}");
+}
+
+fn vertex(key: &ShaderKey, out: &mut String) {
+    line!(out, "@vertex fn vs(v: Input) -> Varying {{\n    var o: Varying;\n    o.position = u.mvp * v.position;");
+    if key.eye() {
+        line!(out, "    let eye4 = u.modelview * v.position;\n    let eye = eye4.xyz / eye4.w;");
+    }
+    if key.normal() {
+        let from = if key.varying.normal { "v.normal" } else { "u.normal.xyz" };
+        line!(out, "    var n = u.normal_matrix * {from};");
+        match key.normalize {
+            // A normal of no length stays so.
+            1 => line!(out, "    n *= select(0.0, inverseSqrt(max(dot(n, n), 1e-37)), dot(n, n) > 0.0);"),
+            2 => line!(out, "    n *= u.rescale.x;"),
+            _ => {}
+        }
+    }
+    if key.color() {
+        let from = if key.varying.color { "v.color" } else { "u.color" };
+        line!(out, "    let color = {from};");
+    }
+    colors(key, out);
+    for (bit, plane) in (0..8).filter(|bit| key.planes & 1 << bit != 0).enumerate() {
+        line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
+    }
+    if key.fog.is_some() {
+        let distance = match (key.fog_coordinate, key.varying.fog) {
+            (true, true) => "v.fog",
+            (true, false) => "u.fog_coordinate.x",
+            _ => "abs(eye.z)",
+        };
+        line!(out, "    o.fog = {distance};");
+    }
+    for unit in &key.units {
+        coordinates(key, unit, out);
+    }
+    expand(key, out);
+    line!(out, "    return o;\n}}");
+}
+
+fn colors(key: &ShaderKey, out: &mut String) {
+    let Some(lighting) = &key.lighting else {
+        line!(out, "    o.color = saturate(color);");
+        if key.secondary() {
+            line!(out, "    o.secondary = saturate({});", if key.varying.secondary { "v.secondary" } else { "u.secondary.rgb" });
+        }
+        return;
+    };
+    let eye = if key.eye() { "eye" } else { "vec3f()" };
+    let mut side = |face: usize, color: &str, secondary: &str| {
+        let material = ["u.front_material", "u.back_material"][face];
+        let tracks = |bit: u8| lighting.color_material[face] & 1 << bit != 0;
+        let term = |bit: u8, k: usize, part: &str| {
+            if tracks(bit) { format!("color{part}") } else { format!("{material}[{k}]{part}") }
+        };
+        let specular = if tracks(2) { format!("vec4f(color.rgb, {material}[2].w)") } else { format!("{material}[2]") };
+        let n = match (key.normal(), face) {
+            (false, _) => "vec3f()",
+            (true, 0) => "n",
+            (true, _) => "-n",
+        };
+        line!(
+            out,
+            "    let lit{face} = light({eye}, {n}, {}, {}, {specular}, {});",
+            term(0, 0, ".rgb"),
+            term(1, 1, ""),
+            term(3, 3, ".rgb")
+        );
+        line!(out, "    o.{color} = lit{face}.primary;");
+        if key.secondary() {
+            let sum = match (key.color_sum && !lighting.separate, key.varying.secondary) {
+                (true, true) => " + v.secondary",
+                (true, false) => " + u.secondary.rgb",
+                _ => "",
+            };
+            line!(out, "    o.{secondary} = saturate(lit{face}.secondary{sum});");
+        }
+    };
+    if lighting.two_side {
+        side(0, "color", "secondary");
+        side(1, "back_color", "back_secondary");
+    } else {
+        side(usize::from(key.back), "color", "secondary");
+    }
+}
+
+fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
+    if unit.sprite {
+        return;
+    }
+    let k = unit.unit;
+    let given = if reads_coordinates(key, unit) { format!("v.texture{k}") } else { format!("u.texture{k}") };
+    if unit.made.iter().any(Option::is_some) {
+        line!(out, "    var t{k}: vec4f;");
+        if unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection)) {
+            line!(out, "    let reflected{k} = reflect(normalize(eye), n);");
+            line!(out, "    let sphere{k} = 0.5 / length(reflected{k} + vec3f(0, 0, 1));");
+        }
+        for (i, (made, part)) in unit.made.iter().zip(["x", "y", "z", "w"]).enumerate() {
+            let value = match made {
+                None => format!("{given}.{part}"),
+                Some(Made::Object) => format!("dot(u.object_planes{k}[{i}], v.position)"),
+                Some(Made::Eye) => format!("dot(u.eye_planes{k}[{i}], eye4)"),
+                Some(Made::Sphere) => format!("reflected{k}.{part} * sphere{k} + 0.5"),
+                Some(Made::Reflection) => format!("reflected{k}.{part}"),
+                Some(Made::Normal) => format!("n.{part}"),
+            };
+            line!(out, "    t{k}.{part} = {value};");
+        }
+    } else {
+        line!(out, "    let t{k} = {given};");
+    }
+    let value = if unit.matrix { format!("(u.texture_matrix{k} * t{k})") } else { format!("t{k}") };
+    line!(out, "    o.texture{k} = {value}{};", if unit.projective { "" } else { ".xyz" });
+}
+
+/// Points and lines as triangles: `corner` is from -1 to 1.
+fn expand(key: &ShaderKey, out: &mut String) {
+    match key.expand {
+        Expand::No => {}
+        Expand::Point | Expand::SmoothPoint => {
+            line!(out, "    var size = u.screen.z;");
+            if key.attenuated_point {
+                line!(out, "    let distance = length(eye);\n    let terms = u.point_attenuation;");
+                line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
+                line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
+            }
+            let reach = if key.expand == Expand::SmoothPoint { "0.5 * size + 1.0" } else { "0.5 * max(size, 1.0)" };
+            line!(out, "    let reach = {reach};");
+            // A point is clipped by its centre.
+            line!(out, "    let p = o.position;");
+            line!(out, "    let inside = all(abs(p.xy) <= vec2f(p.w)) && p.z >= 0.0 && p.z <= p.w;");
+            line!(out, "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);");
+            line!(out, "    o.corner = vec3f(v.corner * reach, 0.5 * size);");
+        }
+        Expand::Line | Expand::SmoothLine => {
+            // corner.x is the side, corner.y the end: -1 the first, 1 the second.
+            line!(out, "    let q = u.mvp * v.other;\n    let p = o.position;");
+            line!(out, "    let way = -v.corner.y * (q.xy / q.w - p.xy / p.w) * u.screen.xy;");
+            if key.expand == Expand::Line {
+                line!(out, "    let across = select(vec2f(1, 0), vec2f(0, 1), abs(way.x) >= abs(way.y));");
+                line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across;");
+                line!(out, "    o.corner = vec3f();");
+            } else {
+                line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
+                line!(out, "    let reach = 0.5 * u.screen.z + 0.5;");
+                line!(out, "    let by = v.corner.x * reach * vec2f(-along.y, along.x) + v.corner.y * 0.5 * along;");
+                line!(out, "    o.corner = vec3f(v.corner.x * reach, 0.0, 0.5 * u.screen.z);");
+            }
+            line!(out, "    o.position = vec4f(p.xy + by / u.screen.xy * p.w, p.zw);");
+        }
+    }
+}
+
+fn fragment(key: &ShaderKey, out: &mut String) {
+    let facing = if key.two_side() { ", @builtin(front_facing) front: bool" } else { "" };
+    line!(out, "@fragment fn fs(v: Varying{facing}) -> @location(0) vec4f {{");
+    if key.two_side() {
+        line!(out, "    let primary = select(v.back_color, v.color, front);");
+    } else {
+        line!(out, "    let primary = v.color;");
+    }
+    line!(out, "    var c = primary;");
+    for unit in &key.units {
+        sample(unit, out);
+    }
+    for unit in &key.units {
+        environment(unit, &key.units, out);
+    }
+    if key.secondary() {
+        let secondary = if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" };
+        line!(out, "    c = vec4f(saturate(c.rgb + {secondary}), c.a);");
+    }
+    if let Some(mode) = key.fog {
+        let factor = match mode {
+            e::LINEAR => "(u.fog_terms.z - v.fog) * u.fog_terms.w",
+            e::EXP => "exp(-u.fog_terms.x * v.fog)",
+            _ => "exp(-(u.fog_terms.x * v.fog) * (u.fog_terms.x * v.fog))",
+        };
+        line!(out, "    c = vec4f(mix(u.fog_color.rgb, c.rgb, saturate({factor})), c.a);");
+    }
+    match key.expand {
+        Expand::SmoothPoint => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - length(v.corner.xy));"),
+        Expand::SmoothLine => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - abs(v.corner.x));"),
+        _ => {}
+    }
+    if key.stipple {
+        line!(out, "    let row = u32(u.height.x - v.position.y) & 31u;");
+        line!(out, "    if (u.stipple[row >> 2][row & 3] >> (31u - (u32(v.position.x) & 31u)) & 1u) == 0u {{ discard; }}");
+    }
+    if let Some(compare) = key.alpha {
+        let passes = match compare {
+            e::LESS => "c.a < a",
+            e::LEQUAL => "c.a <= a",
+            e::GREATER => "c.a > a",
+            e::GEQUAL => "c.a >= a",
+            e::EQUAL => "c.a == a",
+            e::NOTEQUAL => "c.a != a",
+            _ => "false",
+        };
+        line!(out, "    let a = u.alpha_reference.x;\n    if !({passes}) {{ discard; }}");
+    }
+    line!(out, "    return c;\n}}");
+}
+
+/// Reads the texture of a unit into `texelK`.
+fn sample(unit: &UnitKey, out: &mut String) {
+    let k = unit.unit;
+    let source = match (unit.sprite, unit.projective) {
+        (true, _) => "vec3f(0.5 + vec2f(0.5, -0.5) * v.corner.xy / v.corner.z, 0.0)".to_owned(),
+        (false, true) => format!("v.texture{k}.xyz / v.texture{k}.w"),
+        (false, false) => format!("v.texture{k}"),
+    };
+    line!(out, "    var at{k} = {source};");
+    if unit.kind == Kind::Rectangle {
+        line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), 0.0);");
+    }
+    for (part, _) in ["x", "y", "z"].iter().zip(unit.clamp).filter(|&(_, clamp)| clamp) {
+        line!(out, "    at{k}.{part} = saturate(at{k}.{part});");
+    }
+    let at = match unit.kind {
+        Kind::D1 => format!("vec2f(at{k}.x, 0.5)"),
+        Kind::D2 | Kind::Rectangle => format!("at{k}.xy"),
+        Kind::D3 | Kind::Cube => format!("at{k}"),
+    };
+    let read = if unit.bias {
+        format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)")
+    } else {
+        format!("textureSample(image{k}, sampler{k}, {at})")
+    };
+    if unit.base.swizzle() == "t" {
+        line!(out, "    let texel{k} = {read};");
+    } else {
+        line!(out, "    var texel{k}: vec4f;\n    {{ let t = {read}; texel{k} = {}; }}", unit.base.swizzle());
+    }
+}
+
+/// Applies the environment of a unit to `c` (OpenGL 1.5, tables 3.22 to 3.24).
+fn environment(unit: &UnitKey, units: &[UnitKey], out: &mut String) {
+    let (k, base) = (unit.unit, unit.base);
+    let t = format!("texel{k}");
+    let mode = match &unit.environment {
+        EnvironmentKey::Mode(mode) => *mode,
+        EnvironmentKey::Combine(functions, sources, operands, scaled) => {
+            return combine(unit, units, *functions, *sources, *operands, *scaled, out);
+        }
+    };
+    let alone = base == Base::Alpha;
+    let alpha = format!("c.a * {t}.a");
+    let (rgb, a) = match mode {
+        e::REPLACE => {
+            let a = if matches!(base, Base::Luminance | Base::Rgb) { "c.a".into() } else { format!("{t}.a") };
+            (if alone { "c.rgb".into() } else { format!("{t}.rgb") }, a)
+        }
+        e::DECAL => (format!("mix(c.rgb, {t}.rgb, {t}.a)"), "c.a".into()),
+        e::BLEND => {
+            let a = if base == Base::Intensity { format!("mix(c.a, u.environment{k}.a, {t}.a)") } else { alpha };
+            (if alone { "c.rgb".into() } else { format!("mix(c.rgb, u.environment{k}.rgb, {t}.rgb)") }, a)
+        }
+        e::ADD => {
+            let a = if base == Base::Intensity { format!("saturate(c.a + {t}.a)") } else { alpha };
+            (if alone { "c.rgb".into() } else { format!("saturate(c.rgb + {t}.rgb)") }, a)
+        }
+        _ => (if alone { "c.rgb".into() } else { format!("c.rgb * {t}.rgb") }, alpha),
+    };
+    line!(out, "    c = vec4f({rgb}, {a});");
+}
+
+fn combine(
+    unit: &UnitKey,
+    units: &[UnitKey],
+    functions: [u32; 2],
+    sources: [[u32; 3]; 2],
+    operands: [[u32; 3]; 2],
+    scaled: bool,
+    out: &mut String,
+) {
+    let k = unit.unit;
+    let source = |source: u32| match source {
+        e::TEXTURE => format!("texel{k}"),
+        e::CONSTANT => format!("u.environment{k}"),
+        e::PRIMARY_COLOR => "primary".into(),
+        e::PREVIOUS => "c".into(),
+        // Crossbar; a unit that is not enabled gives undefined results.
+        other => {
+            let from = (other.wrapping_sub(e::TEXTURE0)) as usize;
+            if units.iter().any(|unit| unit.unit == from) { format!("texel{from}") } else { "vec4f(1)".into() }
+        }
+    };
+    let arguments = |part: usize| -> [String; 3] {
+        std::array::from_fn(|i| {
+            let from = source(sources[part][i]);
+            let component = match operands[part][i] {
+                e::SRC_ALPHA | e::ONE_MINUS_SRC_ALPHA if part == 0 => format!("{from}.aaa"),
+                e::SRC_ALPHA | e::ONE_MINUS_SRC_ALPHA => format!("{from}.a"),
+                _ => format!("{from}.rgb"),
+            };
+            match operands[part][i] {
+                e::ONE_MINUS_SRC_COLOR | e::ONE_MINUS_SRC_ALPHA => format!("(1.0 - {component})"),
+                _ => component,
+            }
+        })
+    };
+    let apply = |function: u32, [a, b, c]: [String; 3]| match function {
+        e::REPLACE => a,
+        e::ADD => format!("{a} + {b}"),
+        e::ADD_SIGNED => format!("{a} + {b} - 0.5"),
+        e::SUBTRACT => format!("{a} - {b}"),
+        e::INTERPOLATE => format!("{a} * {c} + {b} * (1.0 - {c})"),
+        e::DOT3_RGB | e::DOT3_RGBA => format!("vec3f(4.0 * dot({a} - 0.5, {b} - 0.5))"),
+        _ => format!("{a} * {b}"),
+    };
+    let scale = |part: &str| if scaled { format!(" * u.scales{k}.{part}") } else { String::new() };
+    line!(out, "    {{\n        let rgb = saturate(({}){});", apply(functions[0], arguments(0)), scale("rgb"));
+    if functions[0] == e::DOT3_RGBA {
+        line!(out, "        c = rgb.rrrr;\n    }}");
+    } else {
+        line!(out, "        let a = saturate(({}){});", apply(functions[1], arguments(1)), scale("a"));
+        line!(out, "        c = vec4f(rgb, a);\n    }}");
+    }
+}
