@@ -106,6 +106,8 @@ pub struct Card {
     samplers: Vec<(SamplerDesc, SamplerId)>,
     copies: BTreeMap<Base, (RenderPipelineId, BindGroupLayoutId)>,
     clear_shader: Option<ShaderId>,
+    /// What logic operations read.
+    frame_copy: Option<(TextureId, ViewId)>,
     /// Frames so far.
     pub frames: u64,
 }
@@ -125,6 +127,7 @@ impl Card {
             samplers: Vec::new(),
             copies: BTreeMap::new(),
             clear_shader: None,
+            frame_copy: None,
             frames: 0,
         }
     }
@@ -145,6 +148,9 @@ impl Card {
                 self.recorder.push(Command::Destroy(Object::View(view)));
                 self.recorder.push(Command::Destroy(Object::Texture(texture)));
             }
+        }
+        if let Some((texture, view)) = self.frame_copy.take() {
+            self.destroy(texture, &[view]);
         }
         let mut make = |label: &str, format| {
             let texture = self.recorder.create_texture(label, record::texture_2d(size[0], size[1], format));
@@ -356,6 +362,23 @@ impl Card {
             self.recorder.push(Command::Destroy(Object::View(view)));
         }
         self.recorder.push(Command::Destroy(Object::Texture(texture)));
+    }
+
+    /// A texture with the colours of the window as they are now, to be read by a draw.
+    pub fn frame_copy(&mut self) -> Option<(TextureId, ViewId, SamplerId)> {
+        self.end_pass();
+        let window = self.window.as_ref()?;
+        let (from, size) = (window.color.0, window.size);
+        let (texture, view) = match self.frame_copy {
+            Some(copy) => copy,
+            None => {
+                let texture = self.recorder.create_texture("frame", record::texture_2d(size[0], size[1], COLOR));
+                *self.frame_copy.insert((texture, self.recorder.create_view(texture)))
+            }
+        };
+        let end = |texture| TextureEnd { texture, level: 0, origin: [0; 3], aspect: Aspect::All };
+        self.recorder.copy_texture_to_texture(end(from), end(texture), [size[0], size[1], 1]);
+        Some((texture, view, self.sampler(SamplerDesc::default())))
     }
 
     /// The shader that clears parts of buffers.

@@ -9,7 +9,6 @@ use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::*;
 use super::machine::Gl;
 use super::matrix::{self, IDENTITY, Matrix};
-use super::names;
 use super::primitive::{Batch, Class};
 use super::state::{PLANES, TARGETS, UNITS, Vertex};
 use super::texture::{Bound, Texture};
@@ -159,18 +158,22 @@ impl Gl {
         if self.state.is(e::POLYGON_SMOOTH) && batch.class == Class::Triangles {
             return Err(Fault::Unsupported("GL_POLYGON_SMOOTH".into()));
         }
-        if self.state.is(e::COLOR_LOGIC_OP) && !matches!(self.state.logic, e::COPY | e::NOOP) {
-            return Err(Fault::Unsupported(format!("logic operation {}", names::name(self.state.logic))));
-        }
         let mut bound = Vec::new();
         let mut units = Vec::new();
+        let mut biases = [0.0; UNITS];
         for unit in 0..UNITS {
             if let Some((key, texture)) = self.unit(unit, batch.class)? {
                 units.push(key);
+                biases[unit] = texture.bias + self.state.units[unit].environment.bias;
                 bound.push(texture);
             }
         }
         let mut key = self.key(&batch, units)?;
+        let mut bound: Vec<_> = bound.iter().map(|bound| bound.bound).collect();
+        if key.logic.is_some() {
+            // The stored colours, as they are before this primitive.
+            bound.extend(self.card.frame_copy());
+        }
         let constant = batch.vertices[batch.indices[0] as usize];
         key.varying = varying(&batch, &constant, &key);
         let mut blob = Vec::new();
@@ -181,6 +184,7 @@ impl Gl {
             projection: &self.projection.top,
             texture: &textures,
             constant: &constant,
+            biases,
             height: self.card.size()[1],
         };
         uniforms::bytes(&key, &source, &mut blob);
@@ -204,12 +208,12 @@ impl Gl {
         }
         let fixed = self.fixed(shader, attributes, batch.class, &key, bound.len())?;
         let pipeline = self.card.pipeline(&fixed);
-        let group = (!bound.is_empty()).then(|| self.card.textures(&bound.iter().map(|bound| bound.bound).collect::<Vec<_>>()));
+        let group = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
         let (viewport, blend) = (self.viewport(), self.state.blend_color);
         let stencil = self.state.stencil[0].reference as u32;
         let pass = &mut self.card.pass;
-        pass.textures.extend(bound.iter().map(|bound| bound.bound.0));
+        pass.textures.extend(bound.iter().map(|&(texture, ..)| texture));
         let (vertices, first, count) = (pass.vertices.len() as u64, pass.indices.len() as u32, indices.len() as u32);
         pass.vertices.extend_from_slice(&bytes);
         pass.indices.extend_from_slice(&indices);
@@ -251,7 +255,7 @@ impl Gl {
             clamp: bound.clamp,
             matrix: *m != IDENTITY && !sprite,
             projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
-            bias: env.bias != 0.0,
+            bias: env.bias + bound.bias != 0.0,
             made,
             sprite,
             environment,
@@ -318,6 +322,7 @@ impl Gl {
             stipple: batch.class == Class::Triangles && state.is(e::POLYGON_STIPPLE),
             expand,
             attenuated_point,
+            logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.logic, e::COPY | e::NOOP)).then_some(state.logic),
             back,
         })
     }

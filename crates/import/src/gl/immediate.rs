@@ -3,7 +3,7 @@
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
-use super::state::UNITS;
+use super::state::{UNITS, capability};
 
 /// Vertices between Begin and End at most.
 const VERTICES_MAX: usize = 1 << 24;
@@ -22,7 +22,14 @@ pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (mode, vertices) = gl.begun.take().ok_or(INVALID_OPERATION)?;
-    gl.primitive(mode, &vertices)
+    let Some((key, _)) = gl.tracked.take() else { return gl.primitive(mode, &vertices) };
+    gl.flush()?;
+    let (enabled, saved) = (gl.state.enabled, gl.state.color_material);
+    gl.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);
+    gl.state.color_material = key;
+    let outcome = gl.primitive(mode, &vertices).and_then(|()| gl.flush());
+    (gl.state.enabled, gl.state.color_material) = (enabled, saved);
+    outcome
 }
 
 fn position(call: &Call, shape: Shape) -> Outcome<[f32; 4]> {
@@ -38,6 +45,9 @@ impl Gl {
     pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
         let mut vertex = self.state.current;
         vertex.position = position;
+        if let Some((_, color)) = self.tracked {
+            vertex.color = color;
+        }
         let Some((_, vertices)) = &mut self.begun else { return Ok(()) };
         if vertices.len() >= VERTICES_MAX {
             return Err(Fault::Limit(format!("more than {VERTICES_MAX} vertices between glBegin and glEnd")));

@@ -155,6 +155,8 @@ pub struct ShaderKey {
     pub expand: Expand,
     /// Points whose size depends on the distance.
     pub attenuated_point: bool,
+    /// Logic operation.
+    pub logic: Option<u32>,
     /// Lines and points of polygons that are back faces.
     pub back: bool,
 }

@@ -72,6 +72,8 @@ pub struct Gl {
     pub maps: Maps,
     /// Between Begin and End: the mode and the vertices.
     pub begun: Option<(u32, Vec<Vertex>)>,
+    /// The material that changes between Begin and End: its faces and name, and its colour now.
+    pub tracked: Option<([u32; 2], [f32; 4])>,
     /// Primitives that wait for a draw.
     pub batch: Batch,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
@@ -115,6 +117,7 @@ impl Gl {
             compiling: None,
             maps: Maps::default(),
             begun: None,
+            tracked: None,
             batch: Batch::default(),
             render_mode: e::RENDER,
             shaders: BTreeMap::new(),

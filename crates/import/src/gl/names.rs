@@ -36,3 +36,18 @@ pub fn name(value: u32) -> String {
     let known = table().iter().find(|&(_, &v)| v == value && value > 0xff);
     known.map_or_else(|| format!("{value:#06x}"), |(name, _)| (*name).to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_values_find_each_other() {
+        assert_eq!(value("GL_TEXTURE_2D"), Some(0x0de1));
+        assert_eq!(value("GL_TEXTURE0_ARB"), Some(0x84c0));
+        assert_eq!(value("TRUE"), Some(1));
+        assert_eq!(value("GL_NO_SUCH_NAME"), None);
+        assert_eq!(name(0x0de1), "GL_TEXTURE_2D");
+        assert_eq!(name(0x1_0001), "0x10001");
+    }
+}

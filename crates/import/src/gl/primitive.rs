@@ -77,7 +77,19 @@ impl Gl {
         let batch = &self.batch;
         let other = batch.class != class || batch.polygon != polygon;
         // A logic operation reads what the primitive before it has written.
-        let alone = self.state.is(e::COLOR_LOGIC_OP);
+        let alone = self.state.is(e::COLOR_LOGIC_OP) && !matches!(self.state.logic, e::COPY | e::NOOP);
+        let each = match class {
+            Class::Points => 1,
+            Class::Lines => 2,
+            Class::Triangles => 3,
+        };
+        if alone && indices.len() > each {
+            return indices.chunks(each).try_for_each(|one| {
+                let used: Vec<Vertex> = one.iter().map(|&index| vertices[index as usize]).collect();
+                self.add(class, polygon, &used, &[0, 1, 2][..one.len()])
+            });
+        }
+        let batch = &self.batch;
         if !batch.indices.is_empty() && (other || alone || batch.vertices.len() + vertices.len() > BATCH_MAX) {
             self.flush()?;
         }
@@ -95,11 +107,13 @@ impl Gl {
         let n = vertices.len() as u32;
         // Corners of each polygon; the last one of a triangle gives its flat colour.
         let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let flat = self.state.flat;
         let quads = |first: u32, step: u32, corners: [u32; 4], out: &mut Vec<[u32; 3]>| {
             let count = if n < 4 { 0 } else { (n - 4) / step + 1 };
             for k in 0..count {
                 let [a, b, c, d] = corners.map(|corner| first + k * step + corner);
-                out.extend([[a, b, d], [b, c, d]]);
+                // Its last vertex gives a quadrilateral's flat colour.
+                out.extend(if flat { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
             }
         };
         match mode {

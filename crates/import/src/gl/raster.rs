@@ -5,7 +5,7 @@ use super::consts as e;
 use super::machine::{Gl, parameters};
 use super::matrix;
 use super::names;
-use super::state::{LIGHTS, TARGETS, capability};
+use super::state::{LIGHTS, Material, TARGETS, capability};
 
 pub(super) fn swap(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     gl.swap()
@@ -123,7 +123,7 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         };
         let complete = vertices.is_empty() || whole > 0 && vertices.len().is_multiple_of(whole);
         if !complete && gl.state.is(e::LIGHTING) {
-            return Err(Fault::Unsupported("glMaterial within a primitive".into()));
+            return track(gl, call.u32(0)?, name, materials);
         }
         if complete {
             let (mode, vertices) = (*mode, std::mem::take(vertices));
@@ -131,6 +131,35 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         }
     }
     gl.flush()?;
+    gl.state.materials = materials;
+    Ok(())
+}
+
+/// A material that changes within a primitive: it is the colour of the vertices, as colour material has it.
+fn track(gl: &mut Gl, face: u32, name: u32, materials: [Material; 2]) -> Outcome {
+    let of = |materials: &[Material; 2]| {
+        let material = &materials[usize::from(face == e::BACK)];
+        Some(match name {
+            e::AMBIENT => material.ambient,
+            e::DIFFUSE | e::AMBIENT_AND_DIFFUSE => material.diffuse,
+            e::SPECULAR => material.specular,
+            e::EMISSION => material.emission,
+            _ => return None,
+        })
+    };
+    let refused = || Fault::Unsupported("several materials within a primitive".into());
+    let (old, new) = (of(&gl.state.materials).ok_or_else(refused)?, of(&materials).ok_or_else(refused)?);
+    match gl.tracked {
+        _ if gl.state.is(e::COLOR_MATERIAL) => return Err(refused()),
+        Some((key, _)) if key != [face, name] => return Err(refused()),
+        Some(_) => {}
+        None => {
+            if let Some((_, vertices)) = &mut gl.begun {
+                vertices.iter_mut().for_each(|vertex| vertex.color = old);
+            }
+        }
+    }
+    gl.tracked = Some(([face, name], new));
     gl.state.materials = materials;
     Ok(())
 }

@@ -58,6 +58,8 @@ pub struct Texture {
     pub anisotropy: f32,
     /// Whether smaller levels are made of level 0.
     pub generate: bool,
+    /// Bias of the level of detail.
+    pub bias: f32,
     native: Option<Native>,
 }
 
@@ -69,6 +71,8 @@ pub struct Bound {
     pub base: Base,
     /// Coordinates that are clamped before filtering.
     pub clamp: [bool; 3],
+    /// Bias of the level of detail.
+    pub bias: f32,
 }
 
 impl Texture {
@@ -86,6 +90,7 @@ impl Texture {
             range: [0, 1000],
             anisotropy: 1.0,
             generate: false,
+            bias: 0.0,
             native: None,
         }
     }
@@ -266,8 +271,7 @@ impl Texture {
         };
         let linear = self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
         let bound = (native.id, view, card.sampler(sampler));
-        card.pass.textures.insert(native.id);
-        Ok(Some(Bound { bound, base: native.base, clamp: self.wrap.map(|wrap| wrap == e::CLAMP && linear) }))
+        Ok(Some(Bound { bound, bias: self.bias, base: native.base, clamp: self.wrap.map(|wrap| wrap == e::CLAMP && linear) }))
     }
 
     fn sampler(&self) -> Outcome<SamplerDesc> {
@@ -298,9 +302,17 @@ impl Texture {
             *mode = AddressMode::ClampToEdge;
         }
         let bordered = address.contains(&AddressMode::ClampToBorder);
+        let alpha = matches!(
+            self.native.as_ref().map(|native| native.base),
+            Some(Base::Alpha | Base::LuminanceAlpha | Base::Intensity)
+        );
         let opaque = matches!(self.native.as_ref().map(|native| native.base), Some(Base::Rgb | Base::Luminance));
         let border = match self.border.map(|value| value.clamp(0.0, 1.0)) {
             _ if !bordered => BorderColor::TransparentBlack,
+            // These keep alpha in another channel than the card's border has it.
+            border if alpha && border != [0.0; 4] => {
+                return Err(Fault::Unsupported("borders of textures of alpha, luminance-alpha or intensity".into()));
+            }
             [0.0, 0.0, 0.0, a] if opaque || a == 1.0 => BorderColor::OpaqueBlack,
             [0.0, 0.0, 0.0, 0.0] => BorderColor::TransparentBlack,
             [1.0, 1.0, 1.0, a] if opaque || a == 1.0 => BorderColor::OpaqueWhite,

@@ -272,8 +272,8 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             e::GENERATE_MIPMAP => texture.generate = value != 0.0,
             e::TEXTURE_PRIORITY | e::DEPTH_TEXTURE_MODE | e::TEXTURE_COMPARE_FUNC => {}
             e::TEXTURE_COMPARE_MODE if word == e::NONE => {}
-            e::TEXTURE_LOD_BIAS if value == 0.0 => {}
-            e::TEXTURE_COMPARE_MODE | e::TEXTURE_LOD_BIAS => {
+            e::TEXTURE_LOD_BIAS => texture.bias = value as f32,
+            e::TEXTURE_COMPARE_MODE => {
                 return Err(Fault::Unsupported(format!("texture parameter {}", names::name(name))));
             }
             _ => return Err(INVALID_ENUM),

@@ -17,6 +17,8 @@ pub struct Source<'a> {
     pub texture: &'a [Matrix; UNITS],
     /// Attributes that are the same for all vertices.
     pub constant: &'a Vertex,
+    /// Biases of the level of detail.
+    pub biases: [f32; UNITS],
     /// The window's height in pixels.
     pub height: u32,
 }
@@ -92,7 +94,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field("texture_matrix", Some(k), &columns(&source.texture[k]));
         }
         if unit.bias {
-            field("bias", Some(k), &[[of.environment.bias; 4]]);
+            field("bias", Some(k), &[[source.biases[k]; 4]]);
         }
         let constant = match &unit.environment {
             EnvironmentKey::Mode(mode) => *mode == e::BLEND,

@@ -48,6 +48,9 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         line!(out, "@group(1) @binding({}) var image{}: {kind}<f32>;", 2 * slot, unit.unit);
         line!(out, "@group(1) @binding({}) var sampler{}: sampler;", 2 * slot + 1, unit.unit);
     }
+    if key.logic.is_some() {
+        line!(out, "@group(1) @binding({}) var frame: texture_2d<f32>;", 2 * key.units.len());
+    }
     interface(key, &mut out);
     if key.lighting.is_some() {
         light(key, &mut out);
@@ -96,16 +99,19 @@ fn interface(key: &ShaderKey, out: &mut String) {
         line!(out, "    @location(4) fog: f32,");
     }
     if key.expand != Expand::No {
-        line!(out, "    @location(5) @interpolate(linear) corner: vec3f,");
+        line!(out, "    @location(5) @interpolate(linear) corner: vec4f,");
     }
     for unit in key.units.iter().filter(|unit| !unit.sprite) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
         line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
     }
-    if key.planes != 0 {
-        line!(out, "    @builtin(clip_distances) clip: array<f32, {}>,", key.planes.count_ones());
-    }
     line!(out, "}}");
+    if key.planes != 0 {
+        // Only the vertex stage may have clip distances.
+        let fields = out[out.rfind("struct Varying {").unwrap_or(0)..].trim_end().trim_end_matches('}').to_owned();
+        let clipped = fields.replacen("Varying", "Clipped", 1);
+        line!(out, "{clipped}    @builtin(clip_distances) clip: array<f32, {}>,\n}}", key.planes.count_ones());
+    }
 }
 
 /// Whether the coordinates of a unit are an attribute in the buffer.
@@ -154,7 +160,8 @@ fn light(key: &ShaderKey, out: &mut String) {
 }
 
 fn vertex(key: &ShaderKey, out: &mut String) {
-    line!(out, "@vertex fn vs(v: Input) -> Varying {{\n    var o: Varying;\n    o.position = u.mvp * v.position;");
+    let result = if key.planes != 0 { "Clipped" } else { "Varying" };
+    line!(out, "@vertex fn vs(v: Input) -> {result} {{\n    var o: {result};\n    o.position = u.mvp * v.position;");
     if key.eye() {
         line!(out, "    let eye4 = u.modelview * v.position;\n    let eye = eye4.xyz / eye4.w;");
     }
@@ -284,7 +291,7 @@ fn expand(key: &ShaderKey, out: &mut String) {
             line!(out, "    let p = o.position;");
             line!(out, "    let inside = all(abs(p.xy) <= vec2f(p.w)) && p.z >= 0.0 && p.z <= p.w;");
             line!(out, "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);");
-            line!(out, "    o.corner = vec3f(v.corner * reach, 0.5 * size);");
+            line!(out, "    o.corner = vec4f(v.corner * reach, 0.5 * size, 0.0);");
         }
         Expand::Line | Expand::SmoothLine => {
             // corner.x is the side, corner.y the end: -1 the first, 1 the second.
@@ -293,12 +300,13 @@ fn expand(key: &ShaderKey, out: &mut String) {
             if key.expand == Expand::Line {
                 line!(out, "    let across = select(vec2f(1, 0), vec2f(0, 1), abs(way.x) >= abs(way.y));");
                 line!(out, "    let by = v.corner.x * 0.5 * u.screen.z * across;");
-                line!(out, "    o.corner = vec3f();");
+                line!(out, "    o.corner = vec4f();");
             } else {
                 line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
-                line!(out, "    let reach = 0.5 * u.screen.z + 0.5;");
+                // Edges and ends are soft over one pixel.
+                line!(out, "    let reach = 0.5 * max(u.screen.z, 1.0) + 0.5;\n    let half = 0.5 * length(way);");
                 line!(out, "    let by = v.corner.x * reach * vec2f(-along.y, along.x) + v.corner.y * 0.5 * along;");
-                line!(out, "    o.corner = vec3f(v.corner.x * reach, 0.0, 0.5 * u.screen.z);");
+                line!(out, "    o.corner = vec4f(v.corner.x * reach, v.corner.y * (half + 0.5), reach, half + 0.5);");
             }
             line!(out, "    o.position = vec4f(p.xy + by / u.screen.xy * p.w, p.zw);");
         }
@@ -334,7 +342,7 @@ fn fragment(key: &ShaderKey, out: &mut String) {
     }
     match key.expand {
         Expand::SmoothPoint => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - length(v.corner.xy));"),
-        Expand::SmoothLine => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - abs(v.corner.x));"),
+        Expand::SmoothLine => line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));"),
         _ => {}
     }
     if key.stipple {
@@ -353,7 +361,33 @@ fn fragment(key: &ShaderKey, out: &mut String) {
         };
         line!(out, "    let a = u.alpha_reference.x;\n    if !({passes}) {{ discard; }}");
     }
+    if let Some(op) = key.logic {
+        line!(out, "    let s = vec4u(saturate(c) * 255.0 + 0.5);");
+        line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
+        line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
+    }
     line!(out, "    return c;\n}}");
+}
+
+/// A logic operation of new and stored codes.
+fn logic(op: u32) -> &'static str {
+    match op {
+        e::CLEAR => "vec4u()",
+        e::AND => "s & d",
+        e::AND_REVERSE => "s & ~d",
+        e::AND_INVERTED => "~s & d",
+        e::XOR => "s ^ d",
+        e::OR => "s | d",
+        e::NOR => "~(s | d)",
+        e::EQUIV => "~(s ^ d)",
+        e::INVERT => "~d",
+        e::OR_REVERSE => "s | ~d",
+        e::COPY_INVERTED => "~s",
+        e::OR_INVERTED => "~s | d",
+        e::NAND => "~(s & d)",
+        e::SET => "vec4u(255)",
+        _ => "s",
+    }
 }
 
 /// Reads the texture of a unit into `texelK`.
