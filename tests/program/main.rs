@@ -6,6 +6,7 @@ mod commands;
 mod compare;
 mod draws;
 mod floors;
+mod gl;
 mod images;
 mod pages;
 mod recorded_scenes;

@@ -1,7 +1,7 @@
 //! Floor 2: foreign traces → trace.
 //!
 //! [`open`] takes any trace, native or foreign, and answers the same [`Trace`] for all of them: a foreign one with its commands
-//! translated in memory and its blobs where they are.
+//! translated in memory and its blobs where they are. [`wgpu`] reads API traces of wgpu, [`gl`] recorded OpenGL programs.
 
 pub mod gl;
 pub mod wgpu;
@@ -52,7 +52,9 @@ pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl
 fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
     let (trace, report) = open_reported(path, reading)?;
     match report.and_then(|report| report.refusal()) {
-        Some(refusal) if !reading.lenient => Err(TraceError::new(path, format!("not supported: {refusal}; --lenient leaves it out"))),
+        Some(refusal) if !reading.lenient => {
+            Err(TraceError::new(path, format!("not supported: {refusal}; --lenient leaves it out")))
+        }
         _ => Ok(trace),
     }
 }

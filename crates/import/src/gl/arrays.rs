@@ -8,7 +8,7 @@ use super::machine::Gl;
 use super::state::{UNITS, Vertex};
 
 /// Vertices of one draw at most.
-const VERTICES_MAX: u32 = 1 << 26;
+const VERTICES_MAX: u32 = 1 << 22;
 
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, and texture coordinates from 8 on. The bits are
 /// those of [`Vertex::over`].
@@ -238,7 +238,11 @@ pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
-    let (scalar, bytes) = scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
+    if count > VERTICES_MAX {
+        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
+    }
+    let (scalar, bytes) =
+        scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
     let bound = gl.arrays.bound[1];
     let in_buffer = |at: u64| Ok((gl.buffers.get(&bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
     let (data, start): (Rc<[u8]>, usize) = match data {
@@ -280,6 +284,10 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if gl.depth > 0 {
+        // A list keeps what the array has when the list is made.
+        return Err(Fault::Unsupported("glArrayElement in a display list".into()));
+    }
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;
     gl.state.current = Vertex { position: gl.state.current.position, ..vertex };
@@ -338,7 +346,7 @@ pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     let bytes: Rc<[u8]> = match call.arg(2) {
         Arg::Blob(bytes) => bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from),
-        _ if size > 1 << 30 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
+        _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
         _ => vec![0; size as usize].into(),
     };
     gl.buffers.insert(bound, bytes);

@@ -131,14 +131,6 @@ impl Call {
         let start = numbers.get(..N).ok_or_else(|| Fault::Damaged(format!("argument {index} has fewer than {N} numbers")))?;
         Ok(std::array::from_fn(|k| start[k]))
     }
-
-    /// Text.
-    pub fn text(&self, index: usize) -> Outcome<&str> {
-        match self.arg(index) {
-            Arg::Str(text) => Ok(text),
-            _ => Err(self.wrong(index, "text")),
-        }
-    }
 }
 
 /// The type that the end of a function's name states.
@@ -226,7 +218,10 @@ mod tests {
     fn names_are_parted_into_stem_and_shape() {
         let of = |name| shape(core_name(name).expect("a function of OpenGL"));
         assert_eq!(of("glColor4ubv"), Some(("Color", Shape { count: 4, scalar: Scalar::Ubyte, vector: true })));
-        assert_eq!(of("glMultiTexCoord2fARB"), Some(("MultiTexCoord", Shape { count: 2, scalar: Scalar::Float, vector: false })));
+        assert_eq!(
+            of("glMultiTexCoord2fARB"),
+            Some(("MultiTexCoord", Shape { count: 2, scalar: Scalar::Float, vector: false }))
+        );
         assert_eq!(of("glLightfv"), Some(("Light", Shape { count: 0, scalar: Scalar::Float, vector: true })));
         assert_eq!(of("glRotated"), Some(("Rotate", Shape { count: 0, scalar: Scalar::Double, vector: false })));
         assert_eq!(core_name("glXSwapBuffers"), Some("XSwapBuffers"));

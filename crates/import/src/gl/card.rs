@@ -110,6 +110,8 @@ pub struct Card {
     frame_copy: Option<(TextureId, ViewId)>,
     /// Frames so far.
     pub frames: u64,
+    /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
+    pub bytes: u64,
 }
 
 impl Card {
@@ -129,6 +131,7 @@ impl Card {
             clear_shader: None,
             frame_copy: None,
             frames: 0,
+            bytes: 0,
         }
     }
 
@@ -206,6 +209,7 @@ impl Card {
             let mut uniforms = pass.uniforms;
             uniforms.resize(uniforms.len().next_multiple_of(BLOCK_ALIGN) + pass.block, 0);
             let indices: Vec<u8> = pass.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+            self.bytes += (pass.vertices.len() + indices.len() + uniforms.len()) as u64;
             buffers = [("vertices", &pass.vertices), ("indices", &indices), ("uniforms", &uniforms)]
                 .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes))
                 .to_vec();
@@ -274,9 +278,9 @@ impl Card {
 
     fn uniform_layout(&mut self) -> BindGroupLayoutId {
         let recorder = &mut self.recorder;
-        *self.uniform_layout.get_or_insert_with(|| {
-            recorder.create_bind_group_layout([(0, BindingKind::Uniform { dynamic_offset: true })])
-        })
+        *self
+            .uniform_layout
+            .get_or_insert_with(|| recorder.create_bind_group_layout([(0, BindingKind::Uniform { dynamic_offset: true })]))
     }
 
     fn texture_layout(&mut self, count: usize) -> BindGroupLayoutId {
@@ -352,7 +356,8 @@ impl Card {
         if self.pass.textures.contains(&texture) {
             self.end_pass();
         }
-        let gone: Vec<_> = self.groups.iter().filter(|(_, (_, used))| used.contains(&texture)).map(|(key, _)| key.clone()).collect();
+        let gone: Vec<_> =
+            self.groups.iter().filter(|(_, (_, used))| used.contains(&texture)).map(|(key, _)| key.clone()).collect();
         for key in gone {
             if let Some((group, _)) = self.groups.remove(&key) {
                 self.recorder.push(Command::Destroy(Object::BindGroup(group)));
@@ -395,7 +400,16 @@ impl Card {
     }
 
     /// Copies a rectangle of the window, whose lower left pixel is `from`, to a level of a texture, whose rows are from the bottom.
-    pub fn copy_to_texture(&mut self, base: Base, texture: TextureId, layer: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) {
+    pub fn copy_to_texture(
+        &mut self,
+        base: Base,
+        texture: TextureId,
+        layer: u32,
+        level: u32,
+        to: [u32; 2],
+        from: [i32; 2],
+        size: [u32; 2],
+    ) {
         self.end_pass();
         let Some(window) = &self.window else { return };
         let (frame, height) = (window.color.1, window.size[1] as i32);
@@ -416,8 +430,7 @@ impl Card {
             let shader = recorder.create_shader("copy", &text);
             let layout = recorder.create_bind_group_layout([(0, record::UNIFORM), (1, record::TEXTURE)]);
             let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
-            let desc =
-                RenderPipelineDesc { layout: Some(pipeline_layout), ..record::render_pipeline(shader, base.format()) };
+            let desc = RenderPipelineDesc { layout: Some(pipeline_layout), ..record::render_pipeline(shader, base.format()) };
             (recorder.create_render_pipeline("copy", desc), layout)
         });
         // Texel y has the window's row height - 1 - (from + y - to).
@@ -433,8 +446,7 @@ impl Card {
             ..ViewDesc::default()
         };
         let view = self.recorder.create_view_of(texture, desc);
-        let group =
-            self.recorder.create_bind_group(layout, [(0, record::whole(uniforms)), (1, BoundResource::View(frame))]);
+        let group = self.recorder.create_bind_group(layout, [(0, record::whole(uniforms)), (1, BoundResource::View(frame))]);
         {
             let mut pass = self.recorder.begin_render_pass([record::load(view)], None);
             pass.set_pipeline(pipeline);

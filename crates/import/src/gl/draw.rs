@@ -134,7 +134,18 @@ impl Gl {
         pass.indices.extend([0, 1, 2]);
         let viewport = Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
         let blend = [0.0; 4];
-        self.card.draw(Draw { pipeline, uniforms, vertices, first, count: 3, textures: None, viewport, scissor, blend, stencil });
+        self.card.draw(Draw {
+            pipeline,
+            uniforms,
+            vertices,
+            first,
+            count: 3,
+            textures: None,
+            viewport,
+            scissor,
+            blend,
+            stencil,
+        });
         Ok(())
     }
 
@@ -286,7 +297,9 @@ impl Gl {
                 e::SPECULAR => 4,
                 _ => 8,
             };
-            let face = |face: u32| if matches!(state.color_material[0], f if f == face || f == e::FRONT_AND_BACK) { tracked } else { 0 };
+            let face = |face: u32| {
+                if matches!(state.color_material[0], f if f == face || f == e::FRONT_AND_BACK) { tracked } else { 0 }
+            };
             let two_side = state.two_side && batch.class == Class::Triangles;
             let shiny = |face: usize| state.materials[face].specular[..3] != [0.0; 3] || tracked == 4;
             LightingKey {
@@ -360,7 +373,9 @@ impl Gl {
         let stencil = state.is(e::STENCIL_TEST);
         let two_side = state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil[0] != state.stencil[1];
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
-        if stencil && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255) {
+        if stencil
+            && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255)
+        {
             return Err(Fault::Unsupported("stencil references or masks that differ between faces".into()));
         }
         let face = |side: super::state::Stencil| -> Outcome<StencilFace> {
@@ -447,7 +462,15 @@ type Packed = (Vec<(u32, VertexFormat)>, Vec<u8>, Vec<u32>);
 
 /// The components that are needed of an attribute whose missing ones are 0, 0, 1.
 fn components(values: impl Iterator<Item = [f32; 4]>, least: usize) -> usize {
-    values.fold(least, |most, [_, _, z, w]| most.max(if w != 1.0 { 4 } else if z != 0.0 { 3 } else { 2 }))
+    values.fold(least, |most, [_, _, z, w]| {
+        most.max(if w != 1.0 {
+            4
+        } else if z != 0.0 {
+            3
+        } else {
+            2
+        })
+    })
 }
 
 fn float_format(components: usize) -> VertexFormat {

@@ -9,7 +9,7 @@ use super::state::capability;
 /// The greatest order.
 const ORDER_MAX: usize = 30;
 /// Points of a mesh at most.
-const MESH_MAX: i64 = 1 << 24;
+const MESH_MAX: i64 = 1 << 20;
 
 /// Components of the points of maps, from `GL_MAP1_COLOR_4` (or `GL_MAP2_COLOR_4`) on.
 const COMPONENTS: [usize; 9] = [4, 1, 3, 1, 2, 3, 4, 3, 4];
@@ -84,8 +84,13 @@ pub(super) fn map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let index = target.wrapping_sub(first) as usize;
     let size = *COMPONENTS.get(index).ok_or(INVALID_ENUM)?;
     let range = |at: usize| -> Outcome<(f32, f32, usize, usize)> {
-        let (from, to, stride, order) = (call.f32(at)?, call.f32(at + 1)?, call.size(at + 2)? as usize, call.size(at + 3)? as usize);
-        if from == to || !(1..=ORDER_MAX).contains(&order) || stride < size { Err(INVALID_VALUE) } else { Ok((from, to, stride, order)) }
+        let (from, to, stride, order) =
+            (call.f32(at)?, call.f32(at + 1)?, call.size(at + 2)? as usize, call.size(at + 3)? as usize);
+        if from == to || !(1..=ORDER_MAX).contains(&order) || stride < size {
+            Err(INVALID_VALUE)
+        } else {
+            Ok((from, to, stride, order))
+        }
     };
     let u = range(1)?;
     let v = if surface { range(5)? } else { (0.0, 1.0, 0, 1) };
@@ -101,7 +106,9 @@ pub(super) fn map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     for i in 0..u.3 {
         for j in 0..v.3 {
             let at = i.saturating_mul(u.2).saturating_add(j.saturating_mul(v.2));
-            let part = numbers.get(at..at.saturating_add(size)).ok_or_else(|| Fault::Damaged("fewer control points than the order says".into()))?;
+            let part = numbers
+                .get(at..at.saturating_add(size))
+                .ok_or_else(|| Fault::Damaged("fewer control points than the order says".into()))?;
             let mut point = [0.0, 0.0, 0.0, 1.0];
             point.iter_mut().zip(part).for_each(|(value, &number)| *value = number as f32);
             points.push(point);
@@ -145,7 +152,9 @@ impl Gl {
         let Some(map) = map(VERTEX_4).or_else(|| map(VERTEX_3)) else { return Ok(()) };
         let [p, du, dv] = map.at(u, v);
         if surface && self.state.is(e::AUTO_NORMAL) {
-            let part = |d: [f32; 4]| -> [f32; 3] { std::array::from_fn(|k| d[k] * p[3] - p[k] * if p[3] == 1.0 { 0.0 } else { d[3] }) };
+            let part = |d: [f32; 4]| -> [f32; 3] {
+                std::array::from_fn(|k| d[k] * p[3] - p[k] * if p[3] == 1.0 { 0.0 } else { d[3] })
+            };
             let (a, b) = (part(du), part(dv));
             let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
             vertex.normal = matrix::normalized(cross);

@@ -134,7 +134,11 @@ pub fn unpack(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes:
         for y in 0..height {
             let at = start + (z * rows + y) * row;
             let Some(line) = bytes.get(at..at + width * pixel) else {
-                return Err(Fault::Damaged(format!("the pixels have {} bytes, row {y} ends at {}", bytes.len(), at + width * pixel)));
+                return Err(Fault::Damaged(format!(
+                    "the pixels have {} bytes, row {y} ends at {}",
+                    bytes.len(),
+                    at + width * pixel
+                )));
             };
             if format == e::RGBA && kind == e::UNSIGNED_BYTE {
                 out.extend(line.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]));
@@ -196,7 +200,8 @@ impl Base {
                 Base::LuminanceAlpha
             }
             3 | e::RGB | e::R3_G3_B2 | e::RGB4..=e::RGB16 | e::COMPRESSED_RGB | e::COMPRESSED_RGB_S3TC_DXT1_EXT => Base::Rgb,
-            4 | e::RGBA
+            4
+            | e::RGBA
             | e::RGBA2..=e::RGBA16
             | e::COMPRESSED_RGBA
             | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,

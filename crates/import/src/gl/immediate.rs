@@ -6,7 +6,7 @@ use super::machine::{Gl, components};
 use super::state::{UNITS, capability};
 
 /// Vertices between Begin and End at most.
-const VERTICES_MAX: usize = 1 << 24;
+const VERTICES_MAX: usize = 1 << 22;
 
 pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mode = call.u32(0)?;

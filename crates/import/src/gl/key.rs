@@ -164,9 +164,10 @@ pub struct ShaderKey {
 impl ShaderKey {
     /// Whether the position in eye space is needed.
     pub fn eye(&self) -> bool {
-        let made = self.units.iter().any(|unit| {
-            unit.made.iter().flatten().any(|made| matches!(made, Made::Eye | Made::Sphere | Made::Reflection))
-        });
+        let made = self
+            .units
+            .iter()
+            .any(|unit| unit.made.iter().flatten().any(|made| matches!(made, Made::Eye | Made::Sphere | Made::Reflection)));
         let lit = self.lighting.as_ref().is_some_and(|l| l.local_viewer || l.lights.iter().any(|light| !light.directional));
         made || lit || self.planes != 0 || self.attenuated_point || self.fog.is_some() && !self.fog_coordinate
     }

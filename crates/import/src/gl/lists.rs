@@ -61,14 +61,17 @@ impl Gl {
             return Ok(());
         }
         self.depth += 1;
+        let outcome = self.run_steps(&list);
+        self.depth -= 1;
+        outcome
+    }
+
+    fn run_steps(&mut self, list: &List) -> Outcome {
         for step in &list.steps {
             match step {
                 Step::Call(entry, call) => {
                     let outcome = self.execute(*entry, call);
-                    if let Err(reason) = self.settle(call, outcome) {
-                        self.depth -= 1;
-                        return Err(Fault::Damaged(reason));
-                    }
+                    self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
                 Step::Vertices(mode, vertices, arrays) => {
                     let current = self.state.current;
@@ -77,7 +80,6 @@ impl Gl {
                 }
             }
         }
-        self.depth -= 1;
         Ok(())
     }
 }

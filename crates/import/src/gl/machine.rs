@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
 
+use num::Limits;
 use trace::Trace;
 
 use super::arrays::Arrays;
@@ -23,6 +24,8 @@ use super::texture::Texture;
 const WINDOW_MAX: u32 = 16_384;
 /// What is kept of each kind of object names, so that a recording cannot ask for memory without calls.
 const NAMES_MAX: usize = 1 << 20;
+/// Calls that display lists run: lists in lists are few bytes and much work.
+const STEPS_MAX: u64 = 1 << 30;
 
 /// How often something occurred, and where first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,11 +97,14 @@ pub struct Gl {
     pub fixed_window: bool,
     /// Lists that are executed in each other.
     pub depth: u32,
+    /// Calls that ran.
+    pub steps: u64,
+    limits: Limits,
 }
 
 impl Gl {
     /// A machine in its first state; `name` is what messages about its commands call it.
-    pub fn new(name: &Path) -> Gl {
+    pub fn new(name: &Path, limits: &Limits) -> Gl {
         Gl {
             card: Card::new(name),
             state: State::default(),
@@ -129,6 +135,8 @@ impl Gl {
             counted: Vec::new(),
             fixed_window: false,
             depth: 0,
+            steps: 0,
+            limits: *limits,
         }
     }
 
@@ -184,6 +192,13 @@ impl Gl {
             }
             Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => return Err(format!("{}: {reason}", call.function.name)),
         }
+        self.steps += 1;
+        if self.steps > STEPS_MAX {
+            return Err(format!("{}: more than {STEPS_MAX} calls run", call.function.name));
+        }
+        if let Err(error) = self.limits.memory_bytes.check(self.card.bytes) {
+            return Err(format!("{}: {error}", call.function.name));
+        }
         let objects = [self.textures.len(), self.lists.len(), self.buffers.len()];
         if objects.into_iter().any(|count| count > NAMES_MAX) {
             return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
@@ -201,6 +216,11 @@ impl Gl {
         if (fixed || !self.fixed_window) && new != old && !new.contains(&0) {
             self.flush()?;
             self.card.resize(new);
+            if old == [0; 2] {
+                // Viewport and scissor start as large as the window.
+                let whole = [0, 0, new[0] as i32, new[1] as i32];
+                (self.state.viewport, self.state.scissor) = (whole, whole);
+            }
         }
         self.fixed_window |= fixed;
         Ok(())
@@ -245,7 +265,8 @@ pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4],
     if shape.vector {
         match call.arg(first) {
             Arg::Nums(numbers) => {
-                let numbers = numbers.get(..count).ok_or_else(|| Fault::Damaged(format!("an array of fewer than {count} numbers")))?;
+                let numbers =
+                    numbers.get(..count).ok_or_else(|| Fault::Damaged(format!("an array of fewer than {count} numbers")))?;
                 values[..count].copy_from_slice(numbers);
             }
             _ => values[0] = call.f64(first)?,

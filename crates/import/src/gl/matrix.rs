@@ -10,7 +10,10 @@ pub const IDENTITY: Matrix = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 
 pub fn product(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|k| {
         let (column, row) = (k / 4, k % 4);
-        a[row] * b[4 * column] + a[4 + row] * b[4 * column + 1] + a[8 + row] * b[4 * column + 2] + a[12 + row] * b[4 * column + 3]
+        a[row] * b[4 * column]
+            + a[4 + row] * b[4 * column + 1]
+            + a[8 + row] * b[4 * column + 2]
+            + a[12 + row] * b[4 * column + 3]
     })
 }
 

@@ -47,7 +47,7 @@ use std::io::Read;
 use host::Links;
 use trace::{Reading, Trace, TraceError};
 
-use call::{Call, Fault};
+use call::Fault;
 use machine::Gl;
 pub use machine::{Count, Counts};
 use reader::{Apitrace, Broken, GliText, Input, Memory, Reader};
@@ -95,8 +95,29 @@ pub fn open(path: &Path, apitrace: bool, links: Links, reading: &Reading) -> Res
     import(path, input, start, apitrace, memory, reading)
 }
 
+/// Imports a recording that is in memory; `path` is what messages call it. `memory` has the two files beside a text recording.
+///
+/// # Errors
+/// As [`open`].
+pub fn import_bytes(path: &Path, bytes: Vec<u8>, memory: [&[u8]; 2], reading: &Reading) -> Result<(Trace, Report), TraceError> {
+    let fail = |reason: String| TraceError::new(path, reason);
+    let Some((&start, rest)) = bytes.split_first_chunk::<2>() else {
+        return Err(fail("is shorter than the start of a recording".into()));
+    };
+    let apitrace = start != *b"GL";
+    let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
+    import(path, Box::new(std::io::Cursor::new(rest.to_vec())), start, apitrace, memory, reading)
+}
+
 /// Imports a recording from a stream whose first two bytes have been read.
-fn import(path: &Path, input: Input, start: [u8; 2], apitrace: bool, memory: Memory, reading: &Reading) -> Result<(Trace, Report), TraceError> {
+fn import(
+    path: &Path,
+    input: Input,
+    start: [u8; 2],
+    apitrace: bool,
+    memory: Memory,
+    reading: &Reading,
+) -> Result<(Trace, Report), TraceError> {
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
         |broken: Broken| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
@@ -105,7 +126,7 @@ fn import(path: &Path, input: Input, start: [u8; 2], apitrace: bool, memory: Mem
     } else {
         Reader::Gli(Box::new(GliText::open(input, start, memory, &reading.limits).map_err(broken)?))
     };
-    let mut gl = Gl::new(path);
+    let mut gl = Gl::new(path, &reading.limits);
     while let Some(call) = reader.next().map_err(broken)? {
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
         if let Some(size) = reader.window()
@@ -114,10 +135,11 @@ fn import(path: &Path, input: Input, start: [u8; 2], apitrace: bool, memory: Mem
         {
             return Err(wrong(reason));
         }
-        run(&mut gl, &call).map_err(wrong)?;
+        gl.call(&call).map_err(wrong)?;
     }
     gl.finish_counts();
-    let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, shaders: gl.shaders.len(), ..Report::default() };
+    let mut report =
+        Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, shaders: gl.shaders.len(), ..Report::default() };
     if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
         return Err(TraceError::new(path, reason));
     }
@@ -125,10 +147,6 @@ fn import(path: &Path, input: Input, start: [u8; 2], apitrace: bool, memory: Mem
     report.errors = std::mem::take(&mut gl.errors);
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
     Ok((trace.with_limits(reading.limits), report))
-}
-
-fn run(gl: &mut Gl, call: &Call) -> Result<(), String> {
-    gl.call(call)
 }
 
 /// The memory file beside a text recording, if there is one.

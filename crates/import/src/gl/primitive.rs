@@ -118,7 +118,9 @@ impl Gl {
         };
         match mode {
             e::TRIANGLES => triangles.extend((0..n / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2])),
-            e::TRIANGLE_STRIP => triangles.extend((2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] })),
+            e::TRIANGLE_STRIP => {
+                triangles.extend((2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] }))
+            }
             e::TRIANGLE_FAN => triangles.extend((2..n).map(|i| [0, i - 1, i])),
             // The first vertex of a polygon gives its flat colour.
             e::POLYGON => triangles.extend((2..n).map(|i| [i - 1, i, 0])),

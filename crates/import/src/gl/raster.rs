@@ -283,7 +283,8 @@ pub(super) fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Err(Fault::Unsupported("polygon stipples with pixel storage modes".into()));
     }
     let rows = bytes.get(..128).ok_or_else(|| Fault::Damaged("a pattern of fewer than 128 bytes".into()))?;
-    gl.state.stipple = std::array::from_fn(|k| u32::from_be_bytes([rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]]));
+    gl.state.stipple =
+        std::array::from_fn(|k| u32::from_be_bytes([rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]]));
     Ok(())
 }
 
@@ -320,7 +321,11 @@ pub(super) fn point_parameter(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         e::POINT_SIZE_MIN | e::POINT_SIZE_MAX | e::POINT_FADE_THRESHOLD_SIZE => return Err(INVALID_VALUE),
         e::POINT_DISTANCE_ATTENUATION => gl.state.point_attenuation = vector(&values)?,
         e::POINT_SPRITE_COORD_ORIGIN => {
-            return if value as u32 == e::UPPER_LEFT { Ok(()) } else { Err(Fault::Unsupported("sprites from the lower left".into())) };
+            return if value as u32 == e::UPPER_LEFT {
+                Ok(())
+            } else {
+                Err(Fault::Unsupported("sprites from the lower left".into()))
+            };
         }
         _ => return Err(INVALID_ENUM),
     }

@@ -60,7 +60,9 @@ pub fn find(name: &str) -> Entry {
 
 fn window_system(name: &str) -> (Moment, Run) {
     match name {
-        "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => (Moment::Client, raster::swap),
+        "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => {
+            (Moment::Client, raster::swap)
+        }
         _ => (Moment::Ignored, nothing),
     }
 }
@@ -162,12 +164,45 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EvalPoint1" => (Vertex, evaluator::point_1),
         "EvalPoint2" => (Vertex, evaluator::point_2),
         // What leaves no trace in pictures.
-        "Flush" | "Finish" | "Hint" | "FeedbackBuffer" | "SelectBuffer" | "InitNames" | "PushName" | "PopName" | "LoadName"
-        | "PassThrough" | "ReadPixels" | "ReadBuffer" | "GenLists" | "GenTextures" | "GenBuffers" | "GenQueries" | "GenProgram"
-        | "GenPrograms" | "BindProgram" | "ProgramString" | "DeletePrograms" | "LockArrays" | "UnlockArrays" | "ClearAccum"
-        | "ClearIndex" | "IndexMask" | "IndexPointer" | "PrioritizeTextures" | "AreTexturesResident" | "SampleCoverage"
-        | "DebugMessageCallback" | "DebugMessageControl" | "ObjectLabel" | "PushDebugGroup" | "PopDebugGroup"
-        | "StringMarkerGREMEDY" | "GetError" | "GetString" | "GetStringi" => (Ignored, nothing),
+        "Flush"
+        | "Finish"
+        | "Hint"
+        | "FeedbackBuffer"
+        | "SelectBuffer"
+        | "InitNames"
+        | "PushName"
+        | "PopName"
+        | "LoadName"
+        | "PassThrough"
+        | "ReadPixels"
+        | "ReadBuffer"
+        | "GenLists"
+        | "GenTextures"
+        | "GenBuffers"
+        | "GenQueries"
+        | "GenProgram"
+        | "GenPrograms"
+        | "BindProgram"
+        | "ProgramString"
+        | "DeletePrograms"
+        | "LockArrays"
+        | "UnlockArrays"
+        | "ClearAccum"
+        | "ClearIndex"
+        | "IndexMask"
+        | "IndexPointer"
+        | "PrioritizeTextures"
+        | "AreTexturesResident"
+        | "SampleCoverage"
+        | "DebugMessageCallback"
+        | "DebugMessageControl"
+        | "ObjectLabel"
+        | "PushDebugGroup"
+        | "PopDebugGroup"
+        | "StringMarkerGREMEDY"
+        | "GetError"
+        | "GetString"
+        | "GetStringi" => (Ignored, nothing),
         _ if name.starts_with("Get") || name.starts_with("Is") => (Ignored, nothing),
         _ => return None,
     };

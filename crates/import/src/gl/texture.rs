@@ -195,7 +195,9 @@ impl Texture {
             if let Some(old) = old {
                 for (&(face, level), image) in &self.levels {
                     let Some(k) = level.checked_sub(self.range[0]) else { continue };
-                    let there = |n: &Native| k < n.levels && n.size.map(|edge| (edge >> k).max(1)) == image.size && n.base == image.base;
+                    let there = |n: &Native| {
+                        k < n.levels && n.size.map(|edge| (edge >> k).max(1)) == image.size && n.base == image.base
+                    };
                     if image.bytes.is_none() && there(&old) && there(&native) {
                         let end = |texture| TextureEnd { texture, level: k, origin: [0, 0, face], aspect: Aspect::All };
                         card.end_pass();
@@ -269,7 +271,8 @@ impl Texture {
                 view
             }
         };
-        let linear = self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
+        let linear =
+            self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
         let bound = (native.id, view, card.sampler(sampler));
         Ok(Some(Bound { bound, bias: self.bias, base: native.base, clamp: self.wrap.map(|wrap| wrap == e::CLAMP && linear) }))
     }

@@ -9,8 +9,10 @@ use super::names;
 use super::state::{TARGETS, UNITS};
 use super::texture::{Level, Texture};
 
-/// Edges of textures at most.
-const EDGE_MAX: u32 = 4096;
+/// Edges of textures at most, those of 3D textures, and texels of one image.
+const EDGE_MAX: u32 = 16_384;
+const EDGE_3D_MAX: u32 = 2_048;
+const TEXELS_MAX: u64 = 1 << 26;
 
 pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let unit = call.u32(0)?.wrapping_sub(e::TEXTURE0) as usize;
@@ -51,7 +53,8 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 /// The target and face that an image call means; none of a proxy.
 fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
-    let proxies = [e::PROXY_TEXTURE_1D, e::PROXY_TEXTURE_2D, e::PROXY_TEXTURE_3D, e::PROXY_TEXTURE_CUBE_MAP, e::PROXY_TEXTURE_RECTANGLE];
+    let proxies =
+        [e::PROXY_TEXTURE_1D, e::PROXY_TEXTURE_2D, e::PROXY_TEXTURE_3D, e::PROXY_TEXTURE_CUBE_MAP, e::PROXY_TEXTURE_RECTANGLE];
     if proxies.contains(&target) {
         return Ok(None);
     }
@@ -75,8 +78,13 @@ fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut super
 
 /// Checks what all images have in common.
 fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
-    if !(0..=12).contains(&level) || size.iter().any(|&edge| edge > EDGE_MAX) || !(0..=1).contains(&border) {
+    let most = if size[2] > 1 { EDGE_3D_MAX } else { EDGE_MAX };
+    if !(0..=14).contains(&level) || size.iter().any(|&edge| edge > most) || !(0..=1).contains(&border) {
         return Err(INVALID_VALUE);
+    }
+    let texels: u64 = size.iter().map(|&edge| u64::from(edge)).product();
+    if texels > TEXELS_MAX {
+        return Err(Fault::Limit(format!("an image of {texels} texels, at most {TEXELS_MAX}")));
     }
     if border == 1 {
         return Err(Fault::Unsupported("textures with a border".into()));
@@ -249,7 +257,9 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     with(gl, target, |texture, _| {
         let filters = [e::NEAREST, e::LINEAR];
         match name {
-            e::TEXTURE_MIN_FILTER if filters.contains(&word) || (e::NEAREST_MIPMAP_NEAREST..=e::LINEAR_MIPMAP_LINEAR).contains(&word) => {
+            e::TEXTURE_MIN_FILTER
+                if filters.contains(&word) || (e::NEAREST_MIPMAP_NEAREST..=e::LINEAR_MIPMAP_LINEAR).contains(&word) =>
+            {
                 texture.min = word;
             }
             e::TEXTURE_MAG_FILTER if filters.contains(&word) => texture.mag = word,
@@ -260,7 +270,8 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             e::TEXTURE_BORDER_COLOR => {
                 let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
                 let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
-                texture.border = std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
+                texture.border =
+                    std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
             }
             e::TEXTURE_MIN_LOD => texture.lod[0] = value as f32,
             e::TEXTURE_MAX_LOD => texture.lod[1] = value as f32,
@@ -301,7 +312,8 @@ pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         (e::TEXTURE_ENV, e::TEXTURE_ENV_COLOR) => {
             let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
             let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
-            let color: [f32; 4] = std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
+            let color: [f32; 4] =
+                std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
             env.color = color.map(|value| value.clamp(0.0, 1.0));
         }
         (e::TEXTURE_ENV, e::COMBINE_RGB | e::COMBINE_ALPHA) => {
@@ -313,7 +325,9 @@ pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         }
         (e::TEXTURE_ENV, e::SRC0_RGB..=e::SRC2_RGB) => env.sources[0][(name - e::SRC0_RGB) as usize] = source(word)?,
         (e::TEXTURE_ENV, e::SRC0_ALPHA..=e::SRC2_ALPHA) => env.sources[1][(name - e::SRC0_ALPHA) as usize] = source(word)?,
-        (e::TEXTURE_ENV, e::OPERAND0_RGB..=e::OPERAND2_RGB) => env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?,
+        (e::TEXTURE_ENV, e::OPERAND0_RGB..=e::OPERAND2_RGB) => {
+            env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?
+        }
         (e::TEXTURE_ENV, e::OPERAND0_ALPHA..=e::OPERAND2_ALPHA) => {
             env.operands[1][(name - e::OPERAND0_ALPHA) as usize] = operand(word)?;
         }

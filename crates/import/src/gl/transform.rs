@@ -93,14 +93,8 @@ pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (x, y, width, height) = (call.i32(0)?, call.i32(1)?, call.size(2)?, call.size(3)?);
     let reach = |from: i32, size: u32| (i64::from(from) + i64::from(size)).clamp(0, i64::from(u32::MAX)) as u32;
-    let first = gl.card.size() == [0; 2];
     gl.window([reach(x, width), reach(y, height)], false)?;
     gl.state.viewport = [x, y, width as i32, height as i32];
-    if first {
-        // The scissor starts as large as the window.
-        let [width, height] = gl.card.size();
-        gl.state.scissor = [0, 0, width as i32, height as i32];
-    }
     Ok(())
 }
 
@@ -113,6 +107,7 @@ pub(super) fn clip_plane(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let plane = call.u32(0)?.wrapping_sub(e::CLIP_PLANE0) as usize;
     let equation = call.array::<4>(1)?.map(|value| value as f32);
     let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(IDENTITY);
-    *gl.state.planes.get_mut(plane).filter(|_| plane < PLANES).ok_or(INVALID_ENUM)? = matrix::transform_plane(equation, &inverse);
+    *gl.state.planes.get_mut(plane).filter(|_| plane < PLANES).ok_or(INVALID_ENUM)? =
+        matrix::transform_plane(equation, &inverse);
     Ok(())
 }

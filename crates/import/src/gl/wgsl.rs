@@ -142,7 +142,10 @@ fn light(key: &ShaderKey, out: &mut String) {
             line!(out, "        strength *= select(0.0, pow(max(spot, 1e-30), u.light{k}[5].x), spot >= u.light{k}[6].w);");
         }
         line!(out, "        let facing = dot(n, l);");
-        line!(out, "        sum += strength * (ambient * u.light{k}[0].rgb + max(facing, 0.0) * diffuse.rgb * u.light{k}[1].rgb);");
+        line!(
+            out,
+            "        sum += strength * (ambient * u.light{k}[0].rgb + max(facing, 0.0) * diffuse.rgb * u.light{k}[1].rgb);"
+        );
         if lighting.specular {
             let half = match (lighting.local_viewer, of.directional) {
                 (true, _) => "normalize(l - normalize(eye))".to_owned(),
@@ -202,7 +205,11 @@ fn colors(key: &ShaderKey, out: &mut String) {
     let Some(lighting) = &key.lighting else {
         line!(out, "    o.color = saturate(color);");
         if key.secondary() {
-            line!(out, "    o.secondary = saturate({});", if key.varying.secondary { "v.secondary" } else { "u.secondary.rgb" });
+            line!(
+                out,
+                "    o.secondary = saturate({});",
+                if key.varying.secondary { "v.secondary" } else { "u.secondary.rgb" }
+            );
         }
         return;
     };
@@ -290,7 +297,10 @@ fn expand(key: &ShaderKey, out: &mut String) {
             // A point is clipped by its centre.
             line!(out, "    let p = o.position;");
             line!(out, "    let inside = all(abs(p.xy) <= vec2f(p.w)) && p.z >= 0.0 && p.z <= p.w;");
-            line!(out, "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);");
+            line!(
+                out,
+                "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);"
+            );
             line!(out, "    o.corner = vec4f(v.corner * reach, 0.5 * size, 0.0);");
         }
         Expand::Line | Expand::SmoothLine => {
@@ -342,7 +352,9 @@ fn fragment(key: &ShaderKey, out: &mut String) {
     }
     match key.expand {
         Expand::SmoothPoint => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - length(v.corner.xy));"),
-        Expand::SmoothLine => line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));"),
+        Expand::SmoothLine => {
+            line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));")
+        }
         _ => {}
     }
     if key.stipple {

@@ -1,6 +1,7 @@
 //! Traces of other programs.
 
 mod fuzz;
+mod gl;
 mod oracle;
 mod peers;
 mod shaders;

@@ -45,9 +45,13 @@ impl Chunks {
         let packing = match start {
             [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
             [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
-            _ => return Err("is neither a Snappy nor a gzip recording of apitrace; Brotli is not supported: `apitrace repack` \
+            _ => {
+                return Err(
+                    "is neither a Snappy nor a gzip recording of apitrace; Brotli is not supported: `apitrace repack` \
                              changes it"
-                .into()),
+                        .into(),
+                );
+            }
         };
         Ok(Chunks::new(packing, limits))
     }
@@ -85,7 +89,10 @@ impl Chunks {
         while self.piece.is_empty() {
             match &mut self.packing {
                 Packing::Stream(stream) => {
-                    stream.take(PIECE as u64).read_to_end(&mut self.piece).map_err(|error| broken("cannot be expanded", &error))?;
+                    stream
+                        .take(PIECE as u64)
+                        .read_to_end(&mut self.piece)
+                        .map_err(|error| broken("cannot be expanded", &error))?;
                     if self.piece.is_empty() {
                         return Err(Stop::End);
                     }
@@ -94,14 +101,19 @@ impl Chunks {
                     let mut length = [0; 4];
                     match file.read(&mut length[..1]).map_err(|error| broken("cannot be read", &error))? {
                         0 => return Err(Stop::End),
-                        _ => file.read_exact(&mut length[1..]).map_err(|_| Stop::Broken("ends inside the length of a chunk".into()))?,
+                        _ => file
+                            .read_exact(&mut length[1..])
+                            .map_err(|_| Stop::Broken("ends inside the length of a chunk".into()))?,
                     }
                     let length = u32::from_le_bytes(length) as usize;
                     if length > snap::raw::max_compress_len(CHUNK_MAX) {
                         return Err(Stop::Broken(format!("a chunk of {length} bytes, longer than any")));
                     }
                     self.packed.clear();
-                    let read = file.take(length as u64).read_to_end(&mut self.packed).map_err(|error| broken("cannot be read", &error))?;
+                    let read = file
+                        .take(length as u64)
+                        .read_to_end(&mut self.packed)
+                        .map_err(|error| broken("cannot be read", &error))?;
                     if read < length {
                         return Err(Stop::Broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
                     }
@@ -111,7 +123,8 @@ impl Chunks {
                         return Err(Stop::Broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
                     }
                     self.piece.resize(expanded, 0);
-                    let done = decoder.decompress(&self.packed, &mut self.piece).map_err(|error| broken("a Snappy chunk", &error))?;
+                    let done =
+                        decoder.decompress(&self.packed, &mut self.piece).map_err(|error| broken("a Snappy chunk", &error))?;
                     self.piece.truncate(done);
                 }
             }

@@ -18,8 +18,24 @@ const CALL_MAX: usize = 64 << 20;
 
 /// Functions that take floats (`false`) or doubles, and whose name does not say so.
 const FLOATS: &[&str] = &[
-    "ClearColor", "ClearAccum", "ClearDepth", "ClearIndex", "Ortho", "Frustum", "DepthRange", "PolygonOffset", "LineWidth",
-    "PointSize", "AlphaFunc", "SampleCoverage", "PixelZoom", "PassThrough", "Accum", "BlendColor", "Bitmap", "ClipPlane",
+    "ClearColor",
+    "ClearAccum",
+    "ClearDepth",
+    "ClearIndex",
+    "Ortho",
+    "Frustum",
+    "DepthRange",
+    "PolygonOffset",
+    "LineWidth",
+    "PointSize",
+    "AlphaFunc",
+    "SampleCoverage",
+    "PixelZoom",
+    "PassThrough",
+    "Accum",
+    "BlendColor",
+    "Bitmap",
+    "ClipPlane",
 ];
 
 /// The bytes that calls point to.
@@ -179,7 +195,11 @@ impl GliText {
         let floats = self.hexadecimal && takes_floats(name);
         let mut tokens = Tokens { text: rest, floats, memory: &self.memory };
         let args = tokens.list(')').map_err(|reason| format!("{name}: {reason}"))?;
-        let result = tokens.text.trim_start().strip_prefix('=').map_or(Arg::Null, |text| number(text.trim(), false).unwrap_or(Arg::Null));
+        let result = tokens
+            .text
+            .trim_start()
+            .strip_prefix('=')
+            .map_or(Arg::Null, |text| number(text.trim(), false).unwrap_or(Arg::Null));
         Ok(Call { number: self.next, place, function, args, result })
     }
 }
@@ -244,7 +264,12 @@ impl Tokens<'_> {
         self.text = rest;
         if let Some(id) = word.strip_prefix('*') {
             let id: u64 = id.parse().map_err(|_| format!("{word:.40?} is no number of a buffer"))?;
-            return self.memory.blobs.get(&id).map(|bytes| Arg::Blob(bytes.clone())).ok_or_else(|| format!("there is no buffer {id}"));
+            return self
+                .memory
+                .blobs
+                .get(&id)
+                .map(|bytes| Arg::Blob(bytes.clone()))
+                .ok_or_else(|| format!("there is no buffer {id}"));
         }
         if word.starts_with('U') {
             // A pointer to what was not recorded.

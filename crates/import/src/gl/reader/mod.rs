@@ -45,12 +45,4 @@ impl Reader {
             Reader::Gli(reader) => reader.window,
         }
     }
-
-    /// What places are: bytes or lines.
-    pub fn unit(&self) -> &'static str {
-        match self {
-            Reader::Apitrace(_) => "byte",
-            Reader::Gli(_) => "line",
-        }
-    }
 }

@@ -1,0 +1,345 @@
+//! Recorded OpenGL programs: small recordings that are written here, read back, damaged and refused.
+
+use std::path::Path;
+
+use import::gl::{Report, import_bytes};
+use proptest::prelude::*;
+use trace::command::Command;
+use trace::{Reading, Trace, check};
+
+/// A value of a call.
+#[derive(Clone, Debug)]
+enum Value {
+    Float(f32),
+    Uint(u64),
+    Sint(u64),
+    /// An enumerant, whose signature is given once.
+    Enum(u64),
+    Floats(Vec<f32>),
+    Blob(Vec<u8>),
+}
+
+/// Writes recordings as apitrace does.
+struct Writer {
+    version: u64,
+    bytes: Vec<u8>,
+    functions: Vec<String>,
+    enum_known: bool,
+    calls: u64,
+}
+
+fn uint(out: &mut Vec<u8>, mut value: u64) {
+    while value > 0x7f {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+}
+
+fn string(out: &mut Vec<u8>, text: &str) {
+    uint(out, text.len() as u64);
+    out.extend_from_slice(text.as_bytes());
+}
+
+impl Writer {
+    fn new(version: u64) -> Writer {
+        let mut bytes = Vec::new();
+        uint(&mut bytes, version);
+        if version >= 6 {
+            uint(&mut bytes, 6);
+            string(&mut bytes, "process.name");
+            string(&mut bytes, "test");
+            string(&mut bytes, "");
+        }
+        Writer { version, bytes, functions: Vec::new(), enum_known: false, calls: 0 }
+    }
+
+    fn value(&mut self, value: &Value) {
+        let out = &mut self.bytes;
+        match value {
+            Value::Float(value) => {
+                out.push(5);
+                out.extend_from_slice(&value.to_le_bytes());
+            }
+            Value::Uint(value) => {
+                out.push(4);
+                uint(out, *value);
+            }
+            Value::Sint(value) => {
+                out.push(3);
+                uint(out, *value);
+            }
+            Value::Enum(value) => {
+                out.push(9);
+                if self.version >= 3 {
+                    uint(out, 0);
+                    if !std::mem::replace(&mut self.enum_known, true) {
+                        uint(out, 1);
+                        string(out, "GL_SOMETHING");
+                        out.push(4);
+                        uint(out, 1);
+                    }
+                    out.push(4);
+                    uint(out, *value);
+                } else {
+                    // Each use is a signature of its own.
+                    uint(out, 1000 + self.calls * 16 + out.len() as u64);
+                    string(out, "GL_SOMETHING");
+                    out.push(4);
+                    uint(out, *value);
+                }
+            }
+            Value::Floats(values) => {
+                out.push(11);
+                uint(out, values.len() as u64);
+                for value in values {
+                    out.push(5);
+                    out.extend_from_slice(&value.to_le_bytes());
+                }
+            }
+            Value::Blob(bytes) => {
+                out.push(8);
+                uint(out, bytes.len() as u64);
+                out.extend_from_slice(bytes);
+            }
+        }
+    }
+
+    fn call(&mut self, name: &str, args: &[Value]) {
+        self.bytes.push(0);
+        if self.version >= 4 {
+            uint(&mut self.bytes, 0);
+        }
+        let known = self.functions.iter().position(|known| known == name);
+        let id = known.unwrap_or(self.functions.len());
+        uint(&mut self.bytes, id as u64);
+        if known.is_none() {
+            self.functions.push(name.to_owned());
+            string(&mut self.bytes, name);
+            uint(&mut self.bytes, args.len() as u64);
+            for k in 0..args.len() {
+                string(&mut self.bytes, &format!("a{k}"));
+            }
+        }
+        for (k, arg) in args.iter().enumerate() {
+            self.bytes.push(1);
+            uint(&mut self.bytes, k as u64);
+            self.value(arg);
+        }
+        self.bytes.extend([0, 1]);
+        uint(&mut self.bytes, self.calls);
+        self.bytes.push(0);
+        self.calls += 1;
+    }
+
+    /// The file: Snappy chunks of so many bytes.
+    fn file(&self, chunk: usize) -> Vec<u8> {
+        let mut file = b"at".to_vec();
+        for piece in self.bytes.chunks(chunk) {
+            let packed = snap::raw::Encoder::new().compress_vec(piece).expect("a small piece");
+            file.extend_from_slice(&(packed.len() as u32).to_le_bytes());
+            file.extend_from_slice(&packed);
+        }
+        file
+    }
+}
+
+const TRIANGLES: u64 = 4;
+const COLOR_BUFFER_BIT: u64 = 0x4000;
+const LIGHTING: u64 = 0xb50;
+const LIGHT0: u64 = 0x4000;
+const TEXTURE_2D: u64 = 0xde1;
+
+/// A triangle, lit and textured, in two frames.
+fn program(version: u64) -> Writer {
+    use Value::*;
+    let mut w = Writer::new(version);
+    w.call("glViewport", &[Uint(0), Uint(0), Uint(32), Uint(16)]);
+    w.call("glEnable", &[Enum(LIGHTING)]);
+    w.call("glEnable", &[Enum(LIGHT0)]);
+    w.call("glLightfv", &[Enum(LIGHT0), Enum(0x1203), Floats(vec![0.0, 0.0, 1.0, 0.0])]);
+    w.call("glBindTexture", &[Enum(TEXTURE_2D), Uint(3)]);
+    w.call("glTexParameteri", &[Enum(TEXTURE_2D), Enum(0x2801), Sint(0)]);
+    w.call("glTexParameteri", &[Enum(TEXTURE_2D), Enum(0x2801), Enum(0x2600)]);
+    let texels = vec![200; 16];
+    w.call(
+        "glTexImage2D",
+        &[Enum(TEXTURE_2D), Uint(0), Uint(0x1908), Uint(2), Uint(2), Uint(0), Enum(0x1908), Enum(0x1401), Blob(texels)],
+    );
+    w.call("glEnable", &[Enum(TEXTURE_2D)]);
+    w.call("glNewList", &[Uint(1), Enum(0x1300)]);
+    w.call("glBegin", &[Enum(TRIANGLES)]);
+    for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]] {
+        w.call("glTexCoord2f", &[Float(x), Float(y)]);
+        w.call("glVertex3f", &[Float(x), Float(y), Float(0.0)]);
+    }
+    w.call("glEnd", &[]);
+    w.call("glEndList", &[]);
+    for _ in 0..2 {
+        w.call("glClear", &[Uint(COLOR_BUFFER_BIT)]);
+        w.call("glCallList", &[Uint(1)]);
+        w.call("glXSwapBuffers", &[Uint(1), Uint(2)]);
+    }
+    w
+}
+
+fn imported(bytes: Vec<u8>) -> Result<(Trace, Report), String> {
+    import_bytes(Path::new("x.trace"), bytes, [&[], &[]], &Reading::default()).map_err(|error| error.to_string())
+}
+
+fn draws(trace: &Trace) -> usize {
+    let mut draws = 0;
+    let counted: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+        draws += usize::from(matches!(command, Command::DrawIndexed { .. }));
+        Ok(())
+    });
+    counted.expect("commands in memory");
+    draws
+}
+
+#[test]
+fn every_version_of_the_container_is_read_and_chunks_mean_nothing() {
+    for version in 1..=6 {
+        for chunk in [7, 1 << 20] {
+            let (trace, report) = imported(program(version).file(chunk)).expect("a recording");
+            let summary = check(&trace).expect("a valid trace");
+            assert_eq!((summary.frames, draws(&trace), report.frames), (2, 2, 2), "version {version}");
+            assert!(report.unsupported.is_empty(), "{:?}", report.unsupported);
+            // The parameter that is no enumerant raised an error, and had no effect.
+            assert!(report.errors.is_empty() || report.errors.keys().all(|name| name.contains("glTexParameteri")));
+        }
+    }
+    let error = imported(Writer::new(7).file(64)).err().expect("a version that is not known");
+    assert!(error.contains("version 7"), "{error}");
+}
+
+#[test]
+fn gzip_is_read_and_brotli_is_refused_by_name() {
+    use std::io::Write;
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    packed.write_all(&program(4).bytes).expect("memory");
+    let (trace, _) = imported(packed.finish().expect("memory")).expect("a recording");
+    assert_eq!(draws(&trace), 2);
+    let error = imported(b"\x8b\x02\x80more".to_vec()).err().expect("no Snappy and no gzip");
+    assert!(error.contains("Brotli"), "{error}");
+}
+
+#[test]
+fn what_is_not_supported_is_counted_by_name() {
+    let mut w = program(6);
+    for _ in 0..3 {
+        w.call("glAccum", &[Value::Enum(0x100), Value::Float(1.0)]);
+    }
+    let (_, report) = imported(w.file(1 << 20)).expect("a recording");
+    let refusal = report.refusal().expect("something is not supported");
+    assert_eq!(refusal, format!("glAccum (3 times, first in call {})", program(6).calls));
+}
+
+#[test]
+fn a_call_that_raises_an_error_has_no_effect() {
+    let mut w = Writer::new(6);
+    w.call("glViewport", &[Value::Uint(0), Value::Uint(0), Value::Uint(8), Value::Uint(8)]);
+    w.call("glPopMatrix", &[]);
+    w.call("glBegin", &[Value::Enum(99)]);
+    w.call("glEnd", &[]);
+    w.call("glViewport", &[Value::Uint(0), Value::Uint(0), Value::Sint(8), Value::Uint(8)]);
+    w.call("glXSwapBuffers", &[]);
+    let (trace, report) = imported(w.file(1 << 20)).expect("a recording");
+    check(&trace).expect("a valid trace");
+    let errors: Vec<&str> = report.errors.keys().map(String::as_str).collect();
+    let wanted = [
+        "glBegin: GL_INVALID_ENUM",
+        "glEnd: GL_INVALID_OPERATION",
+        "glPopMatrix: GL_STACK_UNDERFLOW",
+        "glViewport: GL_INVALID_VALUE",
+    ];
+    assert_eq!(errors, wanted);
+}
+
+#[test]
+fn truncation_is_an_error_with_the_calls_number() {
+    let whole = program(6).file(64);
+    let (mut errors, mut named) = (0, 0);
+    for length in 0..whole.len() {
+        match imported(whole[..length].to_vec()) {
+            Ok((trace, _)) => assert!(draws(&trace) <= 2),
+            Err(error) => {
+                errors += 1;
+                named += usize::from(error.contains("call ") && error.contains("byte "));
+            }
+        }
+    }
+    // Only where a chunk ends between two events nothing is missing.
+    assert!(errors > whole.len() * 9 / 10 && named + 4 >= errors, "{errors} errors, {named} with a place, of {}", whole.len());
+}
+
+const TEXT: &str = "GLI0.h\n#! RES 16x8\n# a comment\nglClearColor(0x3f800000,0x0,0x0,0x3f800000)\n\
+    glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT)\nglMultMatrixd({0x0.0x3ff00000,0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x3ff00000,\
+    0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x3ff00000,0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x0,0x0.0x3ff00000})\n\
+    glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*4)\nglDrawArrays(GL_TRIANGLES,0,3)\n\
+    glProgramStringARB(GL_VERTEX_PROGRAM_ARB,GL_PROGRAM_FORMAT_ASCII_ARB,9,\"!!ARB\nEND\n\")\nwglSwapBuffers(7)=NOT TRACED\n";
+
+/// The two files beside a text: buffer 4 has the corners of a triangle.
+fn memory() -> [Vec<u8>; 2] {
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let corners = [-1.0_f32, -1.0, 1.0, -1.0, 0.0, 1.0].map(f32::to_bits);
+    let regions = [words(&[9, 4096, 24]), words(&corners)].concat();
+    [words(&[4, 4096, 24, 9]), regions]
+}
+
+fn imported_text(text: &[u8], memory: &[Vec<u8>; 2]) -> Result<(Trace, Report), String> {
+    let memory = [memory[0].as_slice(), memory[1].as_slice()];
+    import_bytes(Path::new("x.txt"), text.to_vec(), memory, &Reading::default()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_text_is_read_with_its_memory_file() {
+    let (trace, report) = imported_text(TEXT.as_bytes(), &memory()).expect("a recording");
+    let summary = check(&trace).expect("a valid trace");
+    assert_eq!((summary.frames, draws(&trace)), (1, 1));
+    assert!(report.unsupported.is_empty(), "{:?}", report.unsupported);
+    let mut clears = Vec::new();
+    let seen: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+        if let Command::BeginRenderPass { color, .. } = command {
+            clears.extend(color.iter().flatten().filter_map(|color| color.clear));
+        }
+        Ok(())
+    });
+    seen.expect("commands in memory");
+    assert_eq!(clears, [[1.0, 0.0, 0.0, 1.0]]);
+
+    let missing = imported_text(TEXT.replace("*4", "*5").as_bytes(), &memory()).err().expect("no such buffer");
+    assert!(missing.contains("line 8") && missing.contains("buffer 5"), "{missing}");
+    let short = [memory()[0].clone(), memory()[1][..30].to_vec()];
+    assert!(imported_text(TEXT.as_bytes(), &short).err().expect("a short file").contains("region 9"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn damaged_recordings_end_with_a_trace_or_a_message(edits in prop::collection::vec((any::<usize>(), any::<u8>()), 1..8), version in 1..7_u64) {
+        let mut writer = program(version);
+        let length = writer.bytes.len();
+        for (at, byte) in edits {
+            writer.bytes[at % length] = byte;
+        }
+        match imported(writer.file(1 << 20)) {
+            Ok((trace, _)) => drop(check(&trace)),
+            Err(error) => prop_assert!(error.starts_with("x.trace"), "{}", error),
+        }
+    }
+
+    #[test]
+    fn damaged_texts_end_with_a_trace_or_a_message(edits in prop::collection::vec((any::<usize>(), any::<u8>()), 1..8)) {
+        let mut text = TEXT.as_bytes().to_vec();
+        let length = text.len();
+        for (at, byte) in edits {
+            text[2 + at % (length - 2)] = byte;
+        }
+        match imported_text(&text, &memory()) {
+            Ok((trace, _)) => drop(check(&trace)),
+            Err(error) => prop_assert!(error.starts_with("x.txt"), "{}", error),
+        }
+    }
+}

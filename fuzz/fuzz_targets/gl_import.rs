@@ -1,0 +1,23 @@
+//! Whatever bytes are given as a recorded OpenGL program, importing and checking it ends with a trace or a message. A first byte `S` stands for
+//! the start of a file of apitrace, with the rest packed as one chunk, so that the fuzzer reaches the events behind the compression.
+
+#![no_main]
+
+use std::path::Path;
+
+use fillrate::import::gl::import_bytes;
+use fillrate::trace::{Reading, check};
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    let bytes = match data.split_first() {
+        Some((b'S', stream)) => {
+            let Ok(packed) = snap::raw::Encoder::new().compress_vec(stream) else { return };
+            [b"at".as_slice(), &(packed.len() as u32).to_le_bytes(), &packed].concat()
+        }
+        _ => data.to_vec(),
+    };
+    match import_bytes(Path::new("x.trace"), bytes, [&[], &[]], &Reading::default()) {
+        Ok((trace, _)) => drop(check(&trace)),
+        Err(error) => assert!(error.to_string().starts_with("x.trace"), "{error}"),
+    }
+});
