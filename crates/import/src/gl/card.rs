@@ -84,6 +84,9 @@ pub struct Fixed {
     pub textures: usize,
 }
 
+/// What a group of textures binds.
+type GroupKey = Vec<(ViewId, SamplerId)>;
+
 /// The frame buffer.
 struct Window {
     size: [u32; 2],
@@ -102,7 +105,7 @@ pub struct Card {
     uniform_layout: Option<BindGroupLayoutId>,
     texture_layouts: BTreeMap<usize, BindGroupLayoutId>,
     pipeline_layouts: BTreeMap<usize, PipelineLayoutId>,
-    groups: BTreeMap<Vec<(ViewId, SamplerId)>, (BindGroupId, Vec<TextureId>)>,
+    groups: BTreeMap<GroupKey, (BindGroupId, Vec<TextureId>)>,
     samplers: Vec<(SamplerDesc, SamplerId)>,
     copies: BTreeMap<Base, (RenderPipelineId, BindGroupLayoutId)>,
     clear_shader: Option<ShaderId>,
@@ -337,7 +340,7 @@ impl Card {
 
     /// The group of these textures; made once.
     pub fn textures(&mut self, bound: &[(TextureId, ViewId, SamplerId)]) -> BindGroupId {
-        let key: Vec<(ViewId, SamplerId)> = bound.iter().map(|&(_, view, sampler)| (view, sampler)).collect();
+        let key: GroupKey = bound.iter().map(|&(_, view, sampler)| (view, sampler)).collect();
         if let Some(&(id, _)) = self.groups.get(&key) {
             return id;
         }

@@ -26,6 +26,7 @@ mod lists;
 mod machine;
 mod matrix;
 mod names;
+mod pack;
 mod pixels;
 mod primitive;
 mod raster;

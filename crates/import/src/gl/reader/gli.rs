@@ -285,8 +285,8 @@ fn number(text: &str, floats: bool) -> Option<Arg> {
         let bits = u64::from(hexadecimal(low)?) | u64::from(hexadecimal(high)?) << 32;
         return Some(Arg::Num(f64::from_bits(bits)));
     }
-    if text.starts_with("0x") {
-        let bits = u64::from_str_radix(&text[2..], 16).ok()?;
+    if let Some(digits) = text.strip_prefix("0x") {
+        let bits = u64::from_str_radix(digits, 16).ok()?;
         let float = u32::try_from(bits).ok().filter(|_| floats).map(|bits| f64::from(f32::from_bits(bits)));
         return Some(Arg::Num(float.unwrap_or(bits as f64)));
     }
