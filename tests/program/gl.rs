@@ -99,8 +99,14 @@ fn recordings_look_as_their_references() {
         let trace = import::open(&recording).unwrap_or_else(|error| panic!("{error}"));
         let last = references.iter().map(|&(frame, _)| frame).max().unwrap_or(0);
         let config = Config::built_in("baseline").expect("a built-in configuration");
-        let options =
-            Options { config, fidelity: Fidelity::Functional, clock: Clock::SkipIdle, frames: 0..last + 1, watch: None };
+        let options = Options {
+            config,
+            fidelity: Fidelity::Functional,
+            clock: Clock::SkipIdle,
+            frames: 0..last + 1,
+            watch: None,
+            per_draw: false,
+        };
         let replayed = replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{name}: {error:#}"));
         for (number, path) in references {
             let frame = replayed.frames.iter().find(|frame| frame.number == number).expect("the frame");

@@ -107,7 +107,8 @@ impl Gl {
         let n = vertices.len() as u32;
         // Corners of each polygon; the last one of a triangle gives its flat colour.
         let mut triangles: Vec<[u32; 3]> = Vec::new();
-        let flat = self.state.flat;
+        // Which diagonal parts a quadrilateral is left open where no flat colour asks for one. What llvmpipe does, as seen in its pictures.
+        let flat = self.state.flat || self.state.is(e::LIGHTING);
         let quads = |first: u32, step: u32, corners: [u32; 4], out: &mut Vec<[u32; 3]>| {
             let count = if n < 4 { 0 } else { (n - 4) / step + 1 };
             for k in 0..count {
