@@ -48,7 +48,7 @@ const RECORDINGS: &[(&str, f64)] = &[
     ("attila/triangle", 33.0),
 ];
 
-/// Share of pixels that may be off by more than 8 of 255,.
+/// Share of pixels that may be off by more than 8 of 255.
 const OFF_MAX: f64 = 0.01;
 
 /// The recording and its reference images, with the number of the frame that each shows.
