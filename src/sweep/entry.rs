@@ -1,10 +1,24 @@
 //! What is kept of a machine's run: one line of a shard's file.
 
+use std::collections::HashMap;
+
 use serde::{Deserialize, Serialize};
 
-use crate::machine::FrameReport;
+use crate::machine::{FrameReport, PhaseReport};
 use crate::num::Cycle;
 use crate::stats::Tree;
+use crate::work::Funnel;
+
+/// A pass, a dispatch, transfers or scan-out on one machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pass {
+    /// Kind, number and label.
+    pub name: String,
+    /// Cycles.
+    pub cycles: Cycle,
+    /// The statistics that are kept and not 0: the place of each in [`Entry::paths`], and its value.
+    pub values: Vec<(u32, u64)>,
+}
 
 /// A frame on one machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,8 +29,8 @@ pub struct Row {
     pub cycles: Cycle,
     /// Seconds at the configuration's clock.
     pub seconds: f64,
-    /// Cycles of what was done one after another, by kind, number and label.
-    pub passes: Vec<(String, Cycle)>,
+    /// What was done one after another.
+    pub passes: Vec<Pass>,
     /// The other statistics that are kept, by [`Entry::paths`].
     pub values: Vec<f64>,
 }
@@ -81,10 +95,33 @@ impl Keep {
     /// What is kept of a frame: the paths, and the row.
     pub fn row(&self, report: &FrameReport) -> (Vec<String>, Row) {
         let (paths, values) = self.of(&report.tree);
-        let passes = report.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)).collect();
+        let places: HashMap<&str, u32> = paths.iter().map(String::as_str).zip(0..).collect();
+        let passes = report.phases.iter().map(|phase| pass(phase, &places)).collect();
         let seconds = report.tree.number("seconds").unwrap_or(0.0);
         (paths, Row { frame: report.number, cycles: report.cycles, seconds, passes, values })
     }
+}
+
+/// What is kept of a phase, whose statistics have places.
+fn pass(report: &PhaseReport, places: &HashMap<&str, u32>) -> Pass {
+    let mut values = Vec::new();
+    let mut put = |path: &str, value: u64| {
+        if let (Some(&place), true) = (places.get(path), value > 0) {
+            values.push((place, value));
+        }
+    };
+    if let Some(counts) = &report.counts {
+        let funnel = Funnel::NAMES.iter().zip(counts.funnel.values());
+        funnel.for_each(|(name, value)| put(&format!("funnel.{name}"), value));
+        let mut path = String::new();
+        counts.each(|(steps, of), name, value| {
+            path.clear();
+            steps.iter().copied().chain(of).for_each(|step| path.extend([step, "."]));
+            path.push_str(name);
+            put(&path, value);
+        });
+    }
+    Pass { name: report.phase.to_string(), cycles: report.cycles, values }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::entry::Entry;
 use super::folder::{Inputs, Results};
@@ -120,8 +120,13 @@ pub fn all(folder: &Path, inputs: &Inputs, plan: &Plan, results: &mut Results) -
                     ])
                 };
                 put(None, "cycles", row.cycles as f64, "cycles")?;
-                for (pass, cycles) in &row.passes {
-                    put(Some(pass), "cycles", *cycles as f64, "cycles")?;
+                for pass in &row.passes {
+                    put(Some(&pass.name), "cycles", pass.cycles as f64, "cycles")?;
+                    for &(place, value) in &pass.values {
+                        let path =
+                            entry.paths.get(place as usize).context("a pass has a statistic that its machine has not")?;
+                        put(Some(&pass.name), path, value as f64, measures.get(path.as_str()).copied().unwrap_or(""))?;
+                    }
                 }
                 for (path, value) in entry.paths.iter().zip(&row.values) {
                     put(None, path, *value, measures.get(path.as_str()).copied().unwrap_or(""))?;

@@ -8,6 +8,7 @@ mod draws;
 mod floors;
 mod gl;
 mod images;
+mod notebook;
 mod pages;
 mod recorded_scenes;
 mod report;

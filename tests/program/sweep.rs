@@ -71,10 +71,16 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
     let long = table(&out, "long.csv");
     let passes: u64 = long
         .iter()
-        .filter(|row| row["machine"] == "3" && !row["pass"].is_empty())
+        .filter(|row| row["machine"] == "3" && !row["pass"].is_empty() && row["counter"] == "cycles")
         .map(|row| row["value"].parse::<u64>().expect("cycles"))
         .sum();
     assert_eq!(passes.to_string(), rows[3]["cycles"], "the passes add up to the frame");
+    let misses = |pass: bool| -> u64 {
+        let own = long.iter().filter(|row| row["machine"] == "3" && row["pass"].is_empty() != pass);
+        let own = own.filter(|row| row["unit"] == "caches.texture" && row["counter"] == "misses");
+        own.map(|row| row["value"].parse::<f64>().expect("a count") as u64).sum()
+    };
+    assert_eq!(misses(true), misses(false), "so do their counters");
     assert!(
         long.iter().any(|row| row["unit"] == "caches.texture" && row["counter"] == "misses" && row["measure"] == "lookups"),
         "{:?}",
