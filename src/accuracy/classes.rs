@@ -37,7 +37,7 @@ pub fn errors(name: &str, trace: &Trace, options: &Options) -> Result<Errors> {
     let mut results = vec![(Simulated::default(), Estimated::default()); configs.len()];
     let mut rendering = options.rendering(trace);
     for (config, (simulated, estimated)) in configs.iter().zip(&mut results) {
-        simulate(&mut rendering, (config, options.clock), None, Exit::new(|_| Ok(())), simulated)?;
+        simulate(&mut rendering, (config, options.clock), Exit::new(|_| Ok(())), simulated)?;
         estimate(&mut rendering, config, Exit::new(|_| Ok(())), estimated)?;
     }
     rendering.run()?;

@@ -10,8 +10,8 @@ use crate::run::cycle::{Simulated, simulate};
 use crate::run::exit::{Exit, Frame};
 use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
 use crate::run::sample::clusters::{Clusters, random};
-use crate::run::sample::survey::{CacheCount, Count, Survey, take};
-use crate::run::sample::{Quantity, Sampling, of_survey};
+use crate::run::sample::survey::{CacheCount, Count, Survey};
+use crate::run::sample::{Quantity, Sampling, surveyed};
 use crate::stats::Tree;
 use crate::trace::Trace;
 
@@ -129,23 +129,22 @@ pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: us
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
 ///
-/// The trace is rendered once for `cycle`, `bound` and the survey, once without recording for `functional`, and once for each number of samples, with
-/// other frames recorded. Time in all is that of rendering and of the fidelity's own, one after the other.
+/// The trace is rendered once for `cycle` and `bound`; their time in all is that of rendering and of their own, one after the other. `sampled` and
+/// `functional` are run each for itself, as a replay runs them, and their time in all is that on the clock.
 ///
 /// # Errors
 /// If the trace cannot be rendered, a fidelity does not know the configuration, or the machine stops.
 pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed: u64) -> Result<Front> {
     let config = &options.config;
-    let (mut simulated, mut bound, mut survey) = (Simulated::default(), Estimated::default(), Survey::default());
+    let (mut simulated, mut bound) = (Simulated::default(), Estimated::default());
     let mut frames: Vec<[f64; QUANTITIES.len()]> = Vec::new();
     let count = |frame: Frame| {
         frames.push(counts().map(|count| count.of(&frame.tree)));
         Ok(())
     };
     let mut rendering = options.rendering(trace);
-    simulate(&mut rendering, (config, options.clock), None, Exit::new(count), &mut simulated)?;
+    simulate(&mut rendering, (config, options.clock), Exit::new(count), &mut simulated)?;
     estimate(&mut rendering, config, Exit::new(|_| Ok(())), &mut bound)?;
-    take(&mut rendering, config, &mut survey);
     let rendered = rendering.run()?;
     let recorded = rendered.time + rendered.profiling;
 
@@ -154,9 +153,9 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let mut points = vec![point("cycle".into(), times, &truth, &truth)];
     for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < frames.len()) {
         let sampling = Sampling { samples, seed, ..Sampling::default() };
-        let run = of_survey(&survey, trace, options, &sampling, Exit::new(|_| Ok(())))?;
+        let (run, survey) = surveyed(trace, options, &sampling, Exit::new(|_| Ok(())))?;
         let measured = values(&run.total);
-        let times = [run.machine_time + survey.time, recorded + survey.time + run.clock_time];
+        let times = [run.machine_time, run.clock_time];
         points.push(Point {
             margins: margins(&run, &measured),
             resampled: resample(&survey, &frames, samples as usize),
@@ -177,25 +176,33 @@ impl Front {
         (own > 0.0).then(|| self.points[0].time.as_secs_f64() / own)
     }
 
-    /// As a table in Markdown.
+    /// The same in host time in all.
+    pub fn whole_speed(&self, point: &Point) -> f64 {
+        self.points[0].whole.as_secs_f64() / point.whole.as_secs_f64().max(1e-9)
+    }
+
+    /// As a table in Markdown, the slowest in all first.
     pub fn table(&self) -> String {
         let percent = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2} %", 100.0 * v));
         let mut out = format!(
-            "{}: {} frames, {:.0} cycles\n\n| fidelity | host time on cycles | times as fast | in all | error in {} | mean error of {RESAMPLINGS} draws | half intervals | coverage |\n|---|---|---|---|{}---|---|---|\n",
+            "{}: {} frames, {:.0} cycles\n\n| fidelity | in all | times as fast | host time on cycles | times as fast | error in {} | mean error of {RESAMPLINGS} draws | half intervals | coverage |\n|---|---|---|---|---|{}---|---|---|\n",
             self.trace,
             self.frames,
             self.cycles,
             QUANTITIES.join(" | "),
             "---|".repeat(QUANTITIES.len())
         );
-        for point in &self.points {
+        let mut points: Vec<&Point> = self.points.iter().collect();
+        points.sort_by_key(|point| std::cmp::Reverse(point.whole));
+        for point in points {
             let errors: Vec<String> = point.errors.iter().map(|&error| percent(error)).collect();
             out.push_str(&format!(
-                "| {} | {:.3} ms | {} | {:.2} s | {} | {} | {} | {} |\n",
+                "| {} | {:.2} s | {:.1} | {:.3} ms | {} | {} | {} | {} | {} |\n",
                 point.fidelity,
+                point.whole.as_secs_f64(),
+                self.whole_speed(point),
                 1e3 * point.time.as_secs_f64(),
                 self.speed(point).map_or("-".into(), |speed| format!("{speed:.1}")),
-                point.whole.as_secs_f64(),
                 errors.join(" | "),
                 together(&point.resampled.errors, 2),
                 together(&point.margins, 1),
@@ -216,6 +223,7 @@ impl Front {
                     "seconds": point.time.as_secs_f64(),
                     "seconds_in_all": point.whole.as_secs_f64(),
                     "times_as_fast": self.speed(point),
+                    "times_as_fast_in_all": self.whole_speed(point),
                     "errors": named(&point.errors),
                     "margins": named(&point.margins),
                     "errors_of_draws": named(&point.resampled.errors),
@@ -271,14 +279,14 @@ fn named(shares: &[Option<f64>; QUANTITIES.len()]) -> Value {
 /// Colours of traces in the plot.
 const COLORS: [&str; 8] = ["#1f5fa8", "#c4511d", "#2d7d46", "#7b4fa3", "#8a6d1a", "#b03060", "#2a7f8e", "#5d5d5d"];
 
-/// A plot of run time against error in cycles as SVG: both axes logarithmic, faster to the right, nearer below.
+/// A plot of run time in all against error in cycles as SVG: both axes logarithmic, faster to the right, nearer below.
 pub fn plot(fronts: &[Front]) -> String {
     const SIZE: [f64; 2] = [760.0, 470.0];
     const LEFT: f64 = 70.0;
     const TOP: f64 = 24.0;
     let (width, height) = (SIZE[0] - LEFT - 190.0, SIZE[1] - TOP - 60.0);
     let fastest =
-        fronts.iter().flat_map(|front| front.points.iter().filter_map(|point| front.speed(point))).fold(1000.0, f64::max);
+        fronts.iter().flat_map(|front| front.points.iter().map(|point| front.whole_speed(point))).fold(100.0, f64::max);
     let decades = fastest.log10().ceil();
     // From 0.01 % to 100 %.
     let place = |speed: f64, error: f64| {
@@ -316,7 +324,7 @@ pub fn plot(fronts: &[Front]) -> String {
         [LEFT + width / 2.0, SIZE[1] - 16.0],
         "middle",
         "black",
-        "times as fast as cycle, in host time spent on cycles",
+        "times as fast as cycle, in host time of the whole command",
     );
     text(&mut out, [8.0, 14.0], "start", "black", "error in cycles");
     for (name, speed, error) in MARKS {
@@ -331,7 +339,7 @@ pub fn plot(fronts: &[Front]) -> String {
     }
     for (front, color) in fronts.iter().zip(COLORS.iter().cycle()) {
         for point in &front.points[1..] {
-            let (Some(speed), Some(error)) = (front.speed(point), point.errors[0]) else { continue };
+            let (speed, Some(error)) = (front.whole_speed(point), point.errors[0]) else { continue };
             let [x, y] = place(speed, error);
             let shape = if point.margins[0].is_some() {
                 format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\" fill=\"{color}\"/>\n")

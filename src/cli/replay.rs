@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
@@ -42,7 +43,7 @@ pub struct Arguments {
     /// Where to leave images and statistics
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Which pictures to leave in --out [default: all]
+    /// Which pictures to leave in --out [default: all; with --fidelity sampled: simulated]
     #[arg(long, value_enum, requires = "out")]
     images: Option<ImagesName>,
     /// Where to leave a page that shows the frame that costs most: one HTML file with all that is in it
@@ -66,6 +67,10 @@ pub struct Arguments {
     /// With --fidelity sampled: frames that are simulated and counted [default: 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Option<u32>,
+    /// With --fidelity sampled: simulate as many frames as the whole replay has time for on this host, as in 60s or 5m; the interval says
+    /// what error to expect
+    #[arg(long, value_name = "TIME", conflicts_with = "samples", value_parser = time)]
+    time_limit: Option<Duration>,
     /// With --fidelity sampled: frames before each of these that warm the caches and are not counted [default: 1]
     #[arg(long, value_name = "N")]
     warm_up: Option<u32>,
@@ -96,6 +101,8 @@ enum FidelityName {
 enum ImagesName {
     /// One for each frame
     All,
+    /// One for each frame that is simulated; others are not drawn
+    Simulated,
     /// No pictures: statistics only
     None,
 }
@@ -106,6 +113,22 @@ enum ClockName {
     SkipIdle,
     /// Visit every cycle
     EveryCycle,
+}
+
+/// A time, as in `90s` or `5m`.
+fn time(text: &str) -> Result<Duration, String> {
+    let (number, unit) = text.split_at(text.len() - text.chars().last().map_or(0, char::len_utf8));
+    let seconds = match unit {
+        "s" => 1.0,
+        "m" => 60.0,
+        "h" => 3600.0,
+        _ => return Err("write it with its unit, as in 90s, 5m or 1h".into()),
+    };
+    let number: f64 = number.parse().map_err(|_| format!("`{number}` is no number"))?;
+    match Duration::try_from_secs_f64(number * seconds) {
+        Ok(time) if !time.is_zero() => Ok(time),
+        _ => Err("it is no time".into()),
+    }
 }
 
 /// A half-open range of frames, or one frame.
@@ -124,12 +147,25 @@ impl FromStr for Frames {
 fn refuse_ignored(arguments: &Arguments) -> Result<()> {
     let given = [
         ("--samples", arguments.samples.is_some()),
+        ("--time-limit", arguments.time_limit.is_some()),
         ("--warm-up", arguments.warm_up.is_some()),
         ("--seed", arguments.seed.is_some()),
     ];
     match given.into_iter().find(|&(_, given)| given) {
         Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
             bail!("{option} is about --fidelity sampled, and would be ignored here")
+        }
+        _ if matches!((&arguments.fidelity, arguments.images), (FidelityName::Sampled, Some(ImagesName::All))) => {
+            bail!(
+                "--fidelity sampled draws no picture of frames that it does not simulate: use --images simulated, or --fidelity functional for all"
+            )
+        }
+        _ if matches!(
+            (&arguments.fidelity, arguments.images),
+            (FidelityName::Functional | FidelityName::Bound, Some(ImagesName::Simulated))
+        ) =>
+        {
+            bail!("--images simulated is about --fidelity sampled and cycle: no frame is simulated here")
         }
         _ if arguments.per_draw && arguments.out.is_none() && arguments.report.is_none() && arguments.timeline.is_none() => {
             bail!("--per-draw is about --out, --report and --timeline, and would be ignored here")
@@ -162,7 +198,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             FidelityName::Bound => Fidelity::Bound,
             FidelityName::Sampled => {
                 let (samples, seed) = (arguments.samples.unwrap_or(8), arguments.seed.unwrap_or(1));
-                Fidelity::Sampled(Sampling { samples, seed, warm_up: arguments.warm_up.unwrap_or(1) })
+                let (warm_up, time_limit) = (arguments.warm_up.unwrap_or(1), arguments.time_limit);
+                Fidelity::Sampled(Sampling { samples, seed, warm_up, time_limit })
             }
             FidelityName::Cycle => Fidelity::Cycle,
         },
@@ -183,7 +220,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         fidelity: options.fidelity.name(),
     };
     let images = match arguments.images {
-        None | Some(ImagesName::All) => Images::All,
+        None | Some(ImagesName::All | ImagesName::Simulated) => Images::All,
         Some(ImagesName::None) => Images::None,
     };
     let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);

@@ -13,7 +13,6 @@ use crate::num::Cycle;
 use crate::render::Held;
 use crate::sim::Clock;
 use crate::stats::Tree;
-use crate::work::Event;
 
 /// What simulating frames came to.
 #[derive(Clone, Debug, Default)]
@@ -26,17 +25,13 @@ pub struct Simulated {
     pub machine_time: Duration,
 }
 
-/// Which frames only warm up for others.
-pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
-
-/// Adds a machine to a rendering. Frames that only warm up are warmed functionally ([`apply`](crate::unit::apply)).
+/// Adds a machine to a rendering.
 ///
 /// # Errors
 /// If knobs do not fit each other.
 pub fn simulate<'r>(
     rendering: &mut Rendering<'r>,
     (config, clock): (&'r Config, Clock),
-    warms_up: Option<WarmsUp<'r>>,
     mut exit: Exit<'r>,
     out: &'r mut Simulated,
 ) -> Result<()> {
@@ -45,18 +40,6 @@ pub fn simulate<'r>(
         machine.watch_draws();
     }
     let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: exit.keeps };
-    let frames = rendering.frames().clone();
-    let mut under_way = frames.next(0);
-    let role = move |event| match event {
-        Event::Segment(segment) if under_way.zip(warms_up).is_some_and(|(frame, warms_up)| warms_up(frame)) => {
-            Event::Applied(segment)
-        }
-        Event::EndFrame(end) => {
-            under_way = frames.next(end.number + 1);
-            Event::EndFrame(end)
-        }
-        other => other,
-    };
     let run = move |work: Work| {
         let busy = Stopwatch::start();
         let (closed, mut failed) = (Cell::new(false), None);
@@ -69,7 +52,7 @@ pub fn simulate<'r>(
             failed = exit.put(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }).err();
             closed.set(failed.is_some());
         };
-        let run = machine.run_watched(work.take_while(|_| !closed.get()).map(role), clock, each, watcher);
+        let run = machine.run_watched(work.take_while(|_| !closed.get()), clock, each, watcher);
         let machine_time = busy.elapsed();
         // A machine that lost its input has nothing to add.
         if let Some(failed) = failed {

@@ -59,7 +59,7 @@ pub fn run(trace: &Trace, machines: &[(&Config, Clock)]) -> Result<Vec<Ran>> {
             shown.push(Shown::of(&frame));
             Ok(())
         });
-        simulate(&mut rendering, machine, None, exit, out)?;
+        simulate(&mut rendering, machine, exit, out)?;
     }
     rendering.run()?;
     let ran = |(shown, Simulated { cycles, total, machine_time })| Ran { shown, cycles, total, machine_time };

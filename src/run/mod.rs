@@ -1,5 +1,6 @@
 //! Floor 5: replay: one rendering, and those who read its work side by side.
 
+pub mod apart;
 pub mod bound;
 pub mod cycle;
 pub mod exit;

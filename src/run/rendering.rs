@@ -5,13 +5,14 @@
 //! event is suspended inside of `next`, and goes on where it was: nothing that it computes can depend on how far the rendering is. Of those
 //! that have events only so many run at a time as there are turns.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
 
 use super::profiles::{self, Reader};
-use crate::render::{self, Held, Stop};
+use crate::render::{self, Held, Needs, Stop};
 use crate::trace::Trace;
 use crate::work::{Event, RenderKey};
 
@@ -106,6 +107,22 @@ impl<'r> Rendering<'r> {
     /// A rendering that nobody reads yet. Of the options it takes the frames, the skips and the watch.
     pub fn new(trace: &'r Trace, options: render::Options) -> Rendering<'r> {
         Rendering { trace, options, turns: rayon::current_num_threads(), readers: Vec::new() }
+    }
+
+    /// Leaves out what nobody needs, and records some frames only; none: all.
+    pub fn needs(&mut self, needs: Needs, recorded: Option<render::FrameSet>) {
+        self.options.needs = Some(Arc::new(needs));
+        self.options.recorded = recorded;
+    }
+
+    /// Lets machines begin anew in some frames: they are told what they load there, whatever an earlier one knows.
+    pub fn begin_anew(&mut self, frames: render::FrameSet) {
+        self.options.begins = Some(frames);
+    }
+
+    /// How many consumers may compute at a time.
+    pub fn turns(&self) -> usize {
+        self.turns.max(1)
     }
 
     /// Lets consumers compute one at a time, so that none disturbs the other's host time.

@@ -195,7 +195,7 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
             let (mut out, mut limited) = (Simulated::default(), Vec::new());
             let mut rendering = options.rendering(trace);
             let limits = exit.limits;
-            simulate(&mut rendering, (config, options.clock), None, exit, &mut out)?;
+            simulate(&mut rendering, (config, options.clock), exit, &mut out)?;
             if limits {
                 frames::limits(&mut rendering, config, &mut limited);
             }

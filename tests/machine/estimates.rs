@@ -218,7 +218,7 @@ fn what_sorts_limits_where_it_is_slow() {
 #[test]
 fn some_frames_stand_for_all() {
     let whole = frames("flight.zip", Fidelity::Cycle, &[], 0..24);
-    let sampling = Sampling { samples: 4, seed: 3, warm_up: 1 };
+    let sampling = Sampling { samples: 4, seed: 3, ..Sampling::default() };
     let some = frames("flight.zip", Fidelity::Sampled(sampling), &[], 0..24);
     let margin = some.total.number("sampled.margins.cycles").expect("a margin");
     let (told, truth) = (cycles(&some), cycles(&whole));

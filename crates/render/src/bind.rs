@@ -142,14 +142,33 @@ impl Held {
     }
 }
 
-fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<Vec<Held>, String> {
+const NO_SUCH_BINDING: &str = "the bind group has no such binding";
+
+/// The bind group that has a binding, as it is set and as it was made.
+fn group_of<'b>(
+    res: &'b Resources,
+    binding: &Binding,
+    bound: &'b Bindings,
+) -> Result<(&'b super::state::BoundGroup, &'b super::resources::BindGroup), String> {
     let group = bound
         .groups
         .get(binding.group as usize)
         .and_then(Option::as_ref)
         .ok_or_else(|| format!("no bind group is set at index {}", binding.group))?;
-    let bind_group = res.bind_groups.get(group.group.0)?;
-    let resource = bind_group.find(binding.binding).ok_or("the bind group has no such binding")?.clone();
+    Ok((group, res.bind_groups.get(group.group.0)?))
+}
+
+/// What is bound to a binding, by name.
+///
+/// # Errors
+/// If nothing is.
+pub(super) fn bound<'b>(res: &'b Resources, binding: &Binding, bound: &'b Bindings) -> Result<&'b BoundResource, String> {
+    Ok(group_of(res, binding, bound)?.1.find(binding.binding).ok_or(NO_SUCH_BINDING)?)
+}
+
+fn resolve(res: &mut Resources, binding: &Binding, bound: &Bindings) -> Result<Vec<Held>, String> {
+    let (group, bind_group) = group_of(res, binding, bound)?;
+    let resource = bind_group.find(binding.binding).ok_or(NO_SUCH_BINDING)?.clone();
     let dynamic = match bind_group.dynamic.binary_search(&binding.binding) {
         Ok(at) => {
             u64::from(*group.offsets.get(at).ok_or_else(|| format!("{} dynamic offsets are given", group.offsets.len()))?)

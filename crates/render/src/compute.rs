@@ -49,6 +49,13 @@ impl ComputePipeline {
     }
 }
 
+/// Whether the next command that dispatches has to be run.
+fn needed(renderer: &mut Renderer<'_, '_>) -> bool {
+    let number = renderer.dispatching;
+    renderer.dispatching += 1;
+    renderer.options.needs.as_ref().is_none_or(|needs| needs.dispatch(number))
+}
+
 /// A compute pass between its begin and its end.
 pub(super) struct ActiveCompute {
     pipeline: Option<u32>,
@@ -81,8 +88,12 @@ impl ActiveCompute {
             Command::SetComputePipeline(id) => self.pipeline = Some(id.0),
             Command::SetBindGroup { index, group, offsets } => self.bindings.set(*index, *group, offsets)?,
             Command::SetImmediates { offset, words } => self.bindings.set_immediates(*offset, words)?,
-            Command::Dispatch { groups } => self.dispatch(renderer, *groups)?,
+            Command::Dispatch { groups } => {
+                let needed = needed(renderer);
+                self.dispatch(renderer, *groups, needed)?;
+            }
             &Command::DispatchIndirect { buffer, offset } => {
+                let needed = needed(renderer);
                 let words = &renderer.res.buffers.get(buffer.0)?.words;
                 if offset.checked_add(12).is_none_or(|end| end > words.len()) {
                     return Err(
@@ -92,7 +103,7 @@ impl ActiveCompute {
                 let groups = std::array::from_fn(|i| words.u32_at(offset as usize + 4 * i));
                 // WebGPU: a dispatch beyond the limit that only the card sees does nothing.
                 if groups.iter().all(|&n| n <= MAX_GROUPS) {
-                    self.dispatch(renderer, groups)?;
+                    self.dispatch(renderer, groups, needed)?;
                 }
             }
             &Command::WriteTimestamp { set, index } => renderer.write_timestamp(set, index)?,
@@ -116,7 +127,8 @@ impl ActiveCompute {
         Ok(())
     }
 
-    fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3]) -> Result<(), Fault> {
+    /// Runs a dispatch. Of one that is not needed only its size is told.
+    fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3], needed: bool) -> Result<(), Fault> {
         let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
         let pipeline = renderer.res.compute_pipelines.get(id)?.clone();
         let number = renderer.dispatches;
@@ -128,6 +140,20 @@ impl ActiveCompute {
             *counted += groups * u64::from(invocations);
         }
         if groups == 0 {
+            return Ok(());
+        }
+        let announced = |pipeline: &ComputePipeline| Dispatch {
+            number,
+            label: pipeline.label.clone(),
+            shape: ShaderShape { registers: interface.registers, inputs: 3, outputs: 0 },
+            groups,
+            invocations,
+            shared_bytes: interface.workgroup_bytes,
+        };
+        if !renderer.recording() {
+            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline))))?;
+        }
+        if !needed {
             return Ok(());
         }
         let ledger = renderer.ledger.clone();
@@ -148,14 +174,7 @@ impl ActiveCompute {
         let mut bound = self.executor.bind(&pipeline.program, &resources, &uniforms).within(&ledger.steps, Some(&growth));
         if renderer.recording() {
             let packets_a_group = u64::from(invocations.div_ceil(4));
-            renderer.emit(Event::Dispatch(Arc::new(Dispatch {
-                number,
-                label: pipeline.label.clone(),
-                shape: ShaderShape { registers: interface.registers, inputs: 3, outputs: 0 },
-                groups,
-                invocations,
-                shared_bytes: interface.workgroup_bytes,
-            })))?;
+            renderer.emit(Event::Dispatch(Arc::new(announced(&pipeline))))?;
             let step = (PACKETS_A_PIECE / packets_a_group).max(1);
             let mut recorder = Recorder::with(Extra::of(&renderer.options.key));
             let mut at = 0;

@@ -122,7 +122,7 @@ impl Renderer<'_, '_> {
             }
             &Command::Present { texture } => {
                 self.end_frame(Some((texture, 0, 0)))?;
-                self.frame += 1;
+                self.begin_frame();
                 // Nobody asks for what comes after the last frame that is wanted.
                 return if self.options.frames.end() > self.frame { Ok(()) } else { Err(Fault::Stop) };
             }

@@ -15,6 +15,7 @@ use super::debug_groups::DebugGroups;
 use super::draw::{Boxes, DrawError, Skips};
 use super::ledger::{Claim, Held, Ledger, Watch};
 use super::memory::AddressSpace;
+use super::needs::Needs;
 use super::objects::is_about_objects;
 use super::pass::ActivePass;
 use super::resources::*;
@@ -27,6 +28,11 @@ impl FrameSet {
     /// Whether a frame is among them.
     pub fn contains(&self, frame: u32) -> bool {
         self.0.iter().any(|range| range.contains(&frame))
+    }
+
+    /// The ranges, in the order in which they were given.
+    pub fn ranges(&self) -> &[Range<u32>] {
+        &self.0
     }
 
     /// The number behind the last.
@@ -64,6 +70,12 @@ pub struct Options {
     pub key: RenderKey,
     /// Whether work is recorded; if not, segments carry their funnels only.
     pub record: bool,
+    /// Of which frames it is recorded; none: of all.
+    pub recorded: Option<FrameSet>,
+    /// Frames in which a machine begins that knows nothing of the frames before.
+    pub begins: Option<FrameSet>,
+    /// What has to be run; none: everything.
+    pub needs: Option<Arc<Needs>>,
     /// Frames whose events are handed on; the others are rendered for what they leave behind.
     pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
@@ -79,6 +91,9 @@ impl Default for Options {
         Options {
             key: RenderKey::default(),
             record: false,
+            recorded: None,
+            begins: None,
+            needs: None,
             frames: (0..u32::MAX).into(),
             skips: Skips::default(),
             held: Held::default(),
@@ -178,22 +193,36 @@ pub fn render(trace: &Trace, options: &Options, sink: &mut Sink<'_>) -> Result<S
         watch.begin(&ledger);
     }
     let mut renderer = Renderer::new(trace, options.clone(), ledger.clone(), sink);
+    let commands = walk(trace, &ledger, &mut |command| match command {
+        Some(command) => renderer.run(command),
+        None => renderer.finish(),
+    })?;
+    let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
+    Ok(Summary { frames, commands, overwritten: renderer.overwritten, ledger })
+}
+
+/// Checks the commands of a trace and hands them on in order, and none at its end; how many there were.
+///
+/// # Errors
+/// What is wrong with the trace or with a command, which is named.
+pub(super) fn walk(
+    trace: &Trace,
+    ledger: &Ledger,
+    each: &mut dyn FnMut(Option<&Command>) -> Result<(), Fault>,
+) -> Result<u64, TraceError> {
     let mut checker = Checker::new(trace);
     let mut commands = 0;
     let mut result = trace.for_each_command(|index, command| {
         commands = index;
         ledger.begin(index, command.name())?;
         checker.command(index, command)?;
-        renderer.run(command)
+        each(Some(command))
     });
     if result.is_ok() {
-        result = checker.finish().map_err(Fault::Trace).and_then(|_| renderer.finish());
+        result = checker.finish().map_err(Fault::Trace).and_then(|_| each(None));
     }
     match result {
-        Ok(()) | Err(Fault::Stop) => {
-            let frames = renderer.frame.max(u32::from(renderer.implicit_frame));
-            Ok(Summary { frames, commands: commands + 1, overwritten: renderer.overwritten, ledger })
-        }
+        Ok(()) | Err(Fault::Stop) => Ok(commands + 1),
         Err(Fault::Reason(reason)) => Err(trace.error_at(commands, format!("{}: {reason}", ledger.command().1))),
         Err(Fault::Trace(error)) if error.command.is_none() => Err(error.in_command(commands)),
         Err(Fault::Trace(error)) => Err(error),
@@ -229,6 +258,8 @@ pub(super) struct Renderer<'t, 's> {
     /// Render pipelines created.
     pub(super) pipelines: u64,
     pub(super) dispatches: u32,
+    /// Commands that dispatch.
+    pub(super) dispatching: u32,
     /// Commands that count as moments of time, for time stamps.
     pub(super) moment: u64,
     /// What the last texture-to-buffer copy read.
@@ -250,7 +281,12 @@ pub(super) struct Renderer<'t, 's> {
 }
 
 impl<'t, 's> Renderer<'t, 's> {
-    fn new<'a: 's>(trace: &'t Trace, options: Options, ledger: Arc<Ledger>, sink: &'s mut Sink<'a>) -> Renderer<'t, 's> {
+    pub(super) fn new<'a: 's>(
+        trace: &'t Trace,
+        options: Options,
+        ledger: Arc<Ledger>,
+        sink: &'s mut Sink<'a>,
+    ) -> Renderer<'t, 's> {
         Renderer {
             trace,
             options,
@@ -266,6 +302,7 @@ impl<'t, 's> Renderer<'t, 's> {
             overwritten: 0,
             pipelines: 0,
             dispatches: 0,
+            dispatching: 0,
             moment: 0,
             copied: None,
             drawn: None,
@@ -285,7 +322,8 @@ impl<'t, 's> Renderer<'t, 's> {
 
     /// Whether work is recorded now.
     pub(super) fn recording(&self) -> bool {
-        self.options.record && self.in_range()
+        let recorded = self.options.recorded.as_ref().is_none_or(|frames| frames.contains(self.frame));
+        self.options.record && recorded && self.in_range()
     }
 
     /// Hands an event on, if the frame is wanted.
@@ -295,7 +333,7 @@ impl<'t, 's> Renderer<'t, 's> {
         }
         let piece = match &event {
             // Counts alone are small, and the picture has its own claim.
-            Event::Segment(_) if !self.options.record => 0,
+            Event::Segment(_) if !self.recording() => 0,
             Event::EndFrame(_) => 0,
             event => event.bytes(),
         };
@@ -384,6 +422,14 @@ impl<'t, 's> Renderer<'t, 's> {
         Ok(())
     }
 
+    /// The next frame begins.
+    pub(super) fn begin_frame(&mut self) {
+        self.frame += 1;
+        if self.options.begins.as_ref().is_some_and(|frames| frames.contains(self.frame)) {
+            self.res.forget_machine();
+        }
+    }
+
     pub(super) fn end_frame(&mut self, shown: Option<(TextureId, u32, u32)>) -> Result<(), Fault> {
         if !self.in_range() {
             return Ok(());
@@ -395,7 +441,11 @@ impl<'t, 's> Renderer<'t, 's> {
             frames.grow("the statistics of a frame", FRAME)?;
         }
         let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false };
-        if let Some((id, level, layer)) = shown {
+        if let Some((id, level, layer)) = shown
+            && self.options.needs.as_ref().is_some_and(|needs| !needs.picture(self.frame))
+        {
+            end.shown = Some(self.res.textures.get(id.0)?.surface(id, level, layer));
+        } else if let Some((id, level, layer)) = shown {
             let texture = self.res.flushed(id)?;
             let surface: Surface = texture.surface(id, level, layer);
             let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));

@@ -14,6 +14,7 @@ use super::bind::ResolvedBindings;
 use super::draw::{self, BufferRange, DrawCall, IndexRange, RenderPass, Signer};
 use super::execute::{Fault, Renderer};
 use super::ledger::Claim;
+use super::needs::Need;
 use super::pipeline::RenderPipeline;
 use super::resources::{Buffer, Resources};
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
@@ -54,6 +55,8 @@ pub(super) struct ActivePass {
     /// The open statistics query and what was counted since.
     open_statistics: Option<(QuerySetId, u32, Funnel)>,
     timestamps: Option<PassTimestamps>,
+    /// What has to be done of it.
+    need: Need,
 }
 
 impl ActivePass {
@@ -185,6 +188,7 @@ impl ActivePass {
         let (width, height, samples) = extent.ok_or("a render pass without attachments")?;
         let number = renderer.passes;
         renderer.passes += 1;
+        let need = renderer.options.needs.as_ref().map_or(Need::Colors, |needs| needs.pass(number));
         let info = Pass { number, label, width, height, samples, color: attachments, depth: depth_attachment };
         renderer.emit(Event::BeginPass(Arc::new(info)))?;
         Ok(ActivePass {
@@ -198,6 +202,7 @@ impl ActivePass {
             open_occlusion: None,
             open_statistics: None,
             timestamps,
+            need,
         })
     }
 
@@ -359,7 +364,7 @@ impl ActivePass {
         let pipeline = renderer.res.render_pipelines.get(id)?.clone();
         let number = renderer.draws;
         renderer.draws += 1;
-        if range.count == 0 || range.instances == 0 {
+        if range.count == 0 || range.instances == 0 || self.need == Need::Nothing {
             return Ok(());
         }
         let ledger = renderer.ledger.clone();
@@ -412,6 +417,7 @@ impl ActivePass {
             blend_constant: state.blend_constant,
             stencil_reference: state.stencil_reference,
             count_samples: self.open_occlusion.is_some(),
+            colors: self.need == Need::Colors,
             key: renderer.options.key,
             record: renderer.recording(),
             signature,
@@ -453,7 +459,7 @@ impl ActivePass {
         let ended = self.pass.end();
         for (bound, tiles) in self.color.iter().zip(ended.color) {
             let (Some(bound), Some(tiles)) = (bound, tiles) else { continue };
-            if let Some(to) = bound.resolve {
+            if let Some(to) = bound.resolve.filter(|_| self.need == Need::Colors) {
                 renderer.ledger.bytes.charge(tiles.shape().bytes())?;
                 let single = Shape { samples: 1, ..tiles.shape() };
                 let claim = renderer.ledger.claim("the resolved samples of an attachment", single.tiled_bytes())?;

@@ -69,6 +69,11 @@ impl<T> Table<T> {
         self.objects.remove(&id).map(|(object, _)| object).ok_or(missing)
     }
 
+    /// All of them, by id.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &T)> {
+        self.objects.iter().map(|(&id, (object, _))| (id, object))
+    }
+
     fn missing(&self, id: impl Display) -> String {
         format!("{} {id} does not exist", self.kind)
     }
@@ -411,6 +416,12 @@ pub struct Resources {
 }
 
 impl Resources {
+    /// Notes that the machine that follows knows no contents of any texture.
+    pub fn forget_machine(&mut self) {
+        let textures = self.textures.objects.values_mut();
+        textures.flat_map(|(texture, _)| texture.images.values_mut()).for_each(|state| state.machine_knows = false);
+    }
+
     /// No objects.
     pub fn new(ledger: Arc<Ledger>) -> Resources {
         Resources {

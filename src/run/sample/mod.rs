@@ -1,16 +1,19 @@
 //! The `sampled` fidelity: some frames are simulated and stand for all.
 //!
-//! The trace is rendered twice: once for the profiles of all frames ([`survey`]), by which those to be simulated are chosen ([`clusters`]), and
-//! once more with work recorded for these alone.
+//! The commands are read three times: for what depends on what ([`Dependencies`]), in which nothing is drawn; for a [`survey`] of all frames, by
+//! which those to be simulated are chosen ([`clusters`]); and once more with work recorded for these alone, where only what they read of
+//! other frames is drawn.
 
 pub mod clusters;
+mod ridge;
 pub mod survey;
 
 use std::ops::Range;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail};
 
-use super::cycle::{Simulated, simulate};
+use super::apart::simulate_apart;
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
 use super::replay::{Options, Outcome, seconds};
@@ -20,7 +23,7 @@ use survey::{CacheCount, Count, Survey, Way};
 use crate::machine::Config;
 use crate::machine::class::Sorted;
 use crate::mem::CacheCounts;
-use crate::render::FrameSet;
+use crate::render::{Dependencies, FrameSet, Want};
 use crate::stats::{Group, Node, Tree};
 use crate::trace::Trace;
 use crate::unit::sorting::{EarlyTest, Keep};
@@ -35,11 +38,14 @@ pub struct Sampling {
     /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
     /// ([`apply`](crate::unit::apply)) are; the others simulate these frames.
     pub warm_up: u32,
+    /// Takes as many samples as the whole replay has time for on this host, by the time that the first two take; not
+    /// `samples` then. The statistics say how many they were: with as many the result comes again.
+    pub time_limit: Option<Duration>,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Sampling { samples: 8, seed: 1, warm_up: 1 }
+        Sampling { samples: 8, seed: 1, warm_up: 1, time_limit: None }
     }
 }
 
@@ -118,19 +124,44 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
-    let mut survey = Survey::default();
-    let mut rendering = options.rendering(trace);
-    survey::take(&mut rendering, &options.config, &mut survey);
-    rendering.run()?;
-    let outcome = of_survey(&survey, trace, options, sampling, exit)?;
-    Ok(Outcome { machine_time: outcome.machine_time + survey.time, ..outcome })
+    let (outcome, _) = surveyed(trace, options, sampling, exit)?;
+    Ok(outcome)
 }
 
-/// The same for frames whose estimates are known.
+/// The same, with the survey by which the frames were chosen.
 ///
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
-pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+pub fn surveyed(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<(Outcome, Survey)> {
+    let watch = Stopwatch::start();
+    let dependencies = Dependencies::of(trace, options.frames.end)?;
+    let survey = survey::survey(trace, options, &dependencies)?;
+    let all = survey.numbers.len() as u32;
+    let samples = match sampling.time_limit {
+        Some(limit) if all > 3 => {
+            let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
+            of_survey(&survey, &dependencies, trace, options, &two, Exit::new(|_| Ok(())))?;
+            let left = limit.saturating_sub(watch.clock()).as_secs_f64();
+            let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
+            (more as u32).clamp(2, all - 1)
+        }
+        _ => sampling.samples,
+    };
+    let sampling = &Sampling { samples, ..*sampling };
+    let outcome = of_survey(&survey, &dependencies, trace, options, sampling, exit)?;
+    let outcome = Outcome { machine_time: outcome.machine_time + survey.time, clock_time: watch.clock(), ..outcome };
+    Ok((outcome, survey))
+}
+
+/// The same for frames whose estimates are known.
+fn of_survey(
+    survey: &Survey,
+    dependencies: &Dependencies,
+    trace: &Trace,
+    options: &Options,
+    sampling: &Sampling,
+    exit: Exit<'_>,
+) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let all = survey.numbers.len();
     if sampling.samples < 2 {
@@ -158,10 +189,13 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
         counted[at] = Some(frame.tree.clone());
         taker(frame)
     };
-    let mut simulated = Simulated::default();
+    let mut machine_time = Duration::ZERO;
+    let runs = chosen.ranges().to_vec();
+    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
     let mut rendering = options.rendering_of(trace, chosen);
+    rendering.needs(needs, None);
     let exit = Exit { keeps, progress, per_draw, ..Exit::new(count) };
-    simulate(&mut rendering, (&options.config, options.clock), Some(&warms_up), exit, &mut simulated)?;
+    simulate_apart(&mut rendering, (&options.config, options.clock), runs, &warms_up, exit, &mut machine_time);
     rendering.run()?;
     let found = counted.into_iter().zip(&numbers);
     let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
@@ -192,7 +226,7 @@ pub fn of_survey(survey: &Survey, trace: &Trace, options: &Options, sampling: &S
         total,
         sampled: Some(sampled),
         limits: Vec::new(),
-        machine_time: simulated.machine_time,
+        machine_time,
         clock_time: watch.clock(),
     })
 }

@@ -1,16 +1,26 @@
 //! What is estimated of all frames, by which they are compared and to which counts are in proportion.
+//!
+//! Some frames, evenly spaced, are recorded and estimated ([`Bound`]); of the others only counts are taken ([`Counts`]), without colours where
+//! nothing reads them ([`Needs`](crate::render::Needs)). What is estimated of those follows from their counts by ridge regression over the recorded
+//! frames (two-phase sampling with regression: Cochran, Sampling Techniques, 1977, chapter 12).
 
 use std::fmt;
 use std::time::Duration;
 
+use anyhow::Result;
+
 use super::clusters::{Clusters, Interval, signature};
-use crate::machine::Config;
+use super::ridge::Ridge;
 use crate::mem::{CacheCounts, ClientCounts, DramCounts};
+use crate::render::{Dependencies, FrameSet, Held, Want};
 use crate::run::bound::{Bound, PhaseEstimate};
 use crate::run::host::Stopwatch;
-use crate::run::profiles::{Profiled, Reader};
-use crate::run::rendering::Rendering;
+use crate::run::rendering::{Consumer, Work};
+use crate::run::replay::Options;
 use crate::stats::{Node, Tree};
+use crate::trace::Trace;
+use crate::work::Event;
+use crate::work::profile::Profiler;
 
 /// Reading or writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -199,27 +209,135 @@ pub struct Survey {
     /// Their signatures.
     pub signatures: Vec<Vec<f64>>,
     estimates: Vec<[f64; ESTIMATES.len()]>,
-    /// Host time of the estimates, rendering and profiles left out.
+    /// Host time of profiles and estimates, rendering left out.
     pub time: Duration,
 }
 
-/// Lets a survey read the frames of a rendering.
-pub fn take<'r>(rendering: &mut Rendering<'r>, config: &'r Config, survey: &'r mut Survey) {
-    let mut bound = Bound::proxy(config);
-    let mut units = Vec::new();
-    let read = move |frames: &[Profiled]| {
+/// Recorded frames of a survey; all of a sequence of not more than twice as many.
+const RECORDED: u32 = 16;
+
+/// The frames that are recorded of so many, the first being `first`.
+fn recorded(first: u32, frames: u32) -> FrameSet {
+    if frames <= 2 * RECORDED {
+        return (first..first + frames).into();
+    }
+    // In the middle of as many equal parts.
+    let middle = |part: u32| first + ((2 * u64::from(part) + 1) * u64::from(frames) / (2 * u64::from(RECORDED))) as u32;
+    (0..RECORDED).map(middle).map(|frame| frame..frame + 1).collect()
+}
+
+/// A survey of the frames of a replay.
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> Result<Survey> {
+    let config = &options.config;
+    let range = options.frames.start..options.frames.end.min(dependencies.frames());
+    let recorded = recorded(range.start, range.len() as u32);
+    let needs = dependencies.needs(|frame| match () {
+        _ if recorded.contains(frame) => Want::All,
+        _ if range.contains(&frame) => Want::Counts,
+        _ => Want::Nothing,
+    });
+    let mut survey = Survey::default();
+    let mut rendering = options.rendering(trace);
+    rendering.needs(needs, Some(recorded.clone()));
+    let key = config.render_key();
+    let out = &mut survey;
+    let run = move |work: Work| {
         let watch = Stopwatch::start();
-        for frame in frames {
-            let estimate = bound.frame(&frame.profile);
-            let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
-            survey.signatures.push(signature(work, &mut units));
-            survey.estimates.push(ESTIMATES.map(|of| estimate.phases.iter().map(of).sum()));
-            survey.numbers.push(estimate.number);
+        let (mut bound, mut profiler, mut units) = (Bound::proxy(config), Profiler::new(key.shade), Vec::new());
+        let (mut counts, mut known) = (vec![Counts::default()], Vec::new());
+        let mut number = range.start;
+        for event in work {
+            let records = recorded.contains(number);
+            let counted = counts.last_mut().expect("one is under way");
+            counted.add(&event, records, key.early_z);
+            let profile = if records { profiler.event(&event) } else { None };
+            let Event::EndFrame(end) = &event else { continue };
+            if let Some(profile) = profile {
+                let estimate = bound.frame(&profile);
+                let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
+                let signature = signature(work, &mut units);
+                known.push((out.numbers.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
+            }
+            out.numbers.push(end.number);
+            number = end.number + 1;
+            counts.push(Counts::default());
         }
-        survey.time += watch.elapsed();
+        counts.pop();
+        predict(out, &counts, known, units.len());
+        out.time = watch.elapsed();
         Ok(())
     };
-    rendering.profile(config.render_key(), Reader { keeps: false, read: Box::new(read) });
+    rendering.consume(key, Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
+    rendering.run()?;
+    Ok(survey)
+}
+
+/// Frames that were estimated: place in the sequence, signature, estimates.
+type Known = (usize, Vec<f64>, [f64; ESTIMATES.len()]);
+
+/// Estimates all frames: those that are known by what is known, the others by their counts.
+fn predict(survey: &mut Survey, counts: &[Counts], known: Vec<Known>, units: usize) {
+    let places: Vec<usize> = known.iter().map(|(place, ..)| *place).collect();
+    let model = Ridge::new(counts.iter().map(|counts| counts.0.map(|count| count as f64)).collect(), &places);
+    let fit = |of: &dyn Fn(&Known) -> f64| model.fit(&known.iter().map(of).collect::<Vec<f64>>());
+    let signatures: Vec<Vec<f64>> =
+        (0..units).map(|unit| fit(&|(_, signature, _)| signature.get(unit).copied().unwrap_or(0.0))).collect();
+    let estimates: Vec<Vec<f64>> = (0..ESTIMATES.len()).map(|at| fit(&|(_, _, estimates)| estimates[at])).collect();
+    survey.signatures = (0..counts.len()).map(|frame| signatures.iter().map(|unit| unit[frame]).collect()).collect();
+    survey.estimates = (0..counts.len()).map(|frame| std::array::from_fn(|at| estimates[at][frame])).collect();
+    for (place, signature, estimates) in known {
+        (survey.signatures[place], survey.estimates[place]) = (signature, estimates);
+    }
+}
+
+/// What is counted in a frame without its work: draws, passes, samples of attachments, vertices read, vertices shaded, primitives, clipped
+/// primitives, triangles, blocks of 8 x 8 pixels, quads, fragments, quads that pass the early test, invocations of dispatches, bytes moved, bytes shown.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts([u64; 15]);
+
+impl Counts {
+    /// Adds an event of a frame that is recorded or not; whether recorded fragments are tested early where they may be.
+    fn add(&mut self, event: &Event, recorded: bool, early: bool) {
+        let add = |to: &mut [u64; 15], at: usize, n: u64| to[at] += n;
+        let to = &mut self.0;
+        match event {
+            Event::Draw(_) => add(to, 0, 1),
+            Event::BeginPass(pass) => {
+                add(to, 1, 1);
+                let attachments = (pass.color.iter().flatten().count() + usize::from(pass.depth.is_some())) as u64;
+                add(to, 2, attachments * u64::from(pass.width) * u64::from(pass.height) * u64::from(pass.samples));
+            }
+            Event::Segment(segment) | Event::Applied(segment) => {
+                // Without a record a draw is one segment.
+                add(to, 0, u64::from(!recorded));
+                let funnel = &segment.funnel;
+                let counted = [
+                    funnel.vertices_in,
+                    funnel.vertices_shaded,
+                    funnel.primitives_in,
+                    funnel.clipped,
+                    funnel.triangles_setup,
+                    funnel.tiles_visited,
+                    funnel.quads_rasterized,
+                    funnel.fragments_covered,
+                    // Without colours tests come early wherever they may.
+                    if early { funnel.quads_rasterized - funnel.quads_early_culled } else { 0 },
+                ];
+                counted.into_iter().enumerate().for_each(|(at, n)| add(to, 3 + at, n));
+            }
+            Event::Dispatch(dispatch) => add(to, 12, dispatch.groups * u64::from(dispatch.invocations)),
+            Event::Transfer(transfer) => add(to, 13, transfer.bytes),
+            Event::EndFrame(end) => {
+                if let Some(shown) = end.shown {
+                    add(to, 14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
+                }
+            }
+            Event::Contents(_) | Event::EndPass | Event::Groups(_) => {}
+        }
+    }
 }
 
 impl Survey {

@@ -148,11 +148,14 @@ impl<'a> PreparedDraw<'a> {
             .filter(|state| !state.is_idle());
         let fragment = pipeline.fragment();
         let interface = fragment.map(Program::interface);
-        let early = pipeline.early && (call.key.early_z || fragment.is_none());
+        let early = pipeline.early && (call.key.early_z || fragment.is_none() || !call.colors);
         let frag_depth = interface.and_then(|i| i.output(BuiltIn::FragDepth));
         let mask_output = interface.and_then(|i| i.output(BuiltIn::SampleMask));
         let depth_payload = if frag_depth.is_some() { 4 * samples as usize / 4 } else { 0 };
-        let (targets, payload_words) = targets(call, colors, depth_payload).map_err(misfit)?;
+        let (mut targets, mut payload_words) = targets(call, colors, depth_payload).map_err(misfit)?;
+        if !call.colors {
+            (targets, payload_words) = (Vec::new(), depth_payload);
+        }
         let side_effects = interface.is_some_and(|i| i.side_effects);
         let shrinks = interface.is_some_and(|i| i.discards || i.writes_sample_mask) || pipeline.alpha_to_coverage;
         // Without a target, a test to change or a side effect there is nothing that shading could do.

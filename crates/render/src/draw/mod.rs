@@ -132,6 +132,8 @@ pub struct DrawCall<'a> {
     pub stencil_reference: u32,
     /// An occlusion query is open.
     pub count_samples: bool,
+    /// Whether colours are wanted; if not, shaders run for coverage, depth and what they write to memory alone.
+    pub colors: bool,
     /// What the work depends on.
     pub key: RenderKey,
     /// Whether work is recorded.

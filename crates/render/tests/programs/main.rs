@@ -5,4 +5,5 @@ mod compute;
 mod draw;
 mod language;
 mod modules;
+mod needs;
 mod textures;

@@ -219,6 +219,7 @@ impl Scene {
                 blend_constant: [0.0; 4],
                 stencil_reference: self.reference,
                 count_samples: how.count,
+                colors: true,
                 key: how.key,
                 signature: None,
                 record: how.record,
