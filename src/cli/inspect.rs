@@ -58,6 +58,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         for (name, count) in &report.calls {
             row(name, grouped(*count));
         }
+        if report.queries > 0 {
+            println!("occlusion queries: {}", grouped(report.queries));
+        }
         for (heading, counts) in [("not supported", &report.unsupported), ("ignored for an error", &report.errors)] {
             for (what, count) in counts {
                 println!("{heading}: {what}: {} times, first in call {}", grouped(count.times), count.first);

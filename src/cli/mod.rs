@@ -139,7 +139,7 @@ fn run(command: &Command) -> Result<Verdict> {
     }
 }
 
-/// Runs the command line and answers the exit code: 0 done, 1 a check failed, 2 bad input or use.
+/// Runs the command line and answers the exit code: 0 done, 1 a check failed or a recording is not supported, 2 bad input or use.
 pub fn main() -> ExitCode {
     // A front end's panic is reported as an error, once.
     let report = std::panic::take_hook();
@@ -168,7 +168,7 @@ pub fn main() -> ExitCode {
         Ok(Verdict::Failed) => ExitCode::from(1),
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::from(2)
+            ExitCode::from(if error.is::<reading::Unsupported>() { 1 } else { 2 })
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Options of all subcommands that read a trace: limits, and which of its files are read.
 
+use std::ops::Range;
 use std::path::Path;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 
 use crate::import;
 use crate::import::gl::Report;
@@ -23,6 +24,18 @@ pub struct Reading {
     lenient: bool,
 }
 
+/// What a recording asks for and the program does not have: a check of the recording that failed. It is not damaged.
+#[derive(Debug)]
+pub struct Unsupported(String);
+
+impl std::fmt::Display for Unsupported {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Unsupported {}
+
 impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
@@ -33,11 +46,16 @@ impl Reading {
 
     /// Opens a trace of any kind. What is left out of a recorded program is said.
     pub fn open(&self, path: &Path) -> Result<Trace> {
-        let (trace, report) = self.open_reported(path)?;
+        self.open_frames(path, 0..u64::MAX)
+    }
+
+    /// As [`Reading::open`]; of a recorded program only these frames, and what they need.
+    pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
+        let (trace, report) = import::open_frames(path, &self.reading()?, frames)?;
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             let path = path.display();
             if !self.lenient {
-                bail!("{path}: not supported: {refusal}; --lenient leaves it out");
+                return Err(Unsupported(format!("{path}: not supported: {refusal}; --lenient leaves it out")).into());
             }
             eprintln!("warning: {path}: left out, not supported: {refusal}");
         }
@@ -46,11 +64,14 @@ impl Reading {
 
     /// Opens a trace of any kind, with what is known of a recorded program.
     pub fn open_reported(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
+        Ok(import::open_reported(path, &self.reading()?)?)
+    }
+
+    fn reading(&self) -> Result<trace::Reading> {
         let mut limits = Limits::default();
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
-        let reading = trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient };
-        Ok(import::open_reported(path, &reading)?)
+        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient })
     }
 }

@@ -211,7 +211,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         watch: Some(watch.clone()),
         per_draw: arguments.per_draw,
     };
-    let trace = arguments.reading.open(&arguments.trace)?;
+    let frames = &arguments.frames.0;
+    let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
+    let trace = arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?;
     let name = arguments.trace.display().to_string();
     let about = About {
         trace: name.clone(),

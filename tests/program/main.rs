@@ -7,6 +7,7 @@ mod compare;
 mod draws;
 mod floors;
 mod gl;
+mod gl_features;
 mod images;
 mod notebook;
 mod pages;

@@ -8,6 +8,7 @@ pub mod wgpu;
 
 mod detect;
 
+use std::ops::Range;
 use std::path::Path;
 
 use host::Links;
@@ -27,6 +28,12 @@ pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, Tra
 
 /// As [`open_with`], with what is known of a recorded OpenGL program. What it asks for and is not supported is no error here.
 pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl::Report>), TraceError> {
+    open_frames(path, reading, 0..u64::MAX)
+}
+
+/// As [`open_reported`]. Of a recorded OpenGL program only these frames are translated, and what they need of the ones before; other traces
+/// are whole.
+pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result<(Trace, Option<gl::Report>), TraceError> {
     // The path is the user's own; files that are found in a folder are the trace's.
     let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
     let links = if in_folder { reading.links() } else { Links::Follow };
@@ -37,7 +44,7 @@ pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl
         },
         Some(Found { kind: Kind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
         Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
-            let (trace, report) = gl::open(&path, kind == Kind::Apitrace, links, reading)?;
+            let (trace, report) = gl::open(&path, kind == Kind::Apitrace, links, reading, frames)?;
             return Ok((trace, Some(report)));
         }
         None => Err(TraceError::new(

@@ -321,18 +321,19 @@ fn target(call: &Call) -> Outcome<usize> {
     match call.u32(0)? {
         e::ARRAY_BUFFER => Ok(0),
         e::ELEMENT_ARRAY_BUFFER => Ok(1),
-        e::PIXEL_UNPACK_BUFFER | e::PIXEL_PACK_BUFFER => Err(Fault::Unsupported("pixel buffer objects".into())),
+        e::PIXEL_UNPACK_BUFFER => Ok(2),
+        e::PIXEL_PACK_BUFFER => Ok(3),
         _ => Err(INVALID_ENUM),
     }
 }
 
 pub(super) fn bind_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let name = call.u32(1)?;
-    let target = match target(call) {
-        Err(Fault::Unsupported(_)) if name == 0 => return Ok(()),
-        other => other?,
-    };
-    gl.arrays.bound[target] = name;
+    match target(call)? {
+        2 => gl.unpack.buffer = name,
+        3 => gl.pack_buffer = name,
+        target => gl.arrays.bound[target] = name,
+    }
     if name != 0 {
         gl.buffers.entry(name).or_insert_with(|| Rc::from([]));
     }
@@ -340,7 +341,7 @@ pub(super) fn bind_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (bound, size) = (gl.arrays.bound[target(call)?], call.f64(1)? as u64);
+    let (bound, size) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64);
     if bound == 0 {
         return Err(INVALID_OPERATION);
     }
@@ -354,7 +355,7 @@ pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn buffer_sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (bound, at) = (gl.arrays.bound[target(call)?], call.f64(1)? as u64 as usize);
+    let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
     let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
     let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
     let mut all = buffer.to_vec();
@@ -368,7 +369,8 @@ pub(super) fn delete_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
         gl.buffers.remove(&name);
-        for bound in gl.arrays.bound.iter_mut().filter(|bound| **bound == name) {
+        let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
+        for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
             *bound = 0;
         }
     }

@@ -8,8 +8,6 @@ use num::*;
 use trace::command::*;
 use trace::record::{self, Recorder};
 
-use super::image::Base;
-
 /// Format of the window's colours. It has no alpha: that stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
 /// Format of depth and stencil.
@@ -43,11 +41,69 @@ pub struct Draw {
     pub blend: [f32; 4],
     /// Stencil reference.
     pub stencil: u32,
+    /// The buffers that it may write: a bit of [`writes`] each.
+    pub writes: u8,
+    /// The occlusion query that counts it, by its number in the recording.
+    pub query: Option<u64>,
+}
+
+/// Bits of what a draw or a clear writes.
+pub mod writes {
+    /// Colour.
+    pub const COLOR: u8 = 1;
+    /// Depth.
+    pub const DEPTH: u8 = 2;
+    /// Stencil.
+    pub const STENCIL: u8 = 4;
+}
+
+/// One image that can be drawn to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// Its texture.
+    pub texture: TextureId,
+    /// A view of this image alone.
+    pub view: ViewId,
+    /// Its format.
+    pub format: Format,
+    /// Its level.
+    pub level: u32,
+    /// Its layer.
+    pub layer: u32,
+}
+
+/// What draws go to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Colours.
+    pub color: Option<Surface>,
+    /// Depth and stencil.
+    pub depth: Option<Surface>,
+    /// Whether depths are there.
+    pub has_depth: bool,
+    /// Whether stencil values are there.
+    pub has_stencil: bool,
+    /// Whether the first row is the lowest, as in textures. The window's first row is its highest.
+    pub upward: bool,
+    /// Whether alpha is kept. Elsewhere it stays 1.
+    pub alpha: bool,
+}
+
+/// Which colours of the window are meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// Those that are shown next.
+    Back,
+    /// Those that are shown now.
+    Front,
 }
 
 /// Draws that wait for their pass.
 #[derive(Default)]
 pub struct Pass {
+    target: Option<Target>,
     color: Option<[f64; 4]>,
     depth: Option<f32>,
     stencil: Option<u32>,
@@ -65,6 +121,25 @@ pub struct Pass {
     pub textures: BTreeSet<TextureId>,
 }
 
+impl Pass {
+    fn is_empty(&self) -> bool {
+        self.draws.is_empty() && self.clears() == 0
+    }
+
+    /// Buffers that are cleared as a whole.
+    fn clears(&self) -> u8 {
+        let bit = |set: bool, bit: u8| if set { bit } else { 0 };
+        bit(self.color.is_some(), writes::COLOR)
+            | bit(self.depth.is_some(), writes::DEPTH)
+            | bit(self.stencil.is_some(), writes::STENCIL)
+    }
+
+    fn uses(&self, texture: TextureId) -> bool {
+        let drawn = |surface: Option<Surface>| surface.is_some_and(|surface| surface.texture == texture);
+        self.textures.contains(&texture) || self.target.is_some_and(|target| drawn(target.color) || drawn(target.depth))
+    }
+}
+
 /// What a pipeline is made of beside its shader.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fixed {
@@ -74,8 +149,10 @@ pub struct Fixed {
     pub attributes: Vec<(u32, VertexFormat)>,
     /// Primitive.
     pub primitive: Primitive,
+    /// Format of colours.
+    pub color: Option<Format>,
     /// Depth and stencil.
-    pub depth: DepthStencil,
+    pub depth: Option<DepthStencil>,
     /// Blending.
     pub blend: Option<Blend>,
     /// Channels.
@@ -84,14 +161,29 @@ pub struct Fixed {
     pub textures: usize,
 }
 
+impl Fixed {
+    /// Buffers that draws may write: bits of [`writes`].
+    pub fn writes(&self) -> u8 {
+        let mut bits = if self.color.is_some() && self.mask != 0 { writes::COLOR } else { 0 };
+        if let Some(depth) = &self.depth {
+            bits |= if depth.depth_write { writes::DEPTH } else { 0 };
+            let kept = [depth.stencil_front, depth.stencil_back].iter().all(|face| *face == StencilFace::default());
+            bits |= if kept || depth.stencil_write_mask == 0 { 0 } else { writes::STENCIL };
+        }
+        bits
+    }
+}
+
 /// What a group of textures binds.
 type GroupKey = Vec<(ViewId, SamplerId)>;
 
 /// The frame buffer.
 struct Window {
     size: [u32; 2],
-    color: (TextureId, ViewId),
-    depth: (TextureId, ViewId),
+    back: Surface,
+    depth: Surface,
+    /// The front buffer, if anything has been drawn to it or read from it.
+    front: Option<Surface>,
 }
 
 /// The card.
@@ -99,18 +191,28 @@ pub struct Card {
     /// What is recorded.
     pub recorder: Recorder,
     window: Option<Window>,
+    target: Option<Target>,
     /// The pass that waits.
     pub pass: Pass,
+    /// Passes into the window of frames that are not wanted: they are recorded where something can read what they draw.
+    held: Vec<Pass>,
+    /// The first frame whose draws are wanted.
+    pub first_frame: u64,
+    /// Draws that were left out, since nothing reads their results.
+    pub dropped: u64,
     pipelines: BTreeMap<ShaderId, Vec<(Fixed, RenderPipelineId)>>,
     uniform_layout: Option<BindGroupLayoutId>,
     texture_layouts: BTreeMap<usize, BindGroupLayoutId>,
     pipeline_layouts: BTreeMap<usize, PipelineLayoutId>,
     groups: BTreeMap<GroupKey, (BindGroupId, Vec<TextureId>)>,
     samplers: Vec<(SamplerDesc, SamplerId)>,
-    copies: BTreeMap<Base, (RenderPipelineId, BindGroupLayoutId)>,
-    clear_shader: Option<ShaderId>,
-    /// What logic operations read.
-    frame_copy: Option<(TextureId, ViewId)>,
+    pub(super) copies: BTreeMap<super::copies::CopyKey, (RenderPipelineId, BindGroupLayoutId)>,
+    /// Shaders that are not made of a key, by name.
+    plain_shaders: BTreeMap<&'static str, ShaderId>,
+    /// What logic operations read: a copy of a frame buffer of this size.
+    pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
+    /// The accumulation buffer.
+    pub(super) accumulation: Option<Surface>,
     /// Frames so far.
     pub frames: u64,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
@@ -123,7 +225,11 @@ impl Card {
         Card {
             recorder: Recorder::new(name),
             window: None,
+            target: None,
             pass: Pass::default(),
+            held: Vec::new(),
+            first_frame: 0,
+            dropped: 0,
             pipelines: BTreeMap::new(),
             uniform_layout: None,
             texture_layouts: BTreeMap::new(),
@@ -131,8 +237,9 @@ impl Card {
             groups: BTreeMap::new(),
             samplers: Vec::new(),
             copies: BTreeMap::new(),
-            clear_shader: None,
+            plain_shaders: BTreeMap::new(),
             frame_copy: None,
+            accumulation: None,
             frames: 0,
             bytes: 0,
         }
@@ -143,37 +250,91 @@ impl Card {
         self.window.as_ref().map_or([0; 2], |window| window.size)
     }
 
+    /// Makes an image that can be drawn to.
+    pub fn create_surface(&mut self, label: &str, size: [u32; 2], format: Format) -> Surface {
+        let texture = self.recorder.create_texture(label, record::texture_2d(size[0], size[1], format));
+        Surface { texture, view: self.recorder.create_view(texture), format, level: 0, layer: 0 }
+    }
+
+    /// Frees an image that [`Card::create_surface`] made.
+    pub fn destroy_surface(&mut self, surface: Surface) {
+        self.destroy(surface.texture, &[surface.view]);
+    }
+
     /// Opens a window of this size, or changes its size. It starts black.
     pub fn resize(&mut self, size: [u32; 2]) {
         if self.size() == size {
             return;
         }
         self.end_pass();
+        let at_window = self.target.is_none_or(|target| !target.upward);
         if let Some(old) = self.window.take() {
-            for (texture, view) in [old.color, old.depth] {
-                self.recorder.push(Command::Destroy(Object::View(view)));
-                self.recorder.push(Command::Destroy(Object::Texture(texture)));
+            for surface in [Some(old.back), Some(old.depth), old.front, self.accumulation.take()].into_iter().flatten() {
+                self.destroy_surface(surface);
             }
         }
-        if let Some((texture, view)) = self.frame_copy.take() {
-            self.destroy(texture, &[view]);
+        let (back, depth) = (self.create_surface("window", size, COLOR), self.create_surface("depth", size, DEPTH));
+        self.window = Some(Window { size, back, depth, front: None });
+        if at_window {
+            self.target = self.window_target(Buffer::Back);
+            self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
+            (self.pass.depth, self.pass.stencil) = (Some(1.0), Some(0));
         }
-        let mut make = |label: &str, format| {
-            let texture = self.recorder.create_texture(label, record::texture_2d(size[0], size[1], format));
-            (texture, self.recorder.create_view(texture))
+    }
+
+    /// The window as a target. The front buffer starts as what is in the back buffer.
+    pub fn window_target(&mut self, buffer: Buffer) -> Option<Target> {
+        let window = self.window.as_ref()?;
+        let (size, back, depth) = (window.size, window.back, window.depth);
+        let color = match (buffer, window.front) {
+            (Buffer::Back, _) => back,
+            (Buffer::Front, Some(front)) => front,
+            (Buffer::Front, None) => {
+                self.end_pass();
+                let front = self.create_surface("front", size, COLOR);
+                self.copy_surface(back, front, size);
+                self.window.as_mut()?.front = Some(front);
+                front
+            }
         };
-        self.window = Some(Window { size, color: make("window", COLOR), depth: make("depth", DEPTH) });
-        self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
-        (self.pass.depth, self.pass.stencil) = (Some(1.0), Some(0));
+        let (color, depth) = (Some(color), Some(depth));
+        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: false, alpha: false })
+    }
+
+    pub(super) fn copy_surface(&mut self, from: Surface, to: Surface, size: [u32; 2]) {
+        let end =
+            |of: Surface| TextureEnd { texture: of.texture, level: of.level, origin: [0, 0, of.layer], aspect: Aspect::All };
+        self.recorder.copy_texture_to_texture(end(from), end(to), [size[0], size[1], 1]);
+    }
+
+    /// What draws go to.
+    pub fn target(&self) -> Option<Target> {
+        self.target
+    }
+
+    /// Chooses what draws go to.
+    pub fn aim(&mut self, target: Option<Target>) {
+        if self.target == target {
+            return;
+        }
+        self.close();
+        for surface in target.iter().flat_map(|target| [target.color, target.depth]).flatten() {
+            if target.is_some_and(|target| target.upward) {
+                self.release(surface.texture);
+            }
+        }
+        self.target = target;
     }
 
     /// Clears whole buffers.
     pub fn clear(&mut self, color: Option<[f32; 4]>, depth: Option<f32>, stencil: Option<u32>) {
         if !self.pass.draws.is_empty() {
-            self.end_pass();
+            self.close();
         }
+        let alpha = self.target.is_some_and(|target| target.alpha);
         let pass = &mut self.pass;
-        pass.color = color.map(|[r, g, b, _]| [f64::from(r), f64::from(g), f64::from(b), 1.0]).or(pass.color);
+        let opaque = |[r, g, b, a]: [f32; 4]| [r, g, b, if alpha { a } else { 1.0 }].map(f64::from);
+        pass.color = color.map(opaque).or(pass.color);
         pass.depth = depth.or(pass.depth);
         pass.stencil = stencil.or(pass.stencil);
     }
@@ -194,18 +355,63 @@ impl Card {
     pub fn draw(&mut self, draw: Draw) {
         self.pass.draws.push(draw);
         if self.pass.vertices.len() + 4 * self.pass.indices.len() > PASS_BYTES {
+            self.close();
+        }
+    }
+
+    /// Ends the pass that waits, if anything does, and records all that was held: what was drawn can be read.
+    pub fn end_pass(&mut self) {
+        self.close();
+        for pass in std::mem::take(&mut self.held) {
+            self.emit(pass);
+        }
+    }
+
+    /// Ends what waits if it reads or writes this texture.
+    pub fn release(&mut self, texture: TextureId) {
+        self.pass.target = self.target;
+        if self.held.iter().chain([&self.pass]).any(|pass| pass.uses(texture)) {
             self.end_pass();
         }
     }
 
-    /// Ends the pass that waits, if anything does.
-    pub fn end_pass(&mut self) {
-        let pass = std::mem::take(&mut self.pass);
-        let Some(window) = &self.window else { return };
-        if pass.draws.is_empty() && pass.color.is_none() && pass.depth.is_none() && pass.stencil.is_none() {
+    /// Ends the pass that waits. Of frames that are not wanted it is held back, and what it clears need not have been drawn.
+    fn close(&mut self) {
+        let mut pass = std::mem::take(&mut self.pass);
+        pass.target = self.target;
+        if pass.is_empty() || pass.target.is_none() {
             return;
         }
-        let (color, depth) = (window.color.1, window.depth.1);
+        let back = |pass: &Pass| pass.target.and_then(|target| target.color);
+        let window = self.window.as_ref().map(|window| window.back);
+        if self.frames >= self.first_frame || back(&pass) != window {
+            // What is held and reads nothing of this pass may stay behind.
+            let drawn = pass.target.iter().flat_map(|target| [target.color, target.depth]).flatten();
+            let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
+            let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(&surface.texture));
+            if self.frames >= self.first_frame || shared || reads {
+                for held in std::mem::take(&mut self.held) {
+                    self.emit(held);
+                }
+            }
+            return self.emit(pass);
+        }
+        let drawn = self.held.iter().flat_map(|held| &held.draws).fold(0, |all, draw| all | draw.writes);
+        if drawn & !pass.clears() == 0 {
+            self.dropped += self.held.iter().map(|held| held.draws.len() as u64).sum::<u64>();
+            for held in self.held.drain(..).rev() {
+                // What else they cleared stays cleared.
+                pass.color = pass.color.or(held.color);
+                pass.depth = pass.depth.or(held.depth);
+                pass.stencil = pass.stencil.or(held.stencil);
+            }
+        }
+        self.held.push(pass);
+    }
+
+    /// Records a pass.
+    fn emit(&mut self, pass: Pass) {
+        let Some(target) = pass.target else { return };
         let mut buffers = Vec::new();
         let mut group = None;
         if !pass.draws.is_empty() {
@@ -220,22 +426,35 @@ impl Card {
             let bound = BoundResource::Buffer { buffer: buffers[2], offset: 0, size: Some(pass.block as u64) };
             group = Some(self.recorder.create_bind_group(layout, [(0, bound)]));
         }
-        let color = ColorAttachment { clear: pass.color, ..record::load(color) };
-        let depth = DepthAttachment {
-            view: depth,
+        let color = target.color.map(|color| ColorAttachment { clear: pass.color, ..record::load(color.view) });
+        let depth = target.depth.map(|depth| DepthAttachment {
+            view: depth.view,
             depth_clear: pass.depth,
             depth_store: true,
             depth_read_only: false,
             stencil_clear: pass.stencil,
             stencil_store: true,
             stencil_read_only: false,
-        };
+        });
+        // A query of the recording is one of the set in each pass that it reaches.
+        let queries: BTreeSet<u64> = pass.draws.iter().filter_map(|draw| draw.query).collect();
+        let queries: Vec<u64> = queries.into_iter().collect();
+        let set = (!queries.is_empty()).then(|| self.recorder.create_query_set(QueryKind::Occlusion, queries.len() as u32));
         {
-            let mut open = self.recorder.begin_render_pass([color], Some(depth));
+            let mut open = self.recorder.begin_render_pass_with(color, depth, set);
             if let (Some(group), [vertices, indices, _]) = (group, &buffers[..]) {
                 open.set_index_buffer(*indices, IndexFormat::Uint32);
                 let mut last: Option<&Draw> = None;
                 for draw in &pass.draws {
+                    let query = last.and_then(|last| last.query);
+                    if query != draw.query {
+                        if query.is_some() {
+                            open.push(Command::EndOcclusionQuery);
+                        }
+                        if let Some(index) = draw.query.and_then(|query| queries.iter().position(|&known| known == query)) {
+                            open.push(Command::BeginOcclusionQuery { index: index as u32 });
+                        }
+                    }
                     let new = |differs: &dyn Fn(&Draw) -> bool| last.is_none_or(differs);
                     if new(&|d| d.pipeline != draw.pipeline) {
                         open.set_pipeline(draw.pipeline);
@@ -260,7 +479,13 @@ impl Card {
                     open.draw_indexed_from(draw.count, 1, draw.first, 0, 0);
                     last = Some(draw);
                 }
+                if last.is_some_and(|last| last.query.is_some()) {
+                    open.push(Command::EndOcclusionQuery);
+                }
             }
+        }
+        if let Some(set) = set {
+            self.recorder.push(Command::Destroy(Object::QuerySet(set)));
         }
         if let Some(group) = group {
             self.recorder.push(Command::Destroy(Object::BindGroup(group)));
@@ -272,10 +497,18 @@ impl Card {
 
     /// Shows the frame. The buffer keeps its contents.
     pub fn present(&mut self) {
-        self.end_pass();
-        if let Some(window) = &self.window {
-            self.recorder.present(window.color.0);
-            self.frames += 1;
+        self.close();
+        if self.frames + 1 >= self.first_frame {
+            // The next frame is wanted, and begins with what is there.
+            self.end_pass();
+        }
+        let Some(window) = &self.window else { return };
+        let (size, back, front) = (window.size, window.back, window.front);
+        self.recorder.present(back.texture);
+        self.frames += 1;
+        if let Some(front) = front {
+            self.end_pass();
+            self.copy_surface(back, front, size);
         }
     }
 
@@ -314,13 +547,13 @@ impl Card {
                 layout
             }
         };
-        let target = ColorTarget { format: COLOR, blend: fixed.blend, write_mask: fixed.mask };
+        let target = |format| ColorTarget { format, blend: fixed.blend, write_mask: fixed.mask };
         let desc = RenderPipelineDesc {
             layout: Some(layout),
             buffers: vec![record::vertex_buffer(&fixed.attributes)],
             primitive: fixed.primitive,
-            depth_stencil: Some(fixed.depth),
-            targets: vec![Some(target)],
+            depth_stencil: fixed.depth,
+            targets: fixed.color.map(|format| Some(target(format))).into_iter().collect(),
             ..record::render_pipeline(fixed.shader, COLOR)
         };
         let id = self.recorder.create_render_pipeline("", desc);
@@ -356,8 +589,9 @@ impl Card {
 
     /// Destroys a texture with its views, after the pass that may read it.
     pub fn destroy(&mut self, texture: TextureId, views: &[ViewId]) {
-        if self.pass.textures.contains(&texture) {
-            self.end_pass();
+        self.release(texture);
+        if self.target.is_some_and(|t| [t.color, t.depth].iter().flatten().any(|surface| surface.texture == texture)) {
+            self.target = None;
         }
         let gone: Vec<_> =
             self.groups.iter().filter(|(_, (_, used))| used.contains(&texture)).map(|(key, _)| key.clone()).collect();
@@ -372,93 +606,9 @@ impl Card {
         self.recorder.push(Command::Destroy(Object::Texture(texture)));
     }
 
-    /// A texture with the colours of the window as they are now, to be read by a draw.
-    pub fn frame_copy(&mut self) -> Option<(TextureId, ViewId, SamplerId)> {
-        self.end_pass();
-        let window = self.window.as_ref()?;
-        let (from, size) = (window.color.0, window.size);
-        let (texture, view) = match self.frame_copy {
-            Some(copy) => copy,
-            None => {
-                let texture = self.recorder.create_texture("frame", record::texture_2d(size[0], size[1], COLOR));
-                *self.frame_copy.insert((texture, self.recorder.create_view(texture)))
-            }
-        };
-        let end = |texture| TextureEnd { texture, level: 0, origin: [0; 3], aspect: Aspect::All };
-        self.recorder.copy_texture_to_texture(end(from), end(texture), [size[0], size[1], 1]);
-        Some((texture, view, self.sampler(SamplerDesc::default())))
-    }
-
-    /// The shader that clears parts of buffers.
-    pub fn clear_shader(&mut self) -> ShaderId {
+    /// A shader that is not made of a key; made once.
+    pub fn plain_shader(&mut self, label: &'static str, text: &str) -> ShaderId {
         let recorder = &mut self.recorder;
-        *self.clear_shader.get_or_insert_with(|| {
-            recorder.create_shader(
-                "clear",
-                "struct Uniforms { color: vec4f, depth: vec4f }\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
-                 @vertex fn vs(@location(0) position: vec2f) -> @builtin(position) vec4f { return vec4f(position, u.depth.x, 1); }\n\
-                 @fragment fn fs() -> @location(0) vec4f { return u.color; }\n",
-            )
-        })
-    }
-
-    /// Copies a rectangle of the window, whose lower left pixel is `from`, to a level of a texture, whose rows are from the bottom.
-    pub fn copy_to_texture(
-        &mut self,
-        base: Base,
-        texture: TextureId,
-        layer: u32,
-        level: u32,
-        to: [u32; 2],
-        from: [i32; 2],
-        size: [u32; 2],
-    ) {
-        self.end_pass();
-        let Some(window) = &self.window else { return };
-        let (frame, height) = (window.color.1, window.size[1] as i32);
-        let recorder = &mut self.recorder;
-        let (pipeline, layout) = *self.copies.entry(base).or_insert_with(|| {
-            let text = format!(
-                "struct Uniforms {{ by: vec4i }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
-                 @group(0) @binding(1) var frame: texture_2d<f32>;\n\
-                 @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{\n    \
-                 return vec4f(f32(i32(i & 1u) * 4 - 1), f32(i32(i & 2u) * 2 - 1), 0, 1);\n}}\n\
-                 @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{\n    \
-                 let p = vec2i(u.by.x + i32(at.x), u.by.y - i32(at.y));\n    let size = vec2i(textureDimensions(frame));\n    \
-                 // What is outside of the window is undefined.\n    \
-                 if any(p < vec2i(0)) || any(p >= size) {{ discard; }}\n    \
-                 let c = textureLoad(frame, p, 0);\n    return {};\n}}\n",
-                base.unswizzle()
-            );
-            let shader = recorder.create_shader("copy", &text);
-            let layout = recorder.create_bind_group_layout([(0, record::UNIFORM), (1, record::TEXTURE)]);
-            let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
-            let desc = RenderPipelineDesc { layout: Some(pipeline_layout), ..record::render_pipeline(shader, base.format()) };
-            (recorder.create_render_pipeline("copy", desc), layout)
-        });
-        // Texel y has the window's row height - 1 - (from + y - to).
-        let by = [from[0] - to[0] as i32, height - 1 - from[1] + to[1] as i32, 0, 0];
-        let bytes: Vec<u8> = by.iter().flat_map(|value| value.to_le_bytes()).collect();
-        let uniforms = self.recorder.create_buffer_init("copy", &bytes);
-        let desc = ViewDesc {
-            base_level: level,
-            levels: Some(1),
-            base_layer: layer,
-            layers: Some(1),
-            dimension: Some(ViewDimension::D2),
-            ..ViewDesc::default()
-        };
-        let view = self.recorder.create_view_of(texture, desc);
-        let group = self.recorder.create_bind_group(layout, [(0, record::whole(uniforms)), (1, BoundResource::View(frame))]);
-        {
-            let mut pass = self.recorder.begin_render_pass([record::load(view)], None);
-            pass.set_pipeline(pipeline);
-            pass.set_scissor(Rect { x: to[0], y: to[1], width: size[0], height: size[1] });
-            pass.set_bind_group(0, group);
-            pass.draw(3, 1);
-        }
-        for object in [Object::BindGroup(group), Object::View(view), Object::Buffer(uniforms)] {
-            self.recorder.push(Command::Destroy(object));
-        }
+        *self.plain_shaders.entry(label).or_insert_with(|| recorder.create_shader(label, text))
     }
 }

@@ -3,7 +3,7 @@
 use gfx::state::*;
 
 use super::call::{Fault, Outcome};
-use super::card::{DEPTH, Draw, Fixed};
+use super::card::{Draw, Fixed, Target};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::*;
@@ -16,7 +16,8 @@ use super::texture::{Bound, Texture};
 use super::uniforms::{self, Source, to_clip};
 use super::wgsl;
 
-fn compare(value: u32) -> Compare {
+/// A comparison of the card.
+pub fn compare(value: u32) -> Compare {
     match value {
         e::NEVER => Compare::Never,
         e::LESS => Compare::Less,
@@ -28,6 +29,10 @@ fn compare(value: u32) -> Compare {
         _ => Compare::Always,
     }
 }
+
+const CLEAR_TEXT: &str = "struct Uniforms { color: vec4f, depth: vec4f }\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
+    @vertex fn vs(@location(0) position: vec2f) -> @builtin(position) vec4f { return vec4f(position, u.depth.x, 1); }\n\
+    @fragment fn fs() -> @location(0) vec4f { return u.color; }\n";
 
 /// The kind of texture of a target.
 pub fn kind_of(target: usize) -> Kind {
@@ -59,9 +64,10 @@ impl Gl {
         }
     }
 
-    /// The scissor in the card's rows, from the top; none if it is empty.
-    fn scissor(&self) -> Option<Rect> {
-        let [width, height] = self.card.size().map(i64::from);
+    /// The scissor in the card's rows; none if it is empty.
+    pub fn scissor(&self) -> Option<Rect> {
+        let target = self.card.target()?;
+        let [width, height] = target.size.map(i64::from);
         let [mut x0, mut y0, mut x1, mut y1] = [0, 0, width, height];
         if self.state.is(e::SCISSOR_TEST) {
             let [x, y, w, h] = self.state.scissor.map(i64::from);
@@ -70,44 +76,51 @@ impl Gl {
         if x0 >= x1 || y0 >= y1 {
             return None;
         }
-        Some(Rect { x: x0 as u32, y: (height - y1) as u32, width: (x1 - x0) as u32, height: (y1 - y0) as u32 })
+        let y = if target.upward { y0 } else { height - y1 };
+        Some(Rect { x: x0 as u32, y: y as u32, width: (x1 - x0) as u32, height: (y1 - y0) as u32 })
     }
 
-    fn viewport(&self) -> Viewport {
-        let height = self.card.size()[1] as f32;
+    fn viewport(&self, target: &Target) -> Viewport {
+        let height = target.size[1] as f32;
         let [x, y, w, h] = self.state.viewport.map(|value| value as f32);
         let [min_depth, max_depth] = self.state.depth_range;
-        Viewport { x, y: height - y - h, width: w, height: h, min_depth, max_depth }
+        let y = if target.upward { y } else { height - y - h };
+        Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 
     /// Channels that are written: the window has no alpha.
-    fn mask(&self) -> u8 {
-        if self.state.draw_buffer == e::NONE { 0 } else { self.state.color_mask & 7 }
+    pub fn mask(&self) -> u8 {
+        let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
+        let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;
+        if off { 0 } else { self.state.color_mask & if target.alpha { 15 } else { 7 } }
     }
 
     /// Clears buffers, or the part of them that scissor and masks leave.
     pub fn clear_buffers(&mut self, mask: u32) -> Outcome {
+        let Some(target) = self.aim()? else { return Ok(()) };
         let Some(scissor) = self.scissor() else { return Ok(()) };
-        let [width, height] = self.card.size();
+        let [width, height] = target.size;
+        let all = if target.alpha { 15 } else { 7 };
         let whole = scissor == Rect { x: 0, y: 0, width, height };
         let state = &self.state;
         let wanted = |bit: u32| mask & bit != 0;
         let channels = if wanted(e::COLOR_BUFFER_BIT) { self.mask() } else { 0 };
-        let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write;
-        let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) { state.stencil[0].write & 0xff } else { 0 };
+        let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
+        let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
-        let partial = !whole || !matches!(channels, 0 | 7) || !matches!(stencil_mask, 0 | 0xff);
+        let partial = !whole || channels != 0 && channels != all || !matches!(stencil_mask, 0 | 0xff);
         if !partial {
-            self.card.clear((channels == 7).then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
+            self.card.clear((channels == all).then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
             return Ok(());
         }
         let face = StencilFace { pass_op: StencilOp::Replace, depth_fail_op: StencilOp::Replace, ..StencilFace::default() };
         let fixed = Fixed {
-            shader: self.card.clear_shader(),
+            shader: self.card.plain_shader("clear", CLEAR_TEXT),
             attributes: vec![(0, VertexFormat::Float32x2)],
             primitive: Primitive::default(),
-            depth: DepthStencil {
-                format: DEPTH,
+            color: target.color.map(|surface| surface.format),
+            depth: target.depth.map(|surface| DepthStencil {
+                format: surface.format,
                 depth_write: depth,
                 depth_compare: Compare::Always,
                 stencil_front: if stencil_mask != 0 { face } else { StencilFace::default() },
@@ -117,13 +130,14 @@ impl Gl {
                 bias: 0,
                 bias_slope: 0.0,
                 bias_clamp: 0.0,
-            },
+            }),
             blend: None,
             mask: channels,
             textures: 0,
         };
         let pipeline = self.card.pipeline(&fixed);
-        let values = [color[0], color[1], color[2], 1.0, z, 0.0, 0.0, 0.0];
+        let alpha = if target.alpha { color[3] } else { 1.0 };
+        let values = [color[0], color[1], color[2], alpha, z, 0.0, 0.0, 0.0];
         let uniforms = self.card.uniforms(&values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
         let pass = &mut self.card.pass;
         let (vertices, first) = (pass.vertices.len() as u64, pass.indices.len() as u32);
@@ -142,15 +156,17 @@ impl Gl {
             scissor,
             blend,
             stencil,
+            writes: fixed.writes(),
+            query: None,
         });
         Ok(())
     }
 
     /// Draws a batch.
     fn draw(&mut self, batch: Batch) -> Outcome {
-        if self.card.size() == [0; 2] {
+        let Some(target) = self.aim()? else {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
-        }
+        };
         let Some(scissor) = self.scissor() else { return Ok(()) };
         if self.state.viewport[2] <= 0 || self.state.viewport[3] <= 0 {
             return Ok(());
@@ -158,10 +174,6 @@ impl Gl {
         let culled = batch.class == Class::Triangles && self.state.is(e::CULL_FACE) && self.state.cull == e::FRONT_AND_BACK;
         if culled {
             return Ok(());
-        }
-        let lines = batch.class == Class::Lines;
-        if lines && self.state.is(e::LINE_STIPPLE) && self.state.line_stipple.1 != 0xffff {
-            return Err(Fault::Unsupported("line stipples".into()));
         }
         if self.state.is(e::POLYGON_SMOOTH) && batch.class == Class::Triangles {
             return Err(Fault::Unsupported("GL_POLYGON_SMOOTH".into()));
@@ -171,6 +183,13 @@ impl Gl {
         let mut biases = [0.0; UNITS];
         for unit in 0..UNITS {
             if let Some((key, texture)) = self.unit(unit, batch.class)? {
+                let read = |surface: super::card::Surface| {
+                    let [first, count] = texture.levels;
+                    surface.texture == texture.bound.0 && (first..first + count).contains(&surface.level)
+                };
+                if [target.color, target.depth].into_iter().flatten().any(read) {
+                    return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
+                }
                 units.push(key);
                 biases[unit] = texture.bias + self.state.units[unit].environment.bias;
                 bound.push(texture);
@@ -180,8 +199,14 @@ impl Gl {
         let mut bound: Vec<_> = bound.iter().map(|bound| bound.bound).collect();
         if key.logic.is_some() {
             // The stored colours, as they are before this primitive.
-            bound.extend(self.card.frame_copy());
+            match target.color.filter(|surface| surface.level == 0 && surface.layer == 0) {
+                Some(surface) => bound.push(self.card.frame_copy(surface, target.size)),
+                None => return Err(Fault::Unsupported("logic operations on levels and layers of textures".into())),
+            }
         }
+        bound.extend(self.pixels.map(|pixels| pixels.bound));
+        // What textures needed may have been drawn meanwhile.
+        self.card.aim(Some(target));
         let constant = batch.vertices[batch.indices[0] as usize];
         key.varying = varying(&batch, &constant, &key);
         let mut blob = Vec::new();
@@ -193,7 +218,9 @@ impl Gl {
             texture: &textures,
             constant: &constant,
             biases,
-            height: self.card.size()[1],
+            height: target.size[1],
+            upward: target.upward,
+            pixels: self.pixels.map_or([[0.0; 4]; 4], |pixels| pixels.uniforms),
         };
         uniforms::bytes(&key, &source, &mut blob);
         let shader = match self.shaders.get(&key) {
@@ -214,18 +241,22 @@ impl Gl {
         if indices.is_empty() {
             return Ok(());
         }
-        let fixed = self.fixed(shader, attributes, batch.class, &key, bound.len())?;
+        let fixed = self.fixed(&target, shader, attributes, batch.class, &key, bound.len())?;
         let pipeline = self.card.pipeline(&fixed);
         let group = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
-        let (viewport, blend) = (self.viewport(), self.state.blend_color);
+        let (viewport, blend) = (self.viewport(&target), self.state.blend_color);
         let stencil = self.state.stencil[0].reference as u32;
         let pass = &mut self.card.pass;
         pass.textures.extend(bound.iter().map(|&(texture, ..)| texture));
         let (vertices, first, count) = (pass.vertices.len() as u64, pass.indices.len() as u32, indices.len() as u32);
         pass.vertices.extend_from_slice(&bytes);
         pass.indices.extend_from_slice(&indices);
-        self.card.draw(Draw { pipeline, uniforms, vertices, first, count, textures: group, viewport, scissor, blend, stencil });
+        let (writes, query) = (fixed.writes(), self.query);
+        let textures = group;
+        let draw =
+            Draw { pipeline, uniforms, vertices, first, count, textures, viewport, scissor, blend, stencil, writes, query };
+        self.card.draw(draw);
         Ok(())
     }
 
@@ -260,6 +291,7 @@ impl Gl {
             unit,
             kind: kind_of(target),
             base: bound.base,
+            depth: bound.depth,
             clamp: bound.clamp,
             matrix: *m != IDENTITY && !sprite,
             projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
@@ -330,6 +362,8 @@ impl Gl {
             alpha: (state.is(e::ALPHA_TEST) && state.alpha.0 != e::ALWAYS).then_some(state.alpha.0),
             planes: (0..PLANES).filter(|&k| state.is(e::CLIP_PLANE0 + k as u32)).fold(0, |all, k| all | 1 << k),
             stipple: batch.class == Class::Triangles && state.is(e::POLYGON_STIPPLE),
+            line_stipple: batch.class == Class::Lines && self.line_stippled(),
+            pixels: self.pixels.is_some(),
             expand,
             attenuated_point,
             logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.logic, e::COPY | e::NOOP)).then_some(state.logic),
@@ -340,6 +374,7 @@ impl Gl {
     /// State that is fixed in a pipeline.
     fn fixed(
         &self,
+        target: &Target,
         shader: num::ShaderId,
         attributes: Vec<(u32, VertexFormat)>,
         class: Class,
@@ -361,13 +396,13 @@ impl Gl {
         };
         let primitive = Primitive {
             topology,
-            front_face: if state.front == e::CW { FrontFace::Cw } else { FrontFace::Ccw },
+            front_face: if (state.front == e::CW) != target.upward { FrontFace::Cw } else { FrontFace::Ccw },
             cull_mode,
             provoking_last: true,
             ..Primitive::default()
         };
-        let tested = state.is(e::DEPTH_TEST);
-        let stencil = state.is(e::STENCIL_TEST);
+        let tested = state.is(e::DEPTH_TEST) && target.has_depth;
+        let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
         let two_side = state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil[0] != state.stencil[1];
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
         if stencil
@@ -399,18 +434,20 @@ impl Gl {
             }
             _ => [0.0; 2],
         };
-        let depth = DepthStencil {
-            format: DEPTH,
+        let (stencil_front, stencil_back) = (face(front)?, face(back)?);
+        let depth = target.depth.map(|surface| DepthStencil {
+            format: surface.format,
             depth_write: tested && state.depth_write,
             depth_compare: if tested { compare(state.depth_func) } else { Compare::Always },
-            stencil_front: face(front)?,
-            stencil_back: face(back)?,
+            stencil_front,
+            stencil_back,
             stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
             stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
             bias: if units >= 0.0 { (units + 0.5) as i32 } else { (units - 0.5) as i32 },
             bias_slope: factor,
             bias_clamp: 0.0,
-        };
+        });
+        let color = target.color.map(|surface| surface.format);
         let [source, destination, source_alpha, destination_alpha] = state.blend;
         let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
             let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
@@ -428,7 +465,7 @@ impl Gl {
         };
         let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
         let mask = if noop { 0 } else { self.mask() };
-        Ok(Fixed { shader, attributes, primitive, depth, blend, mask, textures })
+        Ok(Fixed { shader, attributes, primitive, color, depth, blend, mask, textures })
     }
 }
 

@@ -197,17 +197,6 @@ pub(super) fn color_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub(super) fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    match call.u32(0)? {
-        buffer @ (e::BACK | e::BACK_LEFT | e::FRONT_AND_BACK | e::NONE) => gl.state.draw_buffer = buffer,
-        other @ (e::FRONT | e::FRONT_LEFT | e::LEFT) => {
-            return Err(Fault::Unsupported(format!("glDrawBuffer({})", names::name(other))));
-        }
-        _ => return Err(INVALID_ENUM),
-    }
-    Ok(())
-}
-
 pub(super) fn clear_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.state.clear_color = color(call)?;
     Ok(())
@@ -232,6 +221,8 @@ pub(super) fn clear(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.render_mode != e::RENDER {
         return Ok(());
     }
-    // The accumulation buffer matters only where glAccum returns it, which is refused by name.
-    gl.clear_buffers(mask)
+    gl.clear_buffers(mask)?;
+    let Some(area) = (if mask & e::ACCUM_BUFFER_BIT != 0 { gl.scissor() } else { None }) else { return Ok(()) };
+    gl.card.clear_accumulation(gl.clear_accum, area);
+    Ok(())
 }

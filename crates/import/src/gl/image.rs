@@ -22,11 +22,13 @@ pub struct PixelStore {
     pub swap: bool,
     /// Whether the lowest bit of a bitmap's byte is the leftmost.
     pub low_first: bool,
+    /// The buffer object that pixels are read from; 0: none.
+    pub buffer: u32,
 }
 
 impl Default for PixelStore {
     fn default() -> Self {
-        PixelStore { alignment: 4, row_length: 0, image_height: 0, skip: [0; 3], swap: false, low_first: false }
+        PixelStore { alignment: 4, row_length: 0, image_height: 0, skip: [0; 3], swap: false, low_first: false, buffer: 0 }
     }
 }
 
@@ -189,6 +191,8 @@ pub enum Base {
     Rgb,
     /// Colour and alpha.
     Rgba,
+    /// Depth; what the environment reads is chosen by the texture.
+    Depth,
 }
 
 impl Base {
@@ -207,10 +211,11 @@ impl Base {
             | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,
             e::ALPHA | e::ALPHA4..=e::ALPHA16 | e::COMPRESSED_ALPHA => Base::Alpha,
             e::INTENSITY..=e::INTENSITY16 | e::COMPRESSED_INTENSITY => Base::Intensity,
-            e::DEPTH_COMPONENT | e::DEPTH_COMPONENT16..=e::DEPTH_COMPONENT32 | e::RED | e::RG => {
-                return Err(Fault::Unsupported(format!("textures of internal format {}", names::name(internal))));
+            e::DEPTH_COMPONENT | e::DEPTH_COMPONENT16..=e::DEPTH_COMPONENT32 | e::DEPTH_STENCIL | e::DEPTH24_STENCIL8 => {
+                Base::Depth
             }
-            _ => return Err(INVALID_VALUE_FORMAT),
+            0..=0xff => return Err(INVALID_VALUE_FORMAT),
+            _ => return Err(Fault::Unsupported(format!("textures of internal format {}", names::name(internal)))),
         })
     }
 
@@ -220,6 +225,7 @@ impl Base {
             Base::Alpha | Base::Luminance | Base::Intensity => gfx::format::Format::R8Unorm,
             Base::LuminanceAlpha => gfx::format::Format::Rg8Unorm,
             Base::Rgb | Base::Rgba => gfx::format::Format::Rgba8Unorm,
+            Base::Depth => super::card::DEPTH,
         }
     }
 
@@ -230,7 +236,7 @@ impl Base {
             Base::Luminance | Base::Intensity => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().flat_map(|t| [t[0], t[3]]).collect(),
             Base::Rgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
-            Base::Rgba => texels.as_flattened().to_vec(),
+            Base::Rgba | Base::Depth => texels.as_flattened().to_vec(),
         }
     }
 
@@ -241,7 +247,8 @@ impl Base {
             Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
             Base::LuminanceAlpha => "t.rrrg",
             Base::Intensity => "t.rrrr",
-            Base::Rgb | Base::Rgba => "t",
+            Base::Rgb => "vec4f(t.rgb, 1)",
+            Base::Rgba | Base::Depth => "t",
         }
     }
 
@@ -252,7 +259,7 @@ impl Base {
             Base::Luminance | Base::Intensity => "c.rrrr",
             Base::LuminanceAlpha => "c.raaa",
             Base::Rgb => "vec4f(c.rgb, 1)",
-            Base::Rgba => "c",
+            Base::Rgba | Base::Depth => "c",
         }
     }
 }

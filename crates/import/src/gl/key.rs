@@ -2,6 +2,7 @@
 
 use super::image::Base;
 use super::state::UNITS;
+use super::texture::DepthRead;
 
 /// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -94,6 +95,8 @@ pub struct UnitKey {
     pub kind: Kind,
     /// Its base format.
     pub base: Base,
+    /// Whether it has depths.
+    pub depth: DepthRead,
     /// Coordinates that are clamped to [0, 1] before filtering (`GL_CLAMP`).
     pub clamp: [bool; 3],
     /// Generated coordinates.
@@ -151,6 +154,10 @@ pub struct ShaderKey {
     pub planes: u8,
     /// Polygon stipple.
     pub stipple: bool,
+    /// Line stipple.
+    pub line_stipple: bool,
+    /// Primary colours are those of drawn pixels.
+    pub pixels: bool,
     /// Expansion.
     pub expand: Expand,
     /// Points whose size depends on the distance.

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
+use super::image::PixelStore;
 use super::machine::Gl;
 use super::state::Vertex;
 use super::table::Entry;
@@ -16,6 +17,8 @@ const NESTING_MAX: u32 = 64;
 enum Step {
     /// A call.
     Call(Entry, Call),
+    /// A call that has read pixels: how they lie in memory was settled when the list was made.
+    Pixels(Entry, Call, PixelStore),
     /// Vertices of client arrays as they were when the list was made, and which attributes are theirs.
     Vertices(u32, Rc<[Vertex]>, u32),
 }
@@ -28,8 +31,9 @@ pub struct List {
 
 impl List {
     /// Appends a call.
-    pub fn push(&mut self, entry: Entry, call: &Call) -> Result<(), String> {
-        self.add(Step::Call(entry, call.clone()))
+    pub fn push(&mut self, entry: Entry, call: &Call, unpack: &PixelStore) -> Result<(), String> {
+        let pixels = unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
+        self.add(if pixels { Step::Pixels(entry, call.clone(), *unpack) } else { Step::Call(entry, call.clone()) })
     }
 
     fn add(&mut self, step: Step) -> Result<(), String> {
@@ -71,6 +75,12 @@ impl Gl {
             match step {
                 Step::Call(entry, call) => {
                     let outcome = self.execute(*entry, call);
+                    self.settle(call, outcome).map_err(Fault::Damaged)?;
+                }
+                Step::Pixels(entry, call, unpack) => {
+                    let now = std::mem::replace(&mut self.unpack, *unpack);
+                    let outcome = self.execute(*entry, call);
+                    self.unpack = now;
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
                 Step::Vertices(mode, vertices, arrays) => {

@@ -8,14 +8,18 @@ use num::Limits;
 use trace::Trace;
 
 use super::arrays::Arrays;
+use super::buffers::Mapping;
 use super::call::{Arg, Call, Fault, INVALID_OPERATION, Outcome, Shape};
 use super::card::Card;
 use super::consts as e;
 use super::evaluator::Maps;
+use super::framebuffer::{Framebuffer, Renderbuffer};
 use super::image::PixelStore;
 use super::key::ShaderKey;
 use super::lists::List;
+use super::pixel_data::PixelMaps;
 use super::primitive::Batch;
+use super::rectangles::Source;
 use super::state::{Stack, State, UNITS, Vertex};
 use super::table::{self, Entry, Moment};
 use super::texture::Texture;
@@ -63,6 +67,32 @@ pub struct Gl {
     pub buffers: BTreeMap<u32, Rc<[u8]>>,
     /// How pixels are read.
     pub unpack: PixelStore,
+    /// The buffer object that pixels are read back into.
+    pub pack_buffer: u32,
+    /// Buffer objects that are mapped.
+    pub mappings: Vec<Mapping>,
+    /// Pixel maps.
+    pub pixel_maps: PixelMaps,
+    /// The colours of the rectangle that is drawn.
+    pub pixels: Option<Source>,
+    /// Frame buffer objects by name.
+    pub framebuffers: BTreeMap<u32, Framebuffer>,
+    /// The one that is drawn to; 0: the window.
+    pub draw_framebuffer: u32,
+    /// The one that is read.
+    pub read_framebuffer: u32,
+    /// The colour buffer of the window that is read.
+    pub read_buffer: u32,
+    /// Render buffers by name.
+    pub renderbuffers: BTreeMap<u32, Renderbuffer>,
+    /// The one that calls mean.
+    pub renderbuffer: u32,
+    /// What clears the accumulation buffer.
+    pub clear_accum: [f32; 4],
+    /// The occlusion query that counts draws.
+    pub query: Option<u64>,
+    /// Uses of occlusion queries.
+    pub queries: u64,
     /// Texture objects by name.
     pub textures: BTreeMap<u32, Texture>,
     /// Textures of name 0, by target.
@@ -117,6 +147,19 @@ impl Gl {
             saved_client: Vec::new(),
             buffers: BTreeMap::new(),
             unpack: PixelStore::default(),
+            pack_buffer: 0,
+            mappings: Vec::new(),
+            pixel_maps: PixelMaps::default(),
+            pixels: None,
+            framebuffers: BTreeMap::new(),
+            draw_framebuffer: 0,
+            read_framebuffer: 0,
+            read_buffer: e::BACK,
+            renderbuffers: BTreeMap::new(),
+            renderbuffer: 0,
+            clear_accum: [0.0; 4],
+            query: None,
+            queries: 0,
             textures: BTreeMap::new(),
             default_textures: BTreeMap::new(),
             lists: BTreeMap::new(),
@@ -161,7 +204,7 @@ impl Gl {
         }
         counted.1 += 1;
         if let (Some((_, execute, list)), Moment::Server | Moment::Vertex) = (&mut self.compiling, entry.moment) {
-            list.push(entry, call)?;
+            list.push(entry, call, &self.unpack)?;
             if !*execute {
                 return Ok(());
             }
@@ -199,7 +242,8 @@ impl Gl {
         if let Err(error) = self.limits.memory_bytes.check(self.card.bytes) {
             return Err(format!("{}: {error}", call.function.name));
         }
-        let objects = [self.textures.len(), self.lists.len(), self.buffers.len()];
+        let objects =
+            [self.textures.len(), self.lists.len(), self.buffers.len(), self.framebuffers.len(), self.renderbuffers.len()];
         if objects.into_iter().any(|count| count > NAMES_MAX) {
             return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
         }

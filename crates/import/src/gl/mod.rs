@@ -12,26 +12,35 @@
 //! * A call that raises an OpenGL error has no effect.
 //! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
 
+mod accumulate;
 mod arrays;
+mod buffers;
 mod call;
 mod card;
 mod consts;
+mod copies;
 mod draw;
 mod evaluator;
 mod fragments;
+mod framebuffer;
 mod image;
 mod immediate;
 mod key;
 mod lists;
+mod lit;
 mod machine;
 mod matrix;
 mod names;
 mod pack;
+mod pixel_data;
 mod pixels;
 mod primitive;
 mod raster;
 mod reader;
+mod rectangles;
+mod s3tc;
 mod state;
+mod stipple;
 mod table;
 mod texture;
 mod texturing;
@@ -40,6 +49,7 @@ mod uniforms;
 mod wgsl;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 use std::rc::Rc;
 
@@ -69,6 +79,10 @@ pub struct Report {
     pub errors: Counts,
     /// Shaders that the fixed functions became.
     pub shaders: usize,
+    /// Uses of occlusion queries.
+    pub queries: u64,
+    /// Draws of frames that were not asked for, which nothing can read.
+    pub dropped: u64,
 }
 
 impl Report {
@@ -82,18 +96,25 @@ impl Report {
     }
 }
 
-/// Opens a recording of apitrace or GLInterceptor.
+/// Opens a recording of apitrace or GLInterceptor, with those of its frames that are asked for. The recording is read up to the last of
+/// them. Of frames before them only that is left which later ones can read.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
-pub fn open(path: &Path, apitrace: bool, links: Links, reading: &Reading) -> Result<(Trace, Report), TraceError> {
+pub fn open(
+    path: &Path,
+    apitrace: bool,
+    links: Links,
+    reading: &Reading,
+    frames: Range<u64>,
+) -> Result<(Trace, Report), TraceError> {
     let fail = |reason: String| TraceError::new(path, reason);
     let mut file = host::open(path, links).map_err(|error| TraceError::new(path, error))?;
     let mut start = [0; 2];
     file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
     let input: Input = Box::new(file);
     let memory = if apitrace { Memory::default() } else { memory_of(path, reading)? };
-    import(path, input, start, apitrace, memory, reading)
+    import(path, input, start, apitrace, memory, reading, frames)
 }
 
 /// Imports a recording that is in memory; `path` is what messages call it. `memory` has the two files beside a text recording.
@@ -101,13 +122,28 @@ pub fn open(path: &Path, apitrace: bool, links: Links, reading: &Reading) -> Res
 /// # Errors
 /// As [`open`].
 pub fn import_bytes(path: &Path, bytes: Vec<u8>, memory: [&[u8]; 2], reading: &Reading) -> Result<(Trace, Report), TraceError> {
+    import_frames(path, bytes, memory, reading, 0..u64::MAX)
+}
+
+/// As [`import_bytes`], of some frames only.
+///
+/// # Errors
+/// As [`open`].
+pub fn import_frames(
+    path: &Path,
+    bytes: Vec<u8>,
+    memory: [&[u8]; 2],
+    reading: &Reading,
+    frames: Range<u64>,
+) -> Result<(Trace, Report), TraceError> {
     let fail = |reason: String| TraceError::new(path, reason);
     let Some((&start, rest)) = bytes.split_first_chunk::<2>() else {
         return Err(fail("is shorter than the start of a recording".into()));
     };
     let apitrace = start != *b"GL";
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
-    import(path, Box::new(std::io::Cursor::new(rest.to_vec())), start, apitrace, memory, reading)
+    let input = Box::new(std::io::Cursor::new(rest.to_vec()));
+    import(path, input, start, apitrace, memory, reading, frames)
 }
 
 /// Imports a recording from a stream whose first two bytes have been read.
@@ -118,6 +154,7 @@ fn import(
     apitrace: bool,
     memory: Memory,
     reading: &Reading,
+    frames: Range<u64>,
 ) -> Result<(Trace, Report), TraceError> {
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
@@ -128,7 +165,9 @@ fn import(
         Reader::Gli(Box::new(GliText::open(input, start, memory, &reading.limits).map_err(broken)?))
     };
     let mut gl = Gl::new(path, &reading.limits);
-    while let Some(call) = reader.next().map_err(broken)? {
+    gl.card.first_frame = frames.start;
+    while gl.card.frames < frames.end {
+        let Some(call) = reader.next().map_err(broken)? else { break };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
         if let Some(size) = reader.window()
             && !gl.fixed_window
@@ -144,6 +183,7 @@ fn import(
     if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
         return Err(TraceError::new(path, reason));
     }
+    (report.queries, report.dropped) = (gl.queries, gl.card.dropped);
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;

@@ -53,6 +53,9 @@ fn layout(key: &ShaderKey, vertices: &[Vertex]) -> Vec<Attribute> {
     if key.varying.fog {
         list.push((location::FOG, 1, |v, _| [v.fog; 4]));
     }
+    if key.line_stipple {
+        list.push((location::ALONG, 1, |v, _| [v.along; 4]));
+    }
     for unit in key.units.iter().filter(|unit| wgsl::reads_coordinates(key, unit)) {
         let count = components(vertices.iter().map(|vertex| vertex.texture[unit.unit]), 2);
         list.push((location::TEXTURE + unit.unit as u32, count, |v, at| v.texture[(at - location::TEXTURE) as usize]));
@@ -135,6 +138,7 @@ fn near_clip(ends: &mut [Vertex], clip: &Matrix, flat: bool) -> bool {
     cut.normal = std::array::from_fn(|k| mix(from.normal[k], to.normal[k]));
     cut.secondary = std::array::from_fn(|k| mix(from.secondary[k], to.secondary[k]));
     cut.fog = mix(from.fog, to.fog);
+    cut.along = mix(from.along, to.along);
     for unit in 0..UNITS {
         cut.texture[unit] = mix4(from.texture[unit], to.texture[unit]);
     }

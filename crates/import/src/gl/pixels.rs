@@ -1,10 +1,10 @@
-//! Pixel storage and transfer, raster positions, render modes. Rectangles of pixels that are drawn are refused by name.
+//! Pixel storage and transfer, raster positions, render modes.
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components, parameters};
 use super::matrix;
-use super::names;
+use super::state::{PLANES, UNITS, Vertex};
 
 pub(super) fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (name, value) = (call.u32(0)?, call.f64(1)?);
@@ -27,30 +27,104 @@ pub(super) fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-pub(super) fn pixel_transfer(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (name, value) = (call.u32(0)?, parameters(call, 1)?[0]);
-    let scale = matches!(name, e::RED_SCALE | e::GREEN_SCALE | e::BLUE_SCALE | e::ALPHA_SCALE | e::DEPTH_SCALE);
-    if value == if scale { 1.0 } else { 0.0 } {
-        return Ok(());
+pub(super) fn pixel_transfer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let name = call.u32(0)?;
+    let value = parameters(call, 1)?.first().copied().ok_or(INVALID_VALUE)?;
+    let transfer = &mut gl.state.transfer;
+    match name {
+        e::RED_SCALE => transfer.scale[0] = value as f32,
+        e::GREEN_SCALE => transfer.scale[1] = value as f32,
+        e::BLUE_SCALE => transfer.scale[2] = value as f32,
+        e::ALPHA_SCALE => transfer.scale[3] = value as f32,
+        e::RED_BIAS => transfer.bias[0] = value as f32,
+        GREEN_BIAS => transfer.bias[1] = value as f32,
+        BLUE_BIAS => transfer.bias[2] = value as f32,
+        ALPHA_BIAS => transfer.bias[3] = value as f32,
+        e::DEPTH_SCALE => transfer.depth[0] = value as f32,
+        e::DEPTH_BIAS => transfer.depth[1] = value as f32,
+        e::MAP_COLOR => transfer.map_color = value != 0.0,
+        e::MAP_STENCIL => transfer.map_stencil = value != 0.0,
+        e::INDEX_SHIFT => transfer.index[0] = value.clamp(-31.0, 31.0) as i32,
+        e::INDEX_OFFSET => transfer.index[1] = value as i32,
+        _ => return Err(INVALID_ENUM),
     }
-    Err(Fault::Unsupported(format!("pixel transfer {}", names::name(name))))
+    Ok(())
+}
+
+// Each is one more than the scale of its channel.
+const GREEN_BIAS: u32 = e::GREEN_SCALE + 1;
+const BLUE_BIAS: u32 = e::BLUE_SCALE + 1;
+const ALPHA_BIAS: u32 = e::ALPHA_SCALE + 1;
+
+pub(super) fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let (map, size) = (call.u32(0)?.wrapping_sub(e::PIXEL_MAP_I_TO_I) as usize, call.size(1)? as usize);
+    if map >= 10 {
+        return Err(INVALID_ENUM);
+    }
+    // Maps of indices have sizes that are powers of two.
+    if !(1..=MAP_MAX).contains(&size) || map < 6 && !size.is_power_of_two() {
+        return Err(INVALID_VALUE);
+    }
+    let values = call.numbers(2)?;
+    let values = values.get(..size).ok_or_else(|| Fault::Damaged(format!("a map of fewer than {size} numbers")))?;
+    let value = |&value: &f64| if map < 2 { value as f32 } else { shape.scalar.normalized(value) };
+    gl.pixel_maps.0[map] = values.iter().map(value).collect();
+    Ok(())
+}
+
+/// Elements of a pixel map at most.
+const MAP_MAX: usize = 1 << 16;
+
+pub(super) fn pixel_zoom(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.state.zoom = [call.f32(0)?, call.f32(1)?];
+    Ok(())
 }
 
 pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let position = components(call, shape, 0)?.0.map(|value| value as f32);
-    let [x, y, z, w] = matrix::transform(&matrix::product(&gl.projection.top, &gl.modelview.top), position);
-    let inside = [x, y, z].iter().all(|value| value.abs() <= w);
+    let eye = matrix::transform(&gl.modelview.top, position);
+    let [x, y, z, w] = matrix::transform(&gl.projection.top, eye);
+    let cut = |k: usize| {
+        let plane = gl.state.planes[k];
+        gl.state.is(e::CLIP_PLANE0 + k as u32) && (0..4).map(|i| plane[i] * eye[i]).sum::<f32>() < 0.0
+    };
+    let inside = w > 0.0 && [x, y, z].iter().all(|value| value.abs() <= w) && !(0..PLANES).any(cut);
     let [vx, vy, width, height] = gl.state.viewport.map(|value| value as f32);
-    let window = [vx + (x / w + 1.0) * 0.5 * width, vy + (y / w + 1.0) * 0.5 * height, (z / w + 1.0) * 0.5, w];
+    let [near, far] = gl.state.depth_range;
+    let depth = near + (z / w + 1.0) * 0.5 * (far - near);
+    let window = [vx + (x / w + 1.0) * 0.5 * width, vy + (y / w + 1.0) * 0.5 * height, depth, w];
     gl.state.raster = inside.then_some(window);
-    gl.state.raster_color = gl.state.current.color;
+    let mut vertex = gl.state.current;
+    vertex.position = position;
+    (vertex.color, vertex.secondary) = super::lit::colors(&gl.state, &gl.modelview.top, &vertex);
+    if !gl.state.fog_from_coordinate {
+        vertex.fog = eye[2].abs();
+    }
+    for unit in 0..UNITS {
+        let state = &gl.state.units[unit];
+        for k in (0..4).filter(|k| state.generated & 1 << k != 0) {
+            let generation = state.generation[k];
+            let dot = |plane: [f32; 4], of: [f32; 4]| (0..4).map(|i| plane[i] * of[i]).sum();
+            vertex.texture[unit][k] = match generation.mode {
+                e::OBJECT_LINEAR => dot(generation.object, position),
+                e::EYE_LINEAR => dot(generation.eye, eye),
+                _ if state.enabled == 0 => 0.0,
+                _ => return Err(Fault::Unsupported("raster positions with coordinates of sphere and cube maps".into())),
+            };
+        }
+        vertex.texture[unit] = matrix::transform(&gl.texture_matrices[unit].top, vertex.texture[unit]);
+    }
+    gl.state.raster_vertex = vertex;
     Ok(())
 }
 
 pub(super) fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let [x, y, z, _] = components(call, shape, 0)?.0.map(|value| value as f32);
-    gl.state.raster = Some([x, y, z.clamp(0.0, 1.0), 1.0]);
-    gl.state.raster_color = gl.state.current.color;
+    let [near, far] = gl.state.depth_range;
+    gl.state.raster = Some([x, y, near + z.clamp(0.0, 1.0) * (far - near), 1.0]);
+    let vertex = gl.state.current;
+    let fog = if gl.state.fog_from_coordinate { vertex.fog } else { 0.0 };
+    gl.state.raster_vertex = Vertex { fog, color: vertex.color.map(|value| value.clamp(0.0, 1.0)), ..vertex };
     Ok(())
 }
 

@@ -33,8 +33,6 @@ pub struct Batch {
     pub vertices: Vec<Vertex>,
     /// Indices: of triangles, lines or points; the last vertex of each gives flat colours.
     pub indices: Vec<u32>,
-    /// Pattern positions of lines are not kept: stippled lines are refused.
-    pub primitives: u64,
 }
 
 impl Gl {
@@ -74,6 +72,17 @@ impl Gl {
         if indices.is_empty() {
             return Ok(());
         }
+        if class == Class::Lines && self.line_stippled() {
+            let (vertices, indices) = self.stippled(vertices, indices);
+            return self.append(class, polygon, &vertices, &indices);
+        }
+        self.append(class, polygon, vertices, indices)
+    }
+
+    fn append(&mut self, class: Class, polygon: Option<bool>, vertices: &[Vertex], indices: &[u32]) -> Outcome {
+        if indices.is_empty() {
+            return Ok(());
+        }
         let batch = &self.batch;
         let other = batch.class != class || batch.polygon != polygon;
         // A logic operation reads what the primitive before it has written.
@@ -86,7 +95,7 @@ impl Gl {
         if alone && indices.len() > each {
             return indices.chunks(each).try_for_each(|one| {
                 let used: Vec<Vertex> = one.iter().map(|&index| vertices[index as usize]).collect();
-                self.add(class, polygon, &used, &[0, 1, 2][..one.len()])
+                self.append(class, polygon, &used, &[0, 1, 2][..one.len()])
             });
         }
         let batch = &self.batch;
@@ -98,7 +107,6 @@ impl Gl {
         let base = batch.vertices.len() as u32;
         batch.vertices.extend_from_slice(vertices);
         batch.indices.extend(indices.iter().map(|index| base + index));
-        batch.primitives += 1;
         Ok(())
     }
 
@@ -196,9 +204,14 @@ impl Gl {
                 // All that is left of a polygon has the colour of its provoking vertex.
                 return Err(super::call::Fault::Unsupported("flat shading of polygons drawn as lines or points".into()));
             }
+            let polygon = (class != Class::Triangles).then_some(back);
+            if class == Class::Lines && self.line_stippled() {
+                // The pattern goes on from edge to edge, which is seen by the indices.
+                self.add(class, polygon, vertices, &indices)?;
+                continue;
+            }
             let used: Vec<Vertex> = indices.iter().map(|&i| vertices[i as usize]).collect();
             let all: Vec<u32> = (0..used.len() as u32).collect();
-            let polygon = (class != Class::Triangles).then_some(back);
             self.add(class, polygon, &used, &all)?;
         }
         Ok(())

@@ -3,6 +3,7 @@
 use super::consts as e;
 use super::matrix::IDENTITY;
 use super::matrix::Matrix;
+use super::pixel_data::Transfer;
 
 /// Texture units.
 pub const UNITS: usize = 8;
@@ -31,6 +32,8 @@ pub struct Vertex {
     pub texture: [[f32; 4]; UNITS],
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
+    /// Pixels along a stippled line up to here.
+    pub along: f32,
 }
 
 /// A light; positions and directions are in eye space.
@@ -228,10 +231,12 @@ pub struct State {
     pub grids: [(i32, f32, f32); 2],
     /// Raster position in window space, and whether it is valid.
     pub raster: Option<[f32; 4]>,
-    /// Colour of the raster position.
-    pub raster_color: [f32; 4],
+    /// Attributes of the raster position: what lighting and texture coordinate generation made of the current ones.
+    pub raster_vertex: Vertex,
     /// Zoom of pixel rectangles.
     pub zoom: [f32; 2],
+    /// Pixel transfer.
+    pub transfer: Transfer,
 }
 
 impl Default for State {
@@ -274,16 +279,18 @@ impl Default for State {
             },
         };
         let stencil = Stencil { compare: e::ALWAYS, reference: 0, read: !0, ops: [e::KEEP; 3], write: !0 };
+        let first = Vertex {
+            position: black,
+            normal: [0.0, 0.0, 1.0],
+            color: white,
+            secondary: [0.0; 3],
+            fog: 0.0,
+            texture: [black; UNITS],
+            edge: true,
+            along: 0.0,
+        };
         State {
-            current: Vertex {
-                position: black,
-                normal: [0.0, 0.0, 1.0],
-                color: white,
-                secondary: [0.0; 3],
-                fog: 0.0,
-                texture: [black; UNITS],
-                edge: true,
-            },
+            current: first,
             enabled: capability(e::DITHER).unwrap_or(0) | capability(e::MULTISAMPLE).unwrap_or(0),
             viewport: [0; 4],
             depth_range: [0.0, 1.0],
@@ -331,8 +338,9 @@ impl Default for State {
             list_base: 0,
             grids: [(1, 0.0, 1.0); 2],
             raster: Some([0.0, 0.0, 0.0, 1.0]),
-            raster_color: white,
+            raster_vertex: first,
             zoom: [1.0; 2],
+            transfer: Transfer::default(),
         }
     }
 }
@@ -420,7 +428,7 @@ impl State {
         macro_rules! take {
             ($bit:expr => $($field:ident),+) => { if has($bit) { $(self.$field = saved.$field.clone();)+ } };
         }
-        take!(e::CURRENT_BIT => current, raster, raster_color);
+        take!(e::CURRENT_BIT => current, raster, raster_vertex);
         take!(e::VIEWPORT_BIT => viewport, depth_range);
         take!(e::TRANSFORM_BIT => matrix_mode, planes);
         take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat);
@@ -435,7 +443,7 @@ impl State {
         take!(e::SCISSOR_BIT => scissor);
         take!(e::LIST_BIT => list_base);
         take!(e::EVAL_BIT => grids);
-        take!(e::PIXEL_MODE_BIT => zoom);
+        take!(e::PIXEL_MODE_BIT => zoom, transfer);
         if has(e::TEXTURE_BIT) {
             self.active = saved.active;
         }

@@ -2,7 +2,10 @@
 
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::machine::Gl;
-use super::{arrays, evaluator, fragments, immediate, lists, pixels, raster, texturing, transform};
+use super::{
+    accumulate, arrays, buffers, evaluator, fragments, framebuffer, immediate, lists, pixels, raster, rectangles, texturing,
+    transform,
+};
 
 /// When a function may be called, and what it does to what waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +66,7 @@ fn window_system(name: &str) -> (Moment, Run) {
         "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => {
             (Moment::Client, raster::swap)
         }
+        "memcpy" => (Moment::Client, buffers::copy),
         _ => (Moment::Ignored, nothing),
     }
 }
@@ -140,7 +144,33 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "BlendColor" => (Server, fragments::blend_color),
         "LogicOp" => (Server, fragments::logic_op),
         "ColorMask" => (Server, fragments::color_mask),
-        "DrawBuffer" => (Server, fragments::draw_buffer),
+        "DrawBuffer" => (Server, framebuffer::draw_buffer),
+        "DrawBuffers" => (Server, framebuffer::draw_buffers),
+        "ReadBuffer" => (Server, framebuffer::read_buffer),
+        "BindFramebuffer" => (Server, framebuffer::bind),
+        "DeleteFramebuffers" => (Client, framebuffer::delete),
+        "FramebufferTexture1D" | "FramebufferTexture2D" => (Server, framebuffer::texture_1d_or_2d),
+        "FramebufferTexture" => (Server, framebuffer::texture_any),
+        "FramebufferRenderbuffer" => (Server, framebuffer::renderbuffer),
+        "BindRenderbuffer" => (Server, framebuffer::bind_renderbuffer),
+        "DeleteRenderbuffers" => (Client, framebuffer::delete_renderbuffers),
+        "RenderbufferStorage" => (Server, framebuffer::renderbuffer_storage),
+        "RenderbufferStorageMultisample" => (Server, framebuffer::renderbuffer_storage_multisample),
+        "BlitFramebuffer" => (Server, framebuffer::blit),
+        "GenerateMipmap" => (Server, framebuffer::generate_mipmap),
+        "Bitmap" => (Server, rectangles::bitmap),
+        "DrawPixels" => (Server, rectangles::draw_pixels),
+        "CopyPixels" => (Server, rectangles::copy_pixels),
+        "PixelZoom" => (Server, pixels::pixel_zoom),
+        "Accum" => (Server, accumulate::accumulate),
+        "ClearAccum" => (Server, accumulate::clear_value),
+        "BeginQuery" => (Server, accumulate::begin_query),
+        "EndQuery" => (Server, accumulate::end_query),
+        "MapBuffer" => (Client, buffers::map),
+        "MapBufferRange" => (Client, buffers::map_range),
+        "UnmapBuffer" => (Client, buffers::unmap),
+        "CompressedTexImage2D" => (Server, texturing::compressed_2d),
+        "CompressedTexSubImage2D" => (Server, texturing::compressed_part_2d),
         "Clear" => (Server, fragments::clear),
         "ClearColor" => (Server, fragments::clear_color),
         "ClearDepth" | "ClearDepthf" => (Server, fragments::clear_depth),
@@ -175,7 +205,11 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "LoadName"
         | "PassThrough"
         | "ReadPixels"
-        | "ReadBuffer"
+        | "GenFramebuffers"
+        | "GenRenderbuffers"
+        | "DeleteQueries"
+        | "CheckFramebufferStatus"
+        | "FlushMappedBufferRange"
         | "GenLists"
         | "GenTextures"
         | "GenBuffers"
@@ -187,7 +221,6 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "DeletePrograms"
         | "LockArrays"
         | "UnlockArrays"
-        | "ClearAccum"
         | "ClearIndex"
         | "IndexMask"
         | "IndexPointer"
@@ -240,6 +273,7 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "TexGen" => (Server, texturing::generation),
         "PixelStore" => (Client, pixels::pixel_store),
         "PixelTransfer" => (Server, pixels::pixel_transfer),
+        "PixelMap" => (Server, pixels::pixel_map),
         "RasterPos" => (Server, pixels::raster_position),
         "WindowPos" => (Server, pixels::window_position),
         "Map" => (Server, evaluator::map),

@@ -2,13 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use gfx::format::Format;
 use gfx::state::*;
 use num::*;
 use trace::command::*;
 
 use super::call::{Fault, Outcome};
-use super::card::Card;
+use super::card::{Card, Surface};
 use super::consts as e;
+use super::copies::{CopyKey, From, Meet, SAME, one_image};
 use super::image::Base;
 use super::key::Kind;
 use super::names;
@@ -20,19 +22,48 @@ pub struct Level {
     pub size: [u32; 3],
     /// What its channels mean.
     pub base: Base,
-    /// Bytes that are not yet on the card.
+    /// The format in which it is kept.
+    pub format: Format,
+    /// Whether it was given with a border, which is not kept.
+    pub bordered: bool,
+    /// Bytes that are not yet on the card. Those of depths are numbers in single precision.
     pub bytes: Option<Vec<u8>>,
+}
+
+impl Level {
+    /// An image of texels of a base format.
+    pub fn plain(size: [u32; 3], base: Base, bytes: Option<Vec<u8>>) -> Level {
+        Level { size, base, format: base.format(), bordered: false, bytes }
+    }
 }
 
 /// The card's texture.
 #[derive(Clone, Debug)]
 struct Native {
     id: TextureId,
+    /// The level of the texture object that is its first.
+    first: u32,
     size: [u32; 3],
     levels: u32,
     base: Base,
-    /// Views by number of levels.
-    views: Vec<(u32, ViewId)>,
+    format: Format,
+    /// Views by first level and number of levels.
+    views: Vec<([u32; 2], ViewId)>,
+    /// Views of single images, by layer and level.
+    images: Vec<((u32, u32), ViewId)>,
+}
+
+impl Native {
+    /// The level of the card's texture that holds a level of the texture object, if an image of it fits there.
+    fn place(&self, level: u32, image: &Level) -> Option<u32> {
+        let k = level.checked_sub(self.first).filter(|&k| k < self.levels)?;
+        let fits = self.size.map(|edge| (edge >> k).max(1)) == image.size;
+        (fits && self.base == image.base && self.format == image.format).then_some(k)
+    }
+
+    fn all_views(&self) -> Vec<ViewId> {
+        self.views.iter().map(|&(_, view)| view).chain(self.images.iter().map(|&(_, view)| view)).collect()
+    }
 }
 
 /// A texture object.
@@ -60,6 +91,12 @@ pub struct Texture {
     pub generate: bool,
     /// Bias of the level of detail.
     pub bias: f32,
+    /// What depths are compared by, if they are compared with the third coordinate.
+    pub compare: Option<Compare>,
+    /// The comparison that is used where one is asked for.
+    pub compare_func: Compare,
+    /// The base format that depths appear as.
+    pub depth_mode: Base,
     native: Option<Native>,
 }
 
@@ -73,6 +110,22 @@ pub struct Bound {
     pub clamp: [bool; 3],
     /// Bias of the level of detail.
     pub bias: f32,
+    /// Levels that are read: the card's first, and how many.
+    pub levels: [u32; 2],
+    /// Whether it has depths, and whether they are compared.
+    pub depth: DepthRead,
+}
+
+/// How depths of a texture are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DepthRead {
+    /// It has colours.
+    #[default]
+    No,
+    /// As they are.
+    Plain,
+    /// Compared with the third coordinate.
+    Compared,
 }
 
 impl Texture {
@@ -91,6 +144,9 @@ impl Texture {
             anisotropy: 1.0,
             generate: false,
             bias: 0.0,
+            compare: None,
+            compare_func: Compare::LessEqual,
+            depth_mode: Base::Luminance,
             native: None,
         }
     }
@@ -122,7 +178,7 @@ impl Texture {
             for k in 0..count {
                 let level = self.levels.get(&(face, self.range[0] + k))?;
                 let wanted = first.size.map(|edge| (edge >> k).max(1));
-                if level.size != wanted || level.base != first.base {
+                if level.size != wanted || level.base != first.base || level.format != first.format {
                     return None;
                 }
             }
@@ -133,14 +189,10 @@ impl Texture {
     /// Defines an image.
     pub fn define(&mut self, card: &mut Card, face: u32, level: u32, image: Level) {
         // An image of the same size on the card is written in place.
-        if let Some(native) = &self.native {
-            let index = level.checked_sub(self.range[0]).filter(|&k| k < native.levels);
-            let wanted = index.map(|k| native.size.map(|edge| (edge >> k).max(1)));
-            if wanted == Some(image.size) && native.base == image.base {
-                let on_card = self.levels.get(&(face, level)).is_some_and(|level| level.bytes.is_none());
-                if let (true, Some(bytes)) = (on_card, &image.bytes) {
-                    return self.write(card, face, level, [0; 3], image.size, bytes);
-                }
+        if self.native.as_ref().is_some_and(|native| native.place(level, &image).is_some()) {
+            let on_card = self.levels.get(&(face, level)).is_some_and(|level| level.bytes.is_none());
+            if let (true, Some(bytes)) = (on_card, &image.bytes) {
+                return self.write(card, face, level, [0; 3], image.size, bytes);
             }
         }
         self.levels.insert((face, level), image);
@@ -149,103 +201,130 @@ impl Texture {
     /// Writes a part of an image that is defined; `bytes` are kept texels.
     pub fn write(&mut self, card: &mut Card, face: u32, level: u32, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
         let Some(image) = self.levels.get_mut(&(face, level)) else { return };
-        let texel = image.base.format().block_bytes() as usize;
+        let (block, texel) = (image.format.block_dim(), image.format.block_bytes() as usize);
         if let Some(kept) = &mut image.bytes {
-            let [width, height, _] = image.size.map(|edge| edge as usize);
-            let row = size[0] as usize * texel;
+            // In blocks of texels; most formats have blocks of one.
+            let blocks = |edge: u32| edge.div_ceil(block) as usize;
+            let [width, height] = [blocks(image.size[0]), blocks(image.size[1])];
+            let (row, rows) = (blocks(size[0]) * texel, blocks(size[1]));
+            let [x, y, z] = [(origin[0] / block) as usize, (origin[1] / block) as usize, origin[2] as usize];
             for (k, line) in bytes.chunks_exact(row.max(1)).enumerate() {
-                let (y, z) = (k % size[1] as usize, k / size[1] as usize);
-                let at = (((origin[2] as usize + z) * height + origin[1] as usize + y) * width + origin[0] as usize) * texel;
+                let at = (((z + k / rows) * height + y + k % rows) * width + x) * texel;
                 kept[at..at + row].copy_from_slice(line);
             }
             return;
         }
+        let image = image.clone();
         let Some(native) = &self.native else { return };
-        if card.pass.textures.contains(&native.id) {
-            card.end_pass();
-        }
+        let Some(k) = native.place(level, &image) else { return };
         let layer = if self.kind == Kind::Cube { face } else { origin[2] };
-        let to = TextureEnd {
-            texture: native.id,
-            level: level - self.range[0],
-            origin: [origin[0], origin[1], layer],
-            aspect: Aspect::All,
-        };
-        let layout = LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
-        card.recorder.write_texture(to, layout, size, "texture", bytes);
+        upload(card, native, k, [origin[0], origin[1], layer], size, bytes);
     }
 
     /// Makes the card's texture have this many levels, with all that is known of them.
     fn install(&mut self, card: &mut Card, count: u32) -> Option<()> {
-        let first = self.levels.get(&(0, self.range[0]))?.clone();
-        let fits = self.native.as_ref().is_some_and(|n| n.size == first.size && n.base == first.base && n.levels >= count);
+        let base_level = self.range[0];
+        let first = self.levels.get(&(0, base_level))?.clone();
+        let fits = self
+            .native
+            .as_ref()
+            .is_some_and(|n| n.place(base_level, &first).is_some() && n.levels >= count + base_level - n.first);
         if !fits {
             let old = self.native.take();
+            // Larger images before the base level are kept on the card too: the base level may come back to them.
+            let (mut lowest, mut largest) = (base_level, first.clone());
+            while let Some(before) = lowest.checked_sub(1).and_then(|level| self.levels.get(&(0, level))) {
+                let follows = before.size.map(|edge| (edge >> 1).max(1)) == largest.size;
+                if !follows || before.base != first.base || before.format != first.format {
+                    break;
+                }
+                (lowest, largest) = (lowest - 1, before.clone());
+            }
             let dimension = if self.kind == Kind::D3 { TextureDimension::D3 } else { TextureDimension::D2 };
-            let layers = if self.kind == Kind::D3 { first.size[2] } else { self.faces() };
-            let desc = TextureDesc {
-                dimension,
-                size: [first.size[0], first.size[1], layers],
-                levels: count,
-                samples: 1,
-                format: first.base.format(),
-            };
+            let layers = if self.kind == Kind::D3 { largest.size[2] } else { self.faces() };
+            let levels = count + base_level - lowest;
+            let size = [largest.size[0], largest.size[1], layers];
+            let desc = TextureDesc { dimension, size, levels, samples: 1, format: first.format };
             let id = card.recorder.create_texture("texture", desc);
-            let native = Native { id, size: first.size, levels: count, base: first.base, views: Vec::new() };
+            let (size, base, format) = (largest.size, first.base, first.format);
+            let native = Native { id, first: lowest, size, levels, base, format, views: Vec::new(), images: Vec::new() };
             if let Some(old) = old {
-                for (&(face, level), image) in &self.levels {
-                    let Some(k) = level.checked_sub(self.range[0]) else { continue };
-                    let there = |n: &Native| {
-                        k < n.levels && n.size.map(|edge| (edge >> k).max(1)) == image.size && n.base == image.base
-                    };
-                    if image.bytes.is_none() && there(&old) && there(&native) {
-                        let end = |texture| TextureEnd { texture, level: k, origin: [0, 0, face], aspect: Aspect::All };
+                for (&(face, level), image) in self.levels.iter().filter(|(_, image)| image.bytes.is_none()) {
+                    if let (Some(from), Some(to)) = (old.place(level, image), native.place(level, image)) {
+                        let end = |texture, level| TextureEnd { texture, level, origin: [0, 0, face], aspect: Aspect::All };
                         card.end_pass();
-                        card.recorder.copy_texture_to_texture(end(old.id), end(id), image.size);
+                        card.recorder.copy_texture_to_texture(end(old.id, from), end(id, to), whole_blocks(format, image.size));
                     }
                 }
-                let views: Vec<ViewId> = old.views.iter().map(|&(_, view)| view).collect();
-                card.destroy(old.id, &views);
+                card.destroy(old.id, &old.all_views());
             }
             self.native = Some(native);
         }
         let native = self.native.as_ref()?;
-        let (id, all) = (native.id, native.levels);
-        for face in 0..self.faces() {
-            for k in 0..all {
-                let Some(image) = self.levels.get_mut(&(face, self.range[0] + k)) else { continue };
-                if image.size != native.size.map(|edge| (edge >> k).max(1)) || image.base != native.base {
-                    continue;
-                }
-                let Some(bytes) = image.bytes.take() else { continue };
-                if card.pass.textures.contains(&id) {
-                    card.end_pass();
-                }
-                let to = TextureEnd { texture: id, level: k, origin: [0, 0, face], aspect: Aspect::All };
-                let layout = LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
-                card.recorder.write_texture(to, layout, image.size, "texture", &bytes);
+        for (&(face, level), image) in &mut self.levels {
+            if image.bytes.is_none() || native.place(level, image).is_none() {
+                continue;
             }
+            let Some(bytes) = image.bytes.take() else { continue };
+            let k = level - native.first;
+            upload(card, native, k, [0, 0, face], image.size, &bytes);
         }
         Some(())
     }
 
     /// Copies a part of the window into an image that is defined.
-    pub fn copy(&mut self, card: &mut Card, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+    pub fn copy(
+        &mut self,
+        card: &mut Card,
+        face: u32,
+        level: u32,
+        to: [u32; 2],
+        from_target: FromTarget,
+        from: [i32; 2],
+        size: [u32; 2],
+    ) -> Outcome {
         if size.contains(&0) {
             return Ok(());
         }
         let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
-        let first = self.levels.get(&(0, self.range[0])).ok_or_else(refused)?;
-        let k = level.checked_sub(self.range[0]).ok_or_else(refused)?;
-        let base = first.base;
-        if self.levels.get(&(face, level)).is_none_or(|image| image.base != base || self.kind == Kind::D3) {
-            return Err(refused());
+        let image = self.surface(card, face, level)?.ok_or_else(refused)?;
+        let base = self.levels.get(&(0, self.range[0])).ok_or_else(refused)?.base;
+        if image.format != base.format() {
+            return Err(Fault::Unsupported("copies into compressed textures".into()));
         }
-        let needed = self.complete().unwrap_or(1).max(k + 1).min(Texture::full_levels(first.size).max(k + 1));
-        self.install(card, needed).ok_or_else(refused)?;
-        let id = self.native.as_ref().ok_or_else(refused)?.id;
-        card.copy_to_texture(base, id, face, k, to, from, size);
+        let (source, ..) = from_target;
+        if image.texture == source.texture && image.level == source.level {
+            return Err(Fault::Unsupported("copies of a texture into itself".into()));
+        }
+        card.copy_to_texture(base, from_target, image, to, from, size);
         Ok(())
+    }
+
+    /// One image of it on the card, to be drawn to or read; none if there is none.
+    pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> Outcome<Option<Surface>> {
+        let base_level = self.range[0];
+        let (Some(first), Some(after)) = (self.levels.get(&(0, base_level)), level.checked_sub(base_level)) else {
+            return Ok(None);
+        };
+        let face = if self.kind == Kind::Cube { layer } else { 0 };
+        if self.kind == Kind::D3 || !self.levels.contains_key(&(face, level)) {
+            return Ok(None);
+        }
+        let needed = self.complete().unwrap_or(1).max(after + 1).min(Texture::full_levels(first.size).max(after + 1));
+        if self.install(card, needed).is_none() {
+            return Ok(None);
+        }
+        let (Some(native), Some(image)) = (&mut self.native, self.levels.get(&(face, level))) else { return Ok(None) };
+        let Some(k) = native.place(level, image) else { return Ok(None) };
+        let view = match native.images.iter().find(|&&(key, _)| key == (layer, k)) {
+            Some(&(_, view)) => view,
+            None => {
+                let view = card.recorder.create_view_of(native.id, one_image(k, layer, Aspect::All));
+                native.images.push(((layer, k), view));
+                view
+            }
+        };
+        Ok(Some(Surface { texture: native.id, view, format: native.format, level: k, layer }))
     }
 
     /// Makes it ready to be sampled; none if it is not complete, so that its unit is off.
@@ -257,7 +336,8 @@ impl Texture {
         }
         let sampler = self.sampler()?;
         let Some(native) = &mut self.native else { return Ok(None) };
-        let view = match native.views.iter().find(|&&(levels, _)| levels == count) {
+        let levels = [self.range[0] - native.first, count];
+        let view = match native.views.iter().find(|&&(known, _)| known == levels) {
             Some(&(_, view)) => view,
             None => {
                 let dimension = match kind {
@@ -265,16 +345,28 @@ impl Texture {
                     Kind::D3 => ViewDimension::D3,
                     _ => ViewDimension::D2,
                 };
-                let desc = ViewDesc { dimension: Some(dimension), levels: Some(count), ..ViewDesc::default() };
+                let aspect = if native.base == Base::Depth { Aspect::DepthOnly } else { Aspect::All };
+                let [base_level, count] = levels;
+                let desc =
+                    ViewDesc { dimension: Some(dimension), base_level, levels: Some(count), aspect, ..ViewDesc::default() };
                 let view = card.recorder.create_view_of(native.id, desc);
-                native.views.push((count, view));
+                native.views.push((levels, view));
                 view
             }
         };
         let linear =
             self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
         let bound = (native.id, view, card.sampler(sampler));
-        Ok(Some(Bound { bound, bias: self.bias, base: native.base, clamp: self.wrap.map(|wrap| wrap == e::CLAMP && linear) }))
+        let (base, depth) = match (native.base, self.compare) {
+            (Base::Depth, Some(_)) => (self.depth_mode, DepthRead::Compared),
+            (Base::Depth, None) => (self.depth_mode, DepthRead::Plain),
+            (base, _) => (base, DepthRead::No),
+        };
+        if depth != DepthRead::No && !matches!(kind, Kind::D1 | Kind::D2 | Kind::Rectangle) {
+            return Err(Fault::Unsupported("depth textures that are cube maps".into()));
+        }
+        let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear);
+        Ok(Some(Bound { bound, bias: self.bias, base, clamp, levels, depth }))
     }
 
     fn sampler(&self) -> Outcome<SamplerDesc> {
@@ -304,6 +396,10 @@ impl Texture {
         for mode in &mut address[used..] {
             *mode = AddressMode::ClampToEdge;
         }
+        let given = self.levels.values().any(|level| level.bordered);
+        if given && self.wrap[..used].iter().any(|&wrap| wrap == e::CLAMP && any || wrap == e::CLAMP_TO_BORDER) {
+            return Err(Fault::Unsupported("borders of textures that wrap modes read".into()));
+        }
         let bordered = address.contains(&AddressMode::ClampToBorder);
         let alpha = matches!(
             self.native.as_ref().map(|native| native.base),
@@ -330,7 +426,7 @@ impl Texture {
             mipmap: filter(between),
             lod_min: lod[0],
             lod_max: lod[1].max(lod[0]),
-            compare: None,
+            compare: self.compare.filter(|_| self.native.as_ref().is_some_and(|native| native.base == Base::Depth)),
             anisotropy: if any && linear && between { (self.anisotropy as u16).clamp(1, 16) } else { 1 },
             border,
         })
@@ -339,8 +435,41 @@ impl Texture {
     /// Frees the card's texture.
     pub fn free(&mut self, card: &mut Card) {
         if let Some(native) = self.native.take() {
-            let views: Vec<ViewId> = native.views.iter().map(|&(_, view)| view).collect();
-            card.destroy(native.id, &views);
+            card.destroy(native.id, &native.all_views());
         }
     }
+}
+
+/// A frame buffer that copies read: its image, its size, and whether its first row is the lowest.
+pub type FromTarget = (Surface, [u32; 2], bool);
+
+/// A size in whole blocks, as copies of compressed images have it.
+fn whole_blocks(format: Format, size: [u32; 3]) -> [u32; 3] {
+    let block = format.block_dim();
+    [size[0].next_multiple_of(block), size[1].next_multiple_of(block), size[2]]
+}
+
+/// Writes a part of an image on the card.
+fn upload(card: &mut Card, native: &Native, level: u32, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
+    if size.contains(&0) {
+        return;
+    }
+    card.release(native.id);
+    let layout = LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
+    let to = TextureEnd { texture: native.id, level, origin, aspect: Aspect::All };
+    if native.base != Base::Depth {
+        return card.recorder.write_texture(to, layout, whole_blocks(native.format, size), "texture", bytes);
+    }
+    // Depths are written by a draw.
+    let source = card.create_surface("depths", [size[0], size[1]], Format::R32Float);
+    let from = TextureEnd { texture: source.texture, level: 0, origin: [0; 3], aspect: Aspect::All };
+    card.recorder.write_texture(from, layout, size, "depths", bytes);
+    let view = card.recorder.create_view_of(native.id, one_image(level, origin[2], Aspect::All));
+    let image = Surface { texture: native.id, view, format: native.format, level, layer: origin[2] };
+    let key = CopyKey { from: From::Color, result: "c.r", format: native.format.name(), meet: Meet::Replace, mask: 15 };
+    let map = super::copies::Map { to: [origin[0] as f32, origin[1] as f32], ..SAME };
+    let area = Rect { x: origin[0], y: origin[1], width: size[0], height: size[1] };
+    card.copy_pixels(key, native.format, source, image, map, 0.0, area);
+    card.recorder.push(Command::Destroy(Object::View(view)));
+    card.destroy_surface(source);
 }

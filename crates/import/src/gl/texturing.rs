@@ -1,6 +1,8 @@
 //! Texture objects, images, parameters and environments.
 
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use gfx::format::Format;
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::image::{self, Base};
 use super::machine::{Gl, parameters};
@@ -86,9 +88,6 @@ fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
     if texels > TEXELS_MAX {
         return Err(Fault::Limit(format!("an image of {texels} texels, at most {TEXELS_MAX}")));
     }
-    if border == 1 {
-        return Err(Fault::Unsupported("textures with a border".into()));
-    }
     Ok(level as u32)
 }
 
@@ -96,37 +95,183 @@ fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
 fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
     let Some((target, face)) = image_target(call.u32(0)?, allowed)? else { return Ok(()) };
     let mut size = [1; 3];
+    let border = call.i32(3 + dimensions)?;
     for (k, edge) in size.iter_mut().enumerate().take(dimensions) {
         *edge = call.size(3 + k)?;
     }
-    let level = checked(call.i32(1)?, size, call.i32(3 + dimensions)?)?;
+    let level = checked(call.i32(1)?, size, border)?;
     let internal = call.u32(2)?;
     let base = Base::of(internal)?;
-    if (e::COMPRESSED_RGB_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT).contains(&internal) {
-        return Err(Fault::Unsupported("S3TC textures".into()));
-    }
     let (format, kind) = (call.u32(4 + dimensions)?, call.u32(5 + dimensions)?);
-    let texel = base.format().block_bytes() as usize;
-    let bytes = match call.arg(6 + dimensions) {
-        Arg::Blob(bytes) => base.keep(&image::unpack(&gl.unpack, size, format, kind, bytes)?),
-        // Contents are undefined; zeros are as good as any.
-        Arg::Null | Arg::Num(0.0) | Arg::Pointer(0) => vec![0; size.iter().product::<u32>() as usize * texel],
-        _ => return Err(Fault::Damaged("the image was not recorded".into())),
+    let given = gl.pixel_bytes(call.arg(6 + dimensions))?;
+    if (base == Base::Depth) != matches!(format, e::DEPTH_COMPONENT | e::DEPTH_STENCIL) {
+        return Err(INVALID_OPERATION);
+    }
+    let mut bytes = match given {
+        Some(bytes) if base == Base::Depth => {
+            if format == e::DEPTH_STENCIL {
+                return Err(Fault::Unsupported("pixels of format GL_DEPTH_STENCIL".into()));
+            }
+            Some(gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect())
+        }
+        // Contents are undefined.
+        None if base == Base::Depth => None,
+        Some(bytes) => Some(base.keep(&gl.texels(size, format, kind, &bytes)?)),
+        // Zeros are as good as any.
+        None => Some(vec![0; size.iter().product::<u32>() as usize * base.format().block_bytes() as usize]),
     };
+    let mut bordered = false;
+    if border == 1 {
+        if size[..dimensions].iter().any(|&edge| edge < 2) {
+            return Err(INVALID_VALUE);
+        }
+        // Only what lies inside is kept. A wrap mode that reads the border is refused where it is used.
+        let inner: [u32; 3] = std::array::from_fn(|k| if k < dimensions { size[k] - 2 } else { 1 });
+        bytes = bytes.map(|bytes| inside_of(&bytes, base.format().block_bytes() as usize, size, inner, dimensions));
+        (size, bordered) = (inner, true);
+    }
+    install(gl, target, face, level, Level { bordered, ..Level::plain(size, base, bytes) })
+}
+
+/// The texels inside of a border of one texel.
+fn inside_of(texels: &[u8], texel: usize, size: [u32; 3], inner: [u32; 3], dimensions: usize) -> Vec<u8> {
+    let skip = |k: usize| usize::from(k < dimensions);
+    let mut out = Vec::new();
+    for z in 0..inner[2] as usize {
+        for y in 0..inner[1] as usize {
+            let row = (z + skip(2)) * size[1] as usize + y + skip(1);
+            let at = (row * size[0] as usize + skip(0)) * texel;
+            out.extend_from_slice(&texels[at..at + inner[0] as usize * texel]);
+        }
+    }
+    out
+}
+
+/// Defines an image, and what automatic mipmaps make of it.
+fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> Outcome {
+    let (size, base) = (image.size, image.base);
     with(gl, target, |texture, card| {
         let generate = texture.generate && level == texture.range[0];
-        texture.define(card, face, level, Level { size, base, bytes: Some(bytes.clone()) });
+        let made = if generate { image.bytes.clone() } else { None };
+        let plain = base != Base::Depth && image.format == base.format();
+        texture.define(card, face, level, image);
         if generate && !size.contains(&0) {
-            if size[2] > 1 {
-                return Err(Fault::Unsupported("automatic mipmaps of 3D textures".into()));
+            let Some(bytes) = made.filter(|_| size[2] == 1 && plain) else {
+                return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
+            };
+            smaller_levels(texture, card, face, level, [size[0], size[1]], bytes);
+        }
+        Ok(())
+    })
+}
+
+/// All levels below one.
+fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 2], texels: Vec<u8>) {
+    let Some(base) = texture.levels.get(&(face, level)).map(|image| image.base) else { return };
+    let (mut smaller, mut texels, mut at) = (size, texels, level);
+    while smaller != [1, 1] {
+        (smaller, texels) = image::half(smaller, base.format().block_bytes() as usize, &texels);
+        at += 1;
+        let image = Level::plain([smaller[0], smaller[1], 1], base, Some(texels.clone()));
+        texture.define(card, face, at, image);
+    }
+}
+
+/// The card's format of a compressed internal format.
+fn s3tc(internal: u32) -> Option<Format> {
+    Some(match internal {
+        e::COMPRESSED_RGB_S3TC_DXT1_EXT | e::COMPRESSED_RGBA_S3TC_DXT1_EXT => Format::Bc1RgbaUnorm,
+        COMPRESSED_RGBA_S3TC_DXT3 => Format::Bc2RgbaUnorm,
+        e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Format::Bc3RgbaUnorm,
+        _ => return None,
+    })
+}
+
+const COMPRESSED_RGBA_S3TC_DXT3: u32 = 0x83f2;
+
+/// The blocks of a compressed image or part.
+fn blocks(gl: &Gl, call: &Call, format: Format, size: [u32; 3], length: usize) -> Outcome<Vec<u8>> {
+    let count = size[0].div_ceil(4) * size[1].div_ceil(4);
+    let wanted = (count * format.block_bytes()) as usize;
+    if call.size(length)? as usize != wanted {
+        return Err(INVALID_VALUE);
+    }
+    let bytes = gl.pixel_bytes(call.arg(length + 1))?.ok_or_else(|| Fault::Damaged("the image was not recorded".into()))?;
+    let bytes = bytes.get(..wanted);
+    bytes.map(<[u8]>::to_vec).ok_or_else(|| Fault::Damaged(format!("the image has fewer than {wanted} bytes")))
+}
+
+pub(super) fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let Some((target, face)) = image_target(call.u32(0)?, PLANAR)? else { return Ok(()) };
+    let (internal, size) = (call.u32(2)?, [call.size(3)?, call.size(4)?, 1]);
+    let level = checked(call.i32(1)?, size, call.i32(5)?)?;
+    let format = s3tc(internal)
+        .ok_or_else(|| Fault::Unsupported(format!("compressed textures of internal format {}", names::name(internal))))?;
+    if call.i32(5)? != 0 {
+        return Err(INVALID_OPERATION);
+    }
+    let bytes = blocks(gl, call, format, size, 6)?;
+    // The card's compressed textures have whole blocks in their largest image; smaller ones are kept as texels.
+    let largest = with(gl, target, |texture, _| {
+        let first = texture.range[0];
+        Ok(texture.levels.get(&(face, first)).filter(|_| level > first).map(|image| image.format))
+    })?;
+    let whole = match largest {
+        Some(format) => format.is_compressed(),
+        None => size[0].is_multiple_of(4) && size[1].is_multiple_of(4),
+    };
+    let base = Base::of(internal)?;
+    let image = if whole {
+        Level { format, ..Level::plain(size, base, Some(bytes)) }
+    } else {
+        Level::plain(size, base, Some(decoded(format, size, &bytes)))
+    };
+    install(gl, target, face, level, image)
+}
+
+/// Texels of compressed blocks.
+fn decoded(format: Format, size: [u32; 3], blocks: &[u8]) -> Vec<u8> {
+    let [width, height, _] = size.map(|edge| edge as usize);
+    let across = width.div_ceil(4);
+    let mut out = vec![0; width * height * 4];
+    for (k, block) in blocks.chunks_exact(format.block_bytes() as usize).enumerate() {
+        for texel in 0..16 {
+            let (x, y) = (k % across * 4 + texel % 4, k / across * 4 + texel / 4);
+            if x < width && y < height {
+                let color = super::s3tc::texel(format, block, texel);
+                out[(y * width + x) * 4..][..4].copy_from_slice(&color);
             }
-            let (mut smaller, mut texels, mut at) = ([size[0], size[1]], bytes, level);
-            while smaller != [1, 1] {
-                (smaller, texels) = image::half(smaller, texel, &texels);
-                at += 1;
-                let image = Level { size: [smaller[0], smaller[1], 1], base, bytes: Some(texels.clone()) };
-                texture.define(card, face, at, image);
-            }
+        }
+    }
+    out
+}
+
+pub(super) fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, face) = image_target(call.u32(0)?, PLANAR)?.ok_or(INVALID_ENUM)?;
+    let level = call.size(1)?;
+    let (origin, size) = ([call.size(2)?, call.size(3)?, 0], [call.size(4)?, call.size(5)?, 1]);
+    let format = s3tc(call.u32(6)?).ok_or(INVALID_ENUM)?;
+    let bytes = blocks(gl, call, format, size, 7)?;
+    with(gl, target, |texture, card| {
+        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        if !inside(image, origin, size) {
+            return Err(INVALID_VALUE);
+        }
+        // Parts are made of whole blocks, except where the image ends.
+        let aligned =
+            (0..2).all(|k| origin[k].is_multiple_of(4) && (size[k].is_multiple_of(4) || origin[k] + size[k] == image.size[k]));
+        if !aligned {
+            return Err(INVALID_OPERATION);
+        }
+        if image.format == format {
+            texture.write(card, face, level, origin, size, &bytes);
+        } else if !image.format.is_compressed() && image.base != Base::Depth {
+            let texels: Vec<[u8; 4]> =
+                decoded(format, size, &bytes).chunks_exact(4).map(|t| [t[0], t[1], t[2], t[3]]).collect();
+            let kept = image.base.keep(&texels);
+            texture.write(card, face, level, origin, size, &kept);
+        } else {
+            return Err(INVALID_OPERATION);
         }
         Ok(())
     })
@@ -158,22 +303,30 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         size[k] = call.size(2 + dimensions + k)?;
     }
     let (format, kind) = (call.u32(2 + 2 * dimensions)?, call.u32(3 + 2 * dimensions)?);
-    let Arg::Blob(bytes) = call.arg(4 + 2 * dimensions) else {
-        return if size.contains(&0) { Ok(()) } else { Err(Fault::Damaged("the image was not recorded".into())) };
-    };
-    let store = gl.unpack;
-    with(gl, target, |texture, card| {
+    let base = with(gl, target, |texture, _| {
         let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
         if !inside(image, origin, size) {
             return Err(INVALID_VALUE);
         }
-        if size.contains(&0) {
-            return Ok(());
+        if image.format != image.base.format() {
+            return Err(Fault::Unsupported("texels that are written into compressed textures".into()));
         }
+        Ok(image.base)
+    })?;
+    if size.contains(&0) {
+        return Ok(());
+    }
+    let Some(bytes) = gl.pixel_bytes(call.arg(4 + 2 * dimensions))? else {
+        return Err(Fault::Damaged("the image was not recorded".into()));
+    };
+    let kept = match base {
+        Base::Depth => gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect(),
+        base => base.keep(&gl.texels(size, format, kind, &bytes)?),
+    };
+    with(gl, target, |texture, card| {
         if texture.generate && level == texture.range[0] {
             return Err(Fault::Unsupported("automatic mipmaps of parts of images".into()));
         }
-        let kept = image.base.keep(&image::unpack(&store, size, format, kind, bytes)?);
         texture.write(card, face, level, origin, size, &kept);
         Ok(())
     })
@@ -193,11 +346,14 @@ pub(super) fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 /// Copies of the window into a part of an image.
 fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
+    let depth =
+        with(gl, target, |texture, _| Ok(texture.levels.get(&(face, level)).is_some_and(|image| image.base == Base::Depth)))?;
+    let source = gl.read_source(depth)?;
     with(gl, target, |texture, card| {
         if texture.generate && level == texture.range[0] {
             return Err(Fault::Unsupported("automatic mipmaps of copies".into()));
         }
-        texture.copy(card, face, level, to, from, size)
+        texture.copy(card, face, level, to, source, from, size)
     })
 }
 
@@ -211,11 +367,14 @@ fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) ->
     let size = [call.size(5)?, height, 1];
     let level = checked(call.i32(1)?, size, border)?;
     let base = Base::of(call.u32(2)?)?;
+    if border != 0 {
+        return Err(Fault::Unsupported("copies into textures with a border".into()));
+    }
     with(gl, target, |texture, card| {
         let same = texture.levels.get(&(face, level)).is_some_and(|image| image.size == size && image.base == base);
         if !same {
             let bytes = vec![0; (size[0] * size[1] * base.format().block_bytes()) as usize];
-            texture.define(card, face, level, Level { size, base, bytes: Some(bytes) });
+            texture.define(card, face, level, Level::plain(size, base, (base != Base::Depth).then_some(bytes)));
         }
         Ok(())
     })?;
@@ -275,18 +434,27 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             }
             e::TEXTURE_MIN_LOD => texture.lod[0] = value as f32,
             e::TEXTURE_MAX_LOD => texture.lod[1] = value as f32,
-            e::TEXTURE_BASE_LEVEL if value == f64::from(texture.range[0]) => {}
-            e::TEXTURE_BASE_LEVEL => return Err(Fault::Unsupported("GL_TEXTURE_BASE_LEVEL other than 0".into())),
+            e::TEXTURE_BASE_LEVEL if (0.0..=1000.0).contains(&value) => texture.range[0] = word,
+            e::TEXTURE_BASE_LEVEL => return Err(INVALID_VALUE),
             e::TEXTURE_MAX_LEVEL if value >= 0.0 => texture.range[1] = word,
             e::TEXTURE_MAX_LEVEL => return Err(INVALID_VALUE),
             e::TEXTURE_MAX_ANISOTROPY_EXT => texture.anisotropy = value as f32,
             e::GENERATE_MIPMAP => texture.generate = value != 0.0,
-            e::TEXTURE_PRIORITY | e::DEPTH_TEXTURE_MODE | e::TEXTURE_COMPARE_FUNC => {}
-            e::TEXTURE_COMPARE_MODE if word == e::NONE => {}
-            e::TEXTURE_LOD_BIAS => texture.bias = value as f32,
-            e::TEXTURE_COMPARE_MODE => {
-                return Err(Fault::Unsupported(format!("texture parameter {}", names::name(name))));
+            e::TEXTURE_PRIORITY => {}
+            e::DEPTH_TEXTURE_MODE => match word {
+                e::LUMINANCE => texture.depth_mode = Base::Luminance,
+                e::INTENSITY => texture.depth_mode = Base::Intensity,
+                e::ALPHA => texture.depth_mode = Base::Alpha,
+                _ => return Err(INVALID_ENUM),
+            },
+            e::TEXTURE_COMPARE_FUNC if (e::NEVER..=e::ALWAYS).contains(&word) => {
+                texture.compare_func = super::draw::compare(word);
+                texture.compare = texture.compare.map(|_| texture.compare_func);
             }
+            e::TEXTURE_COMPARE_MODE if matches!(word, e::NONE | e::COMPARE_REF_TO_TEXTURE) => {
+                texture.compare = (word != e::NONE).then_some(texture.compare_func);
+            }
+            e::TEXTURE_LOD_BIAS => texture.bias = value as f32,
             _ => return Err(INVALID_ENUM),
         }
         Ok(())

@@ -19,8 +19,12 @@ pub struct Source<'a> {
     pub constant: &'a Vertex,
     /// Biases of the level of detail.
     pub biases: [f32; UNITS],
-    /// The window's height in pixels.
+    /// The height in pixels of what is drawn to.
     pub height: u32,
+    /// Whether its first row is the lowest.
+    pub upward: bool,
+    /// Where drawn pixels are, and what is made of them.
+    pub pixels: [[f32; 4]; 4],
 }
 
 /// A field: its name, the number of an element if it has one, and its vectors.
@@ -43,7 +47,11 @@ pub fn to_clip(projection: &Matrix, modelview: &Matrix) -> Matrix {
 pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     let (state, constant) = (source.state, source.constant);
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
-    field("mvp", None, &columns(&to_clip(source.projection, source.modelview)));
+    let mut mvp = to_clip(source.projection, source.modelview);
+    if source.upward {
+        (0..4).for_each(|column| mvp[4 * column + 1] *= -1.0);
+    }
+    field("mvp", None, &columns(&mvp));
     if key.eye() {
         field("modelview", None, &columns(source.modelview));
     }
@@ -119,7 +127,18 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     if key.stipple {
         let rows: [[f32; 4]; 8] = std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(state.stipple[4 * k + i])));
         field("stipple", None, &rows);
-        field("height", None, &[[source.height as f32; 4]]);
+    }
+    if key.stipple || key.pixels {
+        // From the card's rows to those from the bottom.
+        let [first, step] = if source.upward { [0.0, 1.0] } else { [source.height as f32, -1.0] };
+        field("height", None, &[[first, step, 0.0, 0.0]]);
+    }
+    if key.pixels {
+        field("pixels", None, &source.pixels);
+    }
+    if key.line_stipple {
+        let (factor, pattern) = state.line_stipple;
+        field("line_stipple", None, &[[factor as f32, pattern as f32, 0.0, 0.0]]);
     }
     if key.expand != super::key::Expand::No {
         let [_, _, width, height] = state.viewport.map(|value| value as f32);

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::consts as e;
 use super::image::Base;
 use super::key::{EnvironmentKey, Expand, Kind, Made, ShaderKey, UnitKey};
+use super::texture::DepthRead;
 use super::uniforms::{self, Source};
 
 /// Locations of vertex attributes.
@@ -23,6 +24,8 @@ pub mod location {
     pub const CORNER: u32 = 5;
     /// The other end of an expanded line.
     pub const OTHER: u32 = 6;
+    /// Pixels along a stippled line.
+    pub const ALONG: u32 = 7;
     /// Texture coordinates of unit 0.
     pub const TEXTURE: u32 = 8;
 }
@@ -40,16 +43,22 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
     }
     out.push_str(&uniforms::declaration(key, source));
     for (slot, unit) in key.units.iter().enumerate() {
+        let compared = if unit.depth == DepthRead::Compared { "_comparison" } else { "" };
         let kind = match unit.kind {
-            Kind::D1 | Kind::D2 | Kind::Rectangle => "texture_2d",
-            Kind::D3 => "texture_3d",
-            Kind::Cube => "texture_cube",
+            _ if unit.depth != DepthRead::No => "texture_depth_2d",
+            Kind::D1 | Kind::D2 | Kind::Rectangle => "texture_2d<f32>",
+            Kind::D3 => "texture_3d<f32>",
+            Kind::Cube => "texture_cube<f32>",
         };
-        line!(out, "@group(1) @binding({}) var image{}: {kind}<f32>;", 2 * slot, unit.unit);
-        line!(out, "@group(1) @binding({}) var sampler{}: sampler;", 2 * slot + 1, unit.unit);
+        line!(out, "@group(1) @binding({}) var image{}: {kind};", 2 * slot, unit.unit);
+        line!(out, "@group(1) @binding({}) var sampler{}: sampler{compared};", 2 * slot + 1, unit.unit);
     }
     if key.logic.is_some() {
         line!(out, "@group(1) @binding({}) var frame: texture_2d<f32>;", 2 * key.units.len());
+    }
+    if key.pixels {
+        let slot = key.units.len() + usize::from(key.logic.is_some());
+        line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * slot);
     }
     interface(key, &mut out);
     if key.lighting.is_some() {
@@ -72,6 +81,7 @@ fn interface(key: &ShaderKey, out: &mut String) {
         (v.fog && key.fog.is_some() && key.fog_coordinate, location::FOG, "fog: f32"),
         (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
         (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
+        (key.line_stipple, location::ALONG, "along: f32"),
     ];
     for (wanted, location, declaration) in attributes {
         if wanted {
@@ -100,6 +110,9 @@ fn interface(key: &ShaderKey, out: &mut String) {
     }
     if key.expand != Expand::No {
         line!(out, "    @location(5) @interpolate(linear) corner: vec4f,");
+    }
+    if key.line_stipple {
+        line!(out, "    @location(6) @interpolate(linear) along: f32,");
     }
     for unit in key.units.iter().filter(|unit| !unit.sprite) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
@@ -196,6 +209,9 @@ fn vertex(key: &ShaderKey, out: &mut String) {
     }
     for unit in &key.units {
         coordinates(key, unit, out);
+    }
+    if key.line_stipple {
+        line!(out, "    o.along = v.along;");
     }
     expand(key, out);
     line!(out, "    return o;\n}}");
@@ -326,7 +342,17 @@ fn expand(key: &ShaderKey, out: &mut String) {
 fn fragment(key: &ShaderKey, out: &mut String) {
     let facing = if key.two_side() { ", @builtin(front_facing) front: bool" } else { "" };
     line!(out, "@fragment fn fs(v: Varying{facing}) -> @location(0) vec4f {{");
-    if key.two_side() {
+    if key.line_stipple {
+        line!(out, "    let mark = u32(max(v.along, 0.0) / u.line_stipple.x) & 15u;");
+        line!(out, "    if (u32(u.line_stipple.y) >> mark & 1u) == 0u {{ discard; }}");
+    }
+    if key.pixels {
+        line!(out, "    let here = vec2f(v.position.x, u.height.x + u.height.y * v.position.y);");
+        line!(out, "    let step = vec2i(floor((here - u.pixels[0].xy) * u.pixels[0].zw));");
+        line!(out, "    let last = vec2i(textureDimensions(pixels)) - 1;");
+        line!(out, "    let pixel = clamp(vec2i(u.pixels[1].xy) + step * vec2i(u.pixels[1].zw), vec2i(), last);");
+        line!(out, "    let primary = saturate(textureLoad(pixels, pixel, 0) * u.pixels[2] + u.pixels[3]);");
+    } else if key.two_side() {
         line!(out, "    let primary = select(v.back_color, v.color, front);");
     } else {
         line!(out, "    let primary = v.color;");
@@ -358,7 +384,7 @@ fn fragment(key: &ShaderKey, out: &mut String) {
         _ => {}
     }
     if key.stipple {
-        line!(out, "    let row = u32(u.height.x - v.position.y) & 31u;");
+        line!(out, "    let row = u32(u.height.x + u.height.y * v.position.y) & 31u;");
         line!(out, "    if (u.stipple[row >> 2][row & 3] >> (31u - (u32(v.position.x) & 31u)) & 1u) == 0u {{ discard; }}");
     }
     if let Some(compare) = key.alpha {
@@ -412,7 +438,7 @@ fn sample(unit: &UnitKey, out: &mut String) {
     };
     line!(out, "    var at{k} = {source};");
     if unit.kind == Kind::Rectangle {
-        line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), 0.0);");
+        line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), at{k}.z);");
     }
     for (part, _) in ["x", "y", "z"].iter().zip(unit.clamp).filter(|&(_, clamp)| clamp) {
         line!(out, "    at{k}.{part} = saturate(at{k}.{part});");
@@ -422,7 +448,11 @@ fn sample(unit: &UnitKey, out: &mut String) {
         Kind::D2 | Kind::Rectangle => format!("at{k}.xy"),
         Kind::D3 | Kind::Cube => format!("at{k}"),
     };
-    let read = if unit.bias {
+    let read = if unit.depth == DepthRead::Compared {
+        format!("vec4f(textureSampleCompare(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
+    } else if unit.depth == DepthRead::Plain {
+        format!("vec4f(textureSample(image{k}, sampler{k}, {at}))")
+    } else if unit.bias {
         format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)")
     } else {
         format!("textureSample(image{k}, sampler{k}, {at})")

@@ -1,0 +1,77 @@
+//! The accumulation buffer (OpenGL 1.5, section 4.2.4), kept in half precision, and occlusion queries.
+
+use gfx::format::Format;
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
+use super::consts as e;
+use super::copies::{CopyKey, From, Meet, SAME};
+use super::machine::Gl;
+
+pub(super) fn clear_value(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.clear_accum = [call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(|value| value.clamp(-1.0, 1.0));
+    Ok(())
+}
+
+pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (op, value) = (call.u32(0)?, call.f32(1)?);
+    if !matches!(op, e::ACCUM | e::LOAD | e::RETURN | e::MULT | e::ADD) {
+        return Err(INVALID_ENUM);
+    }
+    if gl.draw_framebuffer != 0 {
+        return Err(INVALID_OPERATION);
+    }
+    let Some(target) = gl.aim()? else {
+        return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
+    };
+    let (Some(area), Some(color), Some(sum)) = (gl.scissor(), target.color, gl.card.accumulation()) else { return Ok(()) };
+    let into = |result, meet| CopyKey { from: From::Color, result, format: "rgba16float", meet, mask: 15 };
+    match op {
+        e::RETURN => {
+            let key = CopyKey {
+                from: From::Color,
+                result: "vec4f(saturate(c.rgb * u.source.z), 1)",
+                format: color.format.name(),
+                meet: Meet::Replace,
+                mask: gl.mask(),
+            };
+            gl.card.copy_pixels(key, color.format, sum, color, SAME, value, area);
+        }
+        e::LOAD | e::ACCUM => {
+            let meet = if op == e::LOAD { Meet::Replace } else { Meet::Add };
+            let (source, ..) = gl.read_source(false)?;
+            gl.card.copy_pixels(into("c * u.source.z", meet), Format::Rgba16Float, source, sum, SAME, value, area);
+        }
+        e::MULT => gl.card.copy_pixels(into("c", Meet::Scale), Format::Rgba16Float, color, sum, SAME, value, area),
+        _ => gl.card.copy_pixels(into("vec4f(u.source.z)", Meet::Add), Format::Rgba16Float, color, sum, SAME, value, area),
+    }
+    Ok(())
+}
+
+pub(super) fn begin_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    match call.u32(0)? {
+        // Whether any passed is the same count for the card.
+        e::SAMPLES_PASSED | ANY_SAMPLES_PASSED | ANY_SAMPLES_PASSED_CONSERVATIVE => {}
+        TIME_ELAPSED | PRIMITIVES_GENERATED => return Ok(()),
+        _ => return Err(INVALID_ENUM),
+    }
+    if gl.query.is_some() || call.u32(1)? == 0 {
+        return Err(INVALID_OPERATION);
+    }
+    // Each use of a query object is a query of its own.
+    gl.query = Some(call.number);
+    gl.queries += 1;
+    Ok(())
+}
+
+const ANY_SAMPLES_PASSED: u32 = 0x8c2f;
+const ANY_SAMPLES_PASSED_CONSERVATIVE: u32 = 0x8d6a;
+// Times and counts of a card change no picture.
+const TIME_ELAPSED: u32 = 0x88bf;
+const PRIMITIVES_GENERATED: u32 = 0x8c87;
+
+pub(super) fn end_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if matches!(call.u32(0)?, TIME_ELAPSED | PRIMITIVES_GENERATED) {
+        return Ok(());
+    }
+    gl.query.take().map(drop).ok_or(INVALID_OPERATION)
+}

@@ -1,0 +1,244 @@
+//! Images that are made of other images by a draw: copies and blits of frame buffers, depths that are uploaded, accumulation.
+
+use gfx::format::Format;
+use gfx::state::*;
+use num::*;
+use trace::command::*;
+use trace::record;
+
+use super::card::{Buffer, COLOR, Card, DEPTH, Surface};
+use super::image::Base;
+
+/// What a copying draw reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum From {
+    /// Colours, as they are.
+    Color,
+    /// Colours, filtered.
+    Filtered,
+    /// Depths.
+    Depth,
+}
+
+/// How results meet what is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Meet {
+    /// They replace it.
+    Replace,
+    /// They are added.
+    Add,
+    /// What is there is multiplied by the constant, and they are not used.
+    Scale,
+}
+
+/// What a copying pipeline is made of.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CopyKey {
+    /// What is read.
+    pub from: From,
+    /// WGSL of the result: of what is read, `c`, and a number, `u.source.z`.
+    pub result: &'static str,
+    /// The format that is written, by its name.
+    pub format: &'static str,
+    /// Blending.
+    pub meet: Meet,
+    /// Channels.
+    pub mask: u8,
+}
+
+/// From pixels of the target to pixels of the source: source = from + (target - to) * scale, in coordinates of both whose unit is a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Map {
+    /// A place in the target.
+    pub to: [f32; 2],
+    /// What it shows.
+    pub from: [f32; 2],
+    /// Pixels of the source for one of the target.
+    pub scale: [f32; 2],
+}
+
+impl Card {
+    /// Draws a rectangle of a surface, each pixel made of one of another surface.
+    pub fn copy_pixels(
+        &mut self,
+        key: CopyKey,
+        format: Format,
+        source: Surface,
+        to: Surface,
+        map: Map,
+        number: f32,
+        area: Rect,
+    ) {
+        if area.width == 0 || area.height == 0 {
+            return;
+        }
+        self.end_pass();
+        let depth = format == DEPTH;
+        let recorder = &mut self.recorder;
+        let (pipeline, layout) = *self.copies.entry(key.clone()).or_insert_with(|| {
+            let kind = if key.from == From::Depth { "texture_depth_2d" } else { "texture_2d<f32>" };
+            let read = match key.from {
+                From::Color => "textureLoad(image, vec2i(floor(p)), 0)",
+                From::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
+                From::Depth => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
+            };
+            let filtering = if key.from == From::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
+            let answer = if depth { "@builtin(frag_depth) f32" } else { "@location(0) vec4f" };
+            let text = format!(
+                "struct Uniforms {{ map: vec4f, source: vec4f }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
+                 @group(0) @binding(1) var image: {kind};\n{filtering}\
+                 @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{\n    \
+                 return vec4f(f32(i32(i & 1u) * 4 - 1), f32(i32(i & 2u) * 2 - 1), 0, 1);\n}}\n\
+                 @fragment fn fs(@builtin(position) at: vec4f) -> {answer} {{\n    \
+                 let p = u.source.xy + (at.xy - u.map.xy) * u.map.zw;\n    \
+                 // What is outside of the source is undefined.\n    \
+                 if any(p < vec2f(0)) || any(p >= vec2f(textureDimensions(image))) {{ discard; }}\n    \
+                 let c = {read};\n    return {};\n}}\n",
+                key.result
+            );
+            let shader = recorder.create_shader("copy", &text);
+            let mut entries = vec![(0, record::UNIFORM), (1, record::TEXTURE)];
+            if key.from == From::Filtered {
+                entries.push((2, record::SAMPLER));
+            }
+            let layout = recorder.create_bind_group_layout(entries);
+            let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
+            let part = |src, dst| BlendComponent { src, dst, op: BlendOp::Add };
+            let blend = match key.meet {
+                Meet::Replace => None,
+                Meet::Add => Some(part(BlendFactor::One, BlendFactor::One)),
+                Meet::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
+            };
+            let blend = blend.map(|part| Blend { color: part, alpha: part });
+            let target = ColorTarget { format, blend, write_mask: key.mask };
+            let always = DepthStencil { depth_compare: Compare::Always, ..record::depth_less(DEPTH) };
+            let desc = RenderPipelineDesc {
+                layout: Some(pipeline_layout),
+                depth_stencil: depth.then_some(always),
+                targets: if depth { Vec::new() } else { vec![Some(target)] },
+                ..record::render_pipeline(shader, COLOR)
+            };
+            (recorder.create_render_pipeline("copy", desc), layout)
+        });
+        let values = [map.to, map.scale, map.from, [number, 0.0]];
+        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+        let uniforms = self.recorder.create_buffer_init("copy", &bytes);
+        let aspect = if key.from == From::Depth { Aspect::DepthOnly } else { Aspect::All };
+        let view = self.recorder.create_view_of(source.texture, one_image(source.level, source.layer, aspect));
+        let mut entries = vec![(0, record::whole(uniforms)), (1, BoundResource::View(view))];
+        if key.from == From::Filtered {
+            let linear = SamplerDesc { mag: FilterMode::Linear, min: FilterMode::Linear, ..SamplerDesc::default() };
+            entries.push((2, BoundResource::Sampler(self.sampler(linear))));
+        }
+        let group = self.recorder.create_bind_group(layout, entries);
+        {
+            let color = (!depth).then(|| record::load(to.view));
+            let attached = depth.then_some(DepthAttachment {
+                view: to.view,
+                depth_clear: None,
+                depth_store: true,
+                depth_read_only: false,
+                stencil_clear: None,
+                stencil_store: true,
+                stencil_read_only: false,
+            });
+            let mut pass = self.recorder.begin_render_pass(color, attached);
+            pass.set_pipeline(pipeline);
+            pass.set_scissor(area);
+            if key.meet == Meet::Scale {
+                pass.set_blend_constant([f64::from(number); 4]);
+            }
+            pass.set_bind_group(0, group);
+            pass.draw(3, 1);
+        }
+        for object in [Object::BindGroup(group), Object::View(view), Object::Buffer(uniforms)] {
+            self.recorder.push(Command::Destroy(object));
+        }
+    }
+
+    /// Copies a rectangle of a frame buffer, whose lower left pixel is `from`, to an image of a texture, whose rows are from the bottom.
+    pub fn copy_to_texture(
+        &mut self,
+        base: Base,
+        source: (Surface, [u32; 2], bool),
+        image: Surface,
+        to: [u32; 2],
+        from: [i32; 2],
+        size: [u32; 2],
+    ) {
+        let (surface, [_, height], upward) = source;
+        let map = Map {
+            to: to.map(|edge| edge as f32),
+            from: [from[0] as f32, row_edge(height, upward, from[1] as f32)],
+            scale: [1.0, if upward { 1.0 } else { -1.0 }],
+        };
+        let read = if base == Base::Depth { From::Depth } else { From::Color };
+        let (result, format) = (if base == Base::Depth { "c.r" } else { base.unswizzle() }, base.format());
+        let key = CopyKey { from: read, result, format: format.name(), meet: Meet::Replace, mask: 15 };
+        let area = Rect { x: to[0], y: to[1], width: size[0], height: size[1] };
+        self.copy_pixels(key, format, surface, image, map, 0.0, area);
+    }
+
+    /// A texture with the colours of a frame buffer as they are now, to be read by a draw.
+    pub fn frame_copy(&mut self, source: Surface, size: [u32; 2]) -> (TextureId, ViewId, SamplerId) {
+        self.end_pass();
+        if let Some((texture, view, _)) = self.frame_copy.take_if(|copy| copy.2 != size) {
+            self.destroy(texture, &[view]);
+        }
+        let (texture, view, _) = match self.frame_copy {
+            Some(copy) => copy,
+            None => {
+                let made = self.create_surface("frame", size, COLOR);
+                *self.frame_copy.insert((made.texture, made.view, size))
+            }
+        };
+        self.copy_surface(source, Surface { texture, view, format: COLOR, level: 0, layer: 0 }, size);
+        (texture, view, self.sampler(SamplerDesc::default()))
+    }
+
+    /// The accumulation buffer, which starts as zeros.
+    pub fn accumulation(&mut self) -> Option<Surface> {
+        let size = self.size();
+        if size == [0; 2] {
+            return None;
+        }
+        if self.accumulation.is_none() {
+            self.accumulation = Some(self.create_surface("accumulation", size, Format::Rgba16Float));
+        }
+        self.accumulation
+    }
+
+    /// Fills a part of the accumulation buffer.
+    pub fn clear_accumulation(&mut self, color: [f32; 4], area: Rect) {
+        let Some(to) = self.accumulation() else { return };
+        let Some(source) = self.window_target(Buffer::Back).and_then(|target| target.color) else { return };
+        // Four draws of one channel: a pipeline has one number.
+        for (channel, value) in color.into_iter().enumerate() {
+            let mask = 1 << channel;
+            let key =
+                CopyKey { from: From::Color, result: "vec4f(u.source.z)", format: "rgba16float", meet: Meet::Replace, mask };
+            self.copy_pixels(key, Format::Rgba16Float, source, to, SAME, value, area);
+        }
+    }
+}
+
+/// Pixel to pixel.
+pub const SAME: Map = Map { to: [0.0; 2], from: [0.0; 2], scale: [1.0; 2] };
+
+/// The row at which a pixel row that is counted from the bottom begins, in the order of a surface.
+pub fn row_edge(height: u32, upward: bool, y: f32) -> f32 {
+    if upward { y } else { height as f32 - y }
+}
+
+/// A view of one image of a texture.
+pub fn one_image(level: u32, layer: u32, aspect: Aspect) -> ViewDesc {
+    ViewDesc {
+        base_level: level,
+        levels: Some(1),
+        base_layer: layer,
+        layers: Some(1),
+        dimension: Some(ViewDimension::D2),
+        aspect,
+        ..ViewDesc::default()
+    }
+}

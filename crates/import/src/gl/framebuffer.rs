@@ -1,0 +1,441 @@
+//! Frame buffer objects, render buffers, and which images drawing and reading mean.
+
+use gfx::state::Rect;
+
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::card::{Buffer, COLOR, DEPTH, Surface, Target};
+use super::consts as e;
+use super::copies::{CopyKey, From, Map, Meet, row_edge};
+use super::draw::kind_of;
+use super::image::Base;
+use super::key::Kind;
+use super::machine::Gl;
+use super::names;
+use super::state::TARGETS;
+use super::texture::{FromTarget, Level};
+
+/// The error of a frame buffer object that cannot be drawn to.
+const INCOMPLETE: Fault = Fault::Error("GL_INVALID_FRAMEBUFFER_OPERATION");
+/// Colour attachments.
+const COLORS: usize = 16;
+/// Edges of render buffers at most.
+const EDGE_MAX: u32 = 16_384;
+
+/// What is attached to a frame buffer object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Attached {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// An image of a texture: its name, its layer or face, its level.
+    Texture(u32, u32, u32),
+    /// A render buffer.
+    Renderbuffer(u32),
+}
+
+/// A frame buffer object.
+#[derive(Clone, Debug)]
+pub struct Framebuffer {
+    colors: [Attached; COLORS],
+    depth: Attached,
+    stencil: Attached,
+    draw: u32,
+    read: u32,
+}
+
+impl Default for Framebuffer {
+    fn default() -> Self {
+        let (draw, read) = (e::COLOR_ATTACHMENT0, e::COLOR_ATTACHMENT0);
+        Framebuffer { colors: [Attached::Nothing; COLORS], depth: Attached::Nothing, stencil: Attached::Nothing, draw, read }
+    }
+}
+
+/// A render buffer: its image, its size, what it holds.
+#[derive(Clone, Debug, Default)]
+pub struct Renderbuffer {
+    image: Option<(Surface, [u32; 2], Base)>,
+}
+
+/// An image that is attached: it, its size, its base format.
+type Image = (Surface, [u32; 2], Base);
+
+impl Gl {
+    fn image(&mut self, attached: Attached) -> Outcome<Option<Image>> {
+        match attached {
+            Attached::Nothing => Ok(None),
+            Attached::Renderbuffer(name) => {
+                let image = self.renderbuffers.get(&name).and_then(|buffer| buffer.image);
+                image.map(Some).ok_or(INCOMPLETE)
+            }
+            Attached::Texture(name, layer, level) => {
+                let texture = self.textures.get_mut(&name).ok_or(INCOMPLETE)?;
+                let face = if texture.kind == Kind::Cube { layer } else { 0 };
+                let Some(image) = texture.levels.get(&(face, level)) else { return Err(INCOMPLETE) };
+                let (size, base) = ([image.size[0], image.size[1]], image.base);
+                let surface = texture.surface(&mut self.card, layer, level)?;
+                let refused =
+                    || Fault::Unsupported("drawing into images of textures before their base level, and of 3D textures".into());
+                Ok(Some((surface.ok_or_else(refused)?, size, base)))
+            }
+        }
+    }
+
+    /// The image that an attachment of a frame buffer object means, by the enumerant of its colour buffer.
+    fn color_image(&mut self, object: &Framebuffer, buffer: u32) -> Outcome<Option<Image>> {
+        if buffer == e::NONE {
+            return Ok(None);
+        }
+        let attached = object.colors.get(buffer.wrapping_sub(e::COLOR_ATTACHMENT0) as usize).copied().unwrap_or_default();
+        let image = self.image(attached)?;
+        if image.is_some_and(|(_, _, base)| !matches!(base, Base::Rgb | Base::Rgba)) {
+            return Err(Fault::Unsupported("frame buffer objects with colours that are neither RGB nor RGBA".into()));
+        }
+        Ok(image)
+    }
+
+    fn target_of(&mut self, name: u32) -> Outcome<Target> {
+        let object = self.framebuffers.get(&name).cloned().ok_or(INCOMPLETE)?;
+        let color = self.color_image(&object, object.draw)?;
+        let (depth, stencil) = (self.image(object.depth)?, self.image(object.stencil)?);
+        let attached = depth.or(stencil);
+        if depth.is_some() && stencil.is_some() && object.depth != object.stencil {
+            return Err(Fault::Unsupported("frame buffer objects with depth and stencil in two images".into()));
+        }
+        if attached.is_some_and(|(_, _, base)| base != Base::Depth) {
+            return Err(INCOMPLETE);
+        }
+        let sizes: Vec<[u32; 2]> = [color, attached].into_iter().flatten().map(|(_, size, _)| size).collect();
+        let &size = sizes.first().ok_or(INCOMPLETE)?;
+        if sizes.iter().any(|&other| other != size) {
+            return Err(Fault::Unsupported("frame buffer objects with images of different sizes".into()));
+        }
+        Ok(Target {
+            size,
+            color: color.map(|(surface, ..)| surface),
+            depth: attached.map(|(surface, ..)| surface),
+            has_depth: depth.is_some(),
+            has_stencil: stencil.is_some(),
+            upward: true,
+            alpha: color.is_some_and(|(_, _, base)| base == Base::Rgba),
+        })
+    }
+
+    /// Chooses what draws go to, as the state has it now.
+    pub fn aim(&mut self) -> Outcome<Option<Target>> {
+        let target = match (self.draw_framebuffer, self.state.draw_buffer) {
+            (0, e::FRONT | e::FRONT_LEFT | e::LEFT) => self.card.window_target(Buffer::Front),
+            (0, _) => self.card.window_target(Buffer::Back),
+            (name, _) => Some(self.target_of(name)?),
+        };
+        self.card.aim(target);
+        Ok(target)
+    }
+
+    /// What copies and reads mean: colours, or depths.
+    pub fn read_source(&mut self, depth: bool) -> Outcome<FromTarget> {
+        self.flush()?;
+        let none = || Fault::Unsupported("reading before the size of the window is known".into());
+        if self.read_framebuffer == 0 {
+            let front = matches!(self.read_buffer, e::FRONT | e::FRONT_LEFT | e::LEFT);
+            let target = self.card.window_target(if front { Buffer::Front } else { Buffer::Back }).ok_or_else(none)?;
+            let surface = if depth { target.depth } else { target.color };
+            return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, false));
+        }
+        let object = self.framebuffers.get(&self.read_framebuffer).cloned().ok_or(INCOMPLETE)?;
+        let image = if depth { self.image(object.depth)? } else { self.color_image(&object, object.read)? };
+        let (surface, size, _) = image.ok_or(INVALID_OPERATION)?;
+        Ok((surface, size, true))
+    }
+}
+
+/// Which of the two bindings a target means: of drawing, of reading.
+fn bindings(target: u32) -> Outcome<[bool; 2]> {
+    match target {
+        e::FRAMEBUFFER => Ok([true, true]),
+        e::DRAW_FRAMEBUFFER => Ok([true, false]),
+        e::READ_FRAMEBUFFER => Ok([false, true]),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let ([draw, read], name) = (bindings(call.u32(0)?)?, call.u32(1)?);
+    if name != 0 {
+        gl.framebuffers.entry(name).or_default();
+    }
+    if draw {
+        gl.draw_framebuffer = name;
+    }
+    if read {
+        gl.read_framebuffer = name;
+    }
+    Ok(())
+}
+
+pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.flush()?;
+    for &name in call.numbers(1)?.iter() {
+        let name = name as u32;
+        gl.framebuffers.remove(&name);
+        for bound in [&mut gl.draw_framebuffer, &mut gl.read_framebuffer].into_iter().filter(|bound| **bound == name) {
+            *bound = 0;
+        }
+    }
+    Ok(())
+}
+
+fn attach(gl: &mut Gl, target: u32, point: u32, what: Attached) -> Outcome {
+    let [draw, _] = bindings(target)?;
+    let name = if draw { gl.draw_framebuffer } else { gl.read_framebuffer };
+    let object = gl.framebuffers.get_mut(&name).filter(|_| name != 0).ok_or(INVALID_OPERATION)?;
+    match point {
+        e::DEPTH_ATTACHMENT => object.depth = what,
+        e::STENCIL_ATTACHMENT => object.stencil = what,
+        e::DEPTH_STENCIL_ATTACHMENT => (object.depth, object.stencil) = (what, what),
+        _ => {
+            let index = point.wrapping_sub(e::COLOR_ATTACHMENT0) as usize;
+            *object.colors.get_mut(index).ok_or(INVALID_ENUM)? = what;
+        }
+    }
+    Ok(())
+}
+
+/// The texture of an attaching call, and the layer that its target names.
+fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> Outcome<Attached> {
+    if name == 0 {
+        return Ok(Attached::Nothing);
+    }
+    let face = target.wrapping_sub(e::TEXTURE_CUBE_MAP_POSITIVE_X);
+    let (kind, layer) = match TARGETS.iter().position(|&known| known == target) {
+        Some(k) => (kind_of(k), 0),
+        None if face < 6 => (Kind::Cube, face),
+        None => return Err(INVALID_ENUM),
+    };
+    if gl.textures.get(&name).is_none_or(|texture| texture.kind != kind) {
+        return Err(INVALID_OPERATION);
+    }
+    Ok(Attached::Texture(name, layer, level))
+}
+
+pub(super) fn texture_1d_or_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let what = textured(gl, call.u32(2)?, call.u32(3)?, call.size(4)?)?;
+    attach(gl, call.u32(0)?, call.u32(1)?, what)
+}
+
+pub(super) fn texture_any(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (name, level) = (call.u32(2)?, call.size(3)?);
+    let kind = gl.textures.get(&name).map(|texture| texture.kind);
+    if matches!(kind, Some(Kind::Cube | Kind::D3)) {
+        return Err(Fault::Unsupported("frame buffer objects with all layers of a texture".into()));
+    }
+    let what = match kind {
+        Some(_) => Attached::Texture(name, 0, level),
+        None if name == 0 => Attached::Nothing,
+        None => return Err(INVALID_VALUE),
+    };
+    attach(gl, call.u32(0)?, call.u32(1)?, what)
+}
+
+pub(super) fn renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let name = call.u32(3)?;
+    if call.u32(2)? != e::RENDERBUFFER {
+        return Err(INVALID_ENUM);
+    }
+    let what = if name == 0 { Attached::Nothing } else { Attached::Renderbuffer(name) };
+    attach(gl, call.u32(0)?, call.u32(1)?, what)
+}
+
+pub(super) fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if call.u32(0)? != e::RENDERBUFFER {
+        return Err(INVALID_ENUM);
+    }
+    gl.renderbuffer = call.u32(1)?;
+    if gl.renderbuffer != 0 {
+        gl.renderbuffers.entry(gl.renderbuffer).or_default();
+    }
+    Ok(())
+}
+
+pub(super) fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.flush()?;
+    for &name in call.numbers(1)?.iter() {
+        if let Some((surface, ..)) = gl.renderbuffers.remove(&(name as u32)).and_then(|buffer| buffer.image) {
+            gl.card.destroy_surface(surface);
+        }
+    }
+    Ok(())
+}
+
+fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
+    if size.into_iter().any(|edge| edge > EDGE_MAX) {
+        return Err(INVALID_VALUE);
+    }
+    let base = match internal {
+        e::STENCIL_INDEX | e::STENCIL_INDEX8 => Base::Depth,
+        _ => Base::of(internal)?,
+    };
+    let format = match base {
+        Base::Depth => DEPTH,
+        Base::Rgb | Base::Rgba => COLOR,
+        _ => return Err(Fault::Unsupported(format!("render buffers of internal format {}", names::name(internal)))),
+    };
+    let name = gl.renderbuffer;
+    let old = gl.renderbuffers.get_mut(&name).ok_or(INVALID_OPERATION)?.image.take();
+    if let Some((surface, ..)) = old {
+        gl.card.destroy_surface(surface);
+    }
+    if !size.contains(&0) {
+        let image = (gl.card.create_surface("renderbuffer", size, format), size, base);
+        gl.renderbuffers.insert(name, Renderbuffer { image: Some(image) });
+    }
+    Ok(())
+}
+
+pub(super) fn renderbuffer_storage(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if call.u32(0)? != e::RENDERBUFFER {
+        return Err(INVALID_ENUM);
+    }
+    storage(gl, call.u32(1)?, [call.size(2)?, call.size(3)?])
+}
+
+pub(super) fn renderbuffer_storage_multisample(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    if call.size(1)? > 1 {
+        return Err(Fault::Unsupported("render buffers of several samples".into()));
+    }
+    storage(gl, call.u32(2)?, [call.size(3)?, call.size(4)?])
+}
+
+/// The colour buffer that one call names for drawing.
+fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
+    let color = buffer.wrapping_sub(e::COLOR_ATTACHMENT0) < COLORS as u32;
+    if gl.draw_framebuffer != 0 {
+        if buffer != e::NONE && !color {
+            return Err(INVALID_OPERATION);
+        }
+        let object = gl.framebuffers.get_mut(&gl.draw_framebuffer).ok_or(INVALID_OPERATION)?;
+        object.draw = buffer;
+        return Ok(());
+    }
+    match buffer {
+        e::BACK | e::BACK_LEFT | e::FRONT_AND_BACK | e::NONE | e::FRONT | e::FRONT_LEFT | e::LEFT => {
+            gl.state.draw_buffer = buffer;
+            Ok(())
+        }
+        _ if color => Err(INVALID_OPERATION),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+pub(super) fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    set_draw(gl, call.u32(0)?)
+}
+
+pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let buffers = call.numbers(1)?;
+    match buffers.iter().filter(|&&buffer| buffer != 0.0).count() {
+        0 => set_draw(gl, e::NONE),
+        1 if buffers[0] != 0.0 => set_draw(gl, buffers[0] as u32),
+        _ => Err(Fault::Unsupported("drawing to several colour buffers".into())),
+    }
+}
+
+pub(super) fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let buffer = call.u32(0)?;
+    if let Some(object) = gl.framebuffers.get_mut(&gl.read_framebuffer).filter(|_| gl.read_framebuffer != 0) {
+        object.read = buffer;
+    } else {
+        gl.read_buffer = buffer;
+    }
+    Ok(())
+}
+
+pub(super) fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let k = TARGETS.iter().position(|&target| Ok(target) == call.u32(0)).ok_or(INVALID_ENUM)?;
+    let unit = gl.state.active;
+    gl.texture(unit, k);
+    let name = gl.state.units[unit].bound[k];
+    let texture = if name == 0 { gl.default_textures.get_mut(&(k as u32)) } else { gl.textures.get_mut(&name) };
+    let texture = texture.ok_or(INVALID_OPERATION)?;
+    if texture.kind == Kind::D3 {
+        return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
+    }
+    let first = texture.range[0];
+    for face in 0..if texture.kind == Kind::Cube { 6 } else { 1 } {
+        let image = texture.levels.get(&(face, first)).cloned().ok_or(INVALID_OPERATION)?;
+        if image.base == Base::Depth || image.format != image.base.format() {
+            return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
+        }
+        let ([mut width, mut height, _], mut level) = (image.size, first);
+        while width.max(height) > 1 {
+            let from = [width, height];
+            (width, height, level) = ((width / 2).max(1), (height / 2).max(1), level + 1);
+            let size = [width, height, 1];
+            if texture.levels.get(&(face, level)).is_none_or(|old| old.size != size || old.base != image.base) {
+                let bytes = vec![0; (width * height * image.format.block_bytes()) as usize];
+                texture.define(&mut gl.card, face, level, Level::plain(size, image.base, Some(bytes)));
+            }
+            let to = texture.surface(&mut gl.card, face, level)?.ok_or(INVALID_OPERATION)?;
+            let source = texture.surface(&mut gl.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
+            // The centre of a texel lies between those that it is the mean of.
+            let key = CopyKey { from: From::Filtered, result: "c", format: image.format.name(), meet: Meet::Replace, mask: 15 };
+            let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];
+            let map = Map { to: [0.0; 2], from: [0.0; 2], scale };
+            let area = Rect { x: 0, y: 0, width, height };
+            gl.card.copy_pixels(key, image.format, source, to, map, 0.0, area);
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let mut edges = [0; 8];
+    for (k, edge) in edges.iter_mut().enumerate() {
+        *edge = call.i32(k)?;
+    }
+    let [sx0, sy0, sx1, sy1, x0, y0, x1, y1] = edges.map(|edge| edge as f32);
+    let (mask, filter) = (call.u32(8)?, call.u32(9)?);
+    if !matches!(filter, e::NEAREST | e::LINEAR) {
+        return Err(INVALID_ENUM);
+    }
+    if x0 == x1 || y0 == y1 || sx0 == sx1 || sy0 == sy1 {
+        return Ok(());
+    }
+    if mask & e::STENCIL_BUFFER_BIT != 0 {
+        return Err(Fault::Unsupported("blits of stencil values".into()));
+    }
+    let Some(target) = gl.aim()? else { return Ok(()) };
+    let Some(scissor) = gl.scissor() else { return Ok(()) };
+    for depth in [false, true] {
+        let bit = if depth { e::DEPTH_BUFFER_BIT } else { e::COLOR_BUFFER_BIT };
+        let to = if depth { target.depth } else { target.color };
+        let Some(to) = to.filter(|_| mask & bit != 0) else { continue };
+        let (source, size, upward) = gl.read_source(depth)?;
+        if (source.texture, source.level, source.layer) == (to.texture, to.level, to.layer) {
+            return Err(Fault::Unsupported("blits of a frame buffer into itself".into()));
+        }
+        let (row, source_row) = (|y| row_edge(target.size[1], target.upward, y), |y| row_edge(size[1], upward, y));
+        let scale = [(sx1 - sx0) / (x1 - x0), (source_row(sy1) - source_row(sy0)) / (row(y1) - row(y0))];
+        let map = Map { to: [x0, row(y0)], from: [sx0, source_row(sy0)], scale };
+        let span = |a: f32, b: f32, from: u32, size: u32| {
+            let (low, high) = (a.min(b).max(from as f32), a.max(b).min((from + size) as f32));
+            (low as u32, (high - low).max(0.0) as u32)
+        };
+        let (x, width) = span(x0, x1, scissor.x, scissor.width);
+        let (y, height) = span(row(y0), row(y1), scissor.y, scissor.height);
+        let from = match (depth, filter) {
+            (true, _) => From::Depth,
+            (_, e::LINEAR) if scale.map(f32::abs) != [1.0; 2] => From::Filtered,
+            _ => From::Color,
+        };
+        let result = if depth {
+            "c.r"
+        } else if target.alpha {
+            "c"
+        } else {
+            "vec4f(c.rgb, 1)"
+        };
+        let key = CopyKey { from, result, format: to.format.name(), meet: Meet::Replace, mask: 15 };
+        gl.card.copy_pixels(key, to.format, source, to, map, 0.0, Rect { x, y, width, height });
+    }
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! Lighting of one vertex, for raster positions (OpenGL 1.5, section 2.14.1). Vertices that are drawn are lit by the shader.
+
+use super::consts as e;
+use super::matrix::{self, Matrix, normalized};
+use super::state::{State, Vertex};
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn power(base: f32, exponent: f32) -> f32 {
+    libm::pow(f64::from(base), f64::from(exponent)) as f32
+}
+
+/// The primary and secondary colour of a vertex.
+pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], [f32; 3]) {
+    let unit = |value: f32| value.clamp(0.0, 1.0);
+    if !state.is(e::LIGHTING) {
+        return (vertex.color.map(unit), vertex.secondary.map(unit));
+    }
+    let mut material = state.materials[0].clone();
+    if state.is(e::COLOR_MATERIAL) && state.color_material[0] != e::BACK {
+        match state.color_material[1] {
+            e::AMBIENT => material.ambient = vertex.color,
+            e::DIFFUSE => material.diffuse = vertex.color,
+            e::SPECULAR => material.specular = vertex.color,
+            e::EMISSION => material.emission = vertex.color,
+            _ => (material.ambient, material.diffuse) = (vertex.color, vertex.color),
+        }
+    }
+    let [x, y, z, w] = matrix::transform(modelview, vertex.position);
+    let eye = [x / w, y / w, z / w];
+    let columns = matrix::normal_matrix(modelview);
+    let mut n: [f32; 3] = std::array::from_fn(|row| (0..3).map(|k| columns[k][row] * vertex.normal[k]).sum());
+    if state.is(e::NORMALIZE) || state.is(e::RESCALE_NORMAL) {
+        n = normalized(n);
+    }
+    let mut primary: [f32; 3] = std::array::from_fn(|c| material.emission[c] + material.ambient[c] * state.model_ambient[c]);
+    let mut shine = [0.0; 3];
+    for (_, light) in state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32)) {
+        let [lx, ly, lz, lw] = light.position;
+        let (to_light, mut strength) = if lw == 0.0 {
+            (normalized([lx, ly, lz]), 1.0)
+        } else {
+            let way = [lx / lw - eye[0], ly / lw - eye[1], lz / lw - eye[2]];
+            let distance = dot(way, way).sqrt();
+            let [constant, linear, quadratic] = light.attenuation;
+            (normalized(way), 1.0 / (constant + distance * (linear + distance * quadratic)))
+        };
+        if light.spot_cutoff != 180.0 {
+            let spot = -dot(to_light, normalized(light.spot_direction));
+            let least = libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32;
+            strength *= if spot >= least { power(spot.max(0.0), light.spot_exponent) } else { 0.0 };
+        }
+        let facing = dot(n, to_light);
+        let viewer = if state.local_viewer { normalized(eye.map(|value| -value)) } else { [0.0, 0.0, 1.0] };
+        let half = normalized(std::array::from_fn(|k| to_light[k] + viewer[k]));
+        let gloss = if facing > 0.0 { power(dot(n, half).max(0.0), material.shininess) } else { 0.0 };
+        for c in 0..3 {
+            primary[c] +=
+                strength * (material.ambient[c] * light.ambient[c] + facing.max(0.0) * material.diffuse[c] * light.diffuse[c]);
+            shine[c] += strength * gloss * material.specular[c] * light.specular[c];
+        }
+    }
+    if !state.separate_specular {
+        (primary, shine) = (std::array::from_fn(|c| primary[c] + shine[c]), [0.0; 3]);
+    }
+    let [r, g, b] = primary.map(unit);
+    ([r, g, b, unit(material.diffuse[3])], shine.map(unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gl::matrix::IDENTITY;
+    use crate::gl::state::capability;
+
+    #[test]
+    fn a_raster_colour_is_lit_as_a_vertex() {
+        let mut state = State::default();
+        let mut vertex = state.current;
+        vertex.color = [0.25, 2.0, -1.0, 0.5];
+        assert_eq!(colors(&state, &IDENTITY, &vertex).0, [0.25, 1.0, 0.0, 0.5]);
+        state.enabled |= capability(e::LIGHTING).unwrap_or(0) | capability(e::LIGHT0).unwrap_or(0);
+        // Ambient 0.2 * 0.2 of the scene and diffuse 0.8 of a white light in front: 0.04 + 0.8.
+        let (lit, _) = colors(&state, &IDENTITY, &vertex);
+        assert!(lit[..3].iter().all(|value| (value - 0.84).abs() < 1e-6) && lit[3] == 1.0, "{lit:?}");
+        // At 60 degrees half of the diffuse light is left.
+        let mut tilted = vertex;
+        tilted.normal = [0.75_f32.sqrt(), 0.0, 0.5];
+        let (lit, _) = colors(&state, &IDENTITY, &tilted);
+        assert!((lit[0] - 0.44).abs() < 1e-6, "{lit:?}");
+    }
+}

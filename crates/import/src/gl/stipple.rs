@@ -1,0 +1,115 @@
+//! Line stipple (OpenGL 1.5, section 3.4.2): each end of a line gets the pixels that lie along the line up to it. The fragment stage takes
+//! the bit of the pattern.
+
+use super::consts as e;
+use super::machine::Gl;
+use super::matrix;
+use super::state::{UNITS, Vertex};
+use super::uniforms::to_clip;
+
+impl Gl {
+    /// Whether lines have a pattern with gaps.
+    pub fn line_stippled(&self) -> bool {
+        self.state.is(e::LINE_STIPPLE) && self.state.line_stipple.1 != 0xffff
+    }
+
+    /// Lines, two vertices each, with what lies along them. The pattern goes on where a line begins at the vertex that the line before
+    /// ended at. Lines are cut at the view volume first, since pixels outside are not counted.
+    pub fn stippled(&self, vertices: &[Vertex], indices: &[u32]) -> (Vec<Vertex>, Vec<u32>) {
+        let clip = to_clip(&self.projection.top, &self.modelview.top);
+        let [_, _, width, height] = self.state.viewport.map(|value| value as f32);
+        let (mut out, mut along, mut last) = (Vec::new(), 0.0, None);
+        for line in indices.chunks_exact(2) {
+            let ends = [vertices[line[0] as usize], vertices[line[1] as usize]];
+            if last != Some(line[0]) {
+                along = 0.0;
+            }
+            last = Some(line[1]);
+            let [a, b] = ends.map(|vertex| matrix::transform(&clip, vertex.position));
+            let Some([from, to]) = visible(a, b) else { continue };
+            let at = |t: f32| {
+                let [x, y, _, w]: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t);
+                [x / w * 0.5 * width, y / w * 0.5 * height]
+            };
+            let ([x0, y0], [x1, y1]) = (at(from), at(to));
+            let (dx, dy) = ((x1 - x0).abs(), (y1 - y0).abs());
+            let length = if self.state.is(e::LINE_SMOOTH) { (dx * dx + dy * dy).sqrt() } else { dx.max(dy) };
+            let [mut first, mut second] = [from, to].map(|t| between(&ends, t));
+            (first.along, second.along) = (along, along + length);
+            if self.state.flat {
+                (first.color, first.secondary) = (ends[1].color, ends[1].secondary);
+                (second.color, second.secondary) = (ends[1].color, ends[1].secondary);
+            }
+            // Only the place in the pattern counts.
+            let period = 16.0 * self.state.line_stipple.0 as f32;
+            along = (along + length) % period;
+            out.extend([first, second]);
+        }
+        let indices = (0..out.len() as u32).collect();
+        (out, indices)
+    }
+}
+
+/// The part of a line in clip space that lies in the view volume, where depths are from 0 to w.
+fn visible(a: [f32; 4], b: [f32; 4]) -> Option<[f32; 2]> {
+    let (mut from, mut to) = (0.0_f32, 1.0_f32);
+    let planes: [fn([f32; 4]) -> f32; 6] =
+        [|p| p[3] + p[0], |p| p[3] - p[0], |p| p[3] + p[1], |p| p[3] - p[1], |p| p[2], |p| p[3] - p[2]];
+    for distance in planes {
+        let (da, db) = (distance(a), distance(b));
+        match (da >= 0.0, db >= 0.0) {
+            (true, true) => {}
+            (false, false) => return None,
+            (true, false) => to = to.min(da / (da - db)),
+            (false, true) => from = from.max(da / (da - db)),
+        }
+    }
+    (from < to && from.is_finite() && to.is_finite()).then_some([from, to])
+}
+
+/// The vertex at a part of a line.
+fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
+    if t == 0.0 {
+        return *a;
+    }
+    if t == 1.0 {
+        return *b;
+    }
+    let mix = |x: f32, y: f32| x + (y - x) * t;
+    let mix4 = |x: [f32; 4], y: [f32; 4]| std::array::from_fn(|k| mix(x[k], y[k]));
+    let mut cut = *a;
+    cut.position = mix4(a.position, b.position);
+    cut.color = mix4(a.color, b.color);
+    cut.normal = std::array::from_fn(|k| mix(a.normal[k], b.normal[k]));
+    cut.secondary = std::array::from_fn(|k| mix(a.secondary[k], b.secondary[k]));
+    cut.fog = mix(a.fog, b.fog);
+    for unit in 0..UNITS {
+        cut.texture[unit] = mix4(a.texture[unit], b.texture[unit]);
+    }
+    cut
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pattern_goes_on_along_a_strip_and_starts_again_at_each_line() {
+        let mut gl = Gl::new(std::path::Path::new("x"), &num::Limits::default());
+        gl.state.viewport = [0, 0, 20, 10];
+        let current = gl.state.current;
+        let vertex = |x: f32, y: f32| {
+            let mut vertex = current;
+            vertex.position = [x, y, 0.0, 1.0];
+            vertex
+        };
+        // 10 pixels to the right, then 5 up; the third line leaves the window after 10 of 20.
+        let corners = [vertex(-1.0, -1.0), vertex(0.0, -1.0), vertex(0.0, 0.0), vertex(2.0, 0.0)];
+        let (strip, _) = gl.stippled(&corners, &[0, 1, 1, 2, 2, 3]);
+        let along: Vec<f32> = strip.iter().map(|vertex| vertex.along).collect();
+        assert_eq!(along, [0.0, 10.0, 10.0, 15.0, 15.0, 25.0]);
+        assert_eq!(strip[5].position[0], 1.0);
+        let (lines, _) = gl.stippled(&corners, &[0, 1, 2, 3]);
+        assert_eq!(lines.iter().map(|vertex| vertex.along).collect::<Vec<_>>(), [0.0, 10.0, 0.0, 10.0]);
+    }
+}
