@@ -163,7 +163,7 @@ impl Gl {
     }
 
     /// Draws a batch.
-    fn draw(&mut self, batch: Batch) -> Outcome {
+    fn draw(&mut self, mut batch: Batch) -> Outcome {
         let Some(target) = self.aim()? else {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
         };
@@ -196,6 +196,14 @@ impl Gl {
             }
         }
         let mut key = self.key(&batch, units)?;
+        if self.cuts_fog(&key, &batch) {
+            // The distance of an end that is cut off is known here alone.
+            let modelview = self.modelview.top;
+            for vertex in &mut batch.vertices {
+                vertex.fog = super::matrix::transform(&modelview, vertex.position)[2].abs();
+            }
+            key.fog_coordinate = true;
+        }
         let mut bound: Vec<_> = bound.iter().map(|bound| bound.bound).collect();
         if key.logic.is_some() {
             // The stored colours, as they are before this primitive.
@@ -258,6 +266,15 @@ impl Gl {
             Draw { pipeline, uniforms, vertices, first, count, textures, viewport, scissor, blend, stencil, writes, query };
         self.card.draw(draw);
         Ok(())
+    }
+
+    /// Whether lines that become triangles are cut at the near plane and fogged by distance. The card's clipper interpolates distances that
+    /// vertices have, as it does for triangles; these lines are cut before.
+    fn cuts_fog(&self, key: &ShaderKey, batch: &Batch) -> bool {
+        let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
+        let clip = to_clip(&self.projection.top, &self.modelview.top);
+        let behind = |vertex: &Vertex| !(super::matrix::transform(&clip, vertex.position)[2] >= 0.0);
+        lines && key.fog.is_some() && !key.fog_coordinate && batch.vertices.iter().any(behind)
     }
 
     /// The key of a unit and its texture, if it is on.

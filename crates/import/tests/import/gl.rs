@@ -279,6 +279,60 @@ const TEXT: &str = "GLI0.h\n#! RES 16x8\n# a comment\nglClearColor(0x3f800000,0x
     glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*4)\nglDrawArrays(GL_TRIANGLES,0,3)\n\
     glProgramStringARB(GL_VERTEX_PROGRAM_ARB,GL_PROGRAM_FORMAT_ASCII_ARB,9,\"!!ARB\nEND\n\")\nwglSwapBuffers(7)=NOT TRACED\n";
 
+/// Pixel rectangles, frame buffer objects and all else that is no triangle.
+const FEATURES: &str = "GLI0.t\n#! RES 8x8\nglPixelZoom(2,-1)\nglPixelTransferf(GL_RED_SCALE,0.5)\nglPixelMapfv(GL_PIXEL_MAP_I_TO_R,2,{0,1})\n\
+    glRasterPos3f(0.1,0.2,0.3)\nglBitmap(8,2,1,0,9,2,*4)\nglDrawPixels(2,2,GL_RGBA,GL_UNSIGNED_BYTE,*4)\nglCopyPixels(0,0,3,3,GL_COLOR)\n\
+    glDrawPixels(2,1,GL_DEPTH_COMPONENT,GL_FLOAT,*4)\nglDrawPixels(2,1,GL_STENCIL_INDEX,GL_UNSIGNED_BYTE,*4)\nglEnable(GL_LINE_STIPPLE)\n\
+    glLineStipple(2,9)\nglBegin(GL_LINE_LOOP)\nglVertex3f(0,0,-3)\nglVertex2f(1,0)\nglVertex2f(1,1)\nglEnd()\nglAccum(GL_LOAD,0.5)\n\
+    glAccum(GL_RETURN,1)\nglBindTexture(GL_TEXTURE_2D,1)\nglTexImage2D(GL_TEXTURE_2D,0,GL_RGBA,4,4,1,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\n\
+    glTexImage2D(GL_TEXTURE_2D,0,GL_RGBA,4,4,0,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglBindFramebufferEXT(GL_FRAMEBUFFER_EXT,2)\n\
+    glFramebufferTexture2DEXT(GL_FRAMEBUFFER_EXT,GL_COLOR_ATTACHMENT0_EXT,GL_TEXTURE_2D,1,0)\nglBindRenderbuffer(GL_RENDERBUFFER,3)\n\
+    glRenderbufferStorage(GL_RENDERBUFFER,GL_DEPTH_COMPONENT24,4,4)\n\
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER,GL_DEPTH_ATTACHMENT,GL_RENDERBUFFER,3)\nglClear(GL_COLOR_BUFFER_BIT)\nglRectf(-1,-1,0,0)\n\
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER,0)\nglBlitFramebuffer(0,0,4,4,7,0,1,6,GL_COLOR_BUFFER_BIT,GL_LINEAR)\n\
+    glBindFramebuffer(GL_FRAMEBUFFER,0)\nglGenerateMipmap(GL_TEXTURE_2D)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_BASE_LEVEL,1)\n\
+    glEnable(GL_TEXTURE_2D)\nglBeginQueryARB(GL_SAMPLES_PASSED,5)\nglRectf(0,0,1,1)\nglEndQueryARB(GL_SAMPLES_PASSED)\n\
+    glBindTexture(GL_TEXTURE_2D,2)\nglCompressedTexImage2D(GL_TEXTURE_2D,0,GL_COMPRESSED_RGB_S3TC_DXT1_EXT,4,4,0,8,*4)\n\
+    glCompressedTexSubImage2D(GL_TEXTURE_2D,0,0,0,4,4,GL_COMPRESSED_RGB_S3TC_DXT1_EXT,8,*4)\n\
+    glCopyTexImage2D(GL_TEXTURE_2D,0,GL_DEPTH_COMPONENT,0,0,4,4,0)\nglRectf(0,0,1,1)\nglDrawBuffer(GL_FRONT)\nglRectf(0,0,1,1)\n\
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglBufferData(GL_PIXEL_UNPACK_BUFFER,24,*4,GL_STREAM_DRAW)\nglTexSubImage2D(GL_TEXTURE_2D,0,0,0,2,1,GL_DEPTH_COMPONENT,GL_FLOAT,4)\n\
+    wglSwapBuffers(1)\n";
+
+#[test]
+fn the_recording_of_features_is_whole() {
+    let (trace, report) = imported_text(FEATURES.as_bytes(), &memory()).expect("a recording");
+    assert_eq!(check(&trace).expect("a valid trace").frames, 1);
+    assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
+}
+
+#[test]
+fn wrong_calls_of_features_raise_errors_or_name_their_call() {
+    let of = |calls: &str| imported_text(format!("GLI0.t\n#! RES 8x8\n{calls}\nwglSwapBuffers(1)\n").as_bytes(), &memory());
+    let errors = [
+        ("glBitmap(-1,1,0,0,0,0,*4)", "glBitmap: GL_INVALID_VALUE"),
+        ("glDrawPixels(1,1,77,GL_FLOAT,*4)", "glDrawPixels: GL_INVALID_ENUM"),
+        ("glPixelMapfv(GL_PIXEL_MAP_I_TO_R,3,{0,1,0})", "glPixelMapfv: GL_INVALID_VALUE"),
+        ("glAccum(77,1)", "glAccum: GL_INVALID_ENUM"),
+        ("glEndQuery(GL_SAMPLES_PASSED)", "glEndQuery: GL_INVALID_OPERATION"),
+        (
+            "glFramebufferTexture2D(GL_FRAMEBUFFER,GL_COLOR_ATTACHMENT0,GL_TEXTURE_2D,0,0)",
+            "glFramebufferTexture2D: GL_INVALID_OPERATION",
+        ),
+        ("glBindFramebuffer(GL_FRAMEBUFFER,1)\nglClear(GL_COLOR_BUFFER_BIT)", "glClear: GL_INVALID_FRAMEBUFFER_OPERATION"),
+        (
+            "glCompressedTexImage2D(GL_TEXTURE_2D,0,GL_COMPRESSED_RGB_S3TC_DXT1_EXT,4,4,0,9,*4)",
+            "glCompressedTexImage2D: GL_INVALID_VALUE",
+        ),
+    ];
+    for (call, wanted) in errors {
+        let (_, report) = of(call).expect("a recording");
+        assert_eq!(report.errors.keys().collect::<Vec<_>>(), [wanted], "{call}");
+    }
+    // Bytes that are not there end the import, with the number of the call.
+    let error = of("glFlush()\nglDrawPixels(4,4,GL_RGBA,GL_UNSIGNED_BYTE,*4)").err().expect("24 bytes are not 64");
+    assert!(error.contains("call 1") && error.contains("24 bytes"), "{error}");
+}
+
 /// The two files beside a text: buffer 4 has the corners of a triangle.
 fn memory() -> [Vec<u8>; 2] {
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
@@ -327,6 +381,21 @@ proptest! {
         match imported(writer.file(1 << 20)) {
             Ok((trace, _)) => drop(check(&trace)),
             Err(error) => prop_assert!(error.starts_with("x.trace"), "{}", error),
+        }
+    }
+
+    #[test]
+    fn damaged_features_end_with_a_trace_or_a_message(edits in prop::collection::vec((any::<usize>(), any::<u8>()), 1..12)) {
+        let mut text = FEATURES.as_bytes().to_vec();
+        let length = text.len();
+        for (at, byte) in edits {
+            // Digits and letters that are there lead further than any byte does.
+            let with = if byte < 128 { text[usize::from(byte) * 31 % length] } else { byte };
+            text[2 + at % (length - 2)] = with;
+        }
+        match imported_text(&text, &memory()) {
+            Ok((trace, _)) => drop(check(&trace)),
+            Err(error) => prop_assert!(error.starts_with("x.txt") && (error.contains("call ") || error.contains("line")), "{}", error),
         }
     }
 
