@@ -2,15 +2,18 @@
 
 use gfx::state::VertexFormat;
 
-use super::key::ShaderKey;
+use super::key::{Expand, ShaderKey};
 use super::matrix::{self, Matrix};
 use super::primitive::{Batch, Class};
-use super::state::{UNITS, Vertex};
+use super::state::Vertex;
+use super::stipple::{VIEW_VOLUME, between, visible};
 use super::wgsl::{self, location};
 
 /// Corners of an expanded point or line, and the triangles between them.
 const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 const QUAD: [u32; 6] = [0, 1, 2, 0, 2, 3];
+/// Those of a smooth line: its coverage is interpolated with perspective, so that the diagonal shows. It is Mesa's.
+const SMOOTH_QUAD: [u32; 6] = [0, 1, 3, 1, 2, 3];
 
 /// A packed batch: attributes, bytes, indices.
 pub type Packed = (Vec<(u32, VertexFormat)>, Vec<u8>, Vec<u32>);
@@ -79,8 +82,10 @@ pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
 }
 
 /// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
+/// Smooth ones are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
 pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Packed {
     let lines = batch.class == Class::Lines;
+    let smooth = key.expand == Expand::SmoothLine;
     let layout = layout(key, &batch.vertices);
     let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
     attributes.push((location::CORNER, VertexFormat::Float32x2));
@@ -90,7 +95,7 @@ pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Pack
     let (mut bytes, mut indices, mut count) = (Vec::new(), Vec::new(), 0_u32);
     for primitive in batch.indices.chunks_exact(if lines { 2 } else { 1 }) {
         let mut ends: Vec<Vertex> = primitive.iter().map(|&i| batch.vertices[i as usize]).collect();
-        if lines && !near_clip(&mut ends, clip, flat) {
+        if lines && !cut(&mut ends, clip, flat, smooth) {
             continue;
         }
         for corner in CORNERS {
@@ -109,39 +114,21 @@ pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Pack
                 bytes.extend_from_slice(&value.to_le_bytes());
             }
         }
-        indices.extend(QUAD.map(|k| count + k));
+        indices.extend(if smooth { SMOOTH_QUAD } else { QUAD }.map(|k| count + k));
         count += 4;
     }
     (attributes, bytes, indices)
 }
 
-/// Cuts a line at the near plane; whether anything is left.
-fn near_clip(ends: &mut [Vertex], clip: &Matrix, flat: bool) -> bool {
-    let [a, b] = [0, 1].map(|k| matrix::transform(clip, ends[k].position)[2]);
+/// Cuts a line at the near plane, or at the whole view volume; whether anything is left.
+fn cut(ends: &mut [Vertex], clip: &Matrix, flat: bool, whole: bool) -> bool {
     if flat {
         ends[0].color = ends[1].color;
         ends[0].normal = ends[1].normal;
     }
-    if !(a >= 0.0) && !(b >= 0.0) {
-        return false;
-    }
-    if a >= 0.0 && b >= 0.0 {
-        return true;
-    }
-    let t = a / (a - b);
-    let mix = |x: f32, y: f32| x + (y - x) * t;
-    let (from, to) = (ends[0], ends[1]);
-    let mut cut = from;
-    let mix4 = |x: [f32; 4], y: [f32; 4]| std::array::from_fn(|k| mix(x[k], y[k]));
-    cut.position = mix4(from.position, to.position);
-    cut.color = mix4(from.color, to.color);
-    cut.normal = std::array::from_fn(|k| mix(from.normal[k], to.normal[k]));
-    cut.secondary = std::array::from_fn(|k| mix(from.secondary[k], to.secondary[k]));
-    cut.fog = mix(from.fog, to.fog);
-    cut.along = mix(from.along, to.along);
-    for unit in 0..UNITS {
-        cut.texture[unit] = mix4(from.texture[unit], to.texture[unit]);
-    }
-    ends[usize::from(!(b >= 0.0))] = cut;
+    let [a, b] = [0, 1].map(|k| matrix::transform(clip, ends[k].position));
+    let Some([from, to]) = visible(a, b, if whole { &VIEW_VOLUME } else { &VIEW_VOLUME[..1] }) else { return false };
+    let both = [ends[0], ends[1]];
+    (ends[0], ends[1]) = (between(&both, from), between(&both, to));
     true
 }

@@ -89,7 +89,7 @@ impl Gl {
 
     /// The corners of a rectangle of pixels in the window, from its first pixel's on.
     fn corners(&self, at: [f32; 4], size: [u32; 2]) -> ([f32; 2], [f32; 2]) {
-        let [x, y] = [at[0], at[1]].map(|value| libm::rintf(value));
+        let [x, y] = [at[0], at[1]].map(libm::rintf);
         let [zx, zy] = self.state.zoom;
         ([x, y], [x + zx * size[0] as f32, y + zy * size[1] as f32])
     }

@@ -26,7 +26,7 @@ impl Gl {
             }
             last = Some(line[1]);
             let [a, b] = ends.map(|vertex| matrix::transform(&clip, vertex.position));
-            let Some([from, to]) = visible(a, b) else { continue };
+            let Some([from, to]) = visible(a, b, &VIEW_VOLUME) else { continue };
             let at = |t: f32| {
                 let [x, y, _, w]: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t);
                 [x / w * 0.5 * width, y / w * 0.5 * height]
@@ -50,11 +50,13 @@ impl Gl {
     }
 }
 
-/// The part of a line in clip space that lies in the view volume, where depths are from 0 to w.
-fn visible(a: [f32; 4], b: [f32; 4]) -> Option<[f32; 2]> {
+/// Distances to the planes of the view volume in clip space, where depths are from 0 to w; that of the near plane first.
+pub const VIEW_VOLUME: [fn([f32; 4]) -> f32; 6] =
+    [|p| p[2], |p| p[3] - p[2], |p| p[3] + p[0], |p| p[3] - p[0], |p| p[3] + p[1], |p| p[3] - p[1]];
+
+/// The part of a line in clip space that lies inside of these planes.
+pub fn visible(a: [f32; 4], b: [f32; 4], planes: &[fn([f32; 4]) -> f32]) -> Option<[f32; 2]> {
     let (mut from, mut to) = (0.0_f32, 1.0_f32);
-    let planes: [fn([f32; 4]) -> f32; 6] =
-        [|p| p[3] + p[0], |p| p[3] - p[0], |p| p[3] + p[1], |p| p[3] - p[1], |p| p[2], |p| p[3] - p[2]];
     for distance in planes {
         let (da, db) = (distance(a), distance(b));
         match (da >= 0.0, db >= 0.0) {
@@ -68,7 +70,7 @@ fn visible(a: [f32; 4], b: [f32; 4]) -> Option<[f32; 2]> {
 }
 
 /// The vertex at a part of a line.
-fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
+pub fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
     if t == 0.0 {
         return *a;
     }
@@ -82,7 +84,7 @@ fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
     cut.color = mix4(a.color, b.color);
     cut.normal = std::array::from_fn(|k| mix(a.normal[k], b.normal[k]));
     cut.secondary = std::array::from_fn(|k| mix(a.secondary[k], b.secondary[k]));
-    cut.fog = mix(a.fog, b.fog);
+    (cut.fog, cut.along) = (mix(a.fog, b.fog), mix(a.along, b.along));
     for unit in 0..UNITS {
         cut.texture[unit] = mix4(a.texture[unit], b.texture[unit]);
     }

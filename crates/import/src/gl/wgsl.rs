@@ -109,7 +109,7 @@ fn interface(key: &ShaderKey, out: &mut String) {
         line!(out, "    @location(4) fog: f32,");
     }
     if key.expand != Expand::No {
-        line!(out, "    @location(5) @interpolate(linear) corner: vec4f,");
+        line!(out, "    @location(5) corner: vec4f,");
     }
     if key.line_stipple {
         line!(out, "    @location(6) @interpolate(linear) along: f32,");
