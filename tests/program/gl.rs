@@ -40,6 +40,7 @@ const RECORDINGS: &[(&str, f64)] = &[
     ("gl/timetunnel", 60.0),
     ("gl/unicrud", 60.0),
     ("gl/unknownpleasures", 54.0),
+    ("gl/winduprobot", 58.0),
     ("attila/micropolygon", 48.0),
     ("attila/simplefog", 45.0),
     ("attila/spaceship", 54.0),

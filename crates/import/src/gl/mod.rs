@@ -8,6 +8,9 @@
 //!   viewport, the scissor and copies are computed.
 //! * A texture's first row is its lowest in OpenGL and the first in memory in both, so images are taken as they are. Only copies of the
 //!   frame buffer turn rows.
+//! * Frame buffer objects keep rows as textures do: positions are turned instead, and so is what counts as the front of a triangle.
+//! * Of frames that are not asked for, passes into the window are held back until something can read them; a clear of all that they write
+//!   drops them.
 //! * The window has no alpha: it stays 1, as where a program asks for a visual without alpha.
 //! * A call that raises an OpenGL error has no effect.
 //! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
@@ -32,6 +35,7 @@ mod machine;
 mod matrix;
 mod names;
 mod pack;
+mod pass;
 mod pixel_data;
 mod pixels;
 mod primitive;

@@ -331,8 +331,10 @@ fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
                 // Edges and ends are soft over one pixel.
                 line!(out, "    let reach = 0.5 * max(u.screen.z, 1.0) + 0.5;\n    let half = 0.5 * length(way);");
+                // What is shorter than a pixel gets fainter, as in Mesa.
+                line!(out, "    let soft = select(half + 0.5, 2.0 * half, half < 0.5);");
                 line!(out, "    let by = v.corner.x * reach * vec2f(-along.y, along.x) + v.corner.y * 0.5 * along;");
-                line!(out, "    o.corner = vec4f(v.corner.x * reach, v.corner.y * (half + 0.5), reach, half + 0.5);");
+                line!(out, "    o.corner = vec4f(v.corner.x * reach, v.corner.y * soft, reach, soft);");
             }
             line!(out, "    o.position = vec4f(p.xy + by / u.screen.xy * p.w, p.zw);");
         }

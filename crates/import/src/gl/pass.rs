@@ -1,0 +1,171 @@
+//! What a pass of the card is made of: what it draws to, its draws, and the state that is fixed in their pipelines.
+
+use std::collections::BTreeSet;
+
+use gfx::format::Format;
+use gfx::state::*;
+use num::*;
+
+/// One draw of a pass.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// What draws it.
+    pub pipeline: RenderPipelineId,
+    /// Its uniforms in the pass.
+    pub uniforms: u32,
+    /// Its first vertex byte in the pass.
+    pub vertices: u64,
+    /// Its first index in the pass.
+    pub first: u32,
+    /// Number of indices.
+    pub count: u32,
+    /// Textures.
+    pub textures: Option<BindGroupId>,
+    /// Viewport.
+    pub viewport: Viewport,
+    /// Scissor.
+    pub scissor: Rect,
+    /// Blend constant.
+    pub blend: [f32; 4],
+    /// Stencil reference.
+    pub stencil: u32,
+    /// The buffers that it may write: a bit of [`writes`] each.
+    pub writes: u8,
+    /// The occlusion query that counts it, by its number in the recording.
+    pub query: Option<u64>,
+}
+
+/// Bits of what a draw or a clear writes.
+pub mod writes {
+    /// Colour.
+    pub const COLOR: u8 = 1;
+    /// Depth.
+    pub const DEPTH: u8 = 2;
+    /// Stencil.
+    pub const STENCIL: u8 = 4;
+}
+
+/// One image that can be drawn to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// Its texture.
+    pub texture: TextureId,
+    /// A view of this image alone.
+    pub view: ViewId,
+    /// Its format.
+    pub format: Format,
+    /// Its level.
+    pub level: u32,
+    /// Its layer.
+    pub layer: u32,
+}
+
+/// What draws go to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Colours.
+    pub color: Option<Surface>,
+    /// Depth and stencil.
+    pub depth: Option<Surface>,
+    /// Whether depths are there.
+    pub has_depth: bool,
+    /// Whether stencil values are there.
+    pub has_stencil: bool,
+    /// Whether the first row is the lowest, as in textures. The window's first row is its highest.
+    pub upward: bool,
+    /// Whether alpha is kept. Elsewhere it stays 1.
+    pub alpha: bool,
+}
+
+/// Which colours of the window are meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// Those that are shown next.
+    Back,
+    /// Those that are shown now.
+    Front,
+}
+
+/// Draws that wait for their pass.
+#[derive(Default)]
+pub struct Pass {
+    /// What it draws to.
+    pub target: Option<Target>,
+    /// What clears colours.
+    pub color: Option<[f64; 4]>,
+    /// What clears depths.
+    pub depth: Option<f32>,
+    /// What clears stencil values.
+    pub stencil: Option<u32>,
+    /// Its draws.
+    pub draws: Vec<Draw>,
+    /// Vertices of all draws.
+    pub vertices: Vec<u8>,
+    /// Indices of all draws.
+    pub indices: Vec<u32>,
+    /// Blocks of uniforms.
+    pub uniforms: Vec<u8>,
+    /// Where the last block begins.
+    pub last_block: usize,
+    /// Bytes of the largest block.
+    pub block: usize,
+    /// Textures that are read.
+    pub textures: BTreeSet<TextureId>,
+}
+
+impl Pass {
+    /// Whether it does nothing.
+    pub fn is_empty(&self) -> bool {
+        self.draws.is_empty() && self.clears() == 0
+    }
+
+    /// Buffers that are cleared as a whole.
+    pub fn clears(&self) -> u8 {
+        let bit = |set: bool, bit: u8| if set { bit } else { 0 };
+        bit(self.color.is_some(), writes::COLOR)
+            | bit(self.depth.is_some(), writes::DEPTH)
+            | bit(self.stencil.is_some(), writes::STENCIL)
+    }
+
+    /// Whether it reads or draws to a texture.
+    pub fn uses(&self, texture: TextureId) -> bool {
+        let drawn = |surface: Option<Surface>| surface.is_some_and(|surface| surface.texture == texture);
+        self.textures.contains(&texture) || self.target.is_some_and(|target| drawn(target.color) || drawn(target.depth))
+    }
+}
+
+/// What a pipeline is made of beside its shader.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fixed {
+    /// The module.
+    pub shader: ShaderId,
+    /// Attributes: location and format.
+    pub attributes: Vec<(u32, VertexFormat)>,
+    /// Primitive.
+    pub primitive: Primitive,
+    /// Format of colours.
+    pub color: Option<Format>,
+    /// Depth and stencil.
+    pub depth: Option<DepthStencil>,
+    /// Blending.
+    pub blend: Option<Blend>,
+    /// Channels.
+    pub mask: u8,
+    /// Number of textures.
+    pub textures: usize,
+}
+
+impl Fixed {
+    /// Buffers that draws may write: bits of [`writes`].
+    pub fn writes(&self) -> u8 {
+        let mut bits = if self.color.is_some() && self.mask != 0 { writes::COLOR } else { 0 };
+        if let Some(depth) = &self.depth {
+            bits |= if depth.depth_write { writes::DEPTH } else { 0 };
+            let kept = [depth.stencil_front, depth.stencil_back].iter().all(|face| *face == StencilFace::default());
+            bits |= if kept || depth.stencil_write_mask == 0 { 0 } else { writes::STENCIL };
+        }
+        bits
+    }
+}
