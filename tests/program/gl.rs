@@ -33,7 +33,7 @@ const RECORDINGS: &[(&str, f64)] = &[
     ("gl/rss-lattice", 54.0),
     ("gl/rss-matrixview", 57.0),
     ("gl/rss-plasma", 80.0),
-    ("gl/rss-spirographx", 40.0),
+    ("gl/rss-spirographx", 60.0),
     ("gl/sproingies", 90.0),
     // Text of smooth lines with textures.
     ("gl/starwars", 32.0),
