@@ -423,6 +423,10 @@ pub struct Triangle {
     pub back: bool,
     /// Bounds of the blocks it may touch, in blocks: x0, y0, x1, y1, half-open. Traversal visits these.
     pub bounds: [u16; 4],
+    /// The same bounds in pixels, as setup has them: those of its samples, cut to what may be drawn.
+    pub pixels: [u16; 4],
+    /// Pixels of its bounding box before it is cut to the attachments, the viewport and the scissor rectangle.
+    pub unclipped: u64,
     /// First of its visits.
     pub first_visit: u32,
     /// Screen tiles in which it covers samples.

@@ -9,6 +9,7 @@ mod oracle;
 mod overshade;
 mod programs;
 mod shared;
+mod walks;
 
 use super::Target;
 
@@ -25,4 +26,5 @@ pub const TARGETS: &[Target] = &[
     arithmetic::ARITHMETIC,
     builtins::BUILTINS,
     overshade::QUAD_OVERSHADE,
+    walks::WALKS,
 ];

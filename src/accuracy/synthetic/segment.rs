@@ -107,6 +107,8 @@ impl Painter<'_> {
                         depth: triangle.depth,
                         back: !triangle.front,
                         bounds,
+                        pixels: [b.x0, b.y0, b.x1, b.y1],
+                        unclipped: self.setup.unclipped(triangle.shape, &corners),
                         first_visit,
                         visits,
                         end: End::Nowhere,

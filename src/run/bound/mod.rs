@@ -35,6 +35,7 @@ use crate::unit::assembly::Deal;
 use crate::unit::phase::{Phase, PhaseKind};
 use crate::unit::route::Retained;
 use crate::unit::sorting::{EarlyTest, Keep};
+use crate::unit::traverse::Walk;
 use crate::work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use crate::work::{BLOCK, LINE, TILE};
 
@@ -161,6 +162,7 @@ impl<'c> Bound<'c> {
                 sort == SortClass::First && config.route.mode == Retained::Immediate,
                 "vertices that are sent",
             ),
+            ("traverse.walk other than blocks", config.traverse.walk != Walk::Blocks, "walks that test single pixels"),
             ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
         ];
         if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {

@@ -127,6 +127,21 @@ impl SetupState {
         [low(min[0]), low(min[1]), high(max[0]), high(max[1])]
     }
 
+    /// Pixels of the bounding box of a primitive with these vertices, not scissored: of a line the second vertex is repeated, of a
+    /// point the only one.
+    pub fn unclipped(&self, shape: Shape, v: &[ScreenVertex; 3]) -> u64 {
+        let margin = match shape {
+            Shape::Triangle => 0,
+            Shape::Line => LINE_MARGIN,
+            Shape::Point => SUBPIXEL / 2,
+        };
+        let [v0, v1, v2] = v;
+        let min = [v0.x.min(v1.x).min(v2.x) - margin, v0.y.min(v1.y).min(v2.y) - margin];
+        let max = [v0.x.max(v1.x).max(v2.x) + margin, v0.y.max(v1.y).max(v2.y) + margin];
+        let [x0, y0, x1, y1] = self.pixels(min, max);
+        (x1 - x0).max(0) as u64 * (y1 - y0).max(0) as u64
+    }
+
     /// Scissors a box of pixels.
     #[inline(always)]
     fn scissored(&self, [x0, y0, x1, y1]: [i32; 4]) -> Result<Bounds, Culled> {
@@ -351,6 +366,9 @@ pub fn within(state: &SetupState, v: &[ScreenVertex; 3], bounds: Bounds) -> Tria
     }
 }
 
+/// What the box of a line has about its vertices: one pixel more on every side than the half width, enough for both rules and every tie.
+const LINE_MARGIN: Fx8 = SUBPIXEL + SUBPIXEL / 2;
+
 /// Sets a line of width 1 up. `front` is what the fragment stage sees: true but for edges of a polygon that faces back.
 ///
 /// # Errors
@@ -362,8 +380,7 @@ pub fn line(state: &SetupState, v: &[ScreenVertex; 2], front: bool) -> Result<Tr
     if length2 == 0 {
         return Err(Culled::Degenerate);
     }
-    // One pixel more on every side than the half width: enough for both rules and every tie.
-    let margin = SUBPIXEL + SUBPIXEL / 2;
+    let margin = LINE_MARGIN;
     let min = [v0.x.min(v1.x) - margin, v0.y.min(v1.y) - margin];
     let max = [v0.x.max(v1.x) + margin, v0.y.max(v1.y) + margin];
     let bounds = state.scissored(state.pixels(min, max))?;

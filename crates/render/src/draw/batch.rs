@@ -72,6 +72,8 @@ pub struct Batch {
     primitives: u32,
     /// The triangles as set up; empty where setup is left to the tiles ([`Input::late_setup`]).
     pub triangles: Vec<Triangle>,
+    /// Pixels of the bounding box of each before it is cut, where work is recorded.
+    pub unclipped: Vec<u64>,
     pub corners: Vec<Corners>,
     /// Number in the batch of the primitive that each triangle belongs to.
     pub primitive: Vec<u32>,
@@ -190,6 +192,7 @@ impl Batch {
     /// Gives back the memory of what a recorded segment has taken over: the segment holds as much again.
     pub fn release(&mut self) {
         self.triangles = Vec::new();
+        self.unclipped = Vec::new();
         self.corners = Vec::new();
         self.primitive = Vec::new();
         self.covered = Vec::new();
@@ -222,6 +225,7 @@ impl Batch {
     /// Assembles, clips, culls, sets up and sorts.
     pub fn run(&mut self, input: &Input<'_, '_>, worker: &mut Worker) {
         self.triangles.clear();
+        self.unclipped.clear();
         self.corners.clear();
         self.primitive.clear();
         self.made.clear();
@@ -293,6 +297,12 @@ impl Batch {
         let reference = self.triangles.len() as u32;
         let b = triangle.bounds;
         if input.record {
+            let at = |v: u32| {
+                let made = v & MADE != 0;
+                if made { self.made_screen[(v & !MADE) as usize] } else { input.vertices.screen[v as usize] }
+            };
+            let corners = corners.vertices.map(at);
+            self.unclipped.push(input.frame.setup.unclipped(triangle.shape, &corners));
             let (w, h) = (u64::from(b.x1 - b.x0), u64::from(b.y1 - b.y0));
             self.quads_estimate += match triangle.shape {
                 // Half the box, and its circumference.

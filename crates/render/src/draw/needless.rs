@@ -17,8 +17,10 @@ pub struct Late {
     pub primitive: u32,
     /// Where it ends; none: where it is cut.
     pub end: Option<End>,
-    /// Blocks about it, as those of [`work::Triangle`]; none outside of the attachments.
-    pub bounds: [u16; 4],
+    /// Pixels about it, as those of [`work::Triangle`]; none outside of the attachments.
+    pub pixels: [u16; 4],
+    /// Pixels about it that no attachment bounds.
+    pub unclipped: u64,
 }
 
 impl Batch {
@@ -33,7 +35,7 @@ impl Batch {
         // outside are found to be so by cutting them.
         let codes = v.map(|v| vertices.codes[v]);
         if outcome == Outcome::Frustum && !ClipVolume::is_in_band(&codes) {
-            return self.late.push(Late { primitive: number, end: None, bounds: [0; 4] });
+            return self.late.push(Late { primitive: number, end: None, pixels: [0; 4], unclipped: 0 });
         }
         let cut = &self.made_screen[made..];
         let own = v.map(|v| vertices.screen[v]);
@@ -48,26 +50,37 @@ impl Batch {
             Outcome::Scissor | Outcome::Frustum => [0, 0, frame.width as i32, frame.height as i32],
             _ => [drawn.x0, drawn.y0, drawn.x1, drawn.y1].map(i32::from),
         };
-        let bounds = blocks(corners, margin, within);
-        let walked = matches!(outcome, Outcome::Scissor | Outcome::NoSample) && bounds != [0; 4];
+        let pixels = pixels(corners, margin, within);
+        let walked = matches!(outcome, Outcome::Scissor | Outcome::NoSample) && pixels != [0; 4];
         let end = Some(if walked { End::Traversal } else { End::Setup });
-        self.late.push(Late { primitive: number, end, bounds });
+        let [x0, y0, x1, y1] = box_of(corners, margin);
+        let unclipped = (x1 - x0) as u64 * (y1 - y0) as u64;
+        self.late.push(Late { primitive: number, end, pixels, unclipped });
     }
 }
 
-/// The blocks that hold the box of some vertices, as far as it lies within a rectangle of pixels; zeros if it does not.
-fn blocks(corners: &[ScreenVertex], margin: i32, [x0, y0, x1, y1]: [i32; 4]) -> [u16; 4] {
-    let axis = |of: fn(&ScreenVertex) -> i32, low: i32, high: i32| {
+/// The pixels that hold the box of some vertices.
+fn box_of(corners: &[ScreenVertex], margin: i32) -> [i32; 4] {
+    let axis = |of: fn(&ScreenVertex) -> i32| {
         let first = corners.iter().map(of).min().unwrap_or(0) - margin;
         let last = corners.iter().map(of).max().unwrap_or(0) + margin;
-        ((first >> SUBPIXEL_BITS).max(low), ((last >> SUBPIXEL_BITS) + 1).min(high))
+        [first >> SUBPIXEL_BITS, (last >> SUBPIXEL_BITS) + 1]
     };
-    let ((left, right), (top, bottom)) = (axis(|v| v.x, x0, x1), axis(|v| v.y, y0, y1));
-    if left >= right || top >= bottom {
-        return [0; 4];
-    }
-    let block = BLOCK as i32;
-    [left / block, top / block, (right + block - 1) / block, (bottom + block - 1) / block].map(|v| v as u16)
+    let ([left, right], [top, bottom]) = (axis(|v| v.x), axis(|v| v.y));
+    [left, top, right, bottom]
+}
+
+/// The pixels that hold the box of some vertices, as far as it lies within a rectangle of pixels; zeros if it does not.
+fn pixels(corners: &[ScreenVertex], margin: i32, [x0, y0, x1, y1]: [i32; 4]) -> [u16; 4] {
+    let [left, top, right, bottom] = box_of(corners, margin);
+    let (left, top, right, bottom) = (left.max(x0), top.max(y0), right.min(x1), bottom.min(y1));
+    if left >= right || top >= bottom { [0; 4] } else { [left, top, right, bottom].map(|v| v as u16) }
+}
+
+/// The blocks that hold pixels.
+fn blocks([x0, y0, x1, y1]: [u16; 4]) -> [u16; 4] {
+    let block = BLOCK as u16;
+    [x0 / block, y0 / block, x1.div_ceil(block), y1.div_ceil(block)]
 }
 
 /// Puts triangles of primitives that end late among those of a segment, in the order of primitives. What covers no sample is looked
@@ -87,14 +100,16 @@ pub fn insert(segment: &mut Segment, late: &[Late], walked: bool) {
     for (number, primitive) in (0..).zip(&mut segment.primitives) {
         let first = std::mem::replace(&mut primitive.first_triangle, segment.triangles.len() as u32);
         segment.triangles.extend_from_slice(&own[first as usize..][..usize::from(primitive.triangles)]);
-        let Some(&Late { end, bounds, .. }) = late.next_if(|late| late.primitive == number) else { continue };
+        let Some(&Late { end, pixels, unclipped, .. }) = late.next_if(|late| late.primitive == number) else { continue };
         primitive.cut_away = end.is_none();
         primitive.triangles = u8::from(end.is_some());
         segment.triangles.extend(end.map(|end| work::Triangle {
             primitive: number,
             depth: DepthPlane::default(),
             back: false,
-            bounds,
+            bounds: blocks(pixels),
+            pixels,
+            unclipped,
             first_visit: 0,
             visits: 0,
             end,
@@ -113,10 +128,10 @@ mod tests {
     #[test]
     fn boxes_are_those_of_the_vertices_inside_of_what_is_looked_at() {
         let corners = [at(8 * 256, 0), at(17 * 256, 16 * 256 - 1), at(9 * 256, 3)];
-        assert_eq!(blocks(&corners, 0, [0, 0, 64, 64]), [1, 0, 3, 2]);
-        assert_eq!(blocks(&corners, 128, [0, 0, 64, 64]), [0, 0, 3, 3]);
-        assert_eq!(blocks(&corners, 0, [0, 0, 16, 8]), [1, 0, 2, 1]);
-        assert_eq!(blocks(&corners, 0, [20, 0, 64, 64]), [0; 4]);
-        assert_eq!(blocks(&[at(-300, -1), at(-256, -700), at(-257, -5)], 0, [0, 0, 64, 64]), [0; 4]);
+        assert_eq!(blocks(pixels(&corners, 0, [0, 0, 64, 64])), [1, 0, 3, 2]);
+        assert_eq!(blocks(pixels(&corners, 128, [0, 0, 64, 64])), [0, 0, 3, 3]);
+        assert_eq!(blocks(pixels(&corners, 0, [0, 0, 16, 8])), [1, 0, 2, 1]);
+        assert_eq!(blocks(pixels(&corners, 0, [20, 0, 64, 64])), [0; 4]);
+        assert_eq!(blocks(pixels(&[at(-300, -1), at(-256, -700), at(-257, -5)], 0, [0, 0, 64, 64])), [0; 4]);
     }
 }

@@ -197,13 +197,15 @@ pub fn assemble(
                 outcome: ended.outcome,
             });
         }
-        for (triangle, primitive) in batch.triangles.iter().zip(&batch.primitive) {
+        for ((triangle, primitive), &unclipped) in batch.triangles.iter().zip(&batch.primitive).zip(&batch.unclipped) {
             let b = triangle.bounds;
             segment.triangles.push(work::Triangle {
                 primitive: batch.first_primitive + primitive,
                 depth: triangle.depth,
                 back: !triangle.front,
                 bounds: [b.x0 / 8, b.y0 / 8, b.x1.div_ceil(8), b.y1.div_ceil(8)],
+                pixels: [b.x0, b.y0, b.x1, b.y1],
+                unclipped,
                 first_visit: 0,
                 visits: 0,
                 end: End::Nowhere,

@@ -22,4 +22,5 @@ mod scenery;
 mod setup;
 mod texture;
 mod traverse;
+mod walk;
 mod warp;

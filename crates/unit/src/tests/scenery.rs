@@ -88,6 +88,8 @@ pub fn row_of_tiles(tiles: u16, blocks: u32, quads: u8, rows: u16) -> Segment {
             depth: Default::default(),
             back: false,
             bounds: [0, 0, tiles * 8, blocks.div_ceil(8) as u16 + rows],
+            pixels: [0, 0, tiles * 64, (blocks.div_ceil(8) as u16 + rows) * 8],
+            unclipped: u64::from(tiles) * 64 * (u64::from(blocks.div_ceil(8)) + u64::from(rows)) * 8,
             first_visit: 0,
             visits: u32::from(tiles),
             end: End::Nowhere,

@@ -25,7 +25,7 @@ sim::circuit! {
     }
 }
 
-fn config() -> TraverseConfig {
+pub fn config() -> TraverseConfig {
     TraverseConfig {
         blocks_per_cycle: 1,
         tests_per_cycle: 4,
@@ -35,13 +35,14 @@ fn config() -> TraverseConfig {
         hierarchical_z: true,
         hierarchical_latency: 1,
         hierarchical_queue: 16,
+        pixel_tests_per_cycle: 1,
         ..TraverseConfig::default()
     }
 }
 
 /// When groups and the mark behind them leave the traversal of pipeline 0, for all triangles of a segment; with `prepare` doing
 /// what is to be done to the card first.
-fn traversed(
+pub fn traversed(
     config: &TraverseConfig,
     segment: &Segment,
     updates: &[(Cycle, DepthBounds)],
@@ -83,17 +84,18 @@ fn traversed(
 
 /// Cycles from the first triangle in the unit's hands to the mark behind the last: what all triangles take. (The mark leaves in
 /// the cycle in which the last triangle ends, which counts, and is a cycle on the way.)
-fn cycles(config: &TraverseConfig, segment: &Segment) -> Cycle {
+pub fn cycles(config: &TraverseConfig, segment: &Segment) -> Cycle {
     let (log, ..) = traversed(config, segment, &[], |_| ());
     log.last().expect("a mark").0 - 1
 }
 
 /// A segment of so many triangles, each of `blocks` blocks of `quads` quads and `empty` blocks more in its bounding box.
-fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
+pub fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
     let mut segment = row_of_tiles(1, blocks, quads, 0);
     // One row of blocks, or two that the bounding box has but the triangle does not.
     let row = segment.triangles[0];
     segment.triangles[0].bounds = [0, 0, blocks as u16 + empty, 1];
+    segment.triangles[0].pixels = [0, 0, 8 * (blocks as u16 + empty), 8];
     assert!(blocks as u16 + empty <= 8 && row.visits == 1);
     segment.triangles = vec![segment.triangles[0]; count];
     segment
@@ -231,7 +233,7 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
             change(&mut draw);
             card.install(0, Arc::new(segment.clone()), Arc::new(draw), 0);
         };
-        traversed(&config, &segment, &[], prepare).2
+        TraverseCounts { tested: 0, ..traversed(&config, &segment, &[], prepare).2 }
     };
     let blocks = |n: u64| TraverseCounts { accepted: 8 * n, unwritten: 0, ..TraverseCounts::default() };
     let as_it_is = |_: &mut Draw| ();
@@ -259,7 +261,8 @@ fn blocks_are_accepted_by_what_they_can_hold_once_all_before_is_tested() {
     );
     // Off, nothing is.
     let segment = over_each_other(&[0.3]);
-    assert_eq!(traversed(&self::config(), &segment, &[], hidden(&segment, Some(0.5))).2, TraverseCounts::default());
+    let counts = traversed(&self::config(), &segment, &[], hidden(&segment, Some(0.5))).2;
+    assert_eq!(counts, TraverseCounts { tested: 8, ..TraverseCounts::default() });
 }
 
 #[test]
@@ -274,7 +277,7 @@ fn a_triangle_without_samples_takes_all_blocks_of_its_bounds() {
         let (log, funnel, counts) = traversed(&config(), &segment, &[], |_| ());
         assert_eq!((log.len(), funnel.quads_rasterized), (1, 0));
         let blocks_in_vain = 3 * u64::from(x1) * u64::from(y1);
-        assert_eq!(counts, TraverseCounts { ended: 3, blocks_in_vain, ..TraverseCounts::default() });
+        assert_eq!(counts, TraverseCounts { tested: blocks_in_vain, ended: 3, blocks_in_vain, ..TraverseCounts::default() });
         // Of several pipelines each has its own tiles: the first of four owns every fourth tile of a row.
         let (.., counts) = traversed(&config(), &segment, &[], |own| *own = card_of_tiles(4, 8));
         assert!(counts.blocks_in_vain < blocks_in_vain || x1 == 1, "{counts:?}");

@@ -209,6 +209,8 @@ mod tests {
                 depth,
                 back: false,
                 bounds: [0, 0, 1, 1],
+                pixels: [0, 0, 8, 8],
+                unclipped: 64,
                 first_visit: 0,
                 visits: 1,
                 end: crate::End::Nowhere,

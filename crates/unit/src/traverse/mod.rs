@@ -1,13 +1,18 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
+mod walk;
+
 use super::card::{Ahead, Card, Group, PassState, Work};
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use knob::Allowed;
 use num::prefetch;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use walk::Pace;
 use work::{BLOCK, Block, End, Quad, TILE, Triangle};
+
+pub use walk::Walk;
 
 knob::choices! {
     /// When the hierarchical Z buffer learns of new depths.
@@ -27,6 +32,10 @@ knob::knobs! {
         /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
+        /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
+        walk: Walk ["", Allowed::Choice(Walk::NAMES), "ATTILA scans tiles; rows: Pineda 1988's alternatives, scan-line cards before it"],
+        /// Rows and pixels tested a cycle by walks other than by blocks; a triangle takes at least one test.
+        pixel_tests_per_cycle: u32 ["tests/cycle", Allowed::Range(1, 4096), "as many pixels as four blocks have, 16 x 16: what the walk by blocks tests"],
         /// Quads sent on a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "ATTILA bGPU.ini StampsPerCycle = 4"],
         /// Cycles from here to the early depth test.
@@ -82,6 +91,8 @@ struct HierarchicalZ {
 stats::counters! {
     /// What is found out beside what hierarchical Z throws away.
     pub struct TraverseCounts {
+        /// Tests for coverage: of blocks, or of rows and pixels, as `traverse.walk` has it.
+        tested: "tests",
         /// Triangles that end here, since all of their bounds hold no sample of them: where geometry does not find that out.
         ended: "triangles",
         /// Blocks tested for them.
@@ -123,6 +134,7 @@ pub struct Traverse {
     updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
     place: Place,
+    pace: Pace,
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
     pass: u32,
@@ -150,6 +162,7 @@ impl Traverse {
         output: Out<GroupToken>,
     ) -> Traverse {
         Traverse {
+            pace: Pace::new(config.pixel_tests_per_cycle),
             config,
             pipeline,
             territory,
@@ -285,10 +298,17 @@ impl Traverse {
         if let Territory::Bins(side) = self.territory {
             self.place.visit = self.visit_of_bin(card, work, triangle, sequence, side);
         }
-        self.place.empty = if drawn { self.empty_blocks(card, work, triangle) } else { self.blocks_in_vain(card, triangle) };
+        let [empty, covered] =
+            if drawn { self.empty_blocks(card, work, triangle) } else { [self.blocks_in_vain(card, triangle), 0] };
         if !drawn {
             self.counts.ended += 1;
-            self.counts.blocks_in_vain += u64::from(self.place.empty);
+            self.counts.blocks_in_vain += u64::from(empty);
+        }
+        if self.config.walk == Walk::Blocks {
+            self.place.empty = empty;
+            self.counts.tested += u64::from(empty + covered);
+        } else {
+            self.begin_walk(card, work, triangle);
         }
     }
 
@@ -304,8 +324,8 @@ impl Traverse {
     }
 
     /// Blocks of this pipeline in a triangle's bounding box that it does not cover, in the tiles that it touches; with none at all
-    /// to be tested, one.
-    fn empty_blocks(&self, card: &Card, work: &Work, triangle: &Triangle) -> u32 {
+    /// to be tested, one. And those that it covers.
+    fn empty_blocks(&self, card: &Card, work: &Work, triangle: &Triangle) -> [u32; 2] {
         let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
         let (mut inside, mut covered) = (0, 0);
         let bins = matches!(self.territory, Territory::Bins(_));
@@ -331,7 +351,7 @@ impl Traverse {
                 }
             }
         }
-        inside.saturating_sub(covered).max(u32::from(covered == 0))
+        [inside.saturating_sub(covered).max(u32::from(covered == 0)), covered]
     }
 
     /// Whether hierarchical Z hides a block.
@@ -392,9 +412,11 @@ impl Unit<Card> for Traverse {
 
         let mut blocks = self.config.blocks_per_cycle;
         let mut quads = self.config.quads_per_cycle;
-        let mut tests = self.config.tests_per_cycle;
+        let paced = self.config.walk != Walk::Blocks;
+        let mut tests = if paced { u32::MAX } else { self.config.tests_per_cycle };
+        self.pace.cycle(wires.now(), self.place.active);
         // Tests that covered blocks leave: the testers run ahead with them and find empty blocks.
-        let mut spare = tests.saturating_sub(blocks);
+        let mut spare = if paced { 0 } else { tests.saturating_sub(blocks) };
         loop {
             // 2. The next triangle.
             if !self.place.active {
@@ -430,6 +452,9 @@ impl Unit<Card> for Traverse {
                 let found = self.place.empty.min(tests);
                 self.place.empty -= found;
                 tests -= found;
+                if paced && !self.pace.ends() {
+                    return self.pace.wait(wires, moved);
+                }
                 moved = true;
                 if self.place.empty > 0 {
                     return Tick::Moved;
@@ -458,12 +483,19 @@ impl Unit<Card> for Traverse {
                 if blocks == 0 || tests == 0 {
                     return Tick::Moved;
                 }
+                let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
+                if paced {
+                    let own = self.tests_of(triangle, block, all);
+                    if !self.pace.reached(own) {
+                        return self.pace.wait(wires, moved);
+                    }
+                    self.pace.next_block();
+                }
                 blocks -= 1;
                 tests -= 1;
                 moved = true;
                 self.items += u64::from(block.quads);
                 self.counts.whole += u64::from(block.full);
-                let all = &tile.quads[block.first_quad as usize..][..usize::from(block.quads)];
                 let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
                 let hidden = self.hidden(work, triangle, x, y, number);
                 if card.interleave.is_balanced() {
