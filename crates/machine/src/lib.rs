@@ -36,6 +36,7 @@ use unit::card::{Card, Pool};
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
 use unit::phase::Phases;
+use unit::scanout::ScanoutMode;
 use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
 use work::Event;
@@ -134,7 +135,7 @@ impl Machine {
     pub fn run(&mut self, events: impl Iterator<Item = Event>, clock: Clock) -> Result<MachineReport, MachineError> {
         let mut frames = Vec::new();
         let total = self.run_each(events, clock, |frame| frames.push(frame))?;
-        Ok(MachineReport { frames, total: total.total, cycles: total.cycles })
+        Ok(MachineReport { frames, ..total })
     }
 
     /// Runs a stream of events to its end and hands out each frame's report as it ends. The report that is returned has no
@@ -167,6 +168,8 @@ impl Machine {
         let mut readings = Readings::new(self);
         self.card.closed = false;
         let sort = self.config.card.sort;
+        // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
+        let free = self.config.scanout.mode == ScanoutMode::FreeRunning;
         loop {
             // 1. There is always an event for the command processor to read, until the last.
             while !self.card.closed && self.reads_ahead() {
@@ -201,7 +204,7 @@ impl Machine {
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
                 let stops = card.fault.is_some() || card.phases.marked() || applies && circuit.command.idle();
-                stops || if circuit.command.frame_over() { quiet() } else { done && (!card.closed || quiet()) }
+                stops || if circuit.command.frame_over() { free || quiet() } else { done && (!card.closed || quiet()) }
             };
             let ran = loop {
                 let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, &mut done);

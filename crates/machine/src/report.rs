@@ -7,6 +7,7 @@ use num::Cycle;
 use sim::Circuit;
 use stats::{Cycles, Group, Node, Tree};
 use unit::card::Card;
+use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
 use work::{EndFrame, Funnel, Surface};
 
@@ -34,6 +35,8 @@ pub struct FrameReport {
     pub phases: Vec<PhaseReport>,
     /// What was shown.
     pub picture: Option<Picture>,
+    /// What a free-running display has shown since the frame before.
+    pub shown: Shown,
 }
 
 /// A run.
@@ -45,6 +48,8 @@ pub struct MachineReport {
     pub total: Tree,
     /// Cycles in all.
     pub cycles: Cycle,
+    /// What a free-running display has shown since the last frame ended.
+    pub shown: Shown,
 }
 
 /// A reading of all counters.
@@ -111,6 +116,7 @@ const BEHIND_MEMORY: &[&str] = &[
     "hiding",
     "routing",
     "composition",
+    "display",
 ];
 
 /// What memory's clients and channels have counted up to now.
@@ -270,7 +276,8 @@ impl Readings {
         let cycles = now.cycles - self.last.cycles;
         let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
         self.last = now;
-        FrameReport { number, cycles, tree, phases, picture }
+        let shown = machine.circuit.scanout.take_shown();
+        FrameReport { number, cycles, tree, phases, picture, shown }
     }
 
     /// The run has ended.
@@ -278,6 +285,7 @@ impl Readings {
         let now = read(machine);
         self.sums.stage(loss(machine, &self.last, &now));
         let total = between(machine, &self.start, &now, &self.sums);
-        MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles }
+        let shown = machine.circuit.scanout.take_shown();
+        MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles, shown }
     }
 }

@@ -34,6 +34,7 @@ use crate::num::Cycle;
 use crate::unit::assembly::Deal;
 use crate::unit::phase::{Phase, PhaseKind};
 use crate::unit::route::Retained;
+use crate::unit::scanout::ScanoutMode;
 use crate::unit::sorting::{EarlyTest, Keep};
 use crate::unit::traverse::Walk;
 use crate::work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
@@ -163,6 +164,11 @@ impl<'c> Bound<'c> {
                 "vertices that are sent",
             ),
             ("traverse.walk other than blocks", config.traverse.walk != Walk::Blocks, "walks that test single pixels"),
+            (
+                "scanout.mode=\"free-running\"",
+                config.scanout.mode == ScanoutMode::FreeRunning,
+                "displays that run while frames are drawn",
+            ),
             ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
         ];
         if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {

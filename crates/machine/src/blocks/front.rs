@@ -45,7 +45,7 @@ impl Builder<'_> {
             config.command.clone(),
             config.card.pipelines,
             (config.color.fast_clear, config.color.clears_per_cycle * config.card.pipelines),
-            config.scanout.enabled,
+            &config.scanout,
             CommandPorts {
                 fetch: to_fetch,
                 compute: to_compute,

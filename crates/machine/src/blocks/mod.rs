@@ -221,7 +221,7 @@ impl<'a> Builder<'a> {
         }
         for (input, output) in std::mem::take(&mut self.open.scanout) {
             let memory = self.port("scanout", 0, self.id.scanout[0]);
-            self.made.scanout.push(Scanout::new(config.scanout.clone(), input, output, memory));
+            self.made.scanout.push(Scanout::new(config.scanout.clone(), config.memory.port_width, input, output, memory));
         }
         let Builder { mut wiring, memory, map, mut made, .. } = self;
         let Memory { crossbar, l2, dram, return_path, ideal, clients } = memory.build(&mut wiring);

@@ -2,6 +2,7 @@
 
 use super::Config;
 use mem::MemoryConfig;
+use unit::scanout::{ScanoutMode, Swap};
 use unit::warp::MAX_WIDTH;
 
 /// Rules between knobs.
@@ -26,6 +27,17 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             "color.blends_per_cycle is {}, and must be at most color.quads_per_cycle, which is {}",
             config.color.blends_per_cycle, config.color.quads_per_cycle
         ));
+    }
+    let scanout = &config.scanout;
+    if scanout.mode == ScanoutMode::FreeRunning {
+        if !scanout.enabled {
+            return Err("scanout.enabled is false, and must be true where scanout.mode is free-running".into());
+        }
+        if scanout.swap == Swap::Copy && scanout.buffers == 1 {
+            return Err(
+                "scanout.buffers is 1, and must be at least 2 where scanout.swap is copy: a frame is copied to another".into(),
+            );
+        }
     }
     let class = config.card.sort.class();
     if class.sorted.own_geometry() && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {

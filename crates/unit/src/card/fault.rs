@@ -39,6 +39,14 @@ pub enum Fault {
         /// The sort class.
         class: &'static str,
     },
+    /// A free-running display cannot show a frame.
+    #[error("frame {frame} cannot be shown: {what}")]
+    Display {
+        /// The frame's number in the trace.
+        frame: u32,
+        /// Why, and what to do.
+        what: String,
+    },
     /// A quad passed this machine's early tests but was not shaded in API order.
     #[error("draw {draw}: a quad in block ({x}, {y}) passed early depth and stencil tests here, but not in API order")]
     Visibility {

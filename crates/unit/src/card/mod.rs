@@ -24,6 +24,7 @@ use super::apart::Apart;
 use super::frame::FrameBuffers;
 use super::interleave::Interleave;
 use super::phase::Phases;
+use super::scanout::Presented;
 use super::stamps::{MAX_PRIMITIVES, Marks};
 use super::warp::{Execution, Item, Program, Warps};
 use gfx::format::Format;
@@ -66,6 +67,8 @@ pub struct Card {
     pub epoch: u32,
     /// Segments installed so far.
     pub segments: u32,
+    /// Frames on their way to a free-running display, each behind a token.
+    pub presented: VecDeque<Presented>,
     /// Why the run must stop.
     pub fault: Option<Fault>,
 }
@@ -97,6 +100,7 @@ impl Card {
             closed: false,
             epoch: 0,
             segments: 0,
+            presented: VecDeque::new(),
             fault: None,
         }
     }

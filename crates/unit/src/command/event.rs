@@ -130,6 +130,9 @@ impl Command {
                 if !drained {
                     return None;
                 }
+                if self.present.is_some() {
+                    return self.end_frame(wires, card);
+                }
                 self.state = match end.shown.as_ref().and_then(|shown| card.frame.find(shown.key)) {
                     Some(index) if self.scanout => {
                         if !wires.try_push(&self.ports.scanout, Piece { slot: index as u16, kind: Kind::DATA }) {

@@ -3,18 +3,21 @@
 
 mod event;
 mod pass;
+mod present;
 mod proceed;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::card::Card;
+use super::scanout::{ScanoutConfig, ScanoutMode};
 use super::sorting::PassWaits;
 use super::stream::Stream;
 use super::token::{Ack, Piece};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
+use present::Present;
 use sim::{Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
 use work::{Dispatch, Draw, EndFrame, Event, SurfaceKey};
 
@@ -69,6 +72,10 @@ stats::counters! {
         primitives_culled: "primitives",
         /// Their indices (or vertices, of draws without indices), which were never read.
         vertices_culled: "vertices",
+        /// Surfaces copied because a pass loads what a free-running display holds, or to be shown (`scanout.swap`).
+        present_copies: "copies",
+        /// Their bytes, each read and written once.
+        present_bytes: "bytes",
     }
 }
 
@@ -115,8 +122,10 @@ enum State {
     Resolving(u32),
     /// Memory is moved.
     Moving(Option<(SurfaceKey, SurfaceKey)>),
-    /// The frame's picture is read.
+    /// The frame's picture is read; or, of a free-running display, a buffer is waited for.
     Scanning,
+    /// The frame is copied to the buffer that is shown.
+    Presenting,
     /// The frame is over, until the run takes the machine up again.
     Over,
 }
@@ -127,6 +136,8 @@ pub struct Command {
     fast_clear: bool,
     clears_per_cycle: u32,
     scanout: bool,
+    /// Handing frames to a free-running display.
+    present: Option<Present>,
     pipelines: u32,
     ports: CommandPorts,
     state: State,
@@ -162,13 +173,20 @@ pub struct Command {
 
 impl Command {
     /// One at the beginning of the stream. `clearing` is whether clears are by flag, and how many blocks a cycle all pipelines clear.
-    pub fn new(config: CommandConfig, pipelines: u32, clearing: (bool, u32), scanout: bool, ports: CommandPorts) -> Command {
+    pub fn new(
+        config: CommandConfig,
+        pipelines: u32,
+        clearing: (bool, u32),
+        scanout: &ScanoutConfig,
+        ports: CommandPorts,
+    ) -> Command {
         let segments = config.segments.min(u32::from(u16::MAX)) as u16;
         let runs = config.workgroup_runs as u16;
         Command {
             fast_clear: clearing.0,
             clears_per_cycle: clearing.1,
-            scanout,
+            scanout: scanout.enabled,
+            present: (scanout.mode == ScanoutMode::FreeRunning).then(|| Present::new(scanout)),
             pipelines,
             ports,
             state: State::Ready,
@@ -244,6 +262,8 @@ impl Command {
     fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         // 1. Reports free slots and end passes.
         let mut did = Tick::moved_or(self.collect(wires, card), Tick::Starved);
+
+        did = did.or(self.heed_display(wires, card));
 
         // 2. Pieces go on their way.
         while let Some(&piece) = self.pieces.front() {

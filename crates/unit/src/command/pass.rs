@@ -138,6 +138,7 @@ impl Command {
                 flags *= pipelines as u32 + 1;
             }
         }
+        self.load_presented(pass);
         self.counts.passes += 1;
         card.pass = Some(state);
         card.interleave.begin_pass(pass.width, pass.height);

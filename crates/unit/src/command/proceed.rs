@@ -2,6 +2,7 @@
 
 use super::super::card::Card;
 use super::super::token::{Kind, Piece};
+use super::present::Present;
 use super::{Command, State};
 use num::Cycle;
 use sim::{Tick, Wires};
@@ -55,6 +56,10 @@ impl Command {
             State::Ready | State::Over => Tick::Starved,
             State::Clearing => {
                 if self.stream.done() {
+                    if let Some((from, to, bytes)) = self.present.as_mut().and_then(|present| present.copies.pop_front()) {
+                        self.stream.begin(Some(from), Some(to), bytes);
+                        return Tick::Moved;
+                    }
                     match self.clears.pop_front() {
                         Some((address, bytes)) => self.stream.begin(None, Some(address), bytes),
                         None => self.state = State::Ready,
@@ -133,6 +138,23 @@ impl Command {
                     self.forget_depths(to);
                 }
                 self.state = State::Ready;
+                Tick::Moved
+            }
+            State::Presenting => {
+                let did = self.stream.step(wires, &self.ports.memory);
+                if !self.stream.done() {
+                    return did;
+                }
+                match self.hand_over(wires, card) {
+                    Some(()) => Tick::Moved,
+                    None => did.or(Tick::Blocked),
+                }
+            }
+            State::Scanning if self.present.is_some() => {
+                if self.present.as_ref().is_some_and(Present::waits) {
+                    return Tick::Starved;
+                }
+                self.state = State::Over;
                 Tick::Moved
             }
             State::Scanning => {

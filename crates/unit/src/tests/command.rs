@@ -7,6 +7,7 @@ use super::kit::{Echo, FREE, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, card, draw, pass, surface};
 use crate::Card;
 use crate::command::{Command, CommandConfig, CommandPorts, CullChoice};
+use crate::scanout::ScanoutConfig;
 use crate::token::{Ack, Kind, Piece};
 use gfx::format::Format;
 use mem::{ClientCounts, Ideal};
@@ -146,7 +147,8 @@ fn circuit(config: &CommandConfig, of: Features, events: &[Event]) -> (CommandCi
     card.events.extend(events.iter().cloned());
     card.closed = true;
     // The pipelines together clear 4 blocks a cycle by flag.
-    let command = Command::new(config.clone(), of.pipelines as u32, (of.fast_clear, 4), of.scanout, ports);
+    let shows = ScanoutConfig { enabled: of.scanout, ..ScanoutConfig::default() };
+    let command = Command::new(config.clone(), of.pipelines as u32, (of.fast_clear, 4), &shows, ports);
     let held = VecDeque::new();
     let pipeline = Pipeline { got: Vec::new(), after: REPLY, held, reported: 0, input: at_fetch, color, depth };
     let mut echoes = echoes.into_iter();

@@ -12,6 +12,7 @@ mod compute;
 mod core;
 mod depth;
 mod dispatch;
+mod display;
 mod distribute;
 mod early;
 mod fetch;

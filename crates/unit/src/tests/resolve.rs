@@ -120,7 +120,13 @@ fn scan_out_reads_the_surface_as_fast_as_the_port_brings_it() {
                 card.frame.surface(&surface(1, Format::Rgba8Unorm, 16, 1));
                 let memory = port(&mut plan, &mut wiring, ids[1]);
                 let ideal = plan.build(&mut wiring).ideal;
-                let unit = One(Scanout::new(ScanoutConfig { enabled: true, misses }, input, out, memory));
+                let unit = One(Scanout::new(
+                    ScanoutConfig { enabled: true, misses, ..ScanoutConfig::default() },
+                    64,
+                    input,
+                    out,
+                    memory,
+                ));
                 let source = One(Source::new(vec![(0, PIECE)], output));
                 (ScanoutCircuit::new(wiring, source, unit, One(Sink::new(got)), ideal), card)
             },

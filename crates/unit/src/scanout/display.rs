@@ -1,0 +1,403 @@
+//! A display that runs while the next frame is drawn: a line every L cycles, from a FIFO that memory fills and that can run dry.
+//!
+//! Refresh r begins its first line in cycle `origin + r P` of `P = (lines + blank_lines) L` and its vertical blank `lines L` cycles
+//! later. In that cycle a swap with vsync takes place, and reads for the next refresh begin. The bytes of a refresh are read in the order of
+//! their addresses, a line has an equal part of them, and leaves the FIFO at a constant rate over its L cycles. Bytes that come after they
+//! are due are read all the same, and thrown away: their line is dry.
+//!
+//! What a line shows is settled when it is on the screen. What the FIFO holds of a line ahead of a swap counts as that of the new frame.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::{ScanoutConfig, Swap};
+use crate::card::{Card, Fault};
+use crate::misses::Misses;
+use crate::token::{Ack, Kind, Piece};
+use mem::{MemoryPort, REQUEST_BYTES};
+use num::Cycle;
+use sim::{In, Out, Tick, Wires};
+use work::Surface;
+
+/// A frame that is handed to the display.
+#[derive(Clone, Debug)]
+pub struct Presented {
+    /// Its number in the trace.
+    pub frame: u32,
+    /// Its surface.
+    pub surface: Surface,
+    /// Where the display reads it.
+    pub address: u64,
+    /// Its bytes, as those of [`Contents`](work::Contents).
+    pub bytes: Arc<[u8]>,
+    /// When the command processor handed it over.
+    pub at: Cycle,
+}
+
+/// What the screen showed in one refresh.
+#[derive(Clone, Debug)]
+pub struct Refresh {
+    /// Its number, from 0.
+    pub number: u64,
+    /// First line, and the frame that is shown from it on; the first is line 0.
+    pub parts: Vec<(u32, Presented)>,
+}
+
+impl Refresh {
+    /// The picture: bytes of all lines, laid out as those of the frames.
+    pub fn picture(&self) -> (Surface, Vec<u8>) {
+        let surface = self.parts[0].1.surface;
+        let row = surface.width as usize * surface.samples as usize * surface.format.block_bytes() as usize;
+        let mut bytes = Vec::with_capacity(row * surface.height as usize);
+        let ends = self.parts.iter().skip(1).map(|(line, _)| *line).chain([surface.height]);
+        for ((first, frame), end) in self.parts.iter().zip(ends) {
+            bytes.extend_from_slice(&frame.bytes[*first as usize * row..end as usize * row]);
+        }
+        (surface, bytes)
+    }
+}
+
+stats::counters! {
+    /// What a free-running display has shown.
+    pub struct DisplayCounts {
+        /// Pictures sent to the screen.
+        refreshes: "refreshes",
+        /// Frames handed to the display.
+        presented: "frames",
+        /// Frames of which a line was shown.
+        shown: "frames",
+        /// Frames that another replaced before a line of them was shown.
+        dropped: "frames",
+        /// Refreshes that show one frame whole, as the refresh before did.
+        repeated: "refreshes",
+        /// Swaps while a picture was being sent: it is torn.
+        tears: "tears",
+        /// The lines of these, added up.
+        tear_lines: "lines",
+        /// Lines of which some bytes came after they were due.
+        dry_lines: "lines",
+        /// Cycles from handing frames over to the first line of each, of frames that were shown.
+        present_to_line: "cycles",
+    }
+}
+
+/// The screen while it is on.
+#[derive(Clone, Debug)]
+struct Screen {
+    surface: Surface,
+    lines: u64,
+    line_bytes: u64,
+    /// Cycles of a line and of a refresh.
+    line_cycles: Cycle,
+    period: Cycle,
+    /// The cycle in which refresh 0 begins, and the refresh at hand: that being sent, or in the blank in front of it.
+    origin: Cycle,
+    refresh: u64,
+    sending: bool,
+    front: Presented,
+    /// Number of `front` among the frames presented, from 1.
+    ordinal: u64,
+    /// First line, frame, its number among the frames, and when it was first sent, of the refresh at hand.
+    parts: Vec<(u32, Presented, u64, Cycle)>,
+    /// The last refresh, if it showed one frame whole: that frame's number among the frames.
+    whole: Option<u64>,
+    /// Refreshes whose bytes may be asked for, and bytes asked for of all of them.
+    allowed: u64,
+    issued: u64,
+    /// The last line, counted over all refreshes, that is known to be dry.
+    dry: Option<u64>,
+    /// No refresh follows.
+    stops: bool,
+}
+
+impl Screen {
+    /// Bytes of a refresh.
+    fn bytes(&self) -> u64 {
+        self.lines * self.line_bytes
+    }
+
+    /// The first cycle before which so many bytes, counted over all refreshes, have left the FIFO.
+    fn left_by(&self, bytes: u64) -> Cycle {
+        let Some(last) = bytes.checked_sub(1) else { return 0 };
+        let cycles = self.line_cycles;
+        let (refresh, of) = (last / self.bytes(), last % self.bytes());
+        let part = (of % self.line_bytes + 1) * cycles;
+        self.origin + refresh * self.period + of / self.line_bytes * cycles + part.div_ceil(self.line_bytes)
+    }
+
+    /// When the refresh at hand begins.
+    fn begins(&self) -> Cycle {
+        self.origin + self.refresh * self.period
+    }
+
+    /// What happens next by the clock, and when.
+    fn next(&self) -> Cycle {
+        self.begins() + if self.sending { self.lines * self.line_cycles } else { 0 }
+    }
+}
+
+/// A free-running display.
+#[derive(Debug)]
+pub(super) struct Display {
+    config: ScanoutConfig,
+    /// Bytes a cycle that memory's port brings.
+    port_width: u32,
+    screen: Option<Screen>,
+    pending: VecDeque<Presented>,
+    /// Swaps that the command processor is to hear of.
+    acks: u32,
+    /// No frame follows.
+    ended: bool,
+    misses: Misses,
+    /// Requests in flight, in order: the number behind each, and its bytes counted over all refreshes.
+    flight: VecDeque<(u32, u64, u64)>,
+    pub(super) counts: DisplayCounts,
+    /// Refreshes sent, until they are taken.
+    pub(super) done: Vec<Refresh>,
+    /// Refresh and line of each tear, and of each dry line, until they are taken.
+    pub(super) tears: Vec<(u64, u32)>,
+    pub(super) dry: Vec<(u64, u32)>,
+}
+
+impl Display {
+    pub(super) fn new(config: ScanoutConfig, port_width: u32) -> Display {
+        Display {
+            misses: Misses::new(config.misses),
+            config,
+            port_width,
+            screen: None,
+            pending: VecDeque::new(),
+            acks: 0,
+            ended: false,
+            flight: VecDeque::new(),
+            counts: DisplayCounts::default(),
+            done: Vec::new(),
+            tears: Vec::new(),
+            dry: Vec::new(),
+        }
+    }
+
+    pub(super) fn resident(&self) -> u64 {
+        u64::from(self.screen.is_some()) + u64::from(self.misses.in_flight()) + u64::from(self.acks)
+    }
+
+    /// Why a frame cannot be shown.
+    fn refusal(&self, frame: &Presented) -> Option<String> {
+        let Surface { width, height, samples, format, .. } = frame.surface;
+        if let Some(screen) = &self.screen
+            && (width, height, samples, format)
+                != (screen.surface.width, screen.surface.height, screen.surface.samples, screen.surface.format)
+        {
+            let (w, h) = (screen.surface.width, screen.surface.height);
+            return Some(format!(
+                "it has {width} x {height} pixels and the display {w} x {h}, or another format: a display that runs free \
+                 (scanout.mode) shows frames of one kind; use after-frame"
+            ));
+        }
+        let bytes = u64::from(width) * u64::from(samples) * u64::from(format.block_bytes());
+        let brought = u64::from(self.port_width) * u64::from(self.config.line_cycles);
+        (bytes > brought).then(|| {
+            format!(
+                "a line has {bytes} bytes, and in {} cycles (scanout.line_cycles) memory brings at most {brought}: no FIFO serves \
+                 that; use {} cycles or more",
+                self.config.line_cycles,
+                bytes.div_ceil(u64::from(self.port_width))
+            )
+        })
+    }
+
+    /// A frame comes.
+    fn take(&mut self, now: Cycle, frame: Presented) {
+        self.counts.presented += 1;
+        let vsync = self.config.swap == Swap::Vsync;
+        let Some(screen) = &mut self.screen else {
+            let line_cycles = Cycle::from(self.config.line_cycles);
+            let lines = u64::from(frame.surface.height);
+            let blank = u64::from(self.config.blank_lines);
+            let texel = u64::from(frame.surface.samples) * u64::from(frame.surface.format.block_bytes());
+            self.screen = Some(Screen {
+                surface: frame.surface,
+                lines,
+                line_bytes: u64::from(frame.surface.width) * texel,
+                line_cycles,
+                period: (lines + blank) * line_cycles,
+                origin: now + blank * line_cycles,
+                refresh: 0,
+                sending: false,
+                front: frame,
+                ordinal: self.counts.presented,
+                parts: Vec::new(),
+                whole: None,
+                allowed: 1,
+                issued: 0,
+                dry: None,
+                stops: false,
+            });
+            self.acks += u32::from(vsync);
+            return;
+        };
+        if vsync {
+            self.pending.push_back(frame);
+            return;
+        }
+        (screen.front, screen.ordinal) = (frame, self.counts.presented);
+        if !screen.sending {
+            return;
+        }
+        // The line being sent is the first that shows it. In the cycle in which the first line begins nothing is torn.
+        let since = now - screen.begins();
+        let line = (since / screen.line_cycles) as u32;
+        if screen.parts.last().is_some_and(|part| part.0 == line) {
+            screen.parts.pop();
+        }
+        screen.parts.push((line, screen.front.clone(), screen.ordinal, now));
+        if since > 0 {
+            self.counts.tears += 1;
+            self.counts.tear_lines += u64::from(line);
+            self.tears.push((screen.refresh, line));
+        }
+    }
+
+    /// What the clock brings: the first line of a refresh, or its vertical blank.
+    fn turn(&mut self) {
+        let Some(screen) = &mut self.screen else { return };
+        let now = screen.next();
+        if !screen.sending {
+            screen.sending = true;
+            screen.parts = vec![(0, screen.front.clone(), screen.ordinal, now)];
+            return;
+        }
+        let parts = std::mem::take(&mut screen.parts);
+        for (_, frame, ordinal, from) in &parts {
+            // Numbers of frames only grow; those in between had no line.
+            let before = self.counts.shown + self.counts.dropped;
+            if *ordinal > before {
+                self.counts.dropped += ordinal - before - 1;
+                self.counts.shown += 1;
+                self.counts.present_to_line += from - frame.at;
+            }
+        }
+        let whole = (parts.len() == 1).then(|| parts[0].2);
+        self.counts.refreshes += 1;
+        self.counts.repeated += u64::from(whole.is_some() && whole == screen.whole);
+        screen.whole = whole;
+        let shown = parts.into_iter().map(|(line, frame, ..)| (line, frame)).collect();
+        self.done.push(Refresh { number: screen.refresh, parts: shown });
+        (screen.sending, screen.refresh) = (false, screen.refresh + 1);
+        if let Some(next) = self.pending.pop_front() {
+            screen.ordinal = self.counts.presented - self.pending.len() as u64;
+            screen.front = next;
+            self.acks += 1;
+        }
+        screen.stops = self.ended && whole == Some(screen.ordinal);
+        screen.allowed += u64::from(!screen.stops);
+    }
+
+    /// Requests that have come back, in order.
+    fn arrive(&mut self, now: Cycle) {
+        let Some(screen) = &mut self.screen else { return };
+        while let Some(&(number, first, end)) = self.flight.front()
+            && self.misses.reached(number)
+        {
+            self.flight.pop_front();
+            let mut at = first;
+            while at < end {
+                let line = at / screen.line_bytes;
+                // It leaves the FIFO in the cycle before it has left.
+                if now >= screen.left_by(at + 1) && screen.dry.is_none_or(|known| line > known) {
+                    screen.dry = Some(line);
+                    self.counts.dry_lines += 1;
+                    self.dry.push((line / screen.lines, (line % screen.lines) as u32));
+                }
+                at = (line + 1) * screen.line_bytes;
+            }
+        }
+    }
+
+    pub(super) fn tick(
+        &mut self,
+        wires: &mut Wires,
+        card: &mut Card,
+        (input, output, memory): (&In<Piece>, &Out<Ack>, &MemoryPort),
+    ) -> Tick {
+        let now = wires.now();
+        let mut moved = false;
+
+        // 1. Bytes that have come.
+        while let Some(tag) = memory.answer(wires) {
+            self.misses.answer(tag);
+            moved = true;
+        }
+        self.arrive(now);
+
+        // 2. The clock. The unit wakes in every cycle in which it brings something.
+        while self.screen.as_ref().is_some_and(|screen| !screen.stops && screen.next() <= now) {
+            self.turn();
+            moved = true;
+        }
+
+        // 3. Frames.
+        while let Some(piece) = wires.pop(input) {
+            moved = true;
+            if piece.kind != Kind::DATA {
+                self.ended = true;
+                continue;
+            }
+            self.ended = false;
+            let Some(frame) = card.presented.pop_front() else { continue };
+            if let Some(what) = self.refusal(&frame) {
+                card.stop(Fault::Display { frame: frame.frame, what });
+                return Tick::Moved;
+            }
+            self.take(now, frame);
+        }
+        let mut did = Tick::moved_or(moved, Tick::Starved);
+        while self.acks > 0 {
+            if !wires.try_push(output, Ack { slot: 0, kind: Kind::DATA }) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            self.acks -= 1;
+            did = Tick::Moved;
+        }
+
+        // 4. Requests for what the FIFO has room for.
+        let fifo = u64::from(self.config.fifo);
+        while let Some(screen) = &mut self.screen {
+            if !screen.stops {
+                wires.sleep_until(screen.next());
+                did = did.or(Tick::Working);
+            }
+            let end = screen.allowed * screen.bytes();
+            if screen.issued == end {
+                if screen.stops && !self.misses.any() {
+                    self.screen = None;
+                    did = Tick::Moved;
+                }
+                break;
+            }
+            let of = screen.issued % screen.bytes();
+            let address = screen.front.address + of;
+            let bytes = (REQUEST_BYTES - address % REQUEST_BYTES).min(screen.bytes() - of);
+            let room = screen.left_by((screen.issued + bytes).saturating_sub(fifo));
+            if now < room {
+                wires.sleep_until(room);
+                did = did.or(Tick::Working);
+                break;
+            }
+            if self.misses.room() == 0 {
+                break;
+            }
+            if !memory.can_send(wires) {
+                did = did.or(Tick::Blocked);
+                break;
+            }
+            let tag = self.misses.issue();
+            memory.read(wires, address, bytes as u32, tag);
+            self.flight.push_back((self.misses.issued(), screen.issued, screen.issued + bytes));
+            screen.issued += bytes;
+            did = Tick::Moved;
+        }
+        if self.misses.any() { did.or(Tick::Memory) } else { did }
+    }
+}

@@ -1,0 +1,153 @@
+//! Scan-out: reads the shown surface at the end of a frame, or all the time.
+
+mod display;
+
+use super::card::Card;
+use super::stream::Stream;
+use super::token::{Ack, Kind, Piece};
+use display::Display;
+use knob::Allowed;
+use mem::MemoryPort;
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+
+pub use display::{DisplayCounts, Presented, Refresh};
+
+knob::choices! {
+    /// When frames are read for the screen.
+    pub enum ScanoutMode {
+        /// At the end of each; the next one waits for that.
+        AfterFrame "after-frame",
+        /// All the time, line after line, while the next one is drawn.
+        FreeRunning "free-running",
+    }
+}
+
+knob::choices! {
+    /// What a free-running display does with a finished frame.
+    pub enum Swap {
+        /// It is shown from the line on that is being sent.
+        Immediate "immediate",
+        /// It is shown from the next vertical blank on.
+        Vsync "vsync",
+        /// It is copied to the buffer that is shown, and shown from the end of the copy on.
+        Copy "copy",
+    }
+}
+
+knob::knobs! {
+    /// Scan-out of finished frames.
+    pub struct ScanoutConfig {
+        /// Whether the shown surface is read once a frame.
+        enabled: bool ["", Allowed::Switch, "ATTILA bGPU.ini DAC RefreshFrame = TRUE"],
+        /// Requests to memory in flight.
+        misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini DAC BlockRequestQueueSize = 32"],
+        /// When frames are read for the screen.
+        mode: ScanoutMode ["", Allowed::Choice(ScanoutMode::NAMES), "ATTILA reads a frame when it has been drawn; displays run free"],
+        /// Free-running: cycles of a line.
+        line_cycles: u32 ["cycles", Allowed::Range(1, 16_777_216), "1080 lines and 45 of blank, 60 times a second, at 500 MHz: 7407"],
+        /// Free-running: lines of the vertical blank. The first line is read in it.
+        blank_lines: u32 ["lines", Allowed::Range(1, 65536), "CEA-861 1080p: 45"],
+        /// Free-running: buffers of frames, that which is shown among them. With one, drawing is shown while it goes on.
+        buffers: u32 ["buffers", Allowed::Range(1, 3), "double buffering"],
+        /// Free-running: what is done with a finished frame.
+        swap: Swap ["", Allowed::Choice(Swap::NAMES), "vertical synchronisation is what most programs ask for"],
+        /// Free-running: bytes between memory and the screen.
+        fifo: u32 ["bytes", Allowed::Range(512, 16_777_216), "ATTILA bGPU.ini DAC BlockRequestQueueSize = 32 blocks of 256 bytes"],
+    }
+}
+
+/// Scan-out. Its items are frames; of a free-running display, refreshes.
+pub struct Scanout {
+    input: In<Piece>,
+    output: Out<Ack>,
+    memory: MemoryPort,
+    stream: Stream,
+    active: bool,
+    items: u64,
+    /// A display that runs free.
+    display: Option<Display>,
+}
+
+impl Scanout {
+    /// An idle one, whose port to memory brings so many bytes a cycle.
+    pub fn new(config: ScanoutConfig, port_width: u32, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Scanout {
+        let stream = Stream::new(config.misses);
+        let display = (config.mode == ScanoutMode::FreeRunning).then(|| Display::new(config, port_width));
+        Scanout { input, output, memory, stream, active: false, items: 0, display }
+    }
+
+    /// What a free-running display has counted.
+    #[cfg(test)]
+    pub(super) fn display_counts(&self) -> Option<DisplayCounts> {
+        self.display.as_ref().map(|display| display.counts)
+    }
+
+    /// What it has shown and nobody has taken: refreshes, tears, dry lines.
+    #[cfg(test)]
+    #[expect(clippy::type_complexity, reason = "for tests alone")]
+    pub(super) fn shown(&self) -> (&[Refresh], &[(u64, u32)], &[(u64, u32)]) {
+        self.display.as_ref().map_or((&[], &[], &[]), |display| (&display.done, &display.tears, &display.dry))
+    }
+
+    /// Takes what the screen has shown since it was asked last; nothing where the display does not run free.
+    pub fn take_shown(&mut self) -> Shown {
+        let Some(display) = &mut self.display else { return Shown::default() };
+        let (refreshes, tears) = (std::mem::take(&mut display.done), std::mem::take(&mut display.tears));
+        Shown { refreshes, tears, dry: std::mem::take(&mut display.dry) }
+    }
+}
+
+/// What a free-running display has shown.
+#[derive(Clone, Debug, Default)]
+pub struct Shown {
+    /// The refreshes, in order.
+    pub refreshes: Vec<Refresh>,
+    /// Refresh and line of each tear.
+    pub tears: Vec<(u64, u32)>,
+    /// Refresh and line of each dry line.
+    pub dry: Vec<(u64, u32)>,
+}
+
+impl Unit<Card> for Scanout {
+    fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        if let Some(display) = &mut self.display {
+            return display.tick(wires, card, (&self.input, &self.output, &self.memory));
+        }
+        // 1. The surface to be shown.
+        let Some(piece) = wires.front(&self.input) else { return Tick::Starved };
+        if !self.active {
+            let surface = &card.frame.stores[usize::from(piece.slot)].surface;
+            let texel = u64::from(surface.format.block_bytes()) * u64::from(surface.samples);
+            self.stream.begin(Some(surface.address), None, u64::from(surface.width) * u64::from(surface.height) * texel);
+            self.active = true;
+        }
+
+        // 2. Read it.
+        let did = self.stream.step(wires, &self.memory);
+        if !self.stream.done() {
+            return did;
+        }
+
+        // 3. Done.
+        if !wires.try_push(&self.output, Ack { slot: piece.slot, kind: Kind::DATA }) {
+            return did.or(Tick::Blocked);
+        }
+        wires.pop(&self.input);
+        self.active = false;
+        self.items += 1;
+        Tick::Moved
+    }
+
+    fn items(&self) -> u64 {
+        self.display.as_ref().map_or(self.items, |display| display.counts.refreshes)
+    }
+
+    fn resident(&self) -> u64 {
+        u64::from(self.active) + self.stream.resident() + self.display.as_ref().map_or(0, Display::resident)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let about = "What a free-running display has shown (`scanout.mode`), and what became of frames.";
+        groups.group_if(Heading::new("display", about), |unit| unit.display.as_ref().map(|display| display.counts));
+    }
+}

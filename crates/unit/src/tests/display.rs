@@ -1,0 +1,167 @@
+//! A free-running display: tears, refreshes, bytes and dry lines by closed form.
+
+use super::kit::{FREE, Sink, Source, memory, port, settle};
+use super::scenery::{card, surface};
+use crate::Card;
+use crate::scanout::{DisplayCounts, Presented, Scanout, ScanoutConfig, ScanoutMode, Swap};
+use crate::token::{Ack, Kind, Piece};
+use gfx::format::Format;
+use mem::Ideal;
+use num::{Cycle, Random};
+use sim::{Circuit, One, Unit, Wiring};
+
+sim::circuit! {
+    struct DisplayCircuit for Card {
+        source: One<Source<Piece>>,
+        scanout: One<Scanout>,
+        sink: One<Sink<Ack>>,
+        ideal: Option<Ideal>,
+    }
+}
+
+/// Lines of the frames here, and bytes of each.
+const LINES: u64 = 8;
+const LINE_BYTES: u64 = 512;
+
+fn config() -> ScanoutConfig {
+    ScanoutConfig {
+        enabled: true,
+        misses: 32,
+        mode: ScanoutMode::FreeRunning,
+        line_cycles: 100,
+        blank_lines: 4,
+        buffers: 2,
+        swap: Swap::Immediate,
+        fifo: 1024,
+    }
+}
+
+/// What a display has shown of frames that come to it in these cycles, in each of which it hears of one; then none follows.
+#[derive(Debug, PartialEq)]
+struct Seen {
+    counts: DisplayCounts,
+    /// Of each refresh, the first lines and frames of its parts.
+    refreshes: Vec<Vec<(u32, u32)>>,
+    tears: Vec<(u64, u32)>,
+    dry: Vec<(u64, u32)>,
+    bytes: u64,
+    acks: Vec<Cycle>,
+}
+
+fn seen(config: &ScanoutConfig, times: &[Cycle]) -> Seen {
+    let run = || {
+        let mut wiring = Wiring::new();
+        let ids = ["source", "scanout", "sink"].map(|name| wiring.unit(name, 0));
+        let mut plan = memory(&mut wiring);
+        let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+        let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+        let mut card = card(1);
+        let surface = surface(1, Format::Rgba8Unorm, 16, 1);
+        for (frame, &at) in (0..).zip(times) {
+            let bytes = vec![0; (LINES * LINE_BYTES) as usize].into();
+            card.presented.push_back(Presented { frame, surface, address: surface.address, bytes, at: at - 1 });
+        }
+        let memory = port(&mut plan, &mut wiring, ids[1]);
+        let ideal = plan.build(&mut wiring).ideal;
+        let unit = One(Scanout::new(config.clone(), 64, input, out, memory));
+        // What is sent in a cycle comes in the next.
+        let last = times[times.len() - 1];
+        let pieces = times.iter().map(|&at| (at - 1, Piece { slot: 0, kind: Kind::DATA }));
+        let pieces = pieces.chain([(last, Piece { slot: 0, kind: Kind::END })]).collect();
+        (DisplayCircuit::new(wiring, One(Source::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
+    };
+    settle(
+        run,
+        |c, _| c.source.resident() == 0 && c.scanout.resident() == 0 && c.scanout.items() > 0 && c.wires().resident() == 0,
+        |c, _| {
+            let shown = c.scanout.shown();
+            Seen {
+                counts: c.scanout.display_counts().expect("it runs free"),
+                refreshes: shown
+                    .0
+                    .iter()
+                    .map(|refresh| refresh.parts.iter().map(|(line, f)| (*line, f.frame)).collect())
+                    .collect(),
+                tears: shown.1.to_vec(),
+                dry: shown.2.to_vec(),
+                bytes: c.ideal.as_ref().expect("ideal memory").counts()[0].read_bytes,
+                acks: c.sink.times(),
+            }
+        },
+    )
+}
+
+/// Cycles of a refresh.
+const P: Cycle = (LINES + 4) * 100;
+/// The first frame comes in cycle 1; the first refresh begins behind the vertical blank.
+const ORIGIN: Cycle = 1 + 4 * 100;
+
+#[test]
+fn a_swap_in_cycle_t_tears_line_t_mod_p_over_l() {
+    let mut random = Random::new(3);
+    let mut times: Vec<Cycle> =
+        vec![ORIGIN, ORIGIN + 1, ORIGIN + 99, ORIGIN + 100, ORIGIN + LINES * 100 - 1, ORIGIN + LINES * 100];
+    times.extend((0..60).map(|_| ORIGIN + u64::from(random.below(3 * P as u32))));
+    for at in times {
+        let seen = seen(&config(), &[1, at]);
+        let t = at - ORIGIN;
+        let (refresh, line) = (t / P, (t % P / 100) as u32);
+        let torn = t % P > 0 && u64::from(line) < LINES;
+        assert_eq!(seen.tears, if torn { vec![(refresh, line)] } else { vec![] }, "a swap in {t}");
+        assert_eq!((seen.counts.tears, seen.counts.tear_lines), (torn.into(), if torn { line.into() } else { 0 }));
+        // Lines above show the first frame, lines from there on the second.
+        if torn && line > 0 {
+            assert_eq!(seen.refreshes[refresh as usize], [(0, 0), (line, 1)]);
+        }
+        // The run ends with the first refresh that shows the last frame whole; each is read once, whatever is torn.
+        let whole = if t % P == 0 || torn && line == 0 { refresh } else { refresh + 1 };
+        let n = seen.counts.refreshes;
+        assert_eq!((n, seen.bytes), (whole + 1, n * LINES * LINE_BYTES), "a swap in {t}");
+        assert_eq!(seen.refreshes[whole as usize], [(0, 1)]);
+        assert_eq!(seen.counts.shown + seen.counts.dropped, 2);
+        assert_eq!(seen.counts.dry_lines, 0);
+    }
+}
+
+#[test]
+fn with_vsync_frames_change_in_the_blank_and_none_is_torn() {
+    // Frame 1 comes in the lines of refresh 1, frame 2 in the blank behind refresh 3: behind its beginning, so that it waits for the next.
+    let vsync = ScanoutConfig { swap: Swap::Vsync, ..config() };
+    let blank = |refresh: u64| ORIGIN + refresh * P + LINES * 100;
+    let seen = seen(&vsync, &[1, ORIGIN + P + 350, blank(3) + 1]);
+    let frames: Vec<_> = seen.refreshes.iter().map(|parts| parts[0].1).collect();
+    assert_eq!(frames, [0, 0, 1, 1, 1, 2]);
+    // The first is shown at once. Each other frame is heard of in the blank in which it is swapped in; a cycle on the way.
+    assert_eq!(seen.acks, [1 + 1, blank(1) + 1, blank(4) + 1]);
+    let wait = (ORIGIN) + (ORIGIN + 2 * P - (ORIGIN + P + 350) + 1) + (ORIGIN + 5 * P - blank(3));
+    let expected =
+        DisplayCounts { refreshes: 6, presented: 3, shown: 3, repeated: 3, present_to_line: wait, ..DisplayCounts::default() };
+    assert_eq!(seen.counts, expected);
+    assert_eq!(seen.bytes, 6 * LINES * LINE_BYTES);
+}
+
+#[test]
+fn frames_that_no_line_shows_are_dropped() {
+    // Three frames in one blank: only the last is shown. Two in one line: the second takes the line.
+    let blank = ORIGIN + LINES * 100 + 7;
+    let seen = seen(&config(), &[1, blank, blank + 10, blank + 20, ORIGIN + P + 210, ORIGIN + P + 250]);
+    assert_eq!(seen.refreshes, [vec![(0, 0)], vec![(0, 3), (2, 5)], vec![(0, 5)]]);
+    assert_eq!((seen.counts.presented, seen.counts.shown, seen.counts.dropped, seen.counts.repeated), (6, 3, 3, 0));
+    assert_eq!(seen.tears, [(1, 2), (1, 2)]);
+}
+
+#[test]
+fn a_fifo_that_memory_does_not_fill_in_time_runs_dry() {
+    // A request of 256 bytes is asked for when the FIFO has room for it and takes 57 cycles; a line of 512 bytes takes L of them. With room
+    // for two requests each is asked for when the one two before has left: L/2 cycles ahead. That is too late where L/2 < 57.
+    let of = |line_cycles: u32, fifo| ScanoutConfig { line_cycles, fifo, blank_lines: 16, ..config() };
+    let all = |config: &ScanoutConfig| seen(config, &[1]);
+    let served = all(&of(2 * 58, 512));
+    assert_eq!((served.counts.dry_lines, served.bytes), (0, LINES * LINE_BYTES));
+    let starved = all(&of(100, 512));
+    // The first line was read in the blank. All bytes are read all the same.
+    assert_eq!(starved.dry, (1..LINES as u32).map(|line| (0, line)).collect::<Vec<_>>());
+    assert_eq!((starved.counts.dry_lines, starved.bytes), (LINES - 1, LINES * LINE_BYTES));
+    // Twice the room is twice the time.
+    assert_eq!(all(&of(100, 1024)).counts.dry_lines, 0);
+}
