@@ -254,7 +254,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         bail!("the trace has no frame in {}..{}; it has {has}, numbered from 0", options.frames.start, options.frames.end);
     }
     if let Some(folder) = folder {
-        folder.end(done.total.clone())?;
+        folder.end(done.total.clone(), done.display.clone())?;
     }
     if let (Some(path), Some(recorder)) = (&arguments.timeline, &recorder) {
         recorder.check().context("--timeline-interval")?;

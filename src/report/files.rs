@@ -115,6 +115,7 @@ mod tests {
             shown: None,
             tree: tree(quads),
             phases: vec![PhaseReport::estimated(phase.clone(), 10)],
+            display: Default::default(),
         };
         let frames = [frame(3, 1), frame(4, 2)];
         let csv: String = frames.iter().enumerate().map(|(at, frame)| csv_rows(frame, at == 0)).collect();

@@ -11,6 +11,7 @@ use super::files::{About, csv_rows, json_end, json_frame, json_head};
 use super::phases::{self, draw_rows, pass_rows};
 use super::picture::picture;
 use crate::host::{self, Part};
+use crate::machine::Shown;
 use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::work::Surface;
@@ -22,7 +23,7 @@ const STATISTICS: &str = "stats.json";
 const TABLE: &str = "stats.csv";
 
 /// All tables.
-const TABLES: [&str; 3] = [TABLE, phases::PASSES, phases::DRAWS];
+const TABLES: [&str; 4] = [TABLE, phases::PASSES, phases::DRAWS, "shown.csv"];
 
 /// Frames that wait to be written. A machine that is faster than the disk waits.
 const FRAMES_IN_FLIGHT: usize = 2;
@@ -50,7 +51,7 @@ pub enum Images {
 /// What leaves a replay.
 enum Leaving {
     Frame(Box<Frame>),
-    Total(Box<Tree>),
+    Total(Box<Tree>, Box<Shown>),
 }
 
 impl Folder {
@@ -76,7 +77,12 @@ impl Folder {
         let pages = Pages {
             about,
             frames: false,
-            tables: [Growing::create(out, TABLES[0])?, Growing::create(out, TABLES[1])?, Growing::create(out, TABLES[2])?],
+            tables: [
+                Growing::create(out, TABLES[0])?,
+                Growing::create(out, TABLES[1])?,
+                Growing::create(out, TABLES[2])?,
+                Growing::create(out, TABLES[3])?,
+            ],
             json: Growing::create(out, STATISTICS)?,
             album: (images == Images::All).then(|| Album { out: out.to_owned(), last: None }),
         };
@@ -94,12 +100,12 @@ impl Folder {
         self.send(Leaving::Frame(Box::new(frame)))
     }
 
-    /// The replay has ended.
+    /// The replay has ended; `display` is what a free-running display has shown behind the last frame.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn end(mut self, total: Tree) -> Result<()> {
-        self.send(Leaving::Total(Box::new(total)))?;
+    pub fn end(mut self, total: Tree, display: Shown) -> Result<()> {
+        self.send(Leaving::Total(Box::new(total), Box::new(display)))?;
         self.answer()
     }
 
@@ -123,9 +129,9 @@ impl Drop for Folder {
     }
 }
 
-/// Whether a file is named as the pictures of a replay are: `frame-NNNN.png`, of four digits or more.
+/// Whether a file is named as the pictures of a replay are: `frame-NNNN.png` or `shown-NNNN.png`, of four digits or more.
 fn is_picture(name: &str) -> bool {
-    let number = name.strip_prefix("frame-").and_then(|name| name.strip_suffix(".png"));
+    let number = name.strip_prefix("frame-").or_else(|| name.strip_prefix("shown-")).and_then(|name| name.strip_suffix(".png"));
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()))
 }
 
@@ -168,7 +174,10 @@ impl Pages {
         for leaving in receive {
             match leaving {
                 Leaving::Frame(frame) => self.frame(&frame)?,
-                Leaving::Total(total) => return self.end(&total),
+                Leaving::Total(total, display) => {
+                    self.display(&display)?;
+                    return self.end(&total);
+                }
             }
         }
         // The replay stopped before its end.
@@ -177,13 +186,25 @@ impl Pages {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         if let (Some(album), Some((surface, bytes))) = (&mut self.album, &frame.shown) {
-            album.put(frame.number, surface, bytes)?;
+            album.put("frame", frame.number.into(), surface, bytes)?;
         }
+        self.display(&frame.display)?;
         let first = !std::mem::replace(&mut self.frames, true);
         for (table, rows) in self.tables.iter_mut().zip([csv_rows, pass_rows, draw_rows]) {
             table.add(&rows(frame, table.empty))?;
         }
         self.json.add(&json_frame(frame, first)?)
+    }
+
+    /// What a free-running display has shown: pictures, and rows of the table.
+    fn display(&mut self, shown: &Shown) -> Result<()> {
+        let table = &mut self.tables[TABLES.len() - 1];
+        table.add(&shown_rows(shown, table.empty))?;
+        let Some(album) = &mut self.album else { return Ok(()) };
+        shown.refreshes.iter().try_for_each(|refresh| {
+            let (surface, bytes) = refresh.picture();
+            album.put("shown", refresh.number, &surface, &bytes)
+        })
     }
 
     fn end(self, total: &Tree) -> Result<()> {
@@ -210,17 +231,32 @@ struct Album {
 }
 
 impl Album {
-    fn put(&mut self, number: u32, surface: &Surface, bytes: &[u8]) -> Result<()> {
+    fn put(&mut self, what: &str, number: u64, surface: &Surface, bytes: &[u8]) -> Result<()> {
         let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
         if !self.last.as_ref().is_some_and(again) {
-            let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {number}: {reason}"))?;
+            let image = picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
             let mut png = Vec::new();
             image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
             self.last = Some((*surface, bytes.to_vec(), png));
         }
         let Some((.., png)) = &self.last else { return Ok(()) };
-        put(&self.out, &format!("frame-{number:04}.png"), png)
+        put(&self.out, &format!("{what}-{number:04}.png"), png)
     }
+}
+
+/// Rows of `shown.csv`: for each refresh the frames that it shows, each from a line on (a line other than 0 is where the picture is torn), and
+/// the lines that were dry. With a head if they are the first.
+fn shown_rows(shown: &Shown, first: bool) -> String {
+    let mut rows = String::new();
+    for refresh in &shown.refreshes {
+        for (line, frame) in &refresh.parts {
+            rows.push_str(&format!("{},{line},frame,{}\n", refresh.number, frame.frame));
+        }
+    }
+    for (refresh, line) in &shown.dry {
+        rows.push_str(&format!("{refresh},{line},dry,\n"));
+    }
+    if first && !rows.is_empty() { format!("refresh,line,what,frame\n{rows}") } else { rows }
 }
 
 /// Writes a file into a folder: complete under its name, or not there.

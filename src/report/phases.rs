@@ -159,7 +159,13 @@ mod tests {
             draws: vec![draw(Some(3), 20, 9), draw(None, 10, 0)],
         };
         let phase = Phase { kind: PhaseKind::ScanOut, number: 0, label: String::new(), begin: 30, limit: "" };
-        Frame { number: 2, shown: None, tree: Default::default(), phases: vec![pass, PhaseReport::estimated(phase, 5)] }
+        Frame {
+            number: 2,
+            shown: None,
+            tree: Default::default(),
+            phases: vec![pass, PhaseReport::estimated(phase, 5)],
+            display: Default::default(),
+        }
     }
 
     #[test]

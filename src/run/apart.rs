@@ -83,7 +83,7 @@ fn run(config: &Config, clock: Clock, per_draw: bool, work: Waiting<'_>) -> Ran 
     let mut frames = Vec::new();
     machine.run_each(work, clock, |frame| {
         let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-        frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases });
+        frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases, display: frame.shown });
     })?;
     Ok((frames, busy.elapsed()))
 }

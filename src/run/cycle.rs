@@ -8,7 +8,7 @@ use anyhow::Result;
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
-use crate::machine::{Config, FrameReport, Machine, Watcher};
+use crate::machine::{Config, FrameReport, Machine, Shown, Watcher};
 use crate::num::Cycle;
 use crate::render::Held;
 use crate::sim::Clock;
@@ -23,6 +23,8 @@ pub struct Simulated {
     pub total: Tree,
     /// Host time in the machine (processor time where the system tells).
     pub machine_time: Duration,
+    /// What a free-running display has shown since the last frame ended.
+    pub display: Shown,
 }
 
 /// Adds a machine to a rendering.
@@ -49,7 +51,8 @@ pub fn simulate<'r>(
                 return;
             }
             let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-            failed = exit.put(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases }).err();
+            let FrameReport { number, tree, phases, shown: display, .. } = frame;
+            failed = exit.put(Frame { number, shown, tree, phases, display }).err();
             closed.set(failed.is_some());
         };
         let run = machine.run_watched(work.take_while(|_| !closed.get()), clock, each, watcher);
@@ -59,7 +62,7 @@ pub fn simulate<'r>(
             return Err(failed);
         }
         let run = run?;
-        *out = Simulated { cycles: run.cycles, total: run.total, machine_time };
+        *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown };
         Ok(())
     };
     rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::timeline::Timeline;
-use crate::machine::PhaseReport;
+use crate::machine::{PhaseReport, Shown};
 use crate::stats::Tree;
 use crate::work::{EndFrame, Surface};
 
@@ -18,6 +18,8 @@ pub struct Frame {
     pub tree: Tree,
     /// What was done one after another; empty where no time is simulated.
     pub phases: Vec<PhaseReport>,
+    /// What a free-running display has shown since the frame before.
+    pub display: Shown,
 }
 
 /// Takes frames in order, each when it ends.

@@ -17,7 +17,13 @@ pub(super) fn counting<'c>(mut exit: Exit<'c>, total: &'c mut Funnel) -> Consume
                 Event::EndFrame(end) => {
                     let own = std::mem::take(&mut funnel);
                     *total += own;
-                    exit.put(Frame { number: end.number, shown: reference(&end), tree: tree(&own), phases: Vec::new() })?;
+                    exit.put(Frame {
+                        number: end.number,
+                        shown: reference(&end),
+                        tree: tree(&own),
+                        phases: Vec::new(),
+                        display: Default::default(),
+                    })?;
                 }
                 _ => {}
             }

@@ -62,6 +62,6 @@ pub fn run(trace: &Trace, machines: &[(&Config, Clock)]) -> Result<Vec<Ran>> {
         simulate(&mut rendering, machine, exit, out)?;
     }
     rendering.run()?;
-    let ran = |(shown, Simulated { cycles, total, machine_time })| Ran { shown, cycles, total, machine_time };
+    let ran = |(shown, Simulated { cycles, total, machine_time, .. })| Ran { shown, cycles, total, machine_time };
     Ok(shown.into_iter().zip(simulated).map(ran).collect())
 }

@@ -14,7 +14,7 @@ use super::host::Stopwatch;
 use super::rendering::Rendering;
 use super::sample::{Sampled, Sampling, sampled};
 use super::timeline::Timeline;
-use crate::machine::{Config, PhaseReport};
+use crate::machine::{Config, PhaseReport, Shown};
 use crate::render::{self, FrameSet, Watch};
 use crate::sim::Clock;
 use crate::stats::Tree;
@@ -106,6 +106,8 @@ pub struct Outcome {
     pub total: Tree,
     /// How they were estimated; none: they were counted.
     pub sampled: Option<Sampled>,
+    /// What a free-running display has shown since the last frame ended.
+    pub display: Shown,
     /// By estimate, what limits the phases of the first frames, where they were simulated and asked for.
     pub limits: Vec<Vec<PhaseReport>>,
     /// Host time spent in the machine (processor time where the system tells).
@@ -200,8 +202,8 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
                 frames::limits(&mut rendering, config, &mut limited);
             }
             rendering.run()?;
-            let Simulated { cycles, total, machine_time } = out;
-            Outcome { cycles: Some(cycles as f64), total, machine_time, limits: limited, ..Outcome::default() }
+            let Simulated { cycles, total, machine_time, display } = out;
+            Outcome { cycles: Some(cycles as f64), total, machine_time, limits: limited, display, ..Outcome::default() }
         }
     };
     Ok(Outcome { clock_time: watch.clock(), ..outcome })

@@ -187,6 +187,8 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
         ("sort-last-fragment", "order.keep=where-needed"),
         ("sort-first", "route.mode=immediate"),
         ("sort-last-image", "assembly.deal=contiguous"),
+        ("sort-middle", "traverse.walk=rows"),
+        ("sort-middle", "scanout.mode=free-running"),
     ] {
         let mut config = Config::built_in(class).expect("it is built in");
         config.set(change).expect("a knob");

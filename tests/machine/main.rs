@@ -3,6 +3,7 @@
 
 mod common;
 mod culls;
+mod display;
 mod draw_culls;
 mod estimates;
 mod history;

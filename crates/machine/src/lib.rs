@@ -21,6 +21,7 @@ pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture};
 pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
+pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;
 
 use self::blocks::Built;
@@ -203,15 +204,22 @@ impl Machine {
                 let done = short && (!card.closed || circuit.command.idle());
                 // What is still on its way to memory belongs to the frame.
                 let quiet = || quiet(circuit);
-                let stops = card.fault.is_some() || card.phases.marked() || applies && circuit.command.idle();
+                let stops = card.fault.is_some()
+                    || card.phases.marked()
+                    || circuit.scanout.captures()
+                    || applies && circuit.command.idle();
                 stops || if circuit.command.frame_over() { free || quiet() } else { done && (!card.closed || quiet()) }
             };
             let ran = loop {
                 let ran = sim::run(&mut self.circuit, &mut self.card, clock, patience, &mut done);
-                if ran.is_err() || !self.card.phases.marked() {
+                let captured = self.circuit.scanout.capture(&self.card);
+                let marked = self.card.phases.marked();
+                if ran.is_err() || !(marked || captured) {
                     break ran;
                 }
-                readings.mark(self);
+                if marked {
+                    readings.mark(self);
+                }
             };
             // A machine with a fault may well be stuck; the fault is why.
             if let Some(fault) = self.card.fault.take() {

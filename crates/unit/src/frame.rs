@@ -242,15 +242,28 @@ impl Store {
         }
         let mut bytes = Vec::with_capacity(width as usize * height as usize * samples as usize * size);
         for y in 0..height {
-            for x in 0..width {
-                for sample in 0..samples {
-                    let at = self.index(x, y, sample);
-                    for (w, start) in (0..size).step_by(4).enumerate() {
-                        bytes.extend_from_slice(&self.codes[at + 4 * w].to_le_bytes()[..4.min(size - start)]);
-                    }
+            self.add_row(y, &mut bytes);
+        }
+        bytes
+    }
+
+    /// Appends the bytes of a row.
+    fn add_row(&self, y: u32, bytes: &mut Vec<u8>) {
+        let size = self.surface.format.block_bytes() as usize;
+        for x in 0..self.surface.width {
+            for sample in 0..self.surface.samples {
+                let at = self.index(x, y, sample);
+                for (w, start) in (0..size).step_by(4).enumerate() {
+                    bytes.extend_from_slice(&self.codes[at + 4 * w].to_le_bytes()[..4.min(size - start)]);
                 }
             }
         }
+    }
+
+    /// The bytes of a row of pixels, as [`Store::to_bytes`] has them.
+    pub fn row_bytes(&self, y: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        self.add_row(y, &mut bytes);
         bytes
     }
 

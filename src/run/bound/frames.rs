@@ -110,7 +110,13 @@ pub fn estimate<'r>(
             sum.funnel += *funnel;
             sum.add(&estimate);
             let tree = own.tree(config);
-            exit.put(Frame { number: end.number, shown: reference(end), tree, phases: estimate.phases() })?;
+            exit.put(Frame {
+                number: end.number,
+                shown: reference(end),
+                tree,
+                phases: estimate.phases(),
+                display: Default::default(),
+            })?;
         }
         Ok(())
     };

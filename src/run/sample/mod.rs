@@ -26,6 +26,7 @@ use crate::mem::CacheCounts;
 use crate::render::{Dependencies, FrameSet, Want};
 use crate::stats::{Group, Node, Tree};
 use crate::trace::Trace;
+use crate::unit::scanout::ScanoutMode;
 use crate::unit::sorting::{EarlyTest, Keep};
 
 /// How frames are sampled.
@@ -133,6 +134,12 @@ pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exi
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub fn surveyed(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<(Outcome, Survey)> {
+    if options.config.scanout.mode == ScanoutMode::FreeRunning {
+        bail!(
+            "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
+             they show depends on all frames before; use cycle"
+        );
+    }
     let watch = Stopwatch::start();
     let dependencies = Dependencies::of(trace, options.frames.end)?;
     let survey = survey::survey(trace, options, &dependencies)?;
@@ -227,6 +234,7 @@ fn of_survey(
         sampled: Some(sampled),
         limits: Vec::new(),
         machine_time,
+        display: Default::default(),
         clock_time: watch.clock(),
     })
 }

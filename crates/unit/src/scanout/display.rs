@@ -41,12 +41,17 @@ pub struct Refresh {
     pub number: u64,
     /// First line, and the frame that is shown from it on; the first is line 0.
     pub parts: Vec<(u32, Presented)>,
+    /// With a single buffer the bytes of the lines as each was when it began; else empty.
+    pub live: Vec<u8>,
 }
 
 impl Refresh {
     /// The picture: bytes of all lines, laid out as those of the frames.
     pub fn picture(&self) -> (Surface, Vec<u8>) {
         let surface = self.parts[0].1.surface;
+        if !self.live.is_empty() {
+            return (surface, self.live.clone());
+        }
         let row = surface.width as usize * surface.samples as usize * surface.format.block_bytes() as usize;
         let mut bytes = Vec::with_capacity(row * surface.height as usize);
         let ends = self.parts.iter().skip(1).map(|(line, _)| *line).chain([surface.height]);
@@ -108,6 +113,9 @@ struct Screen {
     dry: Option<u64>,
     /// No refresh follows.
     stops: bool,
+    /// With a single buffer: lines begun of the refresh at hand, and the bytes of those that were read.
+    begun: Option<u64>,
+    live: Vec<u8>,
 }
 
 impl Screen {
@@ -132,7 +140,8 @@ impl Screen {
 
     /// What happens next by the clock, and when.
     fn next(&self) -> Cycle {
-        self.begins() + if self.sending { self.lines * self.line_cycles } else { 0 }
+        let lines = self.begun.filter(|_| self.sending).unwrap_or(self.lines);
+        self.begins() + if self.sending { lines * self.line_cycles } else { 0 }
     }
 }
 
@@ -157,6 +166,8 @@ pub(super) struct Display {
     /// Refresh and line of each tear, and of each dry line, until they are taken.
     pub(super) tears: Vec<(u64, u32)>,
     pub(super) dry: Vec<(u64, u32)>,
+    /// With a single buffer: the line that has begun, to be read from what is drawn when the cycle is over.
+    capture: Option<u32>,
 }
 
 impl Display {
@@ -174,7 +185,26 @@ impl Display {
             done: Vec::new(),
             tears: Vec::new(),
             dry: Vec::new(),
+            capture: None,
         }
+    }
+
+    pub(super) fn captures(&self) -> bool {
+        self.capture.is_some()
+    }
+
+    /// Reads the line that has begun.
+    pub(super) fn capture(&mut self, card: &Card) -> bool {
+        let (Some(line), Some(screen)) = (self.capture.take(), &mut self.screen) else { return false };
+        match card.frame.find(screen.surface.key) {
+            Some(index) => screen.live.extend(card.frame.stores[index].row_bytes(line)),
+            // Nothing was drawn: the frame was put there otherwise.
+            None => {
+                let row = screen.line_bytes as usize;
+                screen.live.extend_from_slice(&screen.front.bytes[line as usize * row..][..row]);
+            }
+        }
+        true
     }
 
     pub(super) fn resident(&self) -> u64 {
@@ -232,6 +262,8 @@ impl Display {
                 issued: 0,
                 dry: None,
                 stops: false,
+                begun: (self.config.buffers == 1).then_some(0),
+                live: Vec::new(),
             });
             self.acks += u32::from(vsync);
             return;
@@ -265,8 +297,18 @@ impl Display {
         if !screen.sending {
             screen.sending = true;
             screen.parts = vec![(0, screen.front.clone(), screen.ordinal, now)];
-            return;
+        } else if screen.begun.is_none_or(|begun| begun == screen.lines) {
+            return self.end_refresh();
         }
+        if let Some(begun) = &mut screen.begun {
+            self.capture = Some(*begun as u32);
+            *begun += 1;
+        }
+    }
+
+    /// The vertical blank begins.
+    fn end_refresh(&mut self) {
+        let Some(screen) = &mut self.screen else { return };
         let parts = std::mem::take(&mut screen.parts);
         for (_, frame, ordinal, from) in &parts {
             // Numbers of frames only grow; those in between had no line.
@@ -282,7 +324,8 @@ impl Display {
         self.counts.repeated += u64::from(whole.is_some() && whole == screen.whole);
         screen.whole = whole;
         let shown = parts.into_iter().map(|(line, frame, ..)| (line, frame)).collect();
-        self.done.push(Refresh { number: screen.refresh, parts: shown });
+        screen.begun = screen.begun.map(|_| 0);
+        self.done.push(Refresh { number: screen.refresh, parts: shown, live: std::mem::take(&mut screen.live) });
         (screen.sending, screen.refresh) = (false, screen.refresh + 1);
         if let Some(next) = self.pending.pop_front() {
             screen.ordinal = self.counts.presented - self.pending.len() as u64;

@@ -89,6 +89,17 @@ impl Scanout {
         self.display.as_ref().map_or((&[], &[], &[]), |display| (&display.done, &display.tears, &display.dry))
     }
 
+    /// Whether a line has begun that is to be read from what is drawn.
+    #[inline(always)]
+    pub fn captures(&self) -> bool {
+        self.display.as_ref().is_some_and(Display::captures)
+    }
+
+    /// Reads it. To be asked between cycles, when all units have ticked: what is drawn does not depend on their order then.
+    pub fn capture(&mut self, card: &Card) -> bool {
+        self.display.as_mut().is_some_and(|display| display.capture(card))
+    }
+
     /// Takes what the screen has shown since it was asked last; nothing where the display does not run free.
     pub fn take_shown(&mut self) -> Shown {
         let Some(display) = &mut self.display else { return Shown::default() };
