@@ -33,7 +33,7 @@ knob::knobs! {
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
-        walk: Walk ["", Allowed::Choice(Walk::NAMES), "ATTILA scans tiles; rows: Pineda 1988's alternatives, scan-line cards before it"],
+        walk: Walk ["", Allowed::Choice(Walk::NAMES), "ATTILA scans tiles"],
         /// Rows and pixels tested a cycle by walks other than by blocks; a triangle takes at least one test.
         pixel_tests_per_cycle: u32 ["tests/cycle", Allowed::Range(1, 4096), "as many pixels as four blocks have, 16 x 16: what the walk by blocks tests"],
         /// Quads sent on a cycle.
