@@ -56,7 +56,7 @@ knob::knobs! {
     }
 }
 
-/// Scan-out. Its items are frames; of a free-running display, refreshes.
+/// Scan-out. Its items are frames; of a free-running display, those handed to it.
 pub struct Scanout {
     input: In<Piece>,
     output: Out<Ack>,
@@ -150,7 +150,7 @@ impl Unit<Card> for Scanout {
     }
 
     fn items(&self) -> u64 {
-        self.display.as_ref().map_or(self.items, |display| display.counts.refreshes)
+        self.display.as_ref().map_or(self.items, |display| display.counts.presented)
     }
 
     fn resident(&self) -> u64 {
