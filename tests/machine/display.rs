@@ -127,8 +127,10 @@ fn immediate_swaps_tear_at_the_line_of_their_cycle() {
         })
         .collect();
     let origin = handed[0] + BLANK * line;
-    let torn =
-        handed[1..].iter().map(|at| at.wrapping_sub(origin)).filter(|t| *t < 1 << 40 && t % p > 0 && t % p / line < LINES);
+    let torn = handed[1..]
+        .iter()
+        .map(|at| at.wrapping_sub(origin))
+        .filter(|t| *t < 1 << 40 && !t.is_multiple_of(p) && t % p / line < LINES);
     let torn: Vec<_> = torn.map(|t| (t / p, (t % p / line) as u32)).collect();
     assert!(torn.len() > 5, "{torn:?}");
     assert_eq!(all.tears, torn);

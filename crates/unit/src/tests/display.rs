@@ -106,7 +106,7 @@ fn a_swap_in_cycle_t_tears_line_t_mod_p_over_l() {
         let seen = seen(&config(), &[1, at]);
         let t = at - ORIGIN;
         let (refresh, line) = (t / P, (t % P / 100) as u32);
-        let torn = t % P > 0 && u64::from(line) < LINES;
+        let torn = !t.is_multiple_of(P) && u64::from(line) < LINES;
         assert_eq!(seen.tears, if torn { vec![(refresh, line)] } else { vec![] }, "a swap in {t}");
         assert_eq!((seen.counts.tears, seen.counts.tear_lines), (torn.into(), if torn { line.into() } else { 0 }));
         // Lines above show the first frame, lines from there on the second.
@@ -114,7 +114,7 @@ fn a_swap_in_cycle_t_tears_line_t_mod_p_over_l() {
             assert_eq!(seen.refreshes[refresh as usize], [(0, 0), (line, 1)]);
         }
         // The run ends with the first refresh that shows the last frame whole; each is read once, whatever is torn.
-        let whole = if t % P == 0 || torn && line == 0 { refresh } else { refresh + 1 };
+        let whole = if t.is_multiple_of(P) || torn && line == 0 { refresh } else { refresh + 1 };
         let n = seen.counts.refreshes;
         assert_eq!((n, seen.bytes), (whole + 1, n * LINES * LINE_BYTES), "a swap in {t}");
         assert_eq!(seen.refreshes[whole as usize], [(0, 1)]);
