@@ -248,15 +248,13 @@ fn one_level_of_a_texture_can_be_drawn_from_the_level_before() {
 #[test]
 fn depths_of_a_texture_are_compared_with_the_third_coordinate() {
     // A surface at depth 0.5 in the left half, and none behind it; the third coordinate is 0.7.
-    let calls = format!(
-        "glEnable(GL_DEPTH_TEST)\nglRectf(-1,-1,0,1)\nglBindTexture(GL_TEXTURE_2D,1)\n\
+    let calls = "glEnable(GL_DEPTH_TEST)\nglRectf(-1,-1,0,1)\nglBindTexture(GL_TEXTURE_2D,1)\n\
          glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
          glCopyTexImage2D(GL_TEXTURE_2D,0,GL_DEPTH_COMPONENT,0,0,16,16,0)\n\
          glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_COMPARE_MODE,GL_COMPARE_R_TO_TEXTURE)\nglDisable(GL_DEPTH_TEST)\n\
          glTranslatef(0,0,0)\nglEnable(GL_TEXTURE_2D)\nglBegin(GL_QUADS)\nglTexCoord3f(0,0,0.7)\nglVertex2f(-1,-1)\nglTexCoord3f(1,0,0.7)\n\
-         glVertex2f(1,-1)\nglTexCoord3f(1,1,0.7)\nglVertex2f(1,1)\nglTexCoord3f(0,1,0.7)\nglVertex2f(-1,1)\nglEnd()"
-    );
-    let image = shown(&calls, &[]);
+         glVertex2f(1,-1)\nglTexCoord3f(1,1,0.7)\nglVertex2f(1,1)\nglTexCoord3f(0,1,0.7)\nglVertex2f(-1,1)\nglEnd()";
+    let image = shown(calls, &[]);
     assert_eq!([image.at(2, 5), image.at(13, 5)], [BLACK, [255; 3]]);
     // As they are: half and one.
     let plain = calls.replace("GL_COMPARE_R_TO_TEXTURE", "GL_NONE");
@@ -314,7 +312,7 @@ fn compressed_blocks_are_kept_and_parts_replace_them() {
 
 #[test]
 fn a_border_is_left_out() {
-    let mut texels = vec![[9, 9, 9, 255]; 16];
+    let mut texels = [[9, 9, 9, 255]; 16];
     for (k, color) in [(5, RED), (6, GREEN), (9, BLUE), (10, [255; 3])] {
         texels[k] = [color[0], color[1], color[2], 255];
     }
