@@ -1,5 +1,6 @@
 //! Whatever bytes are given as a recorded OpenGL program, importing and checking it ends with a trace or a message. A first byte `S` stands for
 //! the start of a file of apitrace, with the rest packed as one chunk, so that the fuzzer reaches the events behind the compression.
+//! `V` and `F` stand for a recording that draws with a vertex or fragment program of the text that follows.
 
 #![no_main]
 
@@ -13,6 +14,18 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
         Some((b'S', stream)) => {
             let Ok(packed) = snap::raw::Encoder::new().compress_vec(stream) else { return };
             [b"at".as_slice(), &(packed.len() as u32).to_le_bytes(), &packed].concat()
+        }
+        Some((stage @ (b'V' | b'F'), text)) => {
+            // A quotation mark would end the text.
+            let text = String::from_utf8_lossy(text).replace('"', "");
+            let (target, header) = if *stage == b'V' { ("VERTEX", "!!ARBvp1.0") } else { ("FRAGMENT", "!!ARBfp1.0") };
+            let target = format!("GL_{target}_PROGRAM_ARB");
+            format!(
+                "GLI0.t\n#! RES 8x8\nglProgramStringARB({target},GL_PROGRAM_FORMAT_ASCII_ARB,{},\"{header}\n{text}\")\n\
+                 glEnable({target})\nglRectf(-1,-1,1,1)\nwglSwapBuffers(0)\n",
+                header.len() + 1 + text.len()
+            )
+            .into_bytes()
         }
         _ => data.to_vec(),
     };

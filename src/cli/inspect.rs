@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use super::Verdict;
 use crate::import;
@@ -21,6 +21,9 @@ pub struct Arguments {
     /// List every command with its number
     #[arg(long)]
     commands: bool,
+    /// Print the WGSL that the fixed functions and programs of an OpenGL recording became, each once
+    #[arg(long)]
+    shaders: bool,
     /// Print the counts as JSON
     #[arg(long)]
     json: bool,
@@ -54,7 +57,11 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         row(name, grouped(*count));
     }
     if let Some(report) = &report {
-        println!("{} calls, {} shaders of fixed functions:", grouped(report.calls.values().sum()), report.shaders);
+        println!(
+            "{} calls, {} shaders of fixed functions and programs:",
+            grouped(report.calls.values().sum()),
+            report.shaders.len()
+        );
         for (name, count) in &report.calls {
             row(name, grouped(*count));
         }
@@ -65,6 +72,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             for (what, count) in counts {
                 println!("{heading}: {what}: {} times, first in call {}", grouped(count.times), count.first);
             }
+        }
+    }
+    if arguments.shaders {
+        let Some(report) = &report else { bail!("--shaders: {} is no OpenGL recording", arguments.trace.display()) };
+        for (label, text) in &report.shaders {
+            println!("\n// {label}\n{text}");
         }
     }
     if arguments.commands {

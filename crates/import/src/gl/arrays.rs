@@ -2,6 +2,7 @@
 
 use std::rc::Rc;
 
+use super::arb::GENERICS;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::Gl;
@@ -10,9 +11,10 @@ use super::state::{UNITS, Vertex};
 /// Vertices of one draw at most.
 const VERTICES_MAX: u32 = 1 << 22;
 
-/// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, and texture coordinates from 8 on. The bits are
-/// those of [`Vertex::over`].
-const SLOTS: usize = 8 + UNITS;
+/// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
+/// from 16 on. The bits are those of [`Vertex::over`].
+const SLOTS: usize = GENERIC + GENERICS;
+const GENERIC: usize = 8 + UNITS;
 
 /// Where the elements of an array are.
 #[derive(Clone, Debug, Default)]
@@ -34,6 +36,8 @@ struct Array {
     kind: u32,
     stride: usize,
     source: Source,
+    /// Integers of a generic attribute are normalised.
+    normalized: bool,
 }
 
 /// All of them.
@@ -122,7 +126,7 @@ fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &A
         _ => Source::None,
     };
     let enabled = gl.arrays.slots[slot].enabled;
-    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source };
+    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false };
     Ok(())
 }
 
@@ -158,10 +162,37 @@ pub(super) fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     point(gl, 5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
 }
 
+fn generic_slot(call: &Call) -> Outcome<usize> {
+    let index = call.u32(0)? as usize;
+    if index < GENERICS { Ok(GENERIC + index) } else { Err(INVALID_VALUE) }
+}
+
+pub(super) fn enable_generic(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.arrays.slots[generic_slot(call)?].enabled = true;
+    Ok(())
+}
+
+pub(super) fn disable_generic(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.arrays.slots[generic_slot(call)?].enabled = false;
+    Ok(())
+}
+
+/// `glVertexAttribPointer(index, size, type, normalized, stride, pointer)`
+pub(super) fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (slot, size) = (generic_slot(call)?, call.size(1)? as usize);
+    if !(1..=4).contains(&size) {
+        return Err(INVALID_VALUE);
+    }
+    point(gl, slot, size, call.u32(2)?, call.i32(4)?, call.arg(5))?;
+    gl.arrays.slots[slot].normalized = call.bool(3)?;
+    Ok(())
+}
+
 /// An enabled array that is ready to be read.
 struct Ready {
     slot: usize,
     scalar: Scalar,
+    normalized: bool,
     size: usize,
     bytes: usize,
     stride: usize,
@@ -182,7 +213,7 @@ impl Gl {
                 Source::Buffer(name, at) => (self.buffers.get(name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
             };
             let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
-            ready.push(Ready { slot, scalar, size: array.size, bytes, stride, start, data });
+            ready.push(Ready { slot, scalar, normalized: array.normalized, size: array.size, bytes, stride, start, data });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
@@ -209,6 +240,8 @@ impl Gl {
                 3 => vertex.secondary = [normalized[0], normalized[1], normalized[2]],
                 4 => vertex.fog = plain[0],
                 5 => vertex.edge = values[0] != 0.0,
+                GENERIC => vertex.position = if array.normalized { normalized } else { plain },
+                slot if slot > GENERIC => vertex.generic[slot - GENERIC] = if array.normalized { normalized } else { plain },
                 slot => vertex.texture[slot - 8] = plain,
             }
         }
@@ -221,7 +254,7 @@ impl Gl {
             return Err(INVALID_ENUM);
         }
         let (ready, bits) = self.ready()?;
-        if bits & 1 == 0 {
+        if bits & (1 | 1 << GENERIC) == 0 {
             return Ok(());
         }
         let vertices = indices.map(|index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
@@ -291,7 +324,7 @@ pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;
     gl.state.current = Vertex { position: gl.state.current.position, ..vertex };
-    if let (Some((_, vertices)), true) = (&mut gl.begun, bits & 1 != 0) {
+    if let (Some((_, vertices)), true) = (&mut gl.begun, bits & (1 | 1 << GENERIC) != 0) {
         vertices.push(vertex);
     }
     Ok(())

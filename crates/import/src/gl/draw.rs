@@ -2,10 +2,12 @@
 
 use gfx::state::*;
 
+use super::arb::{Active, GENERICS, Stage, input};
 use super::call::{Fault, Outcome};
 use super::card::{Draw, Fixed, Target};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
+use super::image::Base;
 use super::key::*;
 use super::machine::Gl;
 use super::matrix::{IDENTITY, Matrix};
@@ -178,11 +180,35 @@ impl Gl {
         if self.state.is(e::POLYGON_SMOOTH) && batch.class == Class::Triangles {
             return Err(Fault::Unsupported("GL_POLYGON_SMOOTH".into()));
         }
+        let vertex = self.active_program(Stage::Vertex)?;
+        let fragment = self.active_program(Stage::Fragment)?;
+        if self.pixels.is_some() && (vertex.is_some() || fragment.is_some()) {
+            return Err(Fault::Unsupported("pixel rectangles with programs".into()));
+        }
         let mut bound = Vec::new();
         let mut units = Vec::new();
         let mut biases = [0.0; UNITS];
         for unit in 0..UNITS {
-            if let Some((key, texture)) = self.unit(unit, batch.class)? {
+            let enabled = self.state.units[unit].enabled;
+            let (bound_to, coordinates) = match &fragment {
+                None => ((0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0), true),
+                Some(active) => {
+                    (active.program.targets[unit], active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
+                }
+            };
+            let (mut key, texture) = self.unit(unit, bound_to, batch.class)?;
+            key.sampled = texture.is_some();
+            key.coordinates = coordinates && (key.sampled || fragment.is_some());
+            if let Some(active) = &fragment {
+                // What is done with a texture is the program's affair.
+                key.environment = EnvironmentKey::Mode(e::REPLACE);
+                key.dynamic = active.program.biased & 1 << unit != 0;
+                key.projective = true;
+            }
+            if vertex.is_some() {
+                (key.made, key.matrix, key.projective) = ([None; 4], false, true);
+            }
+            if let Some(texture) = texture {
                 let read = |surface: super::card::Surface| {
                     let [first, count] = texture.levels;
                     surface.texture == texture.bound.0 && (first..first + count).contains(&surface.level)
@@ -190,12 +216,15 @@ impl Gl {
                 if [target.color, target.depth].into_iter().flatten().any(read) {
                     return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
                 }
-                units.push(key);
                 biases[unit] = texture.bias + self.state.units[unit].environment.bias;
                 bound.push(texture);
             }
+            if key.sampled || key.coordinates {
+                units.push(key);
+            }
         }
         let mut key = self.key(&batch, units)?;
+        self.programmed(&mut key, &batch, vertex.as_ref(), fragment.as_ref())?;
         if self.cuts_fog(&key, &batch) {
             // The distance of an end that is cut off is known here alone.
             let modelview = self.modelview.top;
@@ -229,13 +258,21 @@ impl Gl {
             height: target.size[1],
             upward: target.upward,
             pixels: self.pixels.map_or([[0.0; 4]; 4], |pixels| pixels.uniforms),
+            vertex: vertex.as_ref(),
+            fragment: fragment.as_ref(),
         };
         uniforms::bytes(&key, &source, &mut blob);
         let shader = match self.shaders.get(&key) {
             Some(&shader) => shader,
             None => {
-                let label = format!("fixed-{}", self.shaders.len());
-                let shader = self.card.recorder.create_shader(&label, &wgsl::module(&key, &source));
+                let programs = [("vertex", &vertex), ("fragment", &fragment)];
+                let of = |(stage, active): (&str, &Option<Active>)| {
+                    Some(format!(" with {stage} program {}", active.as_ref()?.number))
+                };
+                let label = format!("fixed-{}{}", self.shaders.len(), programs.into_iter().filter_map(of).collect::<String>());
+                let text = wgsl::module(&key, &source);
+                let shader = self.card.recorder.create_shader(&label, &text);
+                self.texts.push((label, text));
                 self.shaders.insert(key.clone(), shader);
                 shader
             }
@@ -253,7 +290,8 @@ impl Gl {
         let pipeline = self.card.pipeline(&fixed);
         let group = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
-        let (viewport, blend) = (self.viewport(&target), self.state.blend_color);
+        let viewport = self.viewport(&target);
+        let blend = if self.constant_alpha() { [self.state.blend_color[3]; 4] } else { self.state.blend_color };
         let stencil = self.state.stencil[0].reference as u32;
         let pass = &mut self.card.pass;
         pass.textures.extend(bound.iter().map(|&(texture, ..)| texture));
@@ -274,18 +312,24 @@ impl Gl {
         let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
         let clip = to_clip(&self.projection.top, &self.modelview.top);
         let behind = |vertex: &Vertex| !(super::matrix::transform(&clip, vertex.position)[2] >= 0.0);
-        lines && key.fog.is_some() && !key.fog_coordinate && batch.vertices.iter().any(behind)
+        lines && key.fogged() && !key.fog_coordinate && batch.vertices.iter().any(behind)
     }
 
-    /// The key of a unit and its texture, if it is on.
-    fn unit(&mut self, unit: usize, class: Class) -> Outcome<Option<(UnitKey, Bound)>> {
-        let enabled = self.state.units[unit].enabled;
-        let Some(target) = (0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0) else { return Ok(None) };
-        self.texture(unit, target);
-        let name = self.state.units[unit].bound[target];
-        let texture = if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
-        let Some(texture) = texture else { return Ok(None) };
-        let Some(bound) = texture.bind(&mut self.card)? else { return Ok(None) };
+    /// The key of a unit, and the texture of a target if it is complete.
+    fn unit(&mut self, unit: usize, target: Option<usize>, class: Class) -> Outcome<(UnitKey, Option<Bound>)> {
+        let bound = match target {
+            None => None,
+            Some(target) => {
+                let name = self.state.units[unit].bound[target];
+                self.texture(unit, target);
+                let (table, key) =
+                    if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
+                match table.get_mut(&key) {
+                    Some(texture) => texture.bind(&mut self.card)?,
+                    None => None,
+                }
+            }
+        };
         let state = &self.state.units[unit];
         let made: [Option<Made>; 4] = std::array::from_fn(|k| {
             let on = state.generated & 1 << k != 0;
@@ -306,18 +350,21 @@ impl Gl {
         let sprite = class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
         let key = UnitKey {
             unit,
-            kind: kind_of(target),
-            base: bound.base,
-            depth: bound.depth,
-            clamp: bound.clamp,
+            coordinates: false,
+            sampled: false,
+            kind: target.map_or(Kind::D2, kind_of),
+            base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
+            clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
+            depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),
             matrix: *m != IDENTITY && !sprite,
             projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
-            bias: env.bias + bound.bias != 0.0,
+            bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
+            dynamic: false,
             made,
             sprite,
             environment,
         };
-        Ok(Some((key, bound)))
+        Ok((key, bound))
     }
 
     fn key(&self, batch: &Batch, mut units: Vec<UnitKey>) -> Outcome<ShaderKey> {
@@ -385,7 +432,16 @@ impl Gl {
             attenuated_point,
             logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.logic, e::COPY | e::NOOP)).then_some(state.logic),
             back,
+            vertex: None,
+            fragment: None,
         })
+    }
+
+    /// Whether colours are blended by the constant's alpha, and none by its colour: then the card's constant has it in all channels.
+    fn constant_alpha(&self) -> bool {
+        let [source, destination, ..] = self.state.blend;
+        let uses = |factors: [u32; 2]| factors.contains(&source) || factors.contains(&destination);
+        uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
     }
 
     /// State that is fixed in a pipeline.
@@ -420,7 +476,8 @@ impl Gl {
         };
         let tested = state.is(e::DEPTH_TEST) && target.has_depth;
         let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
-        let two_side = state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil[0] != state.stencil[1];
+        let two_side =
+            state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil_face.is_none() && state.stencil[0] != state.stencil[1];
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
         if stencil
             && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255)
@@ -466,6 +523,7 @@ impl Gl {
         });
         let color = target.color.map(|surface| surface.format);
         let [source, destination, source_alpha, destination_alpha] = state.blend;
+        let alone = self.constant_alpha();
         let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
             let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
                 let op = blend_operation(op)?;
@@ -473,7 +531,7 @@ impl Gl {
                 if matches!(op, BlendOp::Min | BlendOp::Max) {
                     return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
                 }
-                Ok(BlendComponent { src: blend_factor(src, alpha)?, dst: blend_factor(dst, alpha)?, op })
+                Ok(BlendComponent { src: blend_factor(src, alpha || alone)?, dst: blend_factor(dst, alpha || alone)?, op })
             };
             let color = component(source, destination, state.blend_ops[0], false)?;
             Some(Blend { color, alpha: component(source_alpha, destination_alpha, state.blend_ops[1], true)? })
@@ -494,16 +552,24 @@ fn varying(batch: &Batch, first: &Vertex, key: &ShaderKey) -> Varying {
         varying.normal |= vertex.normal != first.normal;
         varying.secondary |= vertex.secondary != first.secondary;
         varying.fog |= vertex.fog != first.fog;
-        for unit in &key.units {
-            varying.texture[unit.unit] |= vertex.texture[unit.unit] != first.texture[unit.unit];
+        for unit in 0..UNITS {
+            varying.texture[unit] |= vertex.texture[unit] != first.texture[unit];
+        }
+        if key.vertex.is_some() {
+            for k in 1..GENERICS {
+                varying.generic |= u16::from(vertex.generic[k] != first.generic[k]) << k;
+            }
         }
     }
     varying.color &= key.color();
     varying.normal &= key.normal();
-    varying.secondary &= key.color_sum;
-    varying.fog &= key.fog_coordinate;
-    for unit in &key.units {
-        varying.texture[unit.unit] &= !unit.sprite && unit.made.iter().any(Option::is_none);
+    varying.secondary &= key.vertex_secondary();
+    varying.fog &= key.vertex_fog();
+    for unit in 0..UNITS {
+        varying.texture[unit] &= key.vertex_texture(unit);
+    }
+    for k in 0..GENERICS {
+        varying.generic &= !(u16::from(!key.reads(input::GENERIC + k as u32)) << k);
     }
     varying
 }

@@ -37,8 +37,22 @@ fn set_func(gl: &mut Gl, face: u32, call: &Call, first: usize) -> Outcome {
     Ok(())
 }
 
+/// The faces that calls without a face mean.
+fn active_faces(gl: &Gl) -> u32 {
+    gl.state.stencil_face.unwrap_or(e::FRONT_AND_BACK)
+}
+
+/// `glActiveStencilFaceEXT(face)`
+pub(super) fn active_stencil_face(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    match call.u32(0)? {
+        face @ (e::FRONT | e::BACK) => gl.state.stencil_face = Some(face),
+        _ => return Err(INVALID_ENUM),
+    }
+    Ok(())
+}
+
 pub(super) fn stencil_func(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    set_func(gl, e::FRONT_AND_BACK, call, 0)
+    set_func(gl, active_faces(gl), call, 0)
 }
 
 pub(super) fn stencil_func_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -74,7 +88,7 @@ pub(super) fn stencil_operation(op: u32) -> Outcome<gfx::state::StencilOp> {
 }
 
 pub(super) fn stencil_op(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    set_op(gl, e::FRONT_AND_BACK, call, 0)
+    set_op(gl, active_faces(gl), call, 0)
 }
 
 pub(super) fn stencil_op_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -83,7 +97,8 @@ pub(super) fn stencil_op_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
 
 pub(super) fn stencil_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mask = call.u32(0)?;
-    gl.state.stencil.iter_mut().for_each(|side| side.write = mask);
+    let sides = sides(active_faces(gl))?;
+    gl.state.stencil[sides].iter_mut().for_each(|side| side.write = mask);
     Ok(())
 }
 
@@ -112,13 +127,16 @@ pub(super) fn blend_factor(factor: u32, alpha: bool) -> Outcome<gfx::state::Blen
         e::DST_ALPHA => F::DstAlpha,
         e::ONE_MINUS_DST_ALPHA => F::OneMinusDstAlpha,
         e::SRC_ALPHA_SATURATE => F::SrcAlphaSaturated,
-        // The alpha of the constant, where the factor is one of alpha.
+        // The constant's alpha: a factor of alpha, or the card's constant has it in all channels.
         e::CONSTANT_ALPHA if alpha => F::Constant,
         e::ONE_MINUS_CONSTANT_ALPHA if alpha => F::OneMinusConstant,
         e::CONSTANT_COLOR => F::Constant,
         e::ONE_MINUS_CONSTANT_COLOR => F::OneMinusConstant,
         e::CONSTANT_ALPHA | e::ONE_MINUS_CONSTANT_ALPHA => {
-            return Err(Fault::Unsupported(format!("blend factor {}", names::name(factor))));
+            return Err(Fault::Unsupported(format!(
+                "blend factor {} beside one of the constant's colour",
+                names::name(factor)
+            )));
         }
         _ => return Err(INVALID_ENUM),
     })
@@ -135,7 +153,7 @@ pub(super) fn blend_func_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
 
 fn set_blend(gl: &mut Gl, factors: [u32; 4]) -> Outcome {
     for factor in factors {
-        blend_factor(factor, false)?;
+        blend_factor(factor, true)?;
     }
     gl.state.blend = factors;
     Ok(())

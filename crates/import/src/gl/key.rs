@@ -1,5 +1,6 @@
 //! What decides which shader a draw needs. Terms that cannot matter are not in it.
 
+use super::arb::input;
 use super::image::Base;
 use super::state::UNITS;
 use super::texture::DepthRead;
@@ -17,6 +18,8 @@ pub struct Varying {
     pub fog: bool,
     /// Texture coordinates.
     pub texture: [bool; UNITS],
+    /// Generic attributes: a bit each.
+    pub generic: u16,
 }
 
 /// One enabled light.
@@ -91,6 +94,10 @@ pub enum EnvironmentKey {
 pub struct UnitKey {
     /// Its number.
     pub unit: usize,
+    /// Its coordinates go to the fragment stage.
+    pub coordinates: bool,
+    /// Its texture is read.
+    pub sampled: bool,
     /// The texture.
     pub kind: Kind,
     /// Its base format.
@@ -107,6 +114,8 @@ pub struct UnitKey {
     pub projective: bool,
     /// Whether the level of detail is biased.
     pub bias: bool,
+    /// Whether a fragment program gives a bias of its own.
+    pub dynamic: bool,
     /// Whether the coordinates are those of the sprite.
     pub sprite: bool,
     /// What is done with it.
@@ -127,6 +136,30 @@ pub enum Expand {
     Line,
     /// Lines as rectangles with soft edges.
     SmoothLine,
+}
+
+/// A vertex program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct VertexKey {
+    /// Its number.
+    pub number: u32,
+    /// Inputs that it reads (`arb::input`).
+    pub inputs: u32,
+    /// Back faces have colours of their own.
+    pub two_side: bool,
+    /// It gives the size of points.
+    pub size: bool,
+    /// Its position is that of fixed functions.
+    pub invariant: bool,
+}
+
+/// A fragment program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FragmentKey {
+    /// Its number.
+    pub number: u32,
+    /// Inputs that it reads (`arb::input`).
+    pub inputs: u32,
 }
 
 /// All that decides a shader.
@@ -166,6 +199,10 @@ pub struct ShaderKey {
     pub logic: Option<u32>,
     /// Lines and points of polygons that are back faces.
     pub back: bool,
+    /// The vertex program in the place of transformation, lighting and texture generation.
+    pub vertex: Option<VertexKey>,
+    /// The fragment program in the place of texture environments, colour sum and fog.
+    pub fragment: Option<FragmentKey>,
 }
 
 impl ShaderKey {
@@ -176,7 +213,10 @@ impl ShaderKey {
             .iter()
             .any(|unit| unit.made.iter().flatten().any(|made| matches!(made, Made::Eye | Made::Sphere | Made::Reflection)));
         let lit = self.lighting.as_ref().is_some_and(|l| l.local_viewer || l.lights.iter().any(|light| !light.directional));
-        made || lit || self.planes != 0 || self.attenuated_point || self.fog.is_some() && !self.fog_coordinate
+        if self.vertex.is_some() {
+            return self.planes != 0;
+        }
+        made || lit || self.planes != 0 || self.attenuated_point || self.fogged() && !self.fog_coordinate
     }
 
     /// Whether the normal in eye space is needed.
@@ -184,21 +224,59 @@ impl ShaderKey {
         let made = |unit: &UnitKey| {
             unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection | Made::Normal))
         };
+        if self.vertex.is_some() {
+            return self.reads(input::NORMAL);
+        }
         self.units.iter().any(made) || self.lighting.as_ref().is_some_and(|l| !l.lights.is_empty())
     }
 
     /// Whether the vertex's primary colour is needed.
     pub fn color(&self) -> bool {
+        if self.vertex.is_some() {
+            return self.reads(input::COLOR);
+        }
         self.lighting.as_ref().is_none_or(|lighting| lighting.color_material != [0; 2])
+    }
+
+    /// Whether a vertex program reads an input.
+    pub fn reads(&self, bit: u32) -> bool {
+        self.vertex.is_some_and(|vertex| vertex.inputs & 1 << bit != 0)
+    }
+
+    /// Whether the vertex's secondary colour is needed.
+    pub fn vertex_secondary(&self) -> bool {
+        if self.vertex.is_some() { self.reads(input::SECONDARY) } else { self.color_sum }
+    }
+
+    /// Whether the vertex's fog coordinate is needed.
+    pub fn vertex_fog(&self) -> bool {
+        if self.vertex.is_some() { self.reads(input::FOG) } else { self.fogged() && self.fog_coordinate }
+    }
+
+    /// Whether the vertex's texture coordinates of a unit are needed.
+    pub fn vertex_texture(&self, k: usize) -> bool {
+        let generated = |unit: &UnitKey| unit.sprite || unit.made.iter().all(Option::is_some);
+        match self.vertex {
+            Some(_) => self.reads(input::TEXTURE + k as u32),
+            None => self.units.iter().any(|unit| unit.unit == k && unit.coordinates && !generated(unit)),
+        }
+    }
+
+    /// Whether the fragment stage has a fog coordinate.
+    pub fn fogged(&self) -> bool {
+        self.fog.is_some() || self.fragment.is_some_and(|fragment| fragment.inputs & 1 << input::FOG != 0)
     }
 
     /// Whether back faces have a colour of their own.
     pub fn two_side(&self) -> bool {
-        self.lighting.as_ref().is_some_and(|lighting| lighting.two_side)
+        self.lighting.as_ref().is_some_and(|lighting| lighting.two_side) || self.vertex.is_some_and(|vertex| vertex.two_side)
     }
 
     /// Whether a second colour is added after texturing.
     pub fn secondary(&self) -> bool {
+        if let (Some(fragment), Some(_)) = (self.fragment, self.vertex) {
+            return fragment.inputs & 1 << input::SECONDARY != 0;
+        }
         self.color_sum || self.lighting.as_ref().is_some_and(|lighting| lighting.separate && lighting.specular)
     }
 }

@@ -119,6 +119,11 @@ impl Vertex {
                 vertex.texture[unit] = current.texture[unit];
             }
         }
+        for k in 1..vertex.generic.len() {
+            if !has(16 + k as u32) {
+                vertex.generic[k] = current.generic[k];
+            }
+        }
         vertex
     }
 }

@@ -7,6 +7,7 @@ use std::rc::Rc;
 use num::Limits;
 use trace::Trace;
 
+use super::arb::{MATRIX0, Programs};
 use super::arrays::Arrays;
 use super::buffers::Mapping;
 use super::call::{Arg, Call, Fault, INVALID_OPERATION, Outcome, Shape};
@@ -63,6 +64,8 @@ pub struct Gl {
     pub arrays: Arrays,
     /// Saved client state.
     pub saved_client: Vec<(u32, Box<(Arrays, PixelStore)>)>,
+    /// Programs in assembly.
+    pub programs: Programs,
     /// Buffer objects.
     pub buffers: BTreeMap<u32, Rc<[u8]>>,
     /// How pixels are read.
@@ -113,6 +116,8 @@ pub struct Gl {
     pub render_mode: u32,
     /// Shaders by key.
     pub shaders: BTreeMap<ShaderKey, num::ShaderId>,
+    /// Their labels and WGSL, in the order in which they were made.
+    pub texts: Vec<(String, String)>,
     /// Calls by name.
     pub calls: BTreeMap<Rc<str>, u64>,
     /// What is not supported.
@@ -145,6 +150,7 @@ impl Gl {
             color_matrix: Stack::new(10),
             arrays: Arrays::default(),
             saved_client: Vec::new(),
+            programs: Programs::default(),
             buffers: BTreeMap::new(),
             unpack: PixelStore::default(),
             pack_buffer: 0,
@@ -170,6 +176,7 @@ impl Gl {
             batch: Batch::default(),
             render_mode: e::RENDER,
             shaders: BTreeMap::new(),
+            texts: Vec::new(),
             calls: BTreeMap::new(),
             unsupported: Counts::new(),
             errors: Counts::new(),
@@ -242,8 +249,14 @@ impl Gl {
         if let Err(error) = self.limits.memory_bytes.check(self.card.bytes) {
             return Err(format!("{}: {error}", call.function.name));
         }
-        let objects =
-            [self.textures.len(), self.lists.len(), self.buffers.len(), self.framebuffers.len(), self.renderbuffers.len()];
+        let objects = [
+            self.textures.len(),
+            self.lists.len(),
+            self.buffers.len(),
+            self.framebuffers.len(),
+            self.renderbuffers.len(),
+            self.programs.len(),
+        ];
         if objects.into_iter().any(|count| count > NAMES_MAX) {
             return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
         }
@@ -297,6 +310,7 @@ impl Gl {
             e::PROJECTION => &mut self.projection,
             e::TEXTURE => &mut self.texture_matrices[self.state.active],
             e::COLOR => &mut self.color_matrix,
+            mode @ MATRIX0.. => &mut self.programs.matrices[(mode - MATRIX0) as usize],
             _ => &mut self.modelview,
         }
     }

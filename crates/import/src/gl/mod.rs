@@ -1,4 +1,4 @@
-//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5.
+//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5 and programs in assembly ([`arb`]).
 //!
 //! The machine keeps OpenGL's state. What is drawn between two changes of state becomes one draw. Fixed-function state becomes WGSL that is made
 //! from a small key ([`key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
@@ -16,6 +16,7 @@
 //! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
 
 mod accumulate;
+mod arb;
 mod arrays;
 mod buffers;
 mod call;
@@ -81,8 +82,8 @@ pub struct Report {
     pub unsupported: Counts,
     /// Calls that raise an OpenGL error, and so have no effect.
     pub errors: Counts,
-    /// Shaders that the fixed functions became.
-    pub shaders: usize,
+    /// Shaders that fixed functions and programs became: label and WGSL.
+    pub shaders: Vec<(String, String)>,
     /// Uses of occlusion queries.
     pub queries: u64,
     /// Draws of frames that were not asked for, which nothing can read.
@@ -182,12 +183,12 @@ fn import(
         gl.call(&call).map_err(wrong)?;
     }
     gl.finish_counts();
-    let mut report =
-        Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, shaders: gl.shaders.len(), ..Report::default() };
+    let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, ..Report::default() };
     if let Err(Fault::Limit(reason) | Fault::Damaged(reason)) = gl.flush() {
         return Err(TraceError::new(path, reason));
     }
     (report.queries, report.dropped) = (gl.queries, gl.card.dropped);
+    report.shaders = std::mem::take(&mut gl.texts);
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;

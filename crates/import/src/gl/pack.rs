@@ -2,10 +2,11 @@
 
 use gfx::state::VertexFormat;
 
+use super::arb::GENERICS;
 use super::key::{Expand, ShaderKey};
 use super::matrix::{self, Matrix};
 use super::primitive::{Batch, Class};
-use super::state::Vertex;
+use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
 use super::wgsl::{self, location};
 
@@ -59,9 +60,13 @@ fn layout(key: &ShaderKey, vertices: &[Vertex]) -> Vec<Attribute> {
     if key.line_stipple {
         list.push((location::ALONG, 1, |v, _| [v.along; 4]));
     }
-    for unit in key.units.iter().filter(|unit| wgsl::reads_coordinates(key, unit)) {
-        let count = components(vertices.iter().map(|vertex| vertex.texture[unit.unit]), 2);
-        list.push((location::TEXTURE + unit.unit as u32, count, |v, at| v.texture[(at - location::TEXTURE) as usize]));
+    for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit)) {
+        let count = components(vertices.iter().map(|vertex| vertex.texture[unit]), 2);
+        list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture[(at - location::TEXTURE) as usize]));
+    }
+    for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0) {
+        let count = components(vertices.iter().map(|vertex| vertex.generic[k]), 2);
+        list.push((location::GENERIC + k as u32, count, |v, at| v.generic[(at - location::GENERIC) as usize]));
     }
     list
 }

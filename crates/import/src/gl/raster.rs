@@ -16,6 +16,10 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
         return Ok(());
     }
+    if let Some(bit) = super::arb::switch_of(cap) {
+        gl.state.programs = if on { gl.state.programs | bit } else { gl.state.programs & !bit };
+        return Ok(());
+    }
     let unit = &mut gl.state.units[gl.state.active];
     if let Some(k) = TARGETS.iter().position(|&target| target == cap) {
         unit.enabled = unit.enabled & !(1 << k) | u8::from(on) << k;

@@ -1,5 +1,6 @@
 //! The server's state: what `glPushAttrib` saves.
 
+use super::arb::GENERICS;
 use super::consts as e;
 use super::matrix::IDENTITY;
 use super::matrix::Matrix;
@@ -30,6 +31,8 @@ pub struct Vertex {
     pub fog: f32,
     /// Texture coordinates.
     pub texture: [[f32; 4]; UNITS],
+    /// Generic attributes; 0 is the position.
+    pub generic: [[f32; 4]; GENERICS],
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
     /// Pixels along a stippled line up to here.
@@ -139,6 +142,8 @@ pub struct State {
     pub current: Vertex,
     /// Enabled capabilities: a bit of [`capability`] each.
     pub enabled: u64,
+    /// Switches of programs (`arb::switch`).
+    pub programs: u8,
     /// x, y, width, height.
     pub viewport: [i32; 4],
     /// Near and far depth.
@@ -201,6 +206,8 @@ pub struct State {
     pub clear_depth: f32,
     /// Front and back.
     pub stencil: [Stencil; 2],
+    /// The face that calls mean, where a program names one (EXT_stencil_two_side).
+    pub stencil_face: Option<u32>,
     /// Stencil.
     pub clear_stencil: i32,
     /// Alpha test: comparison and reference.
@@ -286,12 +293,14 @@ impl Default for State {
             secondary: [0.0; 3],
             fog: 0.0,
             texture: [black; UNITS],
+            generic: [black; GENERICS],
             edge: true,
             along: 0.0,
         };
         State {
             current: first,
             enabled: capability(e::DITHER).unwrap_or(0) | capability(e::MULTISAMPLE).unwrap_or(0),
+            programs: 0,
             viewport: [0; 4],
             depth_range: [0.0, 1.0],
             matrix_mode: e::MODELVIEW,
@@ -323,6 +332,7 @@ impl Default for State {
             depth_write: true,
             clear_depth: 1.0,
             stencil: [stencil; 2],
+            stencil_face: None,
             clear_stencil: 0,
             alpha: (e::ALWAYS, 0.0),
             blend: [e::ONE, e::ZERO, e::ONE, e::ZERO],
@@ -429,6 +439,7 @@ impl State {
             ($bit:expr => $($field:ident),+) => { if has($bit) { $(self.$field = saved.$field.clone();)+ } };
         }
         take!(e::CURRENT_BIT => current, raster, raster_vertex);
+        take!(e::ENABLE_BIT => programs);
         take!(e::VIEWPORT_BIT => viewport, depth_range);
         take!(e::TRANSFORM_BIT => matrix_mode, planes);
         take!(e::LIGHTING_BIT => lights, model_ambient, local_viewer, two_side, separate_specular, materials, color_material, flat);
@@ -438,7 +449,7 @@ impl State {
         take!(e::LINE_BIT => line_width, line_stipple);
         take!(e::POINT_BIT => point_size, point_limits, point_attenuation, point_sprites);
         take!(e::DEPTH_BUFFER_BIT => depth_func, depth_write, clear_depth);
-        take!(e::STENCIL_BUFFER_BIT => stencil, clear_stencil);
+        take!(e::STENCIL_BUFFER_BIT => stencil, stencil_face, clear_stencil);
         take!(e::COLOR_BUFFER_BIT => alpha, blend, blend_ops, blend_color, logic, color_mask, clear_color, draw_buffer);
         take!(e::SCISSOR_BIT => scissor);
         take!(e::LIST_BIT => list_base);

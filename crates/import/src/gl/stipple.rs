@@ -1,6 +1,7 @@
 //! Line stipple (OpenGL 1.5, section 3.4.2): each end of a line gets the pixels that lie along the line up to it. The fragment stage takes
 //! the bit of the pattern.
 
+use super::arb::GENERICS;
 use super::consts as e;
 use super::machine::Gl;
 use super::matrix;
@@ -85,6 +86,9 @@ pub fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
     cut.normal = std::array::from_fn(|k| mix(a.normal[k], b.normal[k]));
     cut.secondary = std::array::from_fn(|k| mix(a.secondary[k], b.secondary[k]));
     (cut.fog, cut.along) = (mix(a.fog, b.fog), mix(a.along, b.along));
+    for k in 1..GENERICS {
+        cut.generic[k] = mix4(a.generic[k], b.generic[k]);
+    }
     for unit in 0..UNITS {
         cut.texture[unit] = mix4(a.texture[unit], b.texture[unit]);
     }

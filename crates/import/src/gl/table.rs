@@ -3,8 +3,8 @@
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::machine::Gl;
 use super::{
-    accumulate, arrays, buffers, evaluator, fragments, framebuffer, immediate, lists, pixels, raster, rectangles, texturing,
-    transform,
+    accumulate, arb, arrays, buffers, evaluator, fragments, framebuffer, immediate, lists, pixels, raster, rectangles,
+    texturing, transform,
 };
 
 /// When a function may be called, and what it does to what waits.
@@ -105,6 +105,12 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "BufferData" => (Client, arrays::buffer_data),
         "BufferSubData" => (Client, arrays::buffer_sub_data),
         "DeleteBuffers" => (Client, arrays::delete_buffers),
+        "EnableVertexAttribArray" => (Client, arrays::enable_generic),
+        "DisableVertexAttribArray" => (Client, arrays::disable_generic),
+        "VertexAttribPointer" => (Client, arrays::generic_pointer),
+        "BindProgram" => (Server, arb::bind),
+        "ProgramString" => (Client, arb::string),
+        "DeletePrograms" => (Client, arb::delete),
         "MatrixMode" => (Server, transform::matrix_mode),
         "LoadIdentity" => (Server, transform::load_identity),
         "PushMatrix" => (Server, transform::push_matrix),
@@ -130,6 +136,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "PointSize" => (Server, raster::point_size),
         "Scissor" => (Server, fragments::scissor),
         "AlphaFunc" => (Server, fragments::alpha_func),
+        "ActiveStencilFace" => (Server, fragments::active_stencil_face),
         "StencilFunc" => (Server, fragments::stencil_func),
         "StencilFuncSeparate" => (Server, fragments::stencil_func_separate),
         "StencilOp" => (Server, fragments::stencil_op),
@@ -214,11 +221,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "GenTextures"
         | "GenBuffers"
         | "GenQueries"
-        | "GenProgram"
         | "GenPrograms"
-        | "BindProgram"
-        | "ProgramString"
-        | "DeletePrograms"
         | "LockArrays"
         | "UnlockArrays"
         | "ClearIndex"
@@ -253,6 +256,12 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "FogCoord" => (Vertex, immediate::fog_coordinate),
         "TexCoord" => (Vertex, immediate::texture),
         "MultiTexCoord" => (Vertex, immediate::multi_texture),
+        "VertexAttrib" => (Vertex, arb::attribute),
+        "VertexAttrib4N" => (Vertex, arb::attribute_normalized),
+        "ProgramEnvParameter" => (Server, arb::environment),
+        "ProgramLocalParameter" => (Server, arb::local),
+        "ProgramEnvParameters" => (Server, arb::environments),
+        "ProgramLocalParameters" => (Server, arb::locals),
         "Rect" => (Server, immediate::rectangle),
         "EvalCoord" => (Vertex, evaluator::coordinate),
         "Material" => (Vertex, raster::material),

@@ -1,5 +1,6 @@
 //! Matrices, viewport and clip planes.
 
+use super::arb::MATRIX0;
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::Gl;
@@ -8,6 +9,7 @@ use super::state::PLANES;
 
 pub(super) fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     match call.u32(0)? {
+        mode @ MATRIX0.. if ((mode - MATRIX0) as usize) < gl.programs.matrices.len() => gl.state.matrix_mode = mode,
         mode @ (e::MODELVIEW | e::PROJECTION | e::TEXTURE | e::COLOR) => gl.state.matrix_mode = mode,
         _ => return Err(INVALID_ENUM),
     }

@@ -1,5 +1,6 @@
 //! The uniforms of a draw: one list of fields, which is both the block's declaration and its bytes.
 
+use super::arb::{Active, GENERICS, input};
 use super::consts as e;
 use super::key::{EnvironmentKey, Made, ShaderKey};
 use super::matrix::{self, Matrix};
@@ -25,6 +26,10 @@ pub struct Source<'a> {
     pub upward: bool,
     /// Where drawn pixels are, and what is made of them.
     pub pixels: [[f32; 4]; 4],
+    /// The vertex program.
+    pub vertex: Option<&'a Active>,
+    /// The fragment program.
+    pub fragment: Option<&'a Active>,
 }
 
 /// A field: its name, the number of an element if it has one, and its vectors.
@@ -55,7 +60,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     if key.eye() {
         field("modelview", None, &columns(source.modelview));
     }
-    if key.normal() {
+    if key.normal() && key.vertex.is_none() {
         let normals = matrix::normal_matrix(source.modelview);
         field("normal_matrix", None, &normals);
         if key.normalize == 2 {
@@ -63,14 +68,14 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             let length = normals.iter().map(|column| column[2] * column[2]).sum::<f32>().sqrt();
             field("rescale", None, &[[if length > 0.0 { 1.0 / length } else { 1.0 }; 4]]);
         }
-        if !key.varying.normal {
-            field("normal", None, &[wide(constant.normal, 0.0)]);
-        }
+    }
+    if key.normal() && !key.varying.normal {
+        field("normal", None, &[wide(constant.normal, 0.0)]);
     }
     if key.color() && !key.varying.color {
         field("color", None, &[constant.color]);
     }
-    if key.color_sum && !key.varying.secondary {
+    if key.vertex_secondary() && !key.varying.secondary {
         field("secondary", None, &[wide(constant.secondary, 0.0)]);
     }
     if key.fog.is_some() {
@@ -78,16 +83,27 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
         field("fog_color", None, &[state.fog_color]);
         let scale = if end == start { 1.0 } else { 1.0 / (end - start) };
         field("fog_terms", None, &[[density, start, end, scale]]);
-        if key.fog_coordinate && !key.varying.fog {
-            field("fog_coordinate", None, &[[constant.fog; 4]]);
+    }
+    if key.vertex_fog() && !key.varying.fog {
+        field("fog_coordinate", None, &[[constant.fog; 4]]);
+    }
+    for k in (0..UNITS).filter(|&k| key.vertex_texture(k) && !key.varying.texture[k]) {
+        field("texture", Some(k), &[constant.texture[k]]);
+    }
+    for k in (1..GENERICS).filter(|&k| key.reads(input::GENERIC + k as u32) && key.varying.generic & 1 << k == 0) {
+        field("generic", Some(k), &[constant.generic[k]]);
+    }
+    if key.vertex.is_some_and(|vertex| !vertex.invariant) {
+        field("upward", None, &[[if source.upward { -1.0 } else { 1.0 }; 4]]);
+    }
+    for (name, program) in [("vertex_params", source.vertex), ("fragment_params", source.fragment)] {
+        if let Some(program) = program.filter(|program| !program.values.is_empty()) {
+            field(name, None, &program.values);
         }
     }
     lighting(key, source, field);
     for unit in &key.units {
         let (k, of) = (unit.unit, &state.units[unit.unit]);
-        if !key.varying.texture[k] && !unit.sprite && unit.made.iter().any(Option::is_none) {
-            field("texture", Some(k), &[constant.texture[k]]);
-        }
         let planes = |wanted: Made, plane: &dyn Fn(usize) -> [f32; 4]| {
             let any = unit.made.contains(&Some(wanted));
             any.then(|| std::array::from_fn::<_, 4, _>(plane))
@@ -124,11 +140,12 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field("plane", Some(plane), &[state.planes[plane]]);
         }
     }
+    let place = key.fragment.is_some_and(|fragment| fragment.inputs & 1 << input::POSITION != 0);
     if key.stipple {
         let rows: [[f32; 4]; 8] = std::array::from_fn(|k| std::array::from_fn(|i| f32::from_bits(state.stipple[4 * k + i])));
         field("stipple", None, &rows);
     }
-    if key.stipple || key.pixels {
+    if key.stipple || key.pixels || place {
         // From the card's rows to those from the bottom.
         let [first, step] = if source.upward { [0.0, 1.0] } else { [source.height as f32, -1.0] };
         field("height", None, &[[first, step, 0.0, 0.0]]);
@@ -202,6 +219,7 @@ pub fn declaration(key: &ShaderKey, source: &Source) -> String {
         let kind = match (field, vectors.len()) {
             ("mvp" | "modelview" | "texture_matrix" | "object_planes" | "eye_planes", _) => "mat4x4f".to_owned(),
             ("normal_matrix", _) => "mat3x3f".to_owned(),
+            ("vertex_params" | "fragment_params", count) => format!("array<vec4f, {count}>"),
             ("stipple", count) => format!("array<vec4u, {count}>"),
             (_, 1) => "vec4f".to_owned(),
             (_, count) => format!("array<vec4f, {count}>"),

@@ -2,9 +2,12 @@
 
 use std::fmt::Write;
 
+use super::arb::program::Output;
+use super::arb::{self, GENERICS};
 use super::consts as e;
 use super::image::Base;
 use super::key::{EnvironmentKey, Expand, Kind, Made, ShaderKey, UnitKey};
+use super::state::UNITS;
 use super::texture::DepthRead;
 use super::uniforms::{self, Source};
 
@@ -28,6 +31,8 @@ pub mod location {
     pub const ALONG: u32 = 7;
     /// Texture coordinates of unit 0.
     pub const TEXTURE: u32 = 8;
+    /// Generic attribute 0.
+    pub const GENERIC: u32 = 16;
 }
 
 /// A line of code.
@@ -42,7 +47,7 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         line!(out, "enable clip_distances;");
     }
     out.push_str(&uniforms::declaration(key, source));
-    for (slot, unit) in key.units.iter().enumerate() {
+    for (slot, unit) in key.units.iter().filter(|unit| unit.sampled).enumerate() {
         let compared = if unit.depth == DepthRead::Compared { "_comparison" } else { "" };
         let kind = match unit.kind {
             _ if unit.depth != DepthRead::No => "texture_depth_2d",
@@ -54,19 +59,27 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         line!(out, "@group(1) @binding({}) var sampler{}: sampler{compared};", 2 * slot + 1, unit.unit);
     }
     if key.logic.is_some() {
-        line!(out, "@group(1) @binding({}) var frame: texture_2d<f32>;", 2 * key.units.len());
+        line!(out, "@group(1) @binding({}) var frame: texture_2d<f32>;", 2 * sampled(key));
     }
     if key.pixels {
-        let slot = key.units.len() + usize::from(key.logic.is_some());
+        let slot = sampled(key) + usize::from(key.logic.is_some());
         line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * slot);
     }
     interface(key, &mut out);
     if key.lighting.is_some() {
         light(key, &mut out);
     }
-    vertex(key, &mut out);
-    fragment(key, &mut out);
+    match source.vertex {
+        Some(active) => arb::stage::vertex_program(key, &active.program, &mut out),
+        None => vertex(key, &mut out),
+    }
+    fragment(key, source, &mut out);
     out
+}
+
+/// Number of textures that are read.
+fn sampled(key: &ShaderKey) -> usize {
+    key.units.iter().filter(|unit| unit.sampled).count()
 }
 
 /// What the vertex stage reads and what it hands on.
@@ -77,8 +90,8 @@ fn interface(key: &ShaderKey, out: &mut String) {
     let attributes = [
         (v.color && key.color(), location::COLOR, "color: vec4f"),
         (v.normal && key.normal(), location::NORMAL, "normal: vec3f"),
-        (v.secondary && key.color_sum, location::SECONDARY, "secondary: vec3f"),
-        (v.fog && key.fog.is_some() && key.fog_coordinate, location::FOG, "fog: f32"),
+        (v.secondary && key.vertex_secondary(), location::SECONDARY, "secondary: vec3f"),
+        (v.fog && key.vertex_fog(), location::FOG, "fog: f32"),
         (key.expand != Expand::No, location::CORNER, "corner: vec2f"),
         (matches!(key.expand, Expand::Line | Expand::SmoothLine), location::OTHER, "other: vec4f"),
         (key.line_stipple, location::ALONG, "along: f32"),
@@ -88,10 +101,11 @@ fn interface(key: &ShaderKey, out: &mut String) {
             line!(out, "    @location({location}) {declaration},");
         }
     }
-    for unit in &key.units {
-        if reads_coordinates(key, unit) {
-            line!(out, "    @location({}) texture{}: vec4f,", location::TEXTURE + unit.unit as u32, unit.unit);
-        }
+    for k in (0..UNITS).filter(|&k| reads_coordinates(key, k)) {
+        line!(out, "    @location({}) texture{k}: vec4f,", location::TEXTURE + k as u32);
+    }
+    for k in (0..GENERICS).filter(|&k| v.generic & 1 << k != 0) {
+        line!(out, "    @location({}) generic{k}: vec4f,", location::GENERIC + k as u32);
     }
     line!(out, "}}\nstruct Varying {{\n    @builtin(position) position: vec4f,");
     let flat = if key.flat { "@interpolate(flat) " } else { "" };
@@ -105,7 +119,7 @@ fn interface(key: &ShaderKey, out: &mut String) {
             line!(out, "    @location(3) {flat}back_secondary: vec3f,");
         }
     }
-    if key.fog.is_some() {
+    if key.fogged() {
         line!(out, "    @location(4) fog: f32,");
     }
     if key.expand != Expand::No {
@@ -114,7 +128,7 @@ fn interface(key: &ShaderKey, out: &mut String) {
     if key.line_stipple {
         line!(out, "    @location(6) @interpolate(linear) along: f32,");
     }
-    for unit in key.units.iter().filter(|unit| !unit.sprite) {
+    for unit in key.units.iter().filter(|unit| unit.coordinates && !unit.sprite) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
         line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
     }
@@ -128,8 +142,8 @@ fn interface(key: &ShaderKey, out: &mut String) {
 }
 
 /// Whether the coordinates of a unit are an attribute in the buffer.
-pub fn reads_coordinates(key: &ShaderKey, unit: &UnitKey) -> bool {
-    key.varying.texture[unit.unit] && !unit.sprite && unit.made.iter().any(Option::is_none)
+pub fn reads_coordinates(key: &ShaderKey, unit: usize) -> bool {
+    key.varying.texture[unit] && key.vertex_texture(unit)
 }
 
 /// Lighting of one side (OpenGL 1.5, section 2.14.1).
@@ -199,7 +213,7 @@ fn vertex(key: &ShaderKey, out: &mut String) {
     for (bit, plane) in (0..8).filter(|bit| key.planes & 1 << bit != 0).enumerate() {
         line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
     }
-    if key.fog.is_some() {
+    if key.fogged() {
         let distance = match (key.fog_coordinate, key.varying.fog) {
             (true, true) => "v.fog",
             (true, false) => "u.fog_coordinate.x",
@@ -207,7 +221,7 @@ fn vertex(key: &ShaderKey, out: &mut String) {
         };
         line!(out, "    o.fog = {distance};");
     }
-    for unit in &key.units {
+    for unit in key.units.iter().filter(|unit| unit.coordinates) {
         coordinates(key, unit, out);
     }
     if key.line_stipple {
@@ -272,7 +286,7 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
         return;
     }
     let k = unit.unit;
-    let given = if reads_coordinates(key, unit) { format!("v.texture{k}") } else { format!("u.texture{k}") };
+    let given = if reads_coordinates(key, k) { format!("v.texture{k}") } else { format!("u.texture{k}") };
     if unit.made.iter().any(Option::is_some) {
         line!(out, "    var t{k}: vec4f;");
         if unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection)) {
@@ -298,11 +312,12 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
 }
 
 /// Points and lines as triangles: `corner` is from -1 to 1.
-fn expand(key: &ShaderKey, out: &mut String) {
+pub fn expand(key: &ShaderKey, out: &mut String) {
     match key.expand {
         Expand::No => {}
         Expand::Point | Expand::SmoothPoint => {
-            line!(out, "    var size = u.screen.z;");
+            let size = if key.vertex.is_some_and(|vertex| vertex.size) { "out_size.x" } else { "u.screen.z" };
+            line!(out, "    var size = {size};");
             if key.attenuated_point {
                 line!(out, "    let distance = length(eye);\n    let terms = u.point_attenuation;");
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
@@ -341,9 +356,19 @@ fn expand(key: &ShaderKey, out: &mut String) {
     }
 }
 
-fn fragment(key: &ShaderKey, out: &mut String) {
+fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     let facing = if key.two_side() { ", @builtin(front_facing) front: bool" } else { "" };
-    line!(out, "@fragment fn fs(v: Varying{facing}) -> @location(0) vec4f {{");
+    let depth = source.fragment.is_some_and(|active| active.program.outputs.contains(&Output::Depth));
+    if source.fragment.is_some() {
+        for unit in key.units.iter().filter(|unit| unit.sampled) {
+            arb::stage::texel(unit, out);
+        }
+    }
+    if depth {
+        line!(out, "struct Pixel {{ @location(0) color: vec4f, @builtin(frag_depth) depth: f32 }}");
+    }
+    let result = if depth { "Pixel" } else { "@location(0) vec4f" };
+    line!(out, "@fragment fn fs(v: Varying{facing}) -> {result} {{");
     if key.line_stipple {
         line!(out, "    let mark = u32(max(v.along, 0.0) / u.line_stipple.x) & 15u;");
         line!(out, "    if (u32(u.line_stipple.y) >> mark & 1u) == 0u {{ discard; }}");
@@ -359,15 +384,19 @@ fn fragment(key: &ShaderKey, out: &mut String) {
     } else {
         line!(out, "    let primary = v.color;");
     }
-    line!(out, "    var c = primary;");
-    for unit in &key.units {
-        sample(unit, out);
+    if let Some(active) = source.fragment {
+        arb::stage::fragment_program(key, &active.program, out);
+    } else {
+        line!(out, "    var c = primary;");
+        for unit in &key.units {
+            sample(unit, out);
+        }
+        for unit in &key.units {
+            environment(unit, &key.units, out);
+        }
     }
-    for unit in &key.units {
-        environment(unit, &key.units, out);
-    }
-    if key.secondary() {
-        let secondary = if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" };
+    if key.secondary() && source.fragment.is_none() {
+        let secondary = secondary(key);
         line!(out, "    c = vec4f(saturate(c.rgb + {secondary}), c.a);");
     }
     if let Some(mode) = key.fog {
@@ -406,7 +435,12 @@ fn fragment(key: &ShaderKey, out: &mut String) {
         line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
         line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
     }
-    line!(out, "    return c;\n}}");
+    line!(out, "    return {};\n}}", if depth { "Pixel(c, saturate(out_depth.z))" } else { "c" });
+}
+
+/// The second colour of the side that is seen.
+pub fn secondary(key: &ShaderKey) -> &'static str {
+    if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" }
 }
 
 /// A logic operation of new and stored codes.
@@ -439,6 +473,12 @@ fn sample(unit: &UnitKey, out: &mut String) {
         (false, false) => format!("v.texture{k}"),
     };
     line!(out, "    var at{k} = {source};");
+    read(unit, out);
+}
+
+/// Reads the texture of a unit at `atK`.
+pub fn read(unit: &UnitKey, out: &mut String) {
+    let k = unit.unit;
     if unit.kind == Kind::Rectangle {
         line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), at{k}.z);");
     }
@@ -450,14 +490,15 @@ fn sample(unit: &UnitKey, out: &mut String) {
         Kind::D2 | Kind::Rectangle => format!("at{k}.xy"),
         Kind::D3 | Kind::Cube => format!("at{k}"),
     };
-    let read = if unit.depth == DepthRead::Compared {
-        format!("vec4f(textureSampleCompare(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
-    } else if unit.depth == DepthRead::Plain {
-        format!("vec4f(textureSample(image{k}, sampler{k}, {at}))")
-    } else if unit.bias {
-        format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)")
-    } else {
-        format!("textureSample(image{k}, sampler{k}, {at})")
+    let read = match (unit.depth, unit.bias, unit.dynamic) {
+        (DepthRead::Compared, ..) => {
+            format!("vec4f(textureSampleCompare(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
+        }
+        (DepthRead::Plain, ..) => format!("vec4f(textureSample(image{k}, sampler{k}, {at}))"),
+        (_, true, true) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias + u.bias{k}.x)"),
+        (_, false, true) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias)"),
+        (_, true, false) => format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)"),
+        (_, false, false) => format!("textureSample(image{k}, sampler{k}, {at})"),
     };
     if unit.base.swizzle() == "t" {
         line!(out, "    let texel{k} = {read};");

@@ -1,0 +1,59 @@
+//! What programs leave of the fixed functions.
+
+use super::{Active, input, switch};
+use crate::gl::call::{Fault, Outcome};
+use crate::gl::consts as e;
+use crate::gl::key::*;
+use crate::gl::machine::Gl;
+use crate::gl::primitive::{Batch, Class};
+
+impl Gl {
+    /// Changes the key of the fixed functions to what programs leave of them.
+    pub fn programmed(
+        &self,
+        key: &mut ShaderKey,
+        batch: &Batch,
+        vertex: Option<&Active>,
+        fragment: Option<&Active>,
+    ) -> Outcome {
+        if let Some(active) = fragment {
+            let inputs = active.program.inputs;
+            key.fragment = Some(FragmentKey { number: active.number, inputs });
+            key.fog = active.program.fog;
+            key.fog_coordinate = self.state.fog_from_coordinate;
+            key.color_sum = inputs & 1 << input::SECONDARY != 0 && key.lighting.is_none();
+        }
+        if let Some(active) = vertex {
+            let (program, on) = (&active.program, |bit: u8| self.state.programs & bit != 0);
+            key.vertex = Some(VertexKey {
+                number: active.number,
+                inputs: program.inputs,
+                two_side: on(switch::TWO_SIDE) && batch.class == Class::Triangles,
+                size: on(switch::POINT_SIZE) && program.outputs.contains(&super::program::Output::PointSize),
+                invariant: program.invariant,
+            });
+            if !program.invariant {
+                key.planes = 0;
+                let lines = key.line_stipple || matches!(key.expand, Expand::Line | Expand::SmoothLine);
+                let faces = batch.polygon.is_some()
+                    && (self.state.is(e::CULL_FACE) || self.state.polygon_modes[0] != self.state.polygon_modes[1]);
+                if lines || faces {
+                    let what = if lines { "wide or stippled lines" } else { "polygons as lines or points, by their face," };
+                    return Err(Fault::Unsupported(format!("{what} with a vertex program that computes positions")));
+                }
+            }
+            key.lighting = None;
+            key.normalize = 0;
+            key.attenuated_point = false;
+            key.back = false;
+            key.color_sum = self.state.is(e::COLOR_SUM);
+            key.fog_coordinate = true;
+            let sprite = key.units.iter().any(|unit| unit.sprite);
+            let size = key.vertex.is_some_and(|vertex| vertex.size);
+            if batch.class == Class::Points && key.expand != Expand::SmoothPoint {
+                key.expand = if size || sprite || self.state.point_size > 1.0 { Expand::Point } else { Expand::No };
+            }
+        }
+        Ok(())
+    }
+}

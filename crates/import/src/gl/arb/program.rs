@@ -1,0 +1,224 @@
+//! What a program of ARB_vertex_program or ARB_fragment_program is after it has been read.
+
+use crate::gl::state::UNITS;
+
+/// Environment and local parameters of a program at most.
+pub const PARAMETERS: u32 = 256;
+/// Generic vertex attributes.
+pub const GENERICS: usize = 16;
+/// Matrices of programs.
+pub const MATRICES: usize = 8;
+
+/// A stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// `!!ARBvp1.0`
+    Vertex = 1,
+    /// `!!ARBfp1.0`
+    Fragment = 2,
+}
+
+/// Bits of inputs, which are those of the locations of vertex attributes.
+pub mod input {
+    /// Position of the vertex, or of the fragment in the window.
+    pub const POSITION: u32 = 0;
+    /// Primary colour.
+    pub const COLOR: u32 = 1;
+    /// Normal.
+    pub const NORMAL: u32 = 2;
+    /// Secondary colour.
+    pub const SECONDARY: u32 = 3;
+    /// Fog coordinate.
+    pub const FOG: u32 = 4;
+    /// Texture coordinates of unit 0.
+    pub const TEXTURE: u32 = 8;
+    /// Generic attribute 0.
+    pub const GENERIC: u32 = 16;
+}
+
+/// A result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Output {
+    /// Position in clip space.
+    Position,
+    /// Colours: 0 primary and 1 secondary of the front, 2 and 3 of the back. A fragment program has 0 alone.
+    Color(u8),
+    /// Fog coordinate.
+    Fog,
+    /// Point size.
+    PointSize,
+    /// Texture coordinates.
+    Texture(u8),
+    /// Depth in the window.
+    Depth,
+}
+
+/// A matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Matrix {
+    /// Modelview.
+    Modelview,
+    /// Projection.
+    Projection,
+    /// Projection x modelview.
+    Mvp,
+    /// A texture matrix.
+    Texture(u8),
+    /// A matrix of programs.
+    Program(u8),
+}
+
+/// A term of lights, materials and their products.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// Ambient.
+    Ambient,
+    /// Diffuse.
+    Diffuse,
+    /// Specular.
+    Specular,
+    /// Emission, of materials.
+    Emission,
+    /// Shininess, of materials.
+    Shininess,
+    /// Position, of lights.
+    Position,
+    /// Attenuation and spot exponent, of lights.
+    Attenuation,
+    /// Direction of the spot and cosine of its cutoff, of lights.
+    Spot,
+    /// Half way to a viewer at infinity, of lights.
+    Half,
+}
+
+/// What a parameter of four components is bound to. Faces: 0 front, 1 back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Param {
+    /// A constant.
+    Literal([f32; 4]),
+    /// A parameter of all programs of a stage.
+    Environment(u32),
+    /// A parameter of this program.
+    Local(u32),
+    /// A term of a face's material.
+    Material(u8, Term),
+    /// A term of a light.
+    Light(u8, Term),
+    /// Ambient light of the scene.
+    ModelAmbient,
+    /// Emission and ambient light of the scene on a face's material.
+    SceneColor(u8),
+    /// The product of a light's and a face's term.
+    Product(u8, u8, Term),
+    /// A plane of texture generation: unit, whether in eye space, coordinate.
+    Generation(u8, bool, u8),
+    /// The colour of a unit's texture environment.
+    Environ(u8),
+    /// Fog colour.
+    FogColor,
+    /// Density, start, end, 1 / (end - start).
+    FogTerms,
+    /// A clip plane in eye space.
+    Plane(u8),
+    /// Size, minimum, maximum, fade threshold.
+    PointSize,
+    /// Constant, linear, quadratic.
+    PointAttenuation,
+    /// Near, far, far - near.
+    DepthRange,
+    /// A row of a matrix that is inverted or transposed before.
+    Row {
+        /// Which matrix.
+        matrix: Matrix,
+        /// Whether it is inverted.
+        inverse: bool,
+        /// Whether it is transposed.
+        transpose: bool,
+        /// Which row.
+        row: u8,
+    },
+}
+
+/// What an operand names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Register {
+    /// A temporary.
+    Temp(usize),
+    /// A parameter.
+    Param(usize),
+    /// Parameters from this one on, at the place that an address register and an offset give.
+    Relative {
+        /// The first parameter of the array plus the offset.
+        first: i32,
+        /// The address register.
+        address: usize,
+    },
+    /// An input, by its bit.
+    Input(u32),
+    /// A result.
+    Output(Output),
+    /// An address register.
+    Address(usize),
+}
+
+/// An operand that is read. Components are 0 to 3; 4 and 5 are the constants 0 and 1 of `SWZ`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// What is read.
+    pub register: Register,
+    /// Which component stands for each.
+    pub swizzle: [u8; 4],
+    /// Which are negated.
+    pub negate: [bool; 4],
+}
+
+/// An operand that is written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Destination {
+    /// What is written.
+    pub register: Register,
+    /// Components.
+    pub mask: [bool; 4],
+}
+
+/// An instruction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instruction {
+    /// Its name, without `_SAT`.
+    pub name: &'static str,
+    /// Whether the result is clamped to [0, 1].
+    pub saturate: bool,
+    /// What is written; none for `KIL`.
+    pub destination: Option<Destination>,
+    /// What is read.
+    pub sources: Vec<Source>,
+    /// Texture unit.
+    pub unit: usize,
+}
+
+/// A program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// Its stage.
+    pub stage: Stage,
+    /// Instructions.
+    pub instructions: Vec<Instruction>,
+    /// Names of temporaries.
+    pub temps: Vec<String>,
+    /// Names of address registers.
+    pub addresses: Vec<String>,
+    /// Parameters.
+    pub params: Vec<Param>,
+    /// Inputs: a bit of [`input`] each.
+    pub inputs: u32,
+    /// Results that are written.
+    pub outputs: Vec<Output>,
+    /// Target of each unit that is sampled: an index of `state::TARGETS`.
+    pub targets: [Option<usize>; UNITS],
+    /// Units that are read with a bias.
+    pub biased: u8,
+    /// The position is that of fixed functions.
+    pub invariant: bool,
+    /// Fog that is applied to the colour: `GL_LINEAR`, `GL_EXP`, `GL_EXP2`.
+    pub fog: Option<u32>,
+}

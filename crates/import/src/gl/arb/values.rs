@@ -1,0 +1,111 @@
+//! The values of a program's parameters in the machine's state.
+
+use super::program::*;
+use crate::gl::machine::Gl;
+use crate::gl::matrix::{self, IDENTITY};
+use crate::gl::state::Light;
+
+/// The values of all parameters of a program.
+pub fn values(gl: &Gl, program: &Program, environment: &[[f32; 4]], local: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let given = |list: &[[f32; 4]], k: u32| list.get(k as usize).copied().unwrap_or_default();
+    program
+        .params
+        .iter()
+        .map(|param| match *param {
+            Param::Literal(value) => value,
+            Param::Environment(k) => given(environment, k),
+            Param::Local(k) => given(local, k),
+            other => state(gl, other),
+        })
+        .collect()
+}
+
+fn state(gl: &Gl, param: Param) -> [f32; 4] {
+    let state = &gl.state;
+    let wide = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];
+    let material = |face: u8, term: Term| {
+        let m = &state.materials[usize::from(face)];
+        match term {
+            Term::Ambient => m.ambient,
+            Term::Diffuse => m.diffuse,
+            Term::Specular => m.specular,
+            Term::Emission => m.emission,
+            _ => [m.shininess, 0.0, 0.0, 1.0],
+        }
+    };
+    match param {
+        Param::Literal(_) | Param::Environment(_) | Param::Local(_) => [0.0; 4],
+        Param::Material(face, term) => material(face, term),
+        Param::Light(k, term) => light(&state.lights[usize::from(k)], term),
+        Param::ModelAmbient => state.model_ambient,
+        Param::SceneColor(face) => {
+            let (ambient, emission) = (material(face, Term::Ambient), material(face, Term::Emission));
+            let sum = std::array::from_fn(|c| emission[c] + state.model_ambient[c] * ambient[c]);
+            wide(sum, material(face, Term::Diffuse)[3])
+        }
+        Param::Product(k, face, term) => {
+            let (a, b) = (light(&state.lights[usize::from(k)], term), material(face, term));
+            std::array::from_fn(|c| a[c] * b[c])
+        }
+        Param::Generation(unit, eye, coordinate) => {
+            let generation = &state.units[usize::from(unit)].generation[usize::from(coordinate)];
+            if eye { generation.eye } else { generation.object }
+        }
+        Param::Environ(unit) => state.units[usize::from(unit)].environment.color,
+        Param::FogColor => state.fog_color,
+        Param::FogTerms => {
+            let [density, start, end] = state.fog;
+            [density, start, end, if end == start { 1.0 } else { 1.0 / (end - start) }]
+        }
+        Param::Plane(plane) => state.planes[usize::from(plane)],
+        Param::PointSize => {
+            let [least, most, fade] = state.point_limits;
+            [state.point_size, least, most, fade]
+        }
+        Param::PointAttenuation => wide(state.point_attenuation, 1.0),
+        Param::DepthRange => {
+            let [near, far] = state.depth_range;
+            [near, far, far - near, 1.0]
+        }
+        Param::Row { matrix, inverse, transpose, row } => {
+            let mut m = match matrix {
+                Matrix::Modelview => gl.modelview.top,
+                Matrix::Projection => gl.projection.top,
+                Matrix::Mvp => matrix::product(&gl.projection.top, &gl.modelview.top),
+                Matrix::Texture(unit) => gl.texture_matrices[usize::from(unit)].top,
+                Matrix::Program(k) => gl.programs.matrices[usize::from(k)].top,
+            };
+            if inverse {
+                m = matrix::inverse(&m).unwrap_or(IDENTITY);
+            }
+            if transpose {
+                m = matrix::transpose(&m);
+            }
+            let row = usize::from(row);
+            [m[row], m[4 + row], m[8 + row], m[12 + row]]
+        }
+    }
+}
+
+fn light(light: &Light, term: Term) -> [f32; 4] {
+    let [x, y, z, w] = light.position;
+    match term {
+        Term::Ambient => light.ambient,
+        Term::Diffuse => light.diffuse,
+        Term::Specular => light.specular,
+        Term::Attenuation => {
+            let [a, b, c] = light.attenuation;
+            [a, b, c, light.spot_exponent]
+        }
+        Term::Spot => {
+            let [x, y, z] = light.spot_direction;
+            [x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32]
+        }
+        Term::Half => {
+            let [x, y, z] = matrix::normalized([x, y, z]);
+            let [x, y, z] = matrix::normalized([x, y, z + 1.0]);
+            [x, y, z, 1.0]
+        }
+        _ => [x, y, z, w],
+    }
+}
