@@ -11,6 +11,7 @@ pub mod classes;
 mod depth;
 mod draws;
 pub(crate) mod exact;
+pub mod gl;
 mod machine;
 mod memory;
 mod page;
@@ -44,11 +45,14 @@ pub enum Section {
     Depth,
     /// Texture and memory.
     Memory,
+    /// Fixed functions of OpenGL.
+    Gl,
 }
 
 impl Section {
     /// All of them, in order.
-    pub const ALL: [Section; 5] = [Section::Exact, Section::Raster, Section::Sorting, Section::Depth, Section::Memory];
+    pub const ALL: [Section; 6] =
+        [Section::Exact, Section::Raster, Section::Sorting, Section::Depth, Section::Memory, Section::Gl];
 
     /// Its letter and title.
     pub fn title(self) -> &'static str {
@@ -58,6 +62,7 @@ impl Section {
             Section::Sorting => "C. Geometry, sorting, tiling",
             Section::Depth => "D. Depth",
             Section::Memory => "E. Texture and memory",
+            Section::Gl => "F. Fixed functions of OpenGL",
         }
     }
 }
@@ -201,9 +206,18 @@ impl Target {
 
 /// All targets, in order.
 pub fn targets() -> impl Iterator<Item = &'static Target> {
-    [exact::TARGETS, raster::TARGETS, sorting::TARGETS, depth::TARGETS, texture::TARGETS, memory::TARGETS, rates::TARGETS]
-        .into_iter()
-        .flatten()
+    [
+        exact::TARGETS,
+        raster::TARGETS,
+        sorting::TARGETS,
+        depth::TARGETS,
+        texture::TARGETS,
+        memory::TARGETS,
+        rates::TARGETS,
+        gl::TARGETS,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// The target of that name.
@@ -215,6 +229,16 @@ pub fn find(id: &str) -> Result<&'static Target> {
         let nearest = targets().map(|target| target.id).min_by_key(|known| edits(known, id)).unwrap_or_default();
         anyhow::anyhow!("there is no target {id}; {nearest} is the nearest, and --list names all")
     })
+}
+
+/// The target of that name, or all whose names begin with it and a dash: `gl` means those of OpenGL's fixed functions.
+///
+/// # Errors
+/// As [`find`].
+pub fn find_all(id: &str) -> Result<Vec<&'static Target>> {
+    let group: Vec<_> =
+        targets().filter(|target| target.id.strip_prefix(id).is_some_and(|rest| rest.starts_with('-'))).collect();
+    if targets().any(|target| target.id == id) || group.is_empty() { Ok(vec![find(id)?]) } else { Ok(group) }
 }
 
 /// Runs all pieces on all threads. No type parameter: what joins threads is compiled once, not for each target.

@@ -18,7 +18,7 @@ Exit code 1 where a target does not hold."
 pub struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Targets by name [default: all]
+    /// Targets by name, or by the first word of their names (`gl`) [default: all]
     #[arg(value_name = "TARGET")]
     targets: Vec<String>,
     /// Name the targets, and what each is about
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let targets: Vec<&'static Target> = if arguments.targets.is_empty() {
         accuracy::targets().collect()
     } else {
-        arguments.targets.iter().map(|id| accuracy::find(id)).collect::<Result<_>>()?
+        arguments.targets.iter().map(|id| accuracy::find_all(id)).collect::<Result<Vec<_>>>()?.concat()
     };
     if arguments.list {
         list(&targets);

@@ -30,6 +30,14 @@ fn an_unknown_target_is_named_with_the_nearest() {
 }
 
 #[test]
+fn the_first_word_of_names_means_all_of_them() {
+    let group: Vec<&str> = accuracy::find_all("gl").expect("targets").iter().map(|target| target.id).collect();
+    assert_eq!(group, ["gl-light", "gl-environment", "gl-combine", "gl-generation", "gl-fog", "gl-blend"]);
+    assert_eq!(accuracy::find_all("harmonic").expect("a target").len(), 1);
+    assert!(accuracy::find_all("g").is_err());
+}
+
+#[test]
 fn the_page_has_every_target_and_no_failure() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data/accuracy.md");
     let page = std::fs::read_to_string(path).expect("the page is there");

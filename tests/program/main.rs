@@ -8,6 +8,7 @@ mod draws;
 mod floors;
 mod gl;
 mod gl_features;
+mod gl_programs;
 mod images;
 mod notebook;
 mod pages;
