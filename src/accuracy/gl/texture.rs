@@ -90,8 +90,11 @@ pub(super) fn environments(setting: &Setting) -> Result<Vec<Row>> {
     cases.rows()
 }
 
-/// A combiner's function of three arguments; whether alpha has it, too.
-const FUNCTIONS: [(&str, usize, fn(f64, f64, f64) -> f64); 6] = [
+/// A combiner's function: its name, how many of its arguments it reads, and the function.
+type Function = (&'static str, usize, fn(f64, f64, f64) -> f64);
+
+/// The functions of combiners that both colour and alpha have.
+const FUNCTIONS: [Function; 6] = [
     ("REPLACE", 1, |a, _, _| a),
     ("MODULATE", 2, |a, b, _| a * b),
     ("ADD", 2, |a, b, _| a + b),
