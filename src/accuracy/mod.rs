@@ -18,6 +18,7 @@ mod page;
 pub mod pareto;
 mod raster;
 mod rates;
+pub mod scenes;
 pub mod shortcuts;
 pub mod skips;
 mod sorting;

@@ -14,6 +14,7 @@ mod notebook;
 mod pages;
 mod recorded_scenes;
 mod report;
+mod scenes;
 mod sweep;
 mod why;
 mod workloads;

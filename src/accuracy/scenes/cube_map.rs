@@ -1,0 +1,153 @@
+//! Maps of what surrounds a point: the faces of a cube, and the picture in a mirror ball.
+
+use anyhow::Result;
+
+use super::kit::{Draw, Kit, Pass};
+use super::{Scene, Stage};
+use crate::accuracy::Row;
+use crate::gfx::format::Format;
+use crate::gfx::state::ViewDimension;
+use crate::trace::command::{BoundResource, TextureDesc, ViewDesc};
+use crate::trace::record;
+
+pub(super) const CUBE_MAP: Scene = Scene {
+    name: "cube-map",
+    group: "Reflection",
+    what: "A cube map whose texels name their face and place, read in 16,384 directions: face and texel are those of f64. (5, -1, 2) reads +x at (0.3, 0.6).",
+    fault: "directions are mirrored in z",
+    play: cube_map,
+};
+
+pub(super) const SPHERE_MAP: Scene = Scene {
+    name: "sphere-map",
+    group: "Reflection",
+    what: "Coordinates of a sphere map for directions at an angle t from the eye's: texels stretch by 1/cos^2(t/2), four times at 120 degrees.",
+    fault: "coordinates are those of a parallel projection of the direction",
+    play: sphere_map,
+};
+
+const EDGE: u32 = 32;
+const SIZE: [u32; 2] = [128, 128];
+
+/// The direction that a pixel reads, in whole numbers. Pixel 0 reads (5, -1, 2).
+fn direction(x: u32, y: u32) -> [f64; 3] {
+    if [x, y] == [0, 0] {
+        return [5.0, -1.0, 2.0];
+    }
+    let [a, b] = [f64::from(x), f64::from(y)];
+    // Odd, even and half numbers: no two are equal, and no direction lies on an edge.
+    [2.0 * a - 127.0, 2.0 * b - 126.0, (7.0 * a + 11.0 * b) % 129.0 - 64.5]
+}
+
+/// Face, and place in it from 0 to 1, by the table of OpenGL's specification.
+fn face([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
+    let [ax, ay, az] = [x, y, z].map(f64::abs);
+    let (face, s, t, m) = if ax >= ay && ax >= az {
+        if x > 0.0 { (0, -z, -y, ax) } else { (1, z, -y, ax) }
+    } else if ay >= az {
+        if y > 0.0 { (2, x, z, ay) } else { (3, x, -z, ay) }
+    } else if z > 0.0 {
+        (4, x, -y, az)
+    } else {
+        (5, -x, -y, az)
+    };
+    (face, [(s / m + 1.0) / 2.0, (t / m + 1.0) / 2.0])
+}
+
+fn cube_map(stage: &mut Stage) -> Result<()> {
+    let mut kit = Kit::new("cube-map");
+    let target = kit.target("target", SIZE, Format::Rgba8Unorm);
+    let desc = TextureDesc { size: [EDGE, EDGE, 6], ..record::texture_2d(EDGE, EDGE, Format::Rgba8Unorm) };
+    let texture = kit.card.create_texture("cube", desc);
+    let texels = (0..6)
+        .flat_map(|face| (0..EDGE * EDGE).flat_map(move |t| [8 * (t % EDGE) as u8, 8 * (t / EDGE) as u8, 50 * face, 255]));
+    kit.card.write_level(texture, 0, "cube", &texels.collect::<Vec<u8>>());
+    let view = kit.card.create_view_of(texture, ViewDesc { dimension: Some(ViewDimension::Cube), ..ViewDesc::default() });
+    let sampler = kit.sampler(Default::default());
+    let mirrored = if stage.fault() { "-1.0" } else { "1.0" };
+    let source = format!(
+        "@group(0) @binding(0) var cube: texture_cube<f32>;
+        @group(0) @binding(1) var s: sampler;
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{
+            let p = floor(at.xy);
+            let z = f32((7u * u32(p.x) + 11u * u32(p.y)) % 129u) - 64.5;
+            let d = select(vec3f(2.0 * p - vec2f(127.0, 126.0), z), vec3f(5.0, -1.0, 2.0), all(p == vec2f(0.0)));
+            return textureSampleLevel(cube, s, d * vec3f(1.0, 1.0, {mirrored}), 0.0);
+        }}"
+    );
+    let show = Draw::cover(&source).with([BoundResource::View(view), sampler]);
+    kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[show]);
+    kit.present(target);
+    let frames = stage.show(&kit.finish())?;
+    let (mut faces, mut texels) = (0, 0);
+    for (x, y) in frames[0].places() {
+        let (face, place) = face(direction(x, y));
+        let [r, g, b, _] = frames[0].rgba(x, y);
+        faces += u64::from(b != 50 * face as u8);
+        // A place on the border of two texels may be read in either.
+        let near = |code: u8, place: f64| (place * f64::from(EDGE) - f64::from(code / 8) - 0.5).abs() <= 0.5 + 1e-4;
+        texels += u64::from(b == 50 * face as u8 && !(near(r, place[0]) && near(g, place[1])));
+    }
+    stage.row(Row::none("directions that read another face", faces));
+    stage.row(Row::none("directions that read another texel", texels));
+    let [r, g, b, _] = frames[0].rgba(0, 0);
+    for (name, expected, code) in
+        [("face", 0.0, f64::from(b) / 50.0), ("s", 0.3, f64::from(r / 8) + 0.5), ("t", 0.6, f64::from(g / 8) + 0.5)]
+    {
+        let (measured, allowed) = if name == "face" { (code, 0.0) } else { (code / f64::from(EDGE), 0.5 / f64::from(EDGE)) };
+        stage.row(Row::within(format!("(5, -1, 2): {name}"), expected, measured, allowed));
+    }
+    Ok(())
+}
+
+fn sphere_map(stage: &mut Stage) -> Result<()> {
+    let mut kit = Kit::new("sphere-map");
+    let picture = kit.target("picture", [160, 64], Format::Rgba8Unorm);
+    let target = kit.target("target", [160, 2], Format::Rg32Float);
+    let half = if stage.fault() {
+        "d.xy / 2.0 + 0.5"
+    } else {
+        "d.xy / (2.0 * sqrt(d.x * d.x + d.y * d.y + (d.z + 1.0) * (d.z + 1.0))) + 0.5"
+    };
+    let coordinates = format!(
+        "fn coordinates(t: f32, a: f32) -> vec2f {{
+            let d = vec3f(sin(t) * cos(a), sin(t) * sin(a), cos(t));
+            return {half};
+        }}"
+    );
+    let checks = format!(
+        "{coordinates}
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{
+            let c = floor(32.0 * coordinates(radians(at.x), at.y / 64.0 * 6.2831853));
+            return vec4f(vec3f(0.2 + 0.6 * ((c.x + c.y) % 2.0)), 1.0);
+        }}"
+    );
+    kit.pass(&Pass { color: vec![(picture, Some([0.0; 4]))], ..Pass::default() }, &[Draw::cover(&checks)]);
+    kit.present(picture);
+    // Row 0 at azimuth 0; row 1 a hundredth of a radian on.
+    let source = format!(
+        "{coordinates}
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{
+            return vec4f(coordinates(radians(floor(at.x)), 0.01 * floor(at.y)), 0.0, 0.0);
+        }}"
+    );
+    kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[Draw::cover(&source)]);
+    kit.present(target);
+    let frames = stage.show(&kit.finish())?;
+    for degrees in [30, 60, 90, 120, 150_u32] {
+        let at = |x: u32, y: u32| [0, 1].map(|c| f64::from(frames[1].float(x, y, c)));
+        let apart = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
+        let t = f64::from(degrees).to_radians();
+        // Along the angle and around the axis, in coordinates per radian.
+        let along = apart(at(degrees + 1, 0), at(degrees - 1, 0)) / 2.0_f64.to_radians();
+        let around = apart(at(degrees, 1), at(degrees, 0)) / (0.01 * libm::sin(t));
+        let half = libm::cos(t / 2.0);
+        stage.row(Row::within(
+            format!("stretch at {degrees} degrees"),
+            1.0 / (half * half),
+            around / along,
+            0.01 / (half * half),
+        ));
+    }
+    Ok(())
+}

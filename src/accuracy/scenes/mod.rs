@@ -1,0 +1,124 @@
+//! The techniques of a graphics course, each as a small scene: a recording, a proof of its picture with arithmetic that is not the renderer's,
+//! and what it costs on every sort class.
+//!
+//! A scene is a constant beside its recording and proof, one file a technique, and a place in [`SCENES`]. With [`Setting::inject_fault`] it spoils
+//! its recording as its `fault` says, and its proof must fail.
+
+mod abuffer;
+mod acne;
+mod cube_map;
+mod cutout;
+mod edges;
+mod fighting;
+mod gamma;
+mod kit;
+mod light;
+mod lines;
+mod mirror;
+mod nyquist;
+mod over;
+mod page;
+mod painter;
+mod pcf;
+mod shadow;
+mod shapes;
+mod stage;
+
+use anyhow::{Context, Result};
+use rayon::prelude::*;
+
+use super::Setting;
+use crate::num::edits;
+
+pub use page::{markdown, pictures, text};
+pub use stage::{Answer, Image, Played, Price, Stage};
+
+/// All scenes, in the order of the page.
+pub const SCENES: &[&Scene] = &[
+    &painter::PAINTER,
+    &painter::BSP,
+    &fighting::FIGHTING,
+    &over::OVER_SCENE,
+    &abuffer::ABUFFER,
+    &abuffer::KBUFFER,
+    &abuffer::WEIGHTED,
+    &cutout::CUTOUT,
+    &acne::ACNE,
+    &pcf::PCF,
+    &shadow::FLAT,
+    &shadow::VOLUMES,
+    &mirror::MIRROR,
+    &cube_map::CUBE_MAP,
+    &cube_map::SPHERE_MAP,
+    &light::LIGHTS,
+    &light::FOG,
+    &light::LOBES,
+    &light::SHADING,
+    &gamma::GAMMA,
+    &edges::EDGES,
+    &nyquist::NYQUIST,
+    &lines::LINES,
+    &lines::SOFTWARE,
+];
+
+/// A technique.
+#[derive(Debug)]
+pub struct Scene {
+    /// Its name.
+    pub name: &'static str,
+    /// What it belongs to.
+    pub group: &'static str,
+    /// What is drawn, and what is proven of it.
+    pub what: &'static str,
+    /// What is spoiled to see the proof fail.
+    pub fault: &'static str,
+    /// Records, proves and asks.
+    pub play: fn(&mut Stage) -> Result<()>,
+}
+
+/// A scene that was played.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Which one.
+    pub scene: &'static Scene,
+    /// What it left.
+    pub played: Played,
+}
+
+impl Outcome {
+    /// Whether everything is as it must be; nothing measured is nothing shown.
+    pub fn holds(&self) -> bool {
+        !self.played.rows.is_empty() && self.played.rows.iter().all(super::Row::holds)
+    }
+}
+
+impl Scene {
+    /// Plays it.
+    ///
+    /// # Errors
+    /// If its recording does not render, or a machine stops.
+    pub fn run(&'static self, setting: &Setting) -> Result<Outcome> {
+        let mut stage = Stage { setting: *setting, played: Played::default() };
+        (self.play)(&mut stage).with_context(|| format!("scene {}", self.name))?;
+        Ok(Outcome { scene: self, played: stage.played })
+    }
+}
+
+/// Plays scenes on all threads; outcomes in order.
+///
+/// # Errors
+/// If a scene does not run.
+pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>> {
+    scenes.par_iter().map(|scene| scene.run(setting)).collect()
+}
+
+/// The scene of that name.
+///
+/// # Errors
+/// If there is none: the message names the nearest.
+pub fn find(name: &str) -> Result<&'static Scene> {
+    SCENES.iter().copied().find(|scene| scene.name == name).ok_or_else(|| {
+        let nearest = SCENES.iter().map(|scene| scene.name).min_by_key(|known| edits(known, name)).unwrap_or_default();
+        anyhow::anyhow!("there is no scene {name}; {nearest} is the nearest, and --list names all")
+    })
+}

@@ -1,0 +1,272 @@
+//! Shadows of solids on a floor: projected, and by volumes in the stencil buffer.
+
+use anyhow::Result;
+
+use super::kit::{COLORED, Draw, Kit, Pass};
+use super::{Scene, Stage};
+use crate::accuracy::Row;
+use crate::gfx::format::Format;
+use crate::gfx::state::*;
+use crate::trace::Trace;
+use crate::trace::record;
+
+pub(super) const FLAT: Scene = Scene {
+    name: "flat-shadow",
+    group: "Shadows",
+    what: "A tetrahedron projected onto the floor by the matrix of a point light, drawn once a pixel by the stencil: at most 1 pixel of 65,536 is not as f64 rays find.",
+    fault: "the light that projects is a tenth higher",
+    play: flat,
+};
+
+pub(super) const VOLUMES: Scene = Scene {
+    name: "volumes",
+    group: "Shadows",
+    what: "The shadow of a tetrahedron by volumes of all its faces, extruded to w = 0 and counted in the stencil. From above z-pass and z-fail are as f64 rays find, \
+           at most 1 pixel of 65,536 off. With the eye inside of the volume z-fail is still right, and z-pass is wrong in most pixels.",
+    fault: "the volume has no cap at infinity and no cap at the solid",
+    play: volumes,
+};
+
+const SIZE: [u32; 2] = [256, 256];
+const DEPTH: Format = Format::Depth24PlusStencil8;
+
+type V = [f64; 3];
+
+const SOLID: [V; 4] = [[-0.31, 0.4, -0.27], [0.37, 0.43, -0.11], [0.02, 0.47, 0.33], [0.05, 0.93, 0.01]];
+/// Faces, wound so that they are counter-clockwise from outside.
+const FACES: [[usize; 3]; 4] = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+const LIGHT: V = [0.23, 2.1, -0.37];
+
+fn sub(a: V, b: V) -> V {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn cross(a: V, b: V) -> V {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: V, b: V) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Whether a segment from `a` to `b` meets a triangle, by signed volumes.
+fn meets(a: V, b: V, [p, q, r]: [V; 3]) -> bool {
+    let volume = |a: V, b: V, c: V, d: V| dot(cross(sub(b, a), sub(c, a)), sub(d, a)) > 0.0;
+    volume(a, p, q, r) != volume(b, p, q, r) && {
+        let side = volume(a, b, p, q);
+        side == volume(a, b, q, r) && side == volume(a, b, r, p)
+    }
+}
+
+fn shadowed(p: V, solid: &[V; 4]) -> bool {
+    FACES.iter().any(|face| meets(p, LIGHT, face.map(|k| solid[k])))
+}
+
+/// A camera: its columns of rotation are those of the axes below, with focal length 1.
+#[derive(Clone, Copy)]
+struct Camera {
+    eye: V,
+    /// To the right, up and forward.
+    axes: [V; 3],
+}
+
+const NEAR: f64 = 0.01;
+
+impl Camera {
+    /// Clip coordinates with an infinite far plane: depth 1 - near/w.
+    fn clip(&self, p: V, w: f64) -> [f32; 4] {
+        let d = std::array::from_fn(|c| p[c] - w * self.eye[c]);
+        let [x, y, z] = self.axes.map(|axis| dot(axis, d));
+        [x as f32, y as f32, (z - NEAR * w) as f32, z as f32]
+    }
+
+    /// The floor's point that a pixel sees.
+    fn floor(&self, x: u32, y: u32) -> Option<V> {
+        let [a, b] = [(f64::from(x) + 0.5) / 128.0 - 1.0, 1.0 - (f64::from(y) + 0.5) / 128.0];
+        let d: V = std::array::from_fn(|c| a * self.axes[0][c] + b * self.axes[1][c] + self.axes[2][c]);
+        let t = -self.eye[1] / d[1];
+        (t > 0.0).then(|| std::array::from_fn(|c| self.eye[c] + t * d[c]))
+    }
+}
+
+/// From above the floor, looking down.
+fn above(eye: V) -> Camera {
+    Camera { eye, axes: [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]] }
+}
+
+fn vertex(clip: [f32; 4], shade: f32) -> Vec<f32> {
+    [clip, [shade, shade, shade, 1.0]].concat()
+}
+
+fn floor(camera: Camera, shade: f32) -> Vec<f32> {
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| [x, 0.0, z]);
+    [0, 1, 2, 0, 2, 3].iter().flat_map(|&k: &usize| vertex(camera.clip(corners[k], 1.0), shade)).collect()
+}
+
+/// How the stencil decides and counts.
+fn stencil(compare: Compare, face: impl Fn(bool) -> StencilFace, depth_compare: Compare) -> DepthStencil {
+    let set = |front| StencilFace { compare, ..face(front) };
+    DepthStencil {
+        depth_write: false,
+        depth_compare,
+        stencil_front: set(true),
+        stencil_back: set(false),
+        ..record::depth_less(DEPTH)
+    }
+}
+
+fn wrong(frame: &super::Image, camera: Camera, solid: &[V; 4]) -> u64 {
+    let shade = |x, y| match camera.floor(x, y) {
+        Some(p) if shadowed(p, solid) => [51; 3],
+        Some(_) => [204; 3],
+        None => [0; 3],
+    };
+    frame.wrong(shade)
+}
+
+fn flat(stage: &mut Stage) -> Result<()> {
+    let camera = above([0.1, 1.9, 0.05]);
+    let mut kit = Kit::new("flat-shadow");
+    let target = kit.target("target", SIZE, Format::Rgba8Unorm);
+    let depth = kit.target("depth", SIZE, DEPTH);
+    let mut light = LIGHT;
+    light[1] *= if stage.fault() { 1.1 } else { 1.0 };
+    // The matrix of a point light onto y = 0, applied to the corners.
+    let project = |p: V| -> V {
+        let t = light[1] / (light[1] - p[1]);
+        std::array::from_fn(|c| light[c] + t * (p[c] - light[c]))
+    };
+    let shadow = FACES.iter().flatten().flat_map(|&k| vertex(camera.clip(project(SOLID[k]), 1.0), 0.2)).collect();
+    let once = stencil(
+        Compare::Equal,
+        |_| StencilFace { pass_op: StencilOp::IncrementClamp, ..StencilFace::default() },
+        Compare::Always,
+    );
+    let draws = [
+        Draw::list(COLORED, 2, floor(camera, 0.8)).depth(DEPTH, Compare::Less),
+        Draw { depth: Some(once), ..Draw::list(COLORED, 2, shadow) },
+    ];
+    kit.pass(
+        &Pass { color: vec![(target, Some([0.0, 0.0, 0.0, 1.0]))], depth: Some((depth, Some((1.0, 0)))), ..Pass::default() },
+        &draws,
+    );
+    kit.present(target);
+    let frames = stage.show(&kit.finish())?;
+    stage.row(Row::at_most("pixels of 65,536 that are not as rays find", wrong(&frames[0], camera, &SOLID) as f64, 1.0));
+    let dark = frames[0].places().filter(|&(x, y)| frames[0].rgba(x, y)[0] == 51).count() as f64;
+    stage.row(Row::at_least("pixels in shadow", 1_000.0, dark));
+    Ok(())
+}
+
+/// The volume of a solid: each face's prism from the face to infinity away from the light, for faces that see the light.
+fn volume(camera: Camera, solid: &[V; 4], caps: bool) -> Vec<f32> {
+    let mut out = Vec::new();
+    let mut triangle = |corners: [(V, f64); 3]| {
+        for (p, w) in corners {
+            out.extend(vertex(camera.clip(p, w), 1.0));
+        }
+    };
+    for face in FACES {
+        let [a, b, c] = face.map(|k| solid[k]);
+        let out_of = cross(sub(b, a), sub(c, a));
+        let inside: V = std::array::from_fn(|k| solid.iter().map(|p| p[k]).sum::<f64>() / 4.0);
+        let out_of = if dot(out_of, sub(inside, a)) > 0.0 { out_of.map(|x| -x) } else { out_of };
+        if dot(out_of, sub(LIGHT, a)) <= 0.0 {
+            continue;
+        }
+        // Counter-clockwise from the light.
+        let [a, b, c] = if dot(cross(sub(b, a), sub(c, a)), sub(LIGHT, a)) > 0.0 { [a, b, c] } else { [a, c, b] };
+        let far = |p: V| (sub(p, LIGHT), 0.0);
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            triangle([(from, 1.0), far(from), (to, 1.0)]);
+            triangle([(to, 1.0), far(from), far(to)]);
+        }
+        if caps {
+            triangle([(a, 1.0), (b, 1.0), (c, 1.0)]);
+            triangle([far(a), far(c), far(b)]);
+        }
+    }
+    out
+}
+
+fn volumed(camera: Camera, solid: &[V; 4], fail: bool, caps: bool) -> Trace {
+    let mut kit = Kit::new("volumes");
+    let target = kit.target("target", SIZE, Format::Rgba8Unorm);
+    let depth = kit.target("depth", SIZE, DEPTH);
+    let count = move |front: bool| {
+        let op = if front != fail { StencilOp::IncrementWrap } else { StencilOp::DecrementWrap };
+        if fail {
+            StencilFace { depth_fail_op: op, ..StencilFace::default() }
+        } else {
+            StencilFace { pass_op: op, ..StencilFace::default() }
+        }
+    };
+    let lit = stencil(Compare::Equal, |_| StencilFace::default(), Compare::Equal);
+    let draws = [
+        Draw::list(COLORED, 2, floor(camera, 0.2)).depth(DEPTH, Compare::Less),
+        Draw {
+            depth: Some(stencil(Compare::Always, count, Compare::Less)),
+            mask: 0,
+            ..Draw::list(COLORED, 2, volume(camera, solid, caps))
+        },
+        Draw { depth: Some(lit), ..Draw::list(COLORED, 2, floor(camera, 0.8)) },
+    ];
+    kit.pass(
+        &Pass { color: vec![(target, Some([0.0, 0.0, 0.0, 1.0]))], depth: Some((depth, Some((1.0, 0)))), ..Pass::default() },
+        &draws,
+    );
+    kit.present(target);
+    kit.finish()
+}
+
+fn volumes(stage: &mut Stage) -> Result<()> {
+    let caps = !stage.fault();
+    // Beside the shadow, and inside of it, below the solid.
+    let (outside, inside) = (above([-1.3, 1.7, 1.2]), above([0.0, 0.2, 0.05]));
+    let outside_fail = volumed(outside, &SOLID, true, caps);
+    let frames = stage.show(&outside_fail)?;
+    stage.row(Row::at_most(
+        "z-fail from outside: pixels that are not as rays find",
+        wrong(&frames[0], outside, &SOLID) as f64,
+        1.0,
+    ));
+    let dark = frames[0].places().filter(|&(x, y)| frames[0].rgba(x, y)[0] == 51).count() as f64;
+    stage.row(Row::at_least("pixels in shadow", 1_000.0, dark));
+    let pass = volumed(outside, &SOLID, false, caps);
+    let picture = stage.frames(&pass)?;
+    stage.row(Row::at_most(
+        "z-pass from outside: pixels that are not as rays find",
+        wrong(&picture[0], outside, &SOLID) as f64,
+        1.0,
+    ));
+    let [fails, passes] = [true, false].map(|fail| volumed(inside, &SOLID, fail, caps));
+    let picture = stage.frames(&fails)?;
+    stage.row(Row::at_most(
+        "z-fail from inside: pixels that are not as rays find",
+        wrong(&picture[0], inside, &SOLID) as f64,
+        1.0,
+    ));
+    let picture = stage.frames(&passes)?;
+    stage.row(Row::at_least("z-pass from inside: wrong pixels", 32_769.0, wrong(&picture[0], inside, &SOLID) as f64));
+    if !stage.fault() {
+        let mut costs = Vec::new();
+        for class in ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"] {
+            let class_knob = format!("sort={class}");
+            let fail = stage.time(&outside_fail, &[&class_knob])?.0;
+            let pass = stage.time(&pass, &[&class_knob])?.0;
+            let without = stage.time(&outside_fail, &[&class_knob, "traverse.hierarchical_z=false"])?.0;
+            costs.push(format!("{class} {fail} against {pass} ({without} without hierarchical Z)"));
+            stage.row(Row::within(format!("cycles of z-fail over z-pass on {class}"), 1.0, fail / pass, 0.05));
+        }
+        stage.answer("What does z-fail cost against z-pass?", format!("In cycles: {}.", costs.join("; ")));
+        let disordered =
+            stage.played.prices.iter().find(|price| price.class == "sort-last-image").map_or(0, |price| price.disordered);
+        stage.row(Row::exact("passes that sort-last-image names", 1.0, disordered as f64));
+        stage.answer(
+            "Why can sort-last-image not do stencil?",
+            "Each copy counts the volumes of its own pipeline, and depth alone decides between copies: the pass is named."
+                .into(),
+        );
+    }
+    Ok(())
+}
