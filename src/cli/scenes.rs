@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use super::Verdict;
 use crate::accuracy::scenes::{self, SCENES, Scene};
 use crate::accuracy::{Setting, Size};
+use crate::host;
 
 /// Techniques of a graphics course: each scene's picture proven, and its price on every sort class
 #[derive(clap::Args)]
@@ -58,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         }
         scenes::pictures(&outcomes, &folder.join("techniques"))?;
         let path = folder.join("techniques.md");
-        crate::host::write_file(&path, scenes::markdown(&outcomes, "techniques").as_bytes())
+        host::write_file(&path, scenes::markdown(&outcomes, "techniques").as_bytes())
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(if failed > 0 { Verdict::Failed } else { Verdict::Done })

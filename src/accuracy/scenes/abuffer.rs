@@ -7,9 +7,10 @@ use super::shapes::{Corner, center, clip, covers};
 use super::{Image, Scene, Stage};
 use crate::accuracy::Row;
 use crate::gfx::format::Format;
-use crate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp};
+use crate::gfx::state::{Aspect, Blend, BlendComponent, BlendFactor, BlendOp};
 use crate::num::Random;
 use crate::trace::Trace;
+use crate::trace::command::{LinearLayout, TextureEnd};
 
 pub(super) const ABUFFER: Scene = Scene {
     name: "abuffer",
@@ -150,13 +151,8 @@ fn listed(layers: &[Layer], most: usize, sort: bool) -> Trace {
         let show = Draw::cover(&resolve(most, sort)).with([bound, nodes]);
         kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[show]);
         kit.present(target);
-        let layout = crate::trace::command::LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
-        let end = crate::trace::command::TextureEnd {
-            texture: count.texture,
-            level: 0,
-            origin: [0; 3],
-            aspect: crate::gfx::state::Aspect::All,
-        };
+        let layout = LinearLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
+        let end = TextureEnd { texture: count.texture, level: 0, origin: [0; 3], aspect: Aspect::All };
         kit.card.copy_buffer_to_texture(heads, layout, end, [1, 1, 1]);
         kit.present(count);
     }

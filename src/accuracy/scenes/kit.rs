@@ -130,12 +130,6 @@ impl Draw {
         Draw { depth: Some(DepthStencil { depth_compare, ..record::depth_less(format) }), ..self }
     }
 
-    /// With a depth test that does not write.
-    pub fn depth_read(self, format: Format, depth_compare: Compare) -> Draw {
-        let depth = DepthStencil { depth_compare, depth_write: false, ..record::depth_less(format) };
-        Draw { depth: Some(depth), ..self }
-    }
-
     /// Blended.
     pub fn blend(self, blend: Blend) -> Draw {
         Draw { blend: Some(blend), ..self }

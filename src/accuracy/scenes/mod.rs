@@ -7,11 +7,13 @@
 mod abuffer;
 mod acne;
 mod cube_map;
+mod cull;
 mod cutout;
 mod edges;
 mod fighting;
 mod gamma;
 mod kit;
+mod layers;
 mod light;
 mod lines;
 mod mirror;
@@ -54,11 +56,16 @@ pub const SCENES: &[&Scene] = &[
     &light::FOG,
     &light::LOBES,
     &light::SHADING,
+    &layers::COMBINE,
     &gamma::GAMMA,
+    &layers::PYRAMID,
+    &layers::WHEEL,
     &edges::EDGES,
     &nyquist::NYQUIST,
     &lines::LINES,
     &lines::SOFTWARE,
+    &cull::FRUSTUM,
+    &cull::OCCLUSION,
 ];
 
 /// A technique.

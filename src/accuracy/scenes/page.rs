@@ -7,6 +7,7 @@ use anyhow::{Result, anyhow};
 
 use super::{Outcome, SCENES};
 use crate::accuracy::Row;
+use crate::host;
 use crate::report::picture::picture;
 
 fn number(value: f64) -> String {
@@ -52,7 +53,7 @@ pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
         let mut png = Vec::new();
         let opaque = image::DynamicImage::ImageRgba8(shown).to_rgb8();
         opaque.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
-        crate::host::write_file(&folder.join(format!("{}.png", outcome.scene.name)), &png)?;
+        host::write_file(&folder.join(format!("{}.png", outcome.scene.name)), &png)?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use super::kit::{Draw, Kit, Pass};
 use super::{Scene, Stage};
 use crate::accuracy::Row;
 use crate::gfx::format::Format;
-use crate::gfx::state::{Compare, FilterMode, SamplerDesc};
+use crate::gfx::state::{Compare, FilterMode, SamplerDesc, Topology};
 
 pub(super) const PCF: Scene = Scene {
     name: "pcf",
@@ -28,7 +28,7 @@ fn play(stage: &mut Stage) -> Result<()> {
         return vec4f(f32(i & 1u) - 1.0, f32(i >> 1u) * 2.0 - 1.0, 0.2, 1.0);
     }";
     let cast = Draw::list(half, 0, Vec::new()).count(4).depth(Format::Depth32Float, Compare::Less);
-    let cast = Draw { depth_only: true, topology: crate::gfx::state::Topology::TriangleStrip, ..cast };
+    let cast = Draw { depth_only: true, topology: Topology::TriangleStrip, ..cast };
     kit.pass(&Pass { depth: Some((map, Some((1.0, 0)))), ..Pass::default() }, &[cast]);
     let filter = if stage.fault() { FilterMode::Nearest } else { FilterMode::Linear };
     let sampler =
