@@ -16,6 +16,7 @@ mod kit;
 mod layers;
 mod light;
 mod lines;
+mod maps;
 mod mirror;
 mod nyquist;
 mod over;
@@ -27,7 +28,6 @@ mod shapes;
 mod stage;
 
 use anyhow::{Context, Result};
-use rayon::prelude::*;
 
 use super::Setting;
 use crate::num::edits;
@@ -54,12 +54,17 @@ pub const SCENES: &[&Scene] = &[
     &cube_map::SPHERE_MAP,
     &light::LIGHTS,
     &light::FOG,
+    &maps::BUMP,
+    &maps::QUATERNIONS,
+    &maps::CYLINDER,
+    &maps::ROOM,
     &light::LOBES,
     &light::SHADING,
     &layers::COMBINE,
     &gamma::GAMMA,
     &layers::PYRAMID,
     &layers::WHEEL,
+    &maps::STEREO,
     &edges::EDGES,
     &nyquist::NYQUIST,
     &lines::LINES,
@@ -111,12 +116,12 @@ impl Scene {
     }
 }
 
-/// Plays scenes on all threads; outcomes in order.
+/// Plays scenes one after another: a scene's renderings and machines have all threads, and wait for each other inside of them.
 ///
 /// # Errors
 /// If a scene does not run.
 pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>> {
-    scenes.par_iter().map(|scene| scene.run(setting)).collect()
+    scenes.iter().map(|scene| scene.run(setting)).collect()
 }
 
 /// The scene of that name.
