@@ -166,7 +166,7 @@ fn software(stage: &mut Stage) -> Result<()> {
     let fixed = card.target("target", SIZE, Format::Rgba8Unorm);
     let draw = Draw::list(COLORED, 2, all);
     for (kit, target) in [(&mut kit, target), (&mut card, fixed)] {
-        kit.pass(&Pass { color: vec![(target, Some([0.0, 0.0, 0.0, 1.0]))], ..Pass::default() }, &[draw.clone()]);
+        kit.pass(&Pass { color: vec![(target, Some([0.0, 0.0, 0.0, 1.0]))], ..Pass::default() }, std::slice::from_ref(&draw));
         kit.present(target);
     }
     let corners: Vec<f32> = fan().iter().flatten().flat_map(|c| [(c[0] / 16) as f32, (c[1] / 16) as f32]).collect();
