@@ -15,7 +15,7 @@ use trace::{Trace, TraceError};
 
 use super::bind;
 use super::execute::{Fault, Options, Renderer, walk};
-use super::ledger::Ledger;
+use super::ledger::{Claim, Ledger};
 use super::objects::is_about_objects;
 use super::pipeline::RenderPipeline;
 use super::resources::Resources;
@@ -82,6 +82,16 @@ struct Step {
     writes: BTreeSet<Thing>,
     /// and with them.
     color_writes: BTreeSet<Thing>,
+}
+
+impl Step {
+    /// Bytes that it takes, about.
+    fn bytes(&self) -> u64 {
+        let sets = [&self.fresh, &self.extent, &self.reads, &self.color_reads, &self.writes, &self.color_writes];
+        let things: usize = sets.iter().map(|set| set.len()).sum();
+        // A node of a tree is at least half full.
+        (2 * size_of::<Step>() + 2 * things * size_of::<Thing>()) as u64
+    }
 }
 
 /// What the passes, dispatches and copies of a trace read and write.
@@ -210,9 +220,13 @@ struct Open {
     occlusion: Option<u32>,
 }
 
+/// What the memory of notes is claimed for.
+const NOTES: &str = "what passes read and write";
+
 /// Takes notes.
 #[derive(Default)]
 struct Walker {
+    claim: Option<Claim>,
     notes: Dependencies,
     known: HashMap<Arc<Step>, u32>,
     frame: u32,
@@ -223,17 +237,25 @@ struct Walker {
 }
 
 impl Walker {
-    fn note(&mut self, step: Step) {
+    fn note(&mut self, ledger: &Arc<Ledger>, step: Step) -> Result<(), Fault> {
+        let mut claim = match self.claim.take() {
+            Some(claim) => claim,
+            None => ledger.claim(NOTES, 0)?,
+        };
         let number = match self.known.get(&step) {
             Some(&number) => number,
             None => {
+                claim.grow(NOTES, step.bytes())?;
                 let (step, number) = (Arc::new(step), self.notes.kinds.len() as u32);
                 self.known.insert(step.clone(), number);
                 self.notes.kinds.push(step);
                 number
             }
         };
+        claim.grow(NOTES, size_of::<(u32, u32)>() as u64)?;
+        self.claim = Some(claim);
         self.notes.steps.push((number, self.frame));
+        Ok(())
     }
 
     /// The end of a trace: one that shows nothing is a frame.
@@ -242,7 +264,8 @@ impl Walker {
             // What is shown is not known here: all that there is.
             let textures = renderer.res.textures.iter();
             let reads = textures.flat_map(|(id, texture)| (0..texture.image.levels).map(move |level| Thing::Level(id, level)));
-            self.note(Step { kind: Kind::Present, reads: reads.collect(), ..Step::default() });
+            let reads = reads.collect();
+            self.note(&renderer.ledger, Step { kind: Kind::Present, reads, ..Step::default() })?;
             self.frame = 1;
         }
         Ok(())
@@ -263,25 +286,25 @@ impl Walker {
         }
         if let Some(mut open) = self.render.take() {
             if matches!(command, Command::EndRenderPass) {
-                self.note(open.step);
-                return Ok(());
+                return self.note(&renderer.ledger, open.step);
             }
-            let done = self.in_pass(&mut renderer.res, &mut open, command);
+            let done = self.in_pass(renderer, &mut open, command);
             self.render = Some(open);
             return done;
         }
         if let Some(mut open) = self.compute.take() {
             let done = match command {
                 Command::EndComputePass => return Ok(()),
-                command => self.in_compute(&mut renderer.res, &mut open, command),
+                command => self.in_compute(renderer, &mut open, command),
             };
             self.compute = Some(open);
             return done;
         }
-        self.outside(&mut renderer.res, command, end)
+        self.outside(renderer, command, end)
     }
 
-    fn outside(&mut self, res: &mut Resources, command: &Command, end: u32) -> Result<(), Fault> {
+    fn outside(&mut self, renderer: &Renderer<'_, '_>, command: &Command, end: u32) -> Result<(), Fault> {
+        let (res, ledger) = (&renderer.res, &renderer.ledger);
         match command {
             Command::BeginBundle { id } => self.bundle = Some((id.0, Vec::new())),
             Command::BeginRenderPass { color, depth, occlusion, .. } => {
@@ -293,20 +316,21 @@ impl Walker {
             Command::BeginComputePass { .. } => self.compute = Some(Open::default()),
             Command::Present { texture } => {
                 let reads = [Thing::Level(texture.0, 0)].into();
-                self.note(Step { kind: Kind::Present, reads, ..Step::default() });
+                self.note(ledger, Step { kind: Kind::Present, reads, ..Step::default() })?;
                 self.frame += 1;
                 return if self.frame < end { Ok(()) } else { Err(Fault::Stop) };
             }
             command => {
                 if let Some(step) = copy(res, command)? {
-                    self.note(step);
+                    self.note(ledger, step)?;
                 }
             }
         }
         Ok(())
     }
 
-    fn in_pass(&self, res: &mut Resources, open: &mut Open, command: &Command) -> Result<(), Fault> {
+    fn in_pass(&self, renderer: &Renderer<'_, '_>, open: &mut Open, command: &Command) -> Result<(), Fault> {
+        let (res, ledger) = (&renderer.res, &renderer.ledger);
         match command {
             Command::SetRenderPipeline(id) => open.pipeline = Some(id.0),
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
@@ -317,12 +341,12 @@ impl Walker {
                     None => open.vertex.remove(slot),
                 };
             }
-            Command::Draw { .. } => draw(res, open, false)?,
-            Command::DrawIndexed { .. } => draw(res, open, true)?,
+            Command::Draw { .. } => draw((res, ledger), open, false)?,
+            Command::DrawIndexed { .. } => draw((res, ledger), open, true)?,
             Command::DrawIndirect { buffer, indexed, count_buffer, .. } => {
                 open.step.extent.insert(Thing::Buffer(buffer.0));
                 open.step.extent.extend(count_buffer.map(|(buffer, _)| Thing::Buffer(buffer.0)));
-                draw(res, open, *indexed)?;
+                draw((res, ledger), open, *indexed)?;
             }
             Command::BeginOcclusionQuery { .. } => open.step.writes.extend(open.occlusion.map(Thing::Queries)),
             // They count fragments that are shaded.
@@ -333,7 +357,10 @@ impl Walker {
                 for id in ids {
                     let commands = self.bundles.get(&id.0).cloned().unwrap_or_default();
                     open.forget();
-                    commands.iter().try_for_each(|command| self.in_pass(res, open, command))?;
+                    for command in commands.iter() {
+                        ledger.commands.charge(1)?;
+                        self.in_pass(renderer, open, command)?;
+                    }
                     open.forget();
                 }
             }
@@ -342,7 +369,8 @@ impl Walker {
         Ok(())
     }
 
-    fn in_compute(&mut self, res: &mut Resources, open: &mut Open, command: &Command) -> Result<(), Fault> {
+    fn in_compute(&mut self, renderer: &Renderer<'_, '_>, open: &mut Open, command: &Command) -> Result<(), Fault> {
+        let (res, ledger) = (&renderer.res, &renderer.ledger);
         match command {
             Command::SetComputePipeline(id) => open.pipeline = Some(id.0),
             Command::SetBindGroup { index, group, offsets } => open.bindings.set(*index, *group, offsets)?,
@@ -353,8 +381,8 @@ impl Walker {
                 if let Command::DispatchIndirect { buffer, .. } = command {
                     step.extent.insert(Thing::Buffer(buffer.0));
                 }
-                touched(res, pipeline.program().interface(), &open.bindings, &mut step.reads, &mut step.writes)?;
-                self.note(step);
+                touched((res, ledger), pipeline.program().interface(), &open.bindings, &mut step.reads, &mut step.writes)?;
+                self.note(ledger, step)?;
             }
             _ => {}
         }
@@ -430,14 +458,16 @@ fn begin(
 
 /// What a program's bindings are.
 fn touched(
-    res: &Resources,
+    (res, ledger): (&Resources, &Ledger),
     interface: &Interface,
     bindings: &Bindings,
     reads: &mut BTreeSet<Thing>,
     writes: &mut BTreeSet<Thing>,
-) -> Result<(), String> {
+) -> Result<(), Fault> {
     for binding in &interface.bindings {
+        let mut seen = 0;
         let mut add = |thing: Thing| {
+            seen += size_of::<Thing>() as u64;
             reads.insert(thing);
             if binding.written {
                 writes.insert(thing);
@@ -454,11 +484,12 @@ fn touched(
             }
             BoundResource::Sampler(_) | BoundResource::Samplers(_) => {}
         }
+        ledger.bytes.charge(seen)?;
     }
     Ok(())
 }
 
-fn draw(res: &Resources, open: &mut Open, indexed: bool) -> Result<(), String> {
+fn draw((res, ledger): (&Resources, &Ledger), open: &mut Open, indexed: bool) -> Result<(), Fault> {
     let id = open.pipeline.ok_or("a draw without a pipeline")?;
     let pipeline: &RenderPipeline = res.render_pipelines.get(id)?;
     let Step { reads, color_reads, writes, .. } = &mut open.step;
@@ -466,10 +497,10 @@ fn draw(res: &Resources, open: &mut Open, indexed: bool) -> Result<(), String> {
     if indexed {
         reads.extend(open.index.map(Thing::Buffer));
     }
-    touched(res, pipeline.vertex().interface(), &open.bindings, reads, writes)?;
+    touched((res, ledger), pipeline.vertex().interface(), &open.bindings, reads, writes)?;
     if let Some(fragment) = pipeline.fragment() {
         let reads = if pipeline.shades_for_coverage() { reads } else { color_reads };
-        touched(res, fragment.interface(), &open.bindings, reads, writes)?;
+        touched((res, ledger), fragment.interface(), &open.bindings, reads, writes)?;
     }
     Ok(())
 }

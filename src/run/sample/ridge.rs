@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn equal_frames_are_equal_and_nothing_falls_below_zero() {
         let found = Ridge::new(vec![[1.0, 0.0]; 8], &[1, 5]).fit(&[10.0, 20.0]);
-        assert_eq!(found, [15.0; 8]);
+        assert!(found.iter().all(|value| *value == found[0] && (value - 15.0).abs() < 1e-9), "{found:?}");
         let counts: Vec<[f64; 1]> = [10.0, 11.0, 0.0, 12.0].into_iter().map(|count| [count]).collect();
         assert!(Ridge::new(counts, &[0, 1, 3]).fit(&[1.0, 10.0, 19.0]).iter().all(|&value| value >= 0.25));
     }
