@@ -81,10 +81,7 @@ fn run(config: &Config, clock: Clock, per_draw: bool, work: Waiting<'_>) -> Ran 
         machine.watch_draws();
     }
     let mut frames = Vec::new();
-    machine.run_each(work, clock, |frame| {
-        let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-        frames.push(Frame { number: frame.number, shown, tree: frame.tree, phases: frame.phases, display: frame.shown });
-    })?;
+    machine.run_each(work, clock, |frame| frames.push(frame.into()))?;
     Ok((frames, busy.elapsed()))
 }
 

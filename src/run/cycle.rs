@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::exit::{Exit, Frame};
+use super::exit::Exit;
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
 use crate::machine::{Config, FrameReport, Machine, Shown, Watcher};
@@ -50,9 +50,7 @@ pub fn simulate<'r>(
             if failed.is_some() {
                 return;
             }
-            let shown = frame.picture.map(|picture| (picture.surface, picture.bytes));
-            let FrameReport { number, tree, phases, shown: display, .. } = frame;
-            failed = exit.put(Frame { number, shown, tree, phases, display }).err();
+            failed = exit.put(frame.into()).err();
             closed.set(failed.is_some());
         };
         let run = machine.run_watched(work.take_while(|_| !closed.get()), clock, each, watcher);

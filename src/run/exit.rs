@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::timeline::Timeline;
-use crate::machine::{PhaseReport, Shown};
+use crate::machine::{FrameReport, PhaseReport, Shown};
 use crate::stats::Tree;
 use crate::work::{EndFrame, Surface};
 
@@ -20,6 +20,13 @@ pub struct Frame {
     pub phases: Vec<PhaseReport>,
     /// What a free-running display has shown since the frame before.
     pub display: Shown,
+}
+
+impl From<FrameReport> for Frame {
+    fn from(frame: FrameReport) -> Frame {
+        let FrameReport { number, picture, tree, phases, shown: display, .. } = frame;
+        Frame { number, shown: picture.map(|picture| (picture.surface, picture.bytes)), tree, phases, display }
+    }
 }
 
 /// Takes frames in order, each when it ends.

@@ -130,11 +130,6 @@ impl<'r> Rendering<'r> {
         self.turns = 1;
     }
 
-    /// Frames whose work is handed on.
-    pub fn frames(&self) -> &render::FrameSet {
-        &self.options.frames
-    }
-
     /// Adds a consumer of the work that a key asks for.
     pub fn consume(&mut self, key: RenderKey, consumer: Consumer<'r>) {
         self.of(key).consumers.push(consumer);

@@ -40,11 +40,6 @@ impl FrameSet {
         self.0.iter().map(|range| range.end).max().unwrap_or(0)
     }
 
-    /// The first of them from a number on.
-    pub fn next(&self, from: u32) -> Option<u32> {
-        self.0.iter().filter(|range| range.end > from.max(range.start)).map(|range| range.start.max(from)).min()
-    }
-
     /// How many there are, of ranges that do not overlap.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|range| range.len() as u64).sum()
@@ -487,7 +482,7 @@ impl<'t, 's> Renderer<'t, 's> {
 }
 
 /// Bytes that a command of a bundle has beside itself.
-fn payload(command: &Command) -> u64 {
+pub(super) fn payload(command: &Command) -> u64 {
     (match command {
         Command::SetBindGroup { offsets, .. } => size_of_val(&**offsets),
         Command::SetImmediates { words, .. } => size_of_val(&**words),

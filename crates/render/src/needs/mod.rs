@@ -1,0 +1,192 @@
+//! Which passes and dispatches have to be run, so that what is asked of each frame comes out right.
+//!
+//! A walk over the commands, in which nothing is drawn, notes what each pass, dispatch, upload and copy reads and writes ([`Dependencies`]).
+//! A walk backwards over these notes then finds what the frames that are asked for need of what comes before them ([`Needs`]): liveness
+//! of data, as a compiler finds it (Aho, Lam, Sethi and Ullman, Compilers, 2006, section 9.2.5). Images are told apart by texture and level;
+//! buffers and query sets are taken whole. Only what is overwritten whole ends the life of what was there: where that is not
+//! certain, the earlier contents are taken to be read. What a shader may read or write is found from its bindings, so that no data of the trace decide.
+
+mod walk;
+
+use std::collections::{BTreeSet, HashSet};
+use std::sync::Arc;
+
+use trace::{Trace, TraceError};
+
+/// What is asked of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Want {
+    /// Nothing of its own: only what later frames read of it.
+    Nothing,
+    /// How many vertices, primitives, triangles, quads and covered fragments there are.
+    Counts,
+    /// Everything: its picture, its work.
+    All,
+}
+
+/// What has to be done of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Need {
+    /// Nothing is drawn.
+    Nothing,
+    /// Coverage, depth, stencil and what shaders write to memory, without colours.
+    Coverage,
+    /// Everything.
+    Colors,
+}
+
+/// Something that commands read and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Thing {
+    /// All layers of a level of a texture.
+    Level(u32, u32),
+    /// A buffer.
+    Buffer(u32),
+    /// A query set.
+    Queries(u32),
+}
+
+/// What a step is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+enum Kind {
+    Pass,
+    Dispatch,
+    /// An upload or copy, which is always done.
+    #[default]
+    Copy,
+    /// The end of a frame.
+    Present,
+}
+
+/// A pass, dispatch, upload, copy or end of a frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+struct Step {
+    kind: Kind,
+    /// What it overwrites whole, whether anything is drawn or not.
+    fresh: BTreeSet<Thing>,
+    /// What is read to find its extent: arguments of indirect commands.
+    extent: BTreeSet<Thing>,
+    /// What is read for coverage, depth and side effects.
+    reads: BTreeSet<Thing>,
+    /// What is read beside that for colours.
+    color_reads: BTreeSet<Thing>,
+    /// What is written without colours,
+    writes: BTreeSet<Thing>,
+    /// and with them.
+    color_writes: BTreeSet<Thing>,
+}
+
+impl Step {
+    /// Bytes that it takes, about.
+    fn bytes(&self) -> u64 {
+        let sets = [&self.fresh, &self.extent, &self.reads, &self.color_reads, &self.writes, &self.color_writes];
+        let things: usize = sets.iter().map(|set| set.len()).sum();
+        // A node of a tree is at least half full.
+        (2 * size_of::<Step>() + 2 * things * size_of::<Thing>()) as u64
+    }
+}
+
+/// What the passes, dispatches and copies of a trace read and write.
+#[derive(Debug, Default)]
+pub struct Dependencies {
+    /// Different steps; those of most frames are alike.
+    kinds: Vec<Arc<Step>>,
+    /// Each step: which of these, and its frame.
+    steps: Vec<(u32, u32)>,
+    frames: u32,
+}
+
+/// Which passes and dispatches of a trace have to be run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Needs {
+    passes: Vec<Need>,
+    dispatches: Vec<bool>,
+    pictures: Vec<bool>,
+}
+
+impl Needs {
+    /// What is needed of a pass, by its number in the trace.
+    pub fn pass(&self, number: u32) -> Need {
+        self.passes.get(number as usize).copied().unwrap_or(Need::Colors)
+    }
+
+    /// Whether a dispatch has to be run, by the number of its command among those that dispatch.
+    pub fn dispatch(&self, number: u32) -> bool {
+        self.dispatches.get(number as usize).copied().unwrap_or(true)
+    }
+
+    /// Whether the picture of a frame comes out.
+    pub fn picture(&self, frame: u32) -> bool {
+        self.pictures.get(frame as usize).copied().unwrap_or(true)
+    }
+
+    /// How many passes are left out, are drawn without colours, and are drawn whole.
+    pub fn passes(&self) -> [u64; 3] {
+        [Need::Nothing, Need::Coverage, Need::Colors]
+            .map(|need| self.passes.iter().filter(|&&pass| pass == need).count() as u64)
+    }
+}
+
+impl Dependencies {
+    /// Walks over a trace, in which nothing is drawn, up to a frame.
+    ///
+    /// # Errors
+    /// If the trace cannot be read, or names objects that are not there; the error names the command.
+    pub fn of(trace: &Trace, end: u32) -> Result<Dependencies, TraceError> {
+        walk::notes(trace, end)
+    }
+
+    /// Frames that end.
+    pub fn frames(&self) -> u32 {
+        self.frames
+    }
+
+    /// What has to be run for what is wanted of each frame.
+    pub fn needs(&self, want: impl Fn(u32) -> Want) -> Needs {
+        let mut live: HashSet<Thing> = HashSet::new();
+        let (mut passes, mut dispatches, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
+        for &(kind, frame) in self.steps.iter().rev() {
+            let (step, want) = (&self.kinds[kind as usize], want(frame));
+            let all = want == Want::All;
+            let lives = |things: &BTreeSet<Thing>| things.iter().any(|thing| live.contains(thing));
+            let colored = all || lives(&step.color_writes);
+            let (run, extent) = match step.kind {
+                Kind::Pass => {
+                    let need = match colored {
+                        true => Need::Colors,
+                        false if want == Want::Counts || lives(&step.writes) => Need::Coverage,
+                        false => Need::Nothing,
+                    };
+                    passes.push(need);
+                    (need >= Need::Coverage, need >= Need::Coverage)
+                }
+                Kind::Dispatch => {
+                    let run = all || lives(&step.writes);
+                    dispatches.push(run);
+                    (run, want == Want::Counts)
+                }
+                Kind::Copy => (all || lives(&step.writes), false),
+                Kind::Present => {
+                    pictures.push(all);
+                    (all, false)
+                }
+            };
+            step.fresh.iter().for_each(|thing| {
+                live.remove(thing);
+            });
+            if run || extent {
+                live.extend(&step.extent);
+            }
+            if run {
+                live.extend(&step.reads);
+            }
+            if run && colored {
+                live.extend(&step.color_reads);
+            }
+        }
+        passes.reverse();
+        dispatches.reverse();
+        pictures.reverse();
+        Needs { passes, dispatches, pictures }
+    }
+}
