@@ -9,7 +9,6 @@ use crate::accuracy::classes;
 use crate::accuracy::pareto::{Front, errors, front, plot};
 use crate::host;
 use crate::run::replay::{Fidelity, Options};
-use crate::sim::Clock;
 
 /// Run time against error of all fidelities, on traces
 #[derive(clap::Args)]
@@ -42,14 +41,7 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let config = arguments.machine.load()?;
-    let options = Options {
-        config,
-        fidelity: Fidelity::Cycle,
-        clock: Clock::SkipIdle,
-        frames: 0..u32::MAX,
-        watch: None,
-        per_draw: false,
-    };
+    let options = Options::new(config, Fidelity::Cycle);
     if arguments.classes {
         let found = arguments.traces.iter().map(|path| {
             let name = path.display().to_string();

@@ -1,5 +1,6 @@
 //! `fillrate replay`
 
+use std::num::NonZeroU32;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -77,6 +78,11 @@ pub struct Arguments {
     /// With --fidelity sampled: seed of the sampling generator [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// With --fidelity cycle: frames that one machine simulates in a row. Runs of so many frames are simulated side by side, each on a machine
+    /// that begins behind functional warming with all frames before it. With `all`, one machine simulates all frames [default: 16, and all
+    /// where functional warming is not exact]
+    #[arg(long, value_name = "N|all")]
+    frames_per_run: Option<FramesPerRun>,
     /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
     #[arg(long)]
     per_draw: bool,
@@ -115,6 +121,9 @@ enum ClockName {
     EveryCycle,
 }
 
+/// Frames that one machine simulates in a row, where nothing else is asked for.
+const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(16).unwrap();
+
 /// A time, as in `90s` or `5m`.
 fn time(text: &str) -> Result<Duration, String> {
     let (number, unit) = text.split_at(text.len() - text.chars().last().map_or(0, char::len_utf8));
@@ -140,6 +149,24 @@ impl FromStr for Frames {
 
     fn from_str(text: &str) -> Result<Frames, String> {
         frame_range(text).map(Frames)
+    }
+}
+
+/// Frames in a run, or all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct FramesPerRun(Option<NonZeroU32>);
+
+impl FromStr for FramesPerRun {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<FramesPerRun, String> {
+        match text {
+            "all" => Ok(FramesPerRun(None)),
+            number => match number.parse() {
+                Ok(number) => Ok(FramesPerRun(Some(number))),
+                Err(_) => Err("write the number of frames, from 1 on, or all".into()),
+            },
+        }
     }
 }
 
@@ -176,6 +203,12 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         _ if arguments.timeline.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
             bail!("--timeline is about --fidelity cycle: no other runs one machine through all frames")
         }
+        _ if arguments.frames_per_run.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
+            bail!("--frames-per-run is about --fidelity cycle, and would be ignored here")
+        }
+        _ if arguments.timeline.is_some() && matches!(arguments.frames_per_run, Some(FramesPerRun(Some(_)))) => {
+            bail!("--timeline reads one machine that simulates all frames: use --frames-per-run all with it")
+        }
         _ if arguments.clock.is_some() && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
             bail!("--clock is about --fidelity cycle and sampled, and would be ignored here")
         }
@@ -210,7 +243,14 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         frames: arguments.frames.0.clone(),
         watch: Some(watch.clone()),
         per_draw: arguments.per_draw,
+        frames_per_run: None,
     };
+    let frames_per_run = match arguments.frames_per_run {
+        Some(FramesPerRun(given)) => given,
+        None if arguments.timeline.is_none() && options.no_runs().is_none() => Some(FRAMES_PER_RUN),
+        None => None,
+    };
+    let options = Options { frames_per_run, ..options };
     let frames = &arguments.frames.0;
     let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
     let trace = arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?;

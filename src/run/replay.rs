@@ -1,11 +1,13 @@
 //! A replay: a trace in; pictures and statistics out.
 
+use std::num::NonZeroU32;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
 
+use super::apart::simulate_in_runs;
 use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
 use super::exit::Exit;
@@ -14,11 +16,12 @@ use super::host::Stopwatch;
 use super::rendering::Rendering;
 use super::sample::{Sampled, Sampling, sampled};
 use super::timeline::Timeline;
-use crate::machine::{Config, PhaseReport, Shown};
+use crate::machine::{Config, Machine, PhaseReport, Shown};
 use crate::render::{self, FrameSet, Watch};
 use crate::sim::Clock;
 use crate::stats::Tree;
 use crate::trace::Trace;
+use crate::unit::scanout::ScanoutMode;
 use crate::work::Funnel;
 
 pub use super::exit::{Frame, Taker};
@@ -83,9 +86,47 @@ pub struct Options {
     pub watch: Option<Arc<Watch>>,
     /// Whether frames report their draws, under the cycle fidelity. No other result depends on it.
     pub per_draw: bool,
+    /// Under the cycle fidelity, frames in a run, each of which has a machine of its own ([`simulate_in_runs`]); none: one machine
+    /// simulates all frames.
+    pub frames_per_run: Option<NonZeroU32>,
 }
 
 impl Options {
+    /// All frames of a trace on a card, one after another.
+    pub fn new(config: Config, fidelity: Fidelity) -> Options {
+        Options {
+            config,
+            fidelity,
+            clock: Clock::SkipIdle,
+            frames: 0..u32::MAX,
+            watch: None,
+            per_draw: false,
+            frames_per_run: None,
+        }
+    }
+
+    /// Why frames cannot be simulated in runs; none: they can.
+    pub fn no_runs(&self) -> Option<&'static str> {
+        match &self.config {
+            config if config.scanout.mode == ScanoutMode::FreeRunning => {
+                Some("what a free-running display shows depends on all frames before")
+            }
+            config if !Machine::warms(config) => Some("functional warming does not leave on this card what drawing leaves"),
+            _ => None,
+        }
+    }
+
+    /// Frames in a run, where there is more than one run.
+    fn runs(&self, trace: &Trace) -> Result<Option<u32>> {
+        let Some(frames) = self.frames_per_run.map(NonZeroU32::get) else { return Ok(None) };
+        if let Some(why) = self.no_runs() {
+            bail!("frames cannot be simulated in runs: {why}");
+        }
+        let range = &self.frames;
+        Ok((range.end - range.start > frames && trace.presents(u64::from(range.start) + u64::from(frames) + 1))
+            .then_some(frames))
+    }
+
     /// A rendering of the frames.
     pub fn rendering<'r>(&self, trace: &'r Trace) -> Rendering<'r> {
         self.rendering_of(trace, self.frames.clone().into())
@@ -108,6 +149,8 @@ pub struct Outcome {
     pub sampled: Option<Sampled>,
     /// What a free-running display has shown since the last frame ended.
     pub display: Shown,
+    /// Frames in a run, where runs had machines of their own.
+    pub frames_per_run: Option<u32>,
     /// By estimate, what limits the phases of the first frames, where they were simulated and asked for.
     pub limits: Vec<Vec<PhaseReport>>,
     /// Host time spent in the machine (processor time where the system tells).
@@ -197,13 +240,20 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
             let (mut out, mut limited) = (Simulated::default(), Vec::new());
             let mut rendering = options.rendering(trace);
             let limits = exit.limits;
-            simulate(&mut rendering, (config, options.clock), exit, &mut out)?;
+            let card = (config, options.clock);
+            // A timeline reads one machine.
+            let frames_per_run = if exit.timeline.is_some() { None } else { options.runs(trace)? };
+            match frames_per_run {
+                None => simulate(&mut rendering, card, exit, &mut out)?,
+                Some(frames) => simulate_in_runs(&mut rendering, card, frames, exit, &mut out)?,
+            }
             if limits {
                 frames::limits(&mut rendering, config, &mut limited);
             }
             rendering.run()?;
             let Simulated { cycles, total, machine_time, display } = out;
-            Outcome { cycles: Some(cycles as f64), total, machine_time, limits: limited, display, ..Outcome::default() }
+            let cycles = Some(cycles as f64);
+            Outcome { cycles, total, machine_time, frames_per_run, limits: limited, display, ..Outcome::default() }
         }
     };
     Ok(Outcome { clock_time: watch.clock(), ..outcome })

@@ -276,8 +276,7 @@ fn what_cannot_be_shown_is_refused_by_name_and_place() {
 
     let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/cube")).expect("a trace");
     let fidelity = Fidelity::Sampled(Sampling::default());
-    let options =
-        Options { config: free(&[]), fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None, per_draw: false };
+    let options = Options::new(free(&[]), fidelity);
     let error = replay(&trace, &options, &|_| ()).map(|_| ()).expect_err("not known").to_string();
     assert!(error.contains("scanout.mode=\"free-running\"") && error.contains("use cycle"), "{error}");
 }

@@ -9,7 +9,6 @@ use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::render;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
-use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::trace::command::{AnyPipeline, BoundResource, Command, QueryKind};
 use fillrate::trace::record::{self, Recorder};
@@ -117,8 +116,7 @@ fn simulated(trace: &Trace, sort: &str, cull: &str) -> Replay {
     for setting in [format!("sort={sort}"), format!("command.cull={cull}"), "pipelines=2".into()] {
         config.set(&setting).unwrap_or_else(|error| panic!("{error}"));
     }
-    let options =
-        Options { config, fidelity: Fidelity::Cycle, clock: Clock::SkipIdle, frames: 0..1, watch: None, per_draw: false };
+    let options = Options { frames: 0..1, ..Options::new(config, Fidelity::Cycle) };
     replay(trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{sort}, {cull}: {error:#}"))
 }
 

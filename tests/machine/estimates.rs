@@ -7,7 +7,6 @@ use fillrate::import;
 use fillrate::machine::{Config, PhaseReport};
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
-use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
 
@@ -22,7 +21,7 @@ fn frames(trace: &str, fidelity: Fidelity, changes: &[&str], frames: Range<u32>)
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames, watch: None, per_draw: false };
+    let options = Options { frames, ..Options::new(config, fidelity) };
     replay(&trace, &options, &|_| ()).expect("a replay")
 }
 
@@ -149,14 +148,7 @@ fn bounds_are_near_the_cycles_of_recorded_traces() {
         let trace = import::open(path.join("trace")).expect("a recorded trace");
         let config = Config::built_in("baseline").expect("it is built in");
         let run = |fidelity| {
-            let options = Options {
-                config: config.clone(),
-                fidelity,
-                clock: Clock::SkipIdle,
-                frames: 0..u32::MAX,
-                watch: None,
-                per_draw: false,
-            };
+            let options = Options::new(config.clone(), fidelity);
             cycles(&replay(&trace, &options, &|_| ()).expect("a replay"))
         };
         let (bound, cycle) = (run(Fidelity::Bound), run(Fidelity::Cycle));
@@ -192,8 +184,7 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
     ] {
         let mut config = Config::built_in(class).expect("it is built in");
         config.set(change).expect("a knob");
-        let options =
-            Options { config, fidelity: Fidelity::Bound, clock: Clock::SkipIdle, frames: 0..1, watch: None, per_draw: false };
+        let options = Options { frames: 0..1, ..Options::new(config, Fidelity::Bound) };
         let error = replay(&trace, &options, &|_| ()).map(|_| ()).expect_err("not known").to_string();
         let knob = change.split_once('=').expect("PATH=VALUE").0;
         assert!(error.contains(knob) && error.contains("use cycle"), "{class}, {change}: {error}");
@@ -246,7 +237,7 @@ fn sampling_without_an_interval_is_refused() {
     let refused = |fidelity| {
         let trace = Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/triangle")).expect("a trace");
         let config = Config::built_in("baseline").expect("it is built in");
-        let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None, per_draw: false };
+        let options = Options::new(config, fidelity);
         replay(&trace, &options, &|_| ()).expect_err("too few").to_string()
     };
     assert!(refused(Fidelity::Sampled(Sampling { samples: 1, ..Sampling::default() })).contains("2 are the least"));

@@ -9,6 +9,7 @@ mod estimates;
 mod history;
 mod image;
 mod laws;
+mod runs;
 mod same_tiles;
 mod shortcuts;
 mod skips;

@@ -188,7 +188,7 @@ fn run(card: Recorder, settings: &[&str], clock: Clock) -> Replay {
         config.set(setting).expect("a knob");
     }
     config.check().expect("knobs fit");
-    let options = Options { config, fidelity: Fidelity::Cycle, clock, frames: 0..u32::MAX, watch: None, per_draw: false };
+    let options = Options { clock, ..Options::new(config, Fidelity::Cycle) };
     replay(&card.finish(), &options, &|_| ()).expect("it runs")
 }
 

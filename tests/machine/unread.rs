@@ -4,7 +4,6 @@ use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
-use fillrate::sim::Clock;
 use fillrate::trace::command::BoundResource;
 use fillrate::trace::record::{self, Recorder};
 
@@ -99,14 +98,7 @@ fn run_with(extra: Extra, changes: &[&str]) -> Replay {
     for change in changes {
         config.set(change).expect("a knob");
     }
-    let options = Options {
-        config,
-        fidelity: Fidelity::Cycle,
-        clock: Clock::SkipIdle,
-        frames: 0..u32::MAX,
-        watch: None,
-        per_draw: false,
-    };
+    let options = Options::new(config, Fidelity::Cycle);
     replay(&record(extra).finish(), &options, &|_| ()).expect("it runs")
 }
 

@@ -7,7 +7,6 @@ use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::report::picture::picture;
 use fillrate::run::replay::{Fidelity, Options, replay};
-use fillrate::sim::Clock;
 
 /// A recording, and the least PSNR in dB of its reference frames. What keeps one lower than the rest stands beside it.
 const RECORDINGS: &[(&str, f64)] = &[
@@ -100,14 +99,7 @@ fn recordings_look_as_their_references() {
         let trace = import::open(&recording).unwrap_or_else(|error| panic!("{error}"));
         let last = references.iter().map(|&(frame, _)| frame).max().unwrap_or(0);
         let config = Config::built_in("baseline").expect("a built-in configuration");
-        let options = Options {
-            config,
-            fidelity: Fidelity::Functional,
-            clock: Clock::SkipIdle,
-            frames: 0..last + 1,
-            watch: None,
-            per_draw: false,
-        };
+        let options = Options { frames: 0..last + 1, ..Options::new(config, Fidelity::Functional) };
         let replayed = replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{name}: {error:#}"));
         for (number, path) in references {
             let frame = replayed.frames.iter().find(|frame| frame.number == number).expect("the frame");

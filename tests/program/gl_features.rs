@@ -6,7 +6,6 @@ use fillrate::import::gl::{Report, import_frames};
 use fillrate::machine::Config;
 use fillrate::report::picture::picture;
 use fillrate::run::replay::{Fidelity, Options, replay};
-use fillrate::sim::Clock;
 use fillrate::trace::command::Command;
 use fillrate::trace::{Reading, Trace, TraceError, check};
 
@@ -48,14 +47,7 @@ fn shown(calls: &str, buffers: &[&[u8]]) -> Shown {
 }
 
 fn last_of(trace: &Trace) -> Shown {
-    let options = Options {
-        config: Config::built_in("tiny").expect("a built-in configuration"),
-        fidelity: Fidelity::Functional,
-        clock: Clock::SkipIdle,
-        frames: 0..u32::MAX,
-        watch: None,
-        per_draw: false,
-    };
+    let options = Options::new(Config::built_in("tiny").expect("a built-in configuration"), Fidelity::Functional);
     let replayed = replay(trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{error:#}"));
     let (surface, bytes) = replayed.frames.last().and_then(|frame| frame.shown.as_ref()).expect("a picture");
     let image = picture(surface, bytes).expect("a picture");

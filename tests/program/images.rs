@@ -12,7 +12,6 @@ use fillrate::machine::Config;
 use fillrate::report::compare;
 use fillrate::report::picture::picture;
 use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
-use fillrate::sim::Clock;
 use fillrate::work::Funnel;
 use image::RgbaImage;
 
@@ -146,7 +145,7 @@ fn config(name: &str) -> Config {
 
 fn run(case: &Case, fidelity: Fidelity, config: Config) -> Replay {
     let trace = import::open(&case.trace).unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { config, fidelity, clock: Clock::SkipIdle, frames: 0..u32::MAX, watch: None, per_draw: false };
+    let options = Options::new(config, fidelity);
     replay(&trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{}: {error:#}", case.name))
 }
 

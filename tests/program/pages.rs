@@ -8,7 +8,6 @@ use fillrate::machine::{Config, Machine};
 use fillrate::report::diagram::Diagram;
 use fillrate::report::{limits, pages};
 use fillrate::run::replay::{Fidelity, Options, replay};
-use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 
 fn check(name: &str, expected: &str) {
@@ -57,14 +56,7 @@ fn every_statistic_of_a_replay_is_explained() {
                 machine.set(change).expect("a knob");
             }
         }
-        let options = Options {
-            config: machine,
-            fidelity: Fidelity::Cycle,
-            clock: Clock::SkipIdle,
-            frames: 0..u32::MAX,
-            watch: None,
-            per_draw: false,
-        };
+        let options = Options::new(machine, Fidelity::Cycle);
         let done = replay(&trace, &options, &|_| ()).expect("the replay runs");
         let mut unexplained = Vec::new();
         let mut seen = 0;

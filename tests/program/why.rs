@@ -4,7 +4,6 @@ use std::path::Path;
 
 use fillrate::machine::Config;
 use fillrate::run::replay::{Fidelity, Options, replay};
-use fillrate::sim::Clock;
 use fillrate::trace::Trace;
 use fillrate::why::why;
 
@@ -46,14 +45,7 @@ fn a_scarce_resource_is_found_and_the_gain_is_that_of_a_replay() {
 
         let relaxed = first.relaxation.of(&config).expect("a machine");
         let cycles = |config: &Config| {
-            let options = Options {
-                config: config.clone(),
-                fidelity: Fidelity::Cycle,
-                clock: Clock::SkipIdle,
-                frames: 0..1,
-                watch: None,
-                per_draw: false,
-            };
+            let options = Options { frames: 0..1, ..Options::new(config.clone(), Fidelity::Cycle) };
             replay(&trace, &options, &|_| ()).expect("it runs").total.number("cycles")
         };
         assert_eq!(cycles(&config), Some(found.base.cycles as f64), "{scarce:?}");

@@ -19,12 +19,13 @@ mod tests;
 
 pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
-pub use report::{FrameReport, MachineReport, Picture};
+pub use report::{FrameReport, MachineReport, Picture, Totals};
 pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
 pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;
 
 use self::blocks::Built;
+use class::Sorted;
 use mem::{ClientCounts, Crossbar, requests};
 use num::NEVER;
 use parts::Parts;
@@ -38,6 +39,7 @@ use unit::interleave::Interleave;
 use unit::network::NetworkMap;
 use unit::phase::Phases;
 use unit::scanout::ScanoutMode;
+use unit::sorting::{EarlyTest, Keep};
 use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
 use work::Event;
@@ -59,7 +61,8 @@ pub enum MachineError {
 /// Events that are read ahead of the command processor.
 const AHEAD: usize = 2;
 
-/// A machine, from cycle 0 on.
+/// A machine, from cycle 0 on. A clone goes on from where it was made as the machine itself would.
+#[derive(Clone)]
 pub struct Machine {
     config: Config,
     circuit: Parts,
@@ -162,11 +165,45 @@ impl Machine {
         mut events: impl Iterator<Item = Event>,
         clock: Clock,
         mut each: impl FnMut(FrameReport),
-        mut watcher: Option<&mut dyn Watcher>,
+        watcher: Option<&mut dyn Watcher>,
     ) -> Result<MachineReport, MachineError> {
+        let mut readings = Readings::new(self);
+        self.drive(&mut events, clock, Some((&mut readings, &mut each)), watcher)?;
+        Ok(readings.total(self))
+    }
+
+    /// Functional warming with a stream of events to its end: afterwards the machine holds what it would hold if it had drawn them, as far as
+    /// that does not depend on time. Nothing is reported. What is no draw is simulated.
+    ///
+    /// # Errors
+    /// Why the run stopped before its end. A sort class whose draws cannot be applied in place is a fault.
+    pub fn warm(&mut self, events: impl Iterator<Item = Event>, clock: Clock) -> Result<(), MachineError> {
+        let mut applied = events.map(|event| match event {
+            Event::Segment(segment) => Event::Applied(segment),
+            other => other,
+        });
+        self.drive(&mut applied, clock, None, None)
+    }
+
+    /// Whether functional warming ([`apply`](unit::apply)) leaves on this machine what simulating a frame leaves. On the others it does not: a
+    /// tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image draw into copies; with
+    /// some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
+    pub fn warms(config: &Config) -> bool {
+        let class = config.card.sort.class();
+        let in_order = config.order.keep == Keep::Always && config.order.early != EarlyTest::Local;
+        class.in_place && (class.sorted != Sorted::Fragments || in_order)
+    }
+
+    /// Runs a stream of events to its end; readings are taken for a report of each frame, or none.
+    fn drive(
+        &mut self,
+        events: &mut dyn Iterator<Item = Event>,
+        clock: Clock,
+        mut readings: Option<(&mut Readings, &mut dyn FnMut(FrameReport))>,
+        mut watcher: Option<&mut dyn Watcher>,
+    ) -> Result<(), MachineError> {
         // Without a watcher, one comparison in each cycle that is visited.
         let mut due = watcher.as_ref().map_or(NEVER, |watcher| watcher.due());
-        let mut readings = Readings::new(self);
         self.card.closed = false;
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
@@ -217,8 +254,10 @@ impl Machine {
                 if ran.is_err() || !(marked || captured) {
                     break ran;
                 }
-                if marked {
+                if marked && let Some((readings, _)) = &mut readings {
                     readings.mark(self);
+                } else if marked {
+                    self.card.phases.forget();
                 }
             };
             // A machine with a fault may well be stuck; the fault is why.
@@ -236,6 +275,7 @@ impl Machine {
                 if let Some(watcher) = &mut watcher {
                     watcher.read(self.circuit.wires().reading());
                 }
+                let Some((readings, each)) = &mut readings else { continue };
                 let frame = readings.frame(self, end);
                 if let Some(watcher) = &mut watcher {
                     watcher.settled(self.circuit.wires().reading());
@@ -246,8 +286,7 @@ impl Machine {
                 break;
             }
         }
-        self.empty()?;
-        Ok(readings.total(self))
+        self.empty()
     }
 
     /// Functional warming of the segments at the head of the events that are marked for it; whether there was one.

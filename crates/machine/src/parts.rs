@@ -65,6 +65,7 @@ fn vertex_cores(config: &Config) -> usize {
 sim::circuit! {
     /// A machine: the units of all sort classes in data-flow order. After `=` stands how many units all classes have of a bank. Of the
     /// others a class has as many as its file says. Each class joins them.
+    #[derive(Clone)]
     pub struct Parts for Card, sizes Shape of Config, numbers Ids, banks Banks, stages Stage {
         /// Reads events, hands out draws, keeps passes apart.
         command: One<Command> = one,

@@ -50,6 +50,67 @@ pub struct MachineReport {
     pub cycles: Cycle,
     /// What a free-running display has shown since the last frame ended.
     pub shown: Shown,
+    /// What the statistics are made of.
+    pub totals: Totals,
+}
+
+/// What a machine has counted in a run. Those of runs of frames that follow each other add up to that of all.
+#[derive(Clone, Debug)]
+pub struct Totals {
+    span: Span,
+    sums: Sums,
+}
+
+impl Totals {
+    /// Adds the frames of a later run on a machine of the same configuration.
+    pub fn add(&mut self, later: &Totals) {
+        self.span.add(&later.span);
+        self.sums.add(&later.sums);
+    }
+
+    /// Cycles in all.
+    pub fn cycles(&self) -> Cycle {
+        self.span.cycles
+    }
+
+    /// The statistics, of a machine of that configuration.
+    pub fn tree(&self, machine: &Machine) -> Tree {
+        statistics(machine, &self.span, &self.sums)
+    }
+}
+
+/// What was counted between two readings.
+#[derive(Clone, Debug)]
+struct Span {
+    tree: Tree,
+    cycles: Cycle,
+    quads: Vec<u64>,
+    sort: SortCounts,
+    order: OrderCounts,
+    /// Numbers and labels of the passes that need an order which the machine does not keep.
+    disordered: Vec<(u32, String)>,
+}
+
+impl Span {
+    fn between(machine: &Machine, earlier: &Reading, now: &Reading) -> Span {
+        Span {
+            tree: now.tree.since(&earlier.tree),
+            cycles: now.cycles - earlier.cycles,
+            quads: now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect(),
+            sort: now.sort.since(&earlier.sort),
+            order: now.order.since(&earlier.order),
+            disordered: machine.card.apart.disordered[earlier.disordered..now.disordered].to_vec(),
+        }
+    }
+
+    fn add(&mut self, later: &Span) {
+        self.tree = Tree::weighted(&[(1.0, &self.tree), (1.0, &later.tree)]);
+        self.cycles += later.cycles;
+        self.quads.iter_mut().zip(&later.quads).for_each(|(sum, quads)| *sum += quads);
+        self.sort += later.sort;
+        self.order += later.order;
+        self.disordered.extend_from_slice(&later.disordered);
+    }
 }
 
 /// A reading of all counters.
@@ -89,7 +150,16 @@ impl Sums {
     fn stage(&mut self, (stage, loss): (Option<&'static str>, LossCounts)) {
         self.loss += loss;
         let Some(stage) = stage else { return };
-        let work = loss.useful + loss.overlap;
+        self.work(stage, loss.useful + loss.overlap);
+    }
+
+    fn add(&mut self, later: &Sums) {
+        self.wrong_pixels += later.wrong_pixels;
+        self.loss += later.loss;
+        later.stages.iter().for_each(|&(stage, work)| self.work(stage, work));
+    }
+
+    fn work(&mut self, stage: &'static str, work: u64) {
         match self.stages.iter_mut().find(|(known, _)| *known == stage) {
             Some((_, sum)) => *sum += work,
             None => self.stages.push((stage, work)),
@@ -189,17 +259,14 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
     accounts.split()
 }
 
-/// The statistics between two readings.
-fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> Tree {
-    let difference = now.tree.since(&earlier.tree);
-    let mut tree = Tree::new();
-    let cycles = now.cycles - earlier.cycles;
+/// The statistics of what was counted.
+fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
+    let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
+    let (cycles, mut tree) = (*cycles, Tree::new());
     tree.count("cycles", cycles);
     tree.real("seconds", cycles as f64 / (f64::from(machine.config.card.clock_mhz) * 1e6));
-    tree.extend(difference);
+    tree.extend(counted.clone());
 
-    let sort = now.sort.since(&earlier.sort);
-    let quads: Vec<u64> = now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect();
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
     let leaves = tree.child("sort");
@@ -207,7 +274,7 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> 
     leaves.extend(sort.tree());
     leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
     leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
-    leaves.extend(now.order.since(&earlier.order).tree());
+    leaves.extend(order.tree());
     leaves.count("wrong_pixels", sums.wrong_pixels);
     let split = leaves.child("loss");
     let stage = sums.stages.iter().rev().max_by_key(|(_, work)| *work);
@@ -215,9 +282,8 @@ fn between(machine: &Machine, earlier: &Reading, now: &Reading, sums: &Sums) -> 
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
     if !machine.card.apart.copies.is_empty() {
-        let passes = &machine.card.apart.disordered[earlier.disordered..now.disordered];
-        leaves.count("passes_needing_order", passes.len() as u64);
-        leaves.text("passes_out_of_order", &names(passes));
+        leaves.count("passes_needing_order", disordered.len() as u64);
+        leaves.text("passes_out_of_order", &names(disordered));
     }
     if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
         let traffic = network.traffic(channels, cycles).tree();
@@ -272,7 +338,7 @@ impl Readings {
         self.sums.stage(loss);
         let mut sums = Sums { wrong_pixels, ..Sums::default() };
         sums.stage(loss);
-        let tree = between(machine, &self.last, &now, &sums);
+        let tree = statistics(machine, &Span::between(machine, &self.last, &now), &sums);
         let cycles = now.cycles - self.last.cycles;
         let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
         self.last = now;
@@ -284,8 +350,8 @@ impl Readings {
     pub fn total(mut self, machine: &mut Machine) -> MachineReport {
         let now = read(machine);
         self.sums.stage(loss(machine, &self.last, &now));
-        let total = between(machine, &self.start, &now, &self.sums);
+        let totals = Totals { span: Span::between(machine, &self.start, &now), sums: self.sums };
         let shown = machine.circuit.scanout.take_shown();
-        MachineReport { frames: Vec::new(), total, cycles: now.cycles - self.start.cycles, shown }
+        MachineReport { frames: Vec::new(), total: totals.tree(machine), cycles: totals.cycles(), shown, totals }
     }
 }

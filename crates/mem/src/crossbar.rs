@@ -35,7 +35,7 @@ impl ClientCounts {
 
 /// From clients to slices: each client sends and each slice's link takes what its width allows; clients take turns. Its items are
 /// requests.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Crossbar {
     interleave: Interleave,
     /// The client that is asked first.
@@ -109,7 +109,7 @@ impl<C> Unit<C> for Crossbar {
 }
 
 /// From slices back to clients: slices take turns. Its items are answers.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct ReturnPath {
     turn: usize,
     items: u64,

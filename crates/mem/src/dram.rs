@@ -148,7 +148,7 @@ struct Bank {
 }
 
 /// A DRAM channel. Its items are requests.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Dram {
     config: DramConfig,
     banks: Vec<Bank>,

@@ -17,7 +17,7 @@ pub struct IdealConfig {
 }
 
 /// An ideal memory. Its items are requests.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Ideal {
     config: IdealConfig,
     turn: usize,

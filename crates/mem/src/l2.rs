@@ -74,7 +74,7 @@ struct Entry {
 }
 
 /// A slice. Its items are requests.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct L2Slice {
     config: L2Config,
     cache: Cache,

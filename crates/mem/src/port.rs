@@ -89,7 +89,7 @@ pub struct Answer {
 }
 
 /// A client's memory port.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct MemoryPort {
     /// Requests.
     pub requests: Out<Request>,

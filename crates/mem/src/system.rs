@@ -141,7 +141,7 @@ impl MemoryConfig {
 }
 
 /// Numbers of a memory's units in the wiring.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct MemoryIds {
     /// What clients' requests go to: the crossbar, or the ideal memory.
     pub front: UnitId,
@@ -171,7 +171,7 @@ pub struct PortShape {
 ///
 /// The machine has the fields `crossbar: Option<Crossbar>`, `l2: Vec<L2Slice>`, `dram: Vec<Dram>`, `return_path: Option<ReturnPath>`
 /// and `ideal: Option<Ideal>`, in this order.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct MemoryPlan {
     config: MemoryConfig,
     interleave: Interleave,
@@ -182,7 +182,7 @@ pub struct MemoryPlan {
 }
 
 /// The units of a memory, for the machine's fields of the same names.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Memory {
     /// From clients to slices.
     pub crossbar: Option<Crossbar>,
@@ -199,7 +199,7 @@ pub struct Memory {
 }
 
 /// The slices' ends at one channel.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct DramPorts {
     requests: Vec<In<DramRequest>>,
     answers: Vec<Out<DramAnswer>>,

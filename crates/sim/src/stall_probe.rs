@@ -14,7 +14,7 @@ pub const STATES: usize = 6;
 
 /// The handle by which a unit sets the state of a probe ([`Wires::set_probe`](super::Wires::set_probe)). Each probe has one. The default
 /// belongs to no probe; setting its state does nothing.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct StallProbe(pub(super) u16);
 
 impl Default for StallProbe {
@@ -50,7 +50,7 @@ impl StallProbeCounts {
 }
 
 /// A probe and its counts.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct StallProbeState {
     pub state: u8,
     since: Cycle,

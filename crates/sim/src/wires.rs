@@ -28,13 +28,27 @@ pub(super) fn unpack<T: Token>(data: &[u64; 2]) -> T {
     bytemuck::pod_read_unaligned(&bytemuck::bytes_of(data)[..size_of::<T>()])
 }
 
-/// The consuming end of a channel. There is one, and the unit that has it is the consumer.
+/// The consuming end of a channel. There is one in a machine, and the unit that has it is the consumer. Clones are for clones of the
+/// whole machine.
 #[derive(Debug)]
 pub struct In<T>(pub(super) u32, pub(super) PhantomData<fn() -> T>);
 
-/// The producing end of a channel. There is one, and the unit that has it is the producer.
+/// The producing end of a channel. There is one in a machine, and the unit that has it is the producer. Clones are for clones of the
+/// whole machine.
 #[derive(Debug)]
 pub struct Out<T>(pub(super) u32, pub(super) PhantomData<fn(T)>);
+
+impl<T> Clone for In<T> {
+    fn clone(&self) -> In<T> {
+        In(self.0, PhantomData)
+    }
+}
+
+impl<T> Clone for Out<T> {
+    fn clone(&self) -> Out<T> {
+        Out(self.0, PhantomData)
+    }
+}
 
 /// The number of a unit in its machine, in the order of declaration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +68,7 @@ impl std::fmt::Display for Label {
 }
 
 /// The channels of a running machine, and its time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Wires {
     pub(super) now: Cycle,
     /// The earliest cycle at which the ticking unit could move, as far as it has asked.

@@ -282,6 +282,17 @@ impl Trace {
         self.try_for_each_command(|index, command| visit(index, command).map(ControlFlow::Continue))
     }
 
+    /// Whether so many frames are presented at least. No more of the commands is read than tells it; one that cannot be read ends them.
+    pub fn presents(&self, frames: u64) -> bool {
+        let mut left = frames;
+        let counted = self.try_for_each_command(|_, command| -> Result<_, TraceError> {
+            left = left.saturating_sub(matches!(command, Command::Present { .. }).into());
+            Ok(if left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        });
+        // Who runs the commands meets the error.
+        counted.is_ok() && left == 0
+    }
+
     /// An error about the command of this number, with its place in the file. Looks the place up: not for hot paths.
     pub fn error_at(&self, index: u64, reason: impl std::fmt::Display) -> TraceError {
         TraceError::new(&self.file, reason).at(self.place(index)).in_command(index)

@@ -4,7 +4,7 @@ use super::frame::FrameBuffers;
 
 /// What pipelines have of a pass for themselves, and what else a sort class asks of all units: a class hands this to the card, so that no
 /// unit knows its class. By default pipelines share the machine's surfaces.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Apart {
     /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
     pub copies: Vec<FrameBuffers>,

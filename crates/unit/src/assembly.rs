@@ -58,6 +58,7 @@ knob::knobs! {
 pub const MAX_BATCHES: u32 = 1024;
 
 /// Ports of primitive assembly.
+#[derive(Clone)]
 pub struct AssemblyPorts {
     /// Batches in order, from vertex fetch.
     pub batches: In<VertexBatch>,
@@ -84,6 +85,7 @@ pub enum Mode {
 }
 
 /// Primitive assembly. Its items are primitives.
+#[derive(Clone)]
 pub struct Assembly {
     config: AssemblyConfig,
     ports: AssemblyPorts,

@@ -96,6 +96,7 @@ enum State {
 }
 
 /// Ports of binning.
+#[derive(Clone)]
 pub struct BinPorts {
     /// Triangles from all geometry units.
     pub input: Receiver<TriangleToken>,
@@ -108,6 +109,7 @@ pub struct BinPorts {
 }
 
 /// Binning. Its items are triangles.
+#[derive(Clone)]
 pub struct Bin {
     config: BinConfig,
     /// Segments of which fences can be held back.

@@ -70,6 +70,7 @@ struct Operation {
 }
 
 /// A ROP's cache of blocks.
+#[derive(Clone)]
 pub struct BlockCache {
     tags: Tags<Line>,
     misses: Misses,

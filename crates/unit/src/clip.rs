@@ -43,6 +43,7 @@ impl ClipConfig {
 }
 
 /// Clip and cull. Its items are primitives.
+#[derive(Clone)]
 pub struct Clip {
     config: ClipConfig,
     input: In<Run>,

@@ -49,6 +49,7 @@ knob::knobs! {
 }
 
 /// Ports of the colour unit.
+#[derive(Clone)]
 pub struct ColorPorts {
     /// Quads from the cores.
     pub shaded: In<GroupToken>,
@@ -72,6 +73,7 @@ struct Entry {
 }
 
 /// The colour unit. Its items are quads written, counted once for each target.
+#[derive(Clone)]
 pub struct Color {
     config: ColorConfig,
     pipeline: u8,

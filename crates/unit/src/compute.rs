@@ -19,6 +19,7 @@ knob::knobs! {
 }
 
 /// Ports of compute dispatch.
+#[derive(Clone)]
 pub struct ComputePorts {
     /// Runs of workgroups from the command processor.
     pub input: In<Piece>,
@@ -31,6 +32,7 @@ pub struct ComputePorts {
 }
 
 /// Compute dispatch. Its items are warps.
+#[derive(Clone)]
 pub struct Compute {
     config: ComputeConfig,
     width: u32,

@@ -7,6 +7,7 @@ use super::token::{Kind, Piece, Run};
 use sim::{In, Out, Tick, Unit, Wires};
 
 /// Dealing. Its items are batches.
+#[derive(Clone)]
 pub struct Deal {
     policy: Policy,
     /// Primitives of a batch.

@@ -37,6 +37,7 @@ knob::knobs! {
 }
 
 /// Ports of fragment dispatch.
+#[derive(Clone)]
 pub struct DispatchPorts {
     /// Interpolated quads.
     pub input: In<GroupToken>,
@@ -51,6 +52,7 @@ pub struct DispatchPorts {
 }
 
 /// Where shaded quads go.
+#[derive(Clone)]
 pub enum Outlet {
     /// To the pipeline's own ROP.
     Own {
@@ -72,6 +74,7 @@ enum Entry {
 }
 
 /// Fragment dispatch. Its items are quads.
+#[derive(Clone)]
 pub struct Dispatch {
     config: DispatchConfig,
     pipeline: u8,

@@ -36,6 +36,7 @@ knob::knobs! {
 }
 
 /// Distribution. Its items are triangles.
+#[derive(Clone)]
 pub struct Distribute {
     config: DistributeConfig,
     /// Its number.

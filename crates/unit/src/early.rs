@@ -58,6 +58,7 @@ stats::counters! {
 }
 
 /// Whose depths are asked for.
+#[derive(Clone)]
 pub enum Known {
     /// The pipeline's own copy, through a Z cache.
     Copy(Box<BlockCache>),
@@ -103,6 +104,7 @@ struct Entry {
 }
 
 /// Early tests of a pipeline. Its items are quads tested.
+#[derive(Clone)]
 pub struct Early {
     pipeline: u8,
     rate: EarlyRate,

@@ -8,6 +8,7 @@ use super::token::{Kind, Run, TriangleToken};
 use sim::{Out, StallProbe, Tick, Unit, Wires};
 
 /// Gathering. Its items are primitives.
+#[derive(Clone)]
 pub struct Gather {
     /// Primitives a cycle.
     rate: u32,

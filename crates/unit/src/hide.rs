@@ -36,6 +36,7 @@ const QUADS: usize = 32 * 32;
 const LAYERS: usize = 4;
 
 /// Hidden-surface removal. Its items are quads.
+#[derive(Clone)]
 pub struct Hide {
     pipeline: u8,
     /// Blocks across a tile.

@@ -80,7 +80,7 @@ struct Ahead {
 }
 
 /// Runs taken in ahead of their turn, and their lines of indices.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct IndexRuns {
     runs: VecDeque<Ahead>,
     misses: Misses,

@@ -22,6 +22,7 @@ knob::knobs! {
 }
 
 /// Interpolation. Its items are quads.
+#[derive(Clone)]
 pub struct Interpolate {
     config: InterpolateConfig,
     input: In<GroupToken>,

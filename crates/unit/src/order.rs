@@ -8,6 +8,7 @@ use super::token::{GroupToken, Kind, bytes};
 use sim::{Budget, Out, StallProbe, Tick, Unit, Wires};
 
 /// The order at a ROP. Its items are quads.
+#[derive(Clone)]
 pub struct Order {
     pipeline: u8,
     /// Quads a cycle.

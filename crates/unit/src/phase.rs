@@ -132,6 +132,12 @@ impl Phases {
         self.marks.drain(..)
     }
 
+    /// Forgets what was begun: nobody reads it.
+    pub fn forget(&mut self) {
+        self.marks.clear();
+        self.list.clear();
+    }
+
     /// The phases of the frame from `begin` to `end`, each with its cycles, which add up to the frame's: what comes before the
     /// first is the first's. Empties the list.
     pub fn take(&mut self, begin: Cycle, end: Cycle) -> Vec<(Phase, Cycle, Vec<DrawRecord>)> {

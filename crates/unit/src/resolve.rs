@@ -30,6 +30,7 @@ pub(super) struct Operation {
 }
 
 /// The resolve unit. Its items are blocks.
+#[derive(Clone)]
 pub struct Resolve {
     config: ResolveConfig,
     /// Colour attachments by location.

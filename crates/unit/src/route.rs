@@ -70,6 +70,7 @@ struct Entry {
 }
 
 /// Ports of routing.
+#[derive(Clone)]
 pub struct RoutePorts {
     /// Batches of primitives.
     pub input: In<Run>,
@@ -82,6 +83,7 @@ pub struct RoutePorts {
 }
 
 /// Routing. Its items are primitives.
+#[derive(Clone)]
 pub struct Route {
     config: RouteConfig,
     overlap: Overlap,

@@ -32,6 +32,7 @@ stats::counters! {
 }
 
 /// Triangle setup. Its items are triangles.
+#[derive(Clone)]
 pub struct Setup {
     config: SetupConfig,
     /// From all geometry units.

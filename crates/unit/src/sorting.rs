@@ -59,7 +59,7 @@ stats::counters! {
 }
 
 /// Counts the cycles in which what has come waits for its turn, and sets a probe to the reason of the stall.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct OrderClock {
     probe: StallProbe,
     state: Stall,
@@ -177,7 +177,7 @@ knob::knobs! {
 }
 
 /// Sequence numbers that have ended, of which all before the first that has not are known by it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Ended {
     /// The first that has not ended.
     first: u32,
@@ -211,7 +211,7 @@ impl Ended {
 }
 
 /// Takes what several senders send in the order of its sequence numbers, or as it comes where no order is kept.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Merge {
     keep: Keep,
     /// A single sender sends in order, and may tell no ends.

@@ -86,6 +86,7 @@ pub struct TextureUser {
 }
 
 /// A texture unit. Its items are requests of quads.
+#[derive(Clone)]
 pub struct Texture {
     config: TextureConfig,
     user: TextureUser,

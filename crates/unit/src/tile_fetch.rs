@@ -12,6 +12,7 @@ use mem::{MemoryPort, requests};
 use sim::{In, Out, StallProbe, Tick, Unit, Wires};
 
 /// Ports of tile reading.
+#[derive(Clone)]
 pub struct TileFetchPorts {
     /// Tiles and fences.
     pub input: In<TileToken>,
@@ -33,6 +34,7 @@ struct Entry {
 }
 
 /// Tile reading. Its items are triangles.
+#[derive(Clone)]
 pub struct TileFetch {
     config: BinConfig,
     ports: TileFetchPorts,

@@ -12,7 +12,6 @@ use crate::machine::class::Sorted;
 use crate::machine::config::SortClass;
 use crate::num::Random;
 use crate::run::replay::{Fidelity, Options, replay};
-use crate::sim::Clock;
 use crate::stats::Tree;
 use crate::trace::Trace;
 use crate::trace::record;
@@ -218,14 +217,7 @@ fn fragments(setting: &Setting, random: &mut Random) -> Vec<Case> {
 /// Statistics of the renderer alone and of each machine, and what it sorts.
 fn statistics(trace: &Trace, machines: &[Config]) -> Result<Vec<(Tree, SortClass)>> {
     let run = |config: &Config, fidelity| -> Result<(Tree, SortClass)> {
-        let options = Options {
-            config: config.clone(),
-            fidelity,
-            clock: Clock::SkipIdle,
-            frames: 0..u32::MAX,
-            watch: None,
-            per_draw: false,
-        };
+        let options = Options::new(config.clone(), fidelity);
         Ok((replay(trace, &options, &|_| ())?.total, config.card.sort))
     };
     let alone = config("baseline", &[])?;

@@ -9,7 +9,6 @@ use crate::import::gl::{Report, import_bytes};
 use crate::machine::Config;
 use crate::report::picture::picture;
 use crate::run::replay::{Fidelity, Frame, Options, replay};
-use crate::sim::Clock;
 use crate::trace::{Reading, Trace};
 
 /// Edge of the window in pixels.
@@ -86,14 +85,8 @@ impl Recording {
             return Err(anyhow!("not supported: {refusal}"));
         }
         ensure!(report.errors.is_empty(), "calls with errors: {:?}", report.errors);
-        let options = Options {
-            config: Config::built_in("baseline")?,
-            fidelity: Fidelity::Functional,
-            clock: Clock::SkipIdle,
-            frames: 0..report.frames as u32,
-            watch: None,
-            per_draw: false,
-        };
+        let options =
+            Options { frames: 0..report.frames as u32, ..Options::new(Config::built_in("baseline")?, Fidelity::Functional) };
         let replayed = replay(&trace, &options, &|_| ())?;
         let center = |frame: &Frame| {
             let (surface, bytes) = frame.shown.as_ref().context("a frame has no picture")?;

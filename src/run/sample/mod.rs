@@ -20,14 +20,12 @@ use super::replay::{Options, Outcome, seconds};
 use clusters::{Clusters, Interval, LEVEL, random};
 use survey::{CacheCount, Count, Survey, Way};
 
-use crate::machine::Config;
-use crate::machine::class::Sorted;
+use crate::machine::Machine;
 use crate::mem::CacheCounts;
 use crate::render::{Dependencies, FrameSet, Want};
 use crate::stats::{Group, Node, Tree};
 use crate::trace::Trace;
 use crate::unit::scanout::ScanoutMode;
-use crate::unit::sorting::{EarlyTest, Keep};
 
 /// How frames are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,15 +91,6 @@ pub struct Margin {
     pub value: f64,
     /// Half the interval's width.
     pub margin: f64,
-}
-
-/// Whether functional warming ([`apply`](crate::unit::apply)) leaves on this machine what simulating a frame leaves. Frames that warm up
-/// are simulated on the others: a tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image
-/// draw into copies; with some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
-fn warms_functionally(config: &Config) -> bool {
-    let class = config.card.sort.class();
-    let in_order = config.order.keep == Keep::Always && config.order.early != EarlyTest::Local;
-    class.in_place && (class.sorted != Sorted::Fragments || in_order)
 }
 
 /// Sorted ranges of frame numbers: those drawn, each with those that warm up for it.
@@ -185,7 +174,8 @@ fn of_survey(
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
     let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
     let simulated_frames = chosen.count();
-    let functional = warms_functionally(&options.config);
+    // On other machines, frames that warm up are simulated.
+    let functional = Machine::warms(&options.config);
     let warms_up = |number: u32| functional && !numbers.contains(&number);
 
     // What was counted of the frames drawn; those that warm up are not reported.
@@ -232,10 +222,9 @@ fn of_survey(
         cycles: Some(cycles),
         total,
         sampled: Some(sampled),
-        limits: Vec::new(),
         machine_time,
-        display: Default::default(),
         clock_time: watch.clock(),
+        ..Outcome::default()
     })
 }
 

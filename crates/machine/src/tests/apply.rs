@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::little::{config, rendered};
 use crate::config::Config;
-use crate::{FrameReport, Machine, MachineError};
+use crate::{FrameReport, Machine, MachineError, Totals};
 use sim::Clock;
 use stats::Tree;
 use unit::Fault;
@@ -80,6 +80,79 @@ fn functional_warming_leaves_what_a_simulation_leaves() {
     // Samples that are resolved, and particles that a dispatch moves, over several frames.
     for scene in ["spokes-msaa", "particles"] {
         the_same(&machines[1], scene, &rendered(scene, machines[1].render_key()));
+    }
+}
+
+/// Frames of a scene, each with its events.
+fn frames(scene: &str, config: &Config) -> Vec<Vec<Event>> {
+    let events = rendered(scene, config.render_key());
+    events.split_inclusive(|event| matches!(event, Event::EndFrame(_))).map(<[Event]>::to_vec).collect()
+}
+
+/// What a machine holds of surfaces.
+fn held(machine: &Machine) -> Vec<(SurfaceKey, Vec<u32>, Vec<BlockState>)> {
+    machine.card.frame.stores.iter().map(|store| (store.surface.key, store.codes.clone(), store.blocks.clone())).collect()
+}
+
+#[test]
+fn a_clone_goes_on_as_the_machine_does() {
+    let machines = [&[][..], &["sort=sort-middle-binned"], &["sort=sort-last-image"], &["sort=sort-last-fragment"]];
+    for config in machines.map(|changes| config("baseline", changes)) {
+        let frames = frames("particles", &config);
+        let mut machine = Machine::new(&config).unwrap();
+        let run = |machine: &mut Machine, frames: &[Vec<Event>]| {
+            let report = machine.run(frames.concat().into_iter(), Clock::SkipIdle).unwrap();
+            (report.total, report.frames.into_iter().map(|frame| (frame.number, frame.tree, frame.picture)).collect::<Vec<_>>())
+        };
+        run(&mut machine, &frames[..2]);
+        let mut clone = machine.clone();
+        assert_eq!(run(&mut machine, &frames[2..]), run(&mut clone, &frames[2..]), "{}", config.name);
+        assert_eq!(held(&machine), held(&clone), "{}", config.name);
+    }
+}
+
+#[test]
+fn warming_with_frames_leaves_what_they_leave() {
+    for changes in
+        [&[][..], &["sort=sort-first"], &["sort=sort-last-fragment"], &["color.cache_blocks=4", "color.cache_ways=2"]]
+    {
+        let config = config("baseline", changes);
+        let frames = frames("particles", &config);
+        let mut simulated = Machine::new(&config).unwrap();
+        simulated.run(frames[..3].concat().into_iter(), Clock::SkipIdle).unwrap();
+        let mut warmed = Machine::new(&config).unwrap();
+        for frame in &frames[..3] {
+            warmed.warm(frame.iter().cloned(), Clock::SkipIdle).unwrap();
+        }
+        assert_eq!(held(&warmed), held(&simulated), "{changes:?}");
+        let compressed = |(_, _, blocks): &(_, _, Vec<BlockState>)| blocks.iter().any(|block| *block != blocks[0]);
+        assert!(held(&warmed).iter().any(compressed), "{changes:?}: no block is cleared by flag or compressed");
+
+        // Three runs add up to what one machine counts, as far as it does not depend on time.
+        let mut sum: Option<Totals> = None;
+        let mut warmed = Machine::new(&config).unwrap();
+        for frame in &frames {
+            let mut machine = warmed.clone();
+            let report = machine.run(frame.iter().cloned(), Clock::SkipIdle).unwrap();
+            warmed.warm(frame.iter().cloned(), Clock::SkipIdle).unwrap();
+            match &mut sum {
+                Some(sum) => sum.add(&report.totals),
+                sum => *sum = Some(report.totals),
+            }
+        }
+        let whole = Machine::new(&config).unwrap().run(frames.concat().into_iter(), Clock::SkipIdle).unwrap();
+        let sum = sum.unwrap();
+        let (tree, cycles) = (sum.tree(&warmed), sum.cycles() as f64);
+        for path in [
+            "funnel.fragments_shaded",
+            "funnel.vertices_shaded",
+            "sort.sent",
+            "sort.wrong_pixels",
+            "memory.clients.vertex.read_bytes",
+        ] {
+            assert_eq!(tree.number(path).unwrap(), whole.total.number(path).unwrap(), "{changes:?}: {path}");
+        }
+        assert!((cycles / whole.cycles as f64 - 1.0).abs() < 2e-3, "{changes:?}: {cycles} cycles in runs, {}", whole.cycles);
     }
 }
 

@@ -36,6 +36,7 @@ use work::{Attachment, CostTable, Draw, Event, Quad, Segment, TILE, Target};
 pub const MAX_PIPELINES: usize = 64;
 
 /// All that tokens point into.
+#[derive(Clone)]
 pub struct Card {
     /// Segments in flight, by slot.
     pub work: Vec<Option<Work>>,

@@ -80,6 +80,7 @@ stats::counters! {
 }
 
 /// Ports of the command processor.
+#[derive(Clone)]
 pub struct CommandPorts {
     /// Segments and fences, to vertex fetch.
     pub fetch: Out<Piece>,
@@ -131,6 +132,7 @@ enum State {
 }
 
 /// The command processor. Its items are events.
+#[derive(Clone)]
 pub struct Command {
     config: CommandConfig,
     fast_clear: bool,

@@ -87,6 +87,7 @@ pub struct BlockToken {
 }
 
 /// Ports of a composition unit.
+#[derive(Clone)]
 pub struct ComposePorts {
     /// A pass is drawn, from the command processor.
     pub start: In<Piece>,
@@ -119,6 +120,7 @@ struct Plane {
 const WRITES: usize = 64;
 
 /// A composition unit. Its items are blocks composed.
+#[derive(Clone)]
 pub struct Compose {
     config: ComposeConfig,
     node: usize,

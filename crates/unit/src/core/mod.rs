@@ -75,6 +75,7 @@ knob::knobs! {
 }
 
 /// Ports of a core.
+#[derive(Clone)]
 pub struct CorePorts {
     /// Warps of fragments, and where they go when shaded.
     pub fragment: Option<(In<WarpToken>, Out<WarpToken>)>,
@@ -102,6 +103,7 @@ struct Resident {
 }
 
 /// A SIMT core. Its items are instructions of warps.
+#[derive(Clone)]
 pub struct Core {
     config: CoreConfig,
     cluster: usize,

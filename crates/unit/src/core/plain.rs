@@ -23,6 +23,7 @@ struct Work {
 type Ended = (u64, u64, u64);
 
 /// A core that looks at every instruction in every cycle.
+#[derive(Clone)]
 struct Plain {
     config: CoreConfig,
     work: [Option<Work>; PLACES],

@@ -14,7 +14,7 @@ use crate::warp::Program;
 use sim::Tick;
 
 /// The workgroup that runs in turns.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Turns {
     /// Its number.
     pub number: u32,

@@ -54,6 +54,7 @@ knob::knobs! {
 }
 
 /// Ports of the depth unit.
+#[derive(Clone)]
 pub struct DepthPorts {
     /// Quads from traversal, and to interpolation; none: this unit tests only what is shaded.
     pub early: Option<TestPorts>,
@@ -70,6 +71,7 @@ pub struct DepthPorts {
 }
 
 /// The way of quads through a test.
+#[derive(Clone)]
 pub struct TestPorts {
     /// To be tested.
     pub input: In<GroupToken>,
@@ -95,6 +97,7 @@ struct Entry {
 }
 
 /// The depth unit. Its items are quads tested.
+#[derive(Clone)]
 pub struct Depth {
     config: DepthConfig,
     pipeline: u8,

@@ -9,6 +9,7 @@ use num::Cycle;
 use sim::{In, Out, Tick, Wires};
 
 /// Ways to and from each pipeline.
+#[derive(Clone)]
 pub struct QuestionPorts {
     /// Questions.
     pub questions: Vec<In<Question>>,
@@ -26,6 +27,7 @@ struct Asked {
 }
 
 /// Questions taken in and not answered yet.
+#[derive(Clone)]
 pub(super) struct Questions {
     ports: QuestionPorts,
     asked: VecDeque<Asked>,

@@ -50,6 +50,7 @@ knob::knobs! {
 }
 
 /// What vertex fetch is given.
+#[derive(Clone)]
 pub enum FetchInput {
     /// Whole segments, from the command processor.
     Segments(In<Piece>),
@@ -70,6 +71,7 @@ impl FetchInput {
 }
 
 /// Ports of vertex fetch.
+#[derive(Clone)]
 pub struct FetchPorts {
     /// Primitives and fences.
     pub input: FetchInput,
@@ -103,6 +105,7 @@ struct Gathered {
 }
 
 /// Vertex fetch. Its items are indices.
+#[derive(Clone)]
 pub struct Fetch {
     config: FetchConfig,
     width: u32,

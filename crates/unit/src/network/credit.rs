@@ -21,7 +21,7 @@ pub struct Credit {
 ///
 /// It never holds a receiver up: what a sender is owed is a number for each receiver, which grows while the message waits. So no
 /// sender's silence keeps credits from another.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct CreditReturn {
     /// From each receiver.
     inputs: Vec<In<Credit>>,

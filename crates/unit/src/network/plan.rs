@@ -47,7 +47,7 @@ impl Names {
 /// 1. [`NetworkPlan::declare`] where the network's fields stand among the machine's fields, which are `Vec<Router>` and
 ///    `Option<CreditReturn>` in this order, named as in [`Names`],
 /// 2. [`NetworkPlan::connect`] when the units at both ends are declared.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct NetworkPlan {
     config: NetworkConfig,
     names: Names,
@@ -59,7 +59,7 @@ pub struct NetworkPlan {
 }
 
 /// A network that carries tokens `T`.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Network<T> {
     /// The senders' ends.
     pub senders: Vec<Sender<T>>,

@@ -20,7 +20,7 @@ stats::counters! {
 }
 
 /// A sending unit's end. The unit calls [`Sender::poll`] first in every tick.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Sender<T> {
     to: ToNetwork<T>,
     /// Since when something waits, and whether for the network: if for both, for the network.
@@ -28,7 +28,7 @@ pub struct Sender<T> {
     counts: SenderCounts,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum ToNetwork<T> {
     /// A channel to each receiver.
     Direct(Vec<Out<T>>),
@@ -36,7 +36,7 @@ enum ToNetwork<T> {
 }
 
 /// A sender's way into routers.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Routed {
     inject: Out<Parcel>,
     credits: In<Credit>,
@@ -198,10 +198,10 @@ impl<T: Token> Sender<T> {
 }
 
 /// A receiving unit's end. The unit calls [`Receiver::poll`] first in every tick.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Receiver<T>(FromNetwork<T>);
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum FromNetwork<T> {
     Direct {
         /// A channel from each sender.
@@ -225,7 +225,7 @@ struct Entry<T> {
 }
 
 /// What has arrived, by sender and in order of arrival.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Arrived<T> {
     eject: In<Parcel>,
     credits: Out<Credit>,

@@ -33,7 +33,7 @@ struct Queue {
 ///
 /// On a ring, what comes from the node itself enters a link only if that leaves a slot free (a bubble), while what is on the ring
 /// already goes on if there is any; the network's page says why.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Router {
     inputs: Vec<In<Parcel>>,
     outputs: Vec<Out<Parcel>>,

@@ -146,7 +146,7 @@ impl Screen {
 }
 
 /// A free-running display.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Display {
     config: ScanoutConfig,
     /// Bytes a cycle that memory's port brings.

@@ -57,6 +57,7 @@ knob::knobs! {
 }
 
 /// Scan-out. Its items are frames; of a free-running display, those handed to it.
+#[derive(Clone)]
 pub struct Scanout {
     input: In<Piece>,
     output: Out<Ack>,

@@ -77,7 +77,7 @@ struct Bounds {
 }
 
 /// The hierarchical Z buffer: a bound each way, kept while the writes of the pass cannot break it.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct HierarchicalZ {
     bounds: Vec<Bounds>,
     /// Whether no write of this pass can have raised a depth above `max`, or lowered it below `min`.
@@ -126,6 +126,7 @@ struct Place {
 }
 
 /// Traversal. Its items are quads with coverage, those culled included.
+#[derive(Clone)]
 pub struct Traverse {
     config: TraverseConfig,
     pipeline: u8,
