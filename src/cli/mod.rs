@@ -25,6 +25,7 @@ mod progress;
 mod reading;
 mod replay;
 mod report;
+mod runs;
 mod scenes;
 mod shortcuts;
 mod skips;

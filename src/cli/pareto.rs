@@ -7,8 +7,10 @@ use anyhow::{Context, Result};
 use super::Verdict;
 use crate::accuracy::classes;
 use crate::accuracy::pareto::{Front, errors, front, plot};
+use crate::accuracy::sequences::SEQUENCES;
 use crate::host;
 use crate::run::replay::{Fidelity, Options};
+use crate::trace::Trace;
 
 /// Run time against error of all fidelities, on traces
 #[derive(clap::Args)]
@@ -16,12 +18,15 @@ use crate::run::replay::{Fidelity, Options};
 Leaves in --out: pareto.md (tables), pareto.json, pareto.svg (a plot). Traces of one frame have no frames to sample.")]
 pub struct Arguments {
     /// Traces
-    #[arg(required = true)]
+    #[arg(required_unless_present = "sequences")]
     traces: Vec<PathBuf>,
     #[command(flatten)]
     reading: super::reading::Reading,
     #[command(flatten)]
     machine: super::configs::Choice,
+    /// Generated sequences of so many frames too
+    #[arg(long, value_name = "FRAMES", conflicts_with = "classes")]
+    sequences: Option<u32>,
     /// Frames to sample; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,3,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Vec<u32>,
@@ -51,9 +56,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return Ok(Verdict::Done);
     }
     let mut fronts: Vec<Front> = Vec::new();
-    for path in &arguments.traces {
-        let trace = arguments.reading.open(path)?;
-        let name = path.display().to_string();
+    let open = |path: &PathBuf| -> Result<(String, Trace)> { Ok((path.display().to_string(), arguments.reading.open(path)?)) };
+    let opened = arguments.traces.iter().map(open);
+    let generated = arguments.sequences.into_iter().flat_map(|frames| {
+        SEQUENCES.iter().map(move |sequence| Ok((sequence.name.to_owned(), (sequence.record)(frames).finish())))
+    });
+    for trace in opened.chain(generated) {
+        let (name, trace) = trace?;
         let found = front(&name, &trace, &options, &arguments.samples, arguments.seed).with_context(|| name.clone())?;
         if !arguments.errors {
             println!("{}", found.table());

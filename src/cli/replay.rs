@@ -122,7 +122,7 @@ enum ClockName {
 }
 
 /// Frames that one machine simulates in a row, where nothing else is asked for.
-const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(16).unwrap();
+pub(super) const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(16).unwrap();
 
 /// A time, as in `90s` or `5m`.
 fn time(text: &str) -> Result<Duration, String> {

@@ -89,6 +89,37 @@ fn threads_and_clocks_change_no_byte() {
 }
 
 #[test]
+fn runs_of_frames_do_not_depend_on_threads() {
+    let mut seen: Option<Vec<Vec<u8>>> = None;
+    for threads in ["1", "2", "8"] {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().display().to_string();
+        let (code, report, message) =
+            run(&["replay", "traces/particles", "--threads", threads, "--frames-per-run", "1", "--per-draw", "--out", &folder]);
+        assert_eq!(code, 0, "{message}");
+        assert!(report.contains("runs of 1 frames"), "{report}");
+        let files = ["frame-0000.png", "frame-0003.png", "stats.json", "stats.csv", "passes.csv", "draws.csv"]
+            .map(|name| fs::read(out.path().join(name)).expect("a file"))
+            .to_vec();
+        match &seen {
+            None => seen = Some(files),
+            Some(first) => assert!(*first == files, "{threads} threads: other bytes"),
+        }
+    }
+    let (_, report, _) = run(&["replay", "traces/particles", "--frames-per-run", "all"]);
+    assert!(!report.contains("runs of"), "{report}");
+
+    let runs = ["replay", "traces/particles", "--frames-per-run", "1"];
+    let refused = |more: &[&str]| refused(&[&runs[..], more].concat());
+    assert!(refused(&["--config", "sort-middle-binned"]).contains("functional warming"));
+    assert!(refused(&["--set", "scanout.mode=free-running"]).contains("free-running"));
+    assert!(refused(&["--fidelity", "bound"]).contains("--frames-per-run is about --fidelity cycle"));
+    assert!(refused(&["--timeline", "t.json"]).contains("--frames-per-run all"));
+    let (code, _, message) = run(&["replay", "traces/particles", "--frames-per-run", "0"]);
+    assert!(code == 2 && message.contains("from 1 on, or all"), "{message}");
+}
+
+#[test]
 fn frames_have_the_numbers_of_the_trace() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().display().to_string();

@@ -12,7 +12,7 @@ mod cutout;
 mod edges;
 mod fighting;
 mod gamma;
-mod kit;
+pub(crate) mod kit;
 mod layers;
 mod light;
 mod lines;

@@ -1,0 +1,124 @@
+//! Frames in runs against one machine that simulates all: what differs, and what it takes.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+
+use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
+use crate::trace::Trace;
+use crate::work::Surface;
+
+/// What is compared, in this order.
+const COUNTS: [(&str, &[&str]); 4] = [
+    ("cycles", &["cycles"]),
+    ("DRAM bytes", &["memory.dram.read_bytes", "memory.dram.write_bytes"]),
+    ("L2 misses", &["caches.l2"]),
+    ("texture misses", &["caches.texture"]),
+];
+
+/// A sequence, simulated both ways.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The sequence.
+    pub name: String,
+    /// Its frames.
+    pub frames: usize,
+    /// Cycles on one machine.
+    pub cycles: f64,
+    /// By how much the sums over all runs differ from one machine's, as shares; none where there is nothing.
+    pub off: [Option<f64>; COUNTS.len()],
+    /// Mean and greatest difference of a frame's cycles, as shares.
+    pub frame: [f64; 2],
+    /// Frames that show other bytes.
+    pub other_pictures: usize,
+    /// Clock time of the whole replay: on one machine, and in runs; of each pair.
+    pub times: Vec<[Duration; 2]>,
+}
+
+/// Cycles and picture of each frame by its number.
+type Frames = BTreeMap<u32, (f64, Option<(Surface, blake3::Hash)>)>;
+
+fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome)> {
+    let mut frames = Frames::new();
+    let outcome = replay_to(trace, options, &|_| (), &mut |frame| {
+        let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));
+        frames.insert(frame.number, (frame.tree.number("cycles").unwrap_or(0.0), picture));
+        Ok(())
+    })?;
+    Ok((frames, outcome))
+}
+
+/// A counter's sum; of a kind of caches, the misses of all.
+fn sum(outcome: &Outcome, paths: &[&str]) -> f64 {
+    let number = |path: &str| outcome.total.number(path);
+    let all = |path: &&str| match number(path) {
+        Some(value) => value,
+        None => (0..).map_while(|at| number(&format!("{path}[{at}].misses"))).sum(),
+    };
+    paths.iter().map(all).sum()
+}
+
+/// Simulates a sequence on one machine and in runs of so many frames, one after the other, so many times.
+///
+/// # Errors
+/// If the trace cannot be replayed, the card cannot be warmed functionally, or the sequence has no more frames than a run.
+pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: NonZeroU32, pairs: u32) -> Result<Compared> {
+    let one = Options { fidelity: Fidelity::Cycle, frames_per_run: None, ..options.clone() };
+    let cut = Options { frames_per_run: Some(frames_per_run), ..one.clone() };
+    let ((frames, whole), (frames_in_runs, runs)) = (run(trace, &one)?, run(trace, &cut)?);
+    ensure!(runs.frames_per_run.is_some(), "{name} has {} frames: one run has {frames_per_run}", frames.len());
+    let mut times = vec![[whole.clock_time, runs.clock_time]];
+    for _ in 1..pairs {
+        times.push([run(trace, &one)?.1.clock_time, run(trace, &cut)?.1.clock_time]);
+    }
+    let off = COUNTS.map(|(_, paths)| {
+        let (one, runs) = (sum(&whole, paths), sum(&runs, paths));
+        (one > 0.0).then(|| runs / one - 1.0)
+    });
+    let (mut mean, mut greatest, mut other_pictures) = (0.0, 0.0_f64, 0);
+    for (number, (cycles, picture)) in &frames {
+        let (other, shown) = &frames_in_runs[number];
+        let off = (other / cycles - 1.0).abs();
+        mean += off / frames.len() as f64;
+        greatest = greatest.max(off);
+        other_pictures += usize::from(picture != shown);
+    }
+    let cycles = sum(&whole, COUNTS[0].1);
+    Ok(Compared { name: name.into(), frames: frames.len(), cycles, off, frame: [mean, greatest], other_pictures, times })
+}
+
+/// What differs, as a table in Markdown: the same on every host.
+pub fn table(compared: &[Compared]) -> String {
+    let names = COUNTS.map(|(name, _)| format!("in {name}")).join(" | ");
+    let mut out = format!(
+        "| sequence | frames | cycles on one machine | {names} | of a frame's cycles: mean, greatest | frames that look different |\n\
+         |---|--:|--:|{}--:|--:|\n",
+        "--:|".repeat(COUNTS.len())
+    );
+    for Compared { name, frames, cycles, off, frame: [mean, greatest], other_pictures, .. } in compared {
+        let off = off.map(|off| off.map_or("-".into(), |off| format!("{:+.3} %", 100.0 * off))).join(" | ");
+        let (mean, greatest) = (100.0 * mean, 100.0 * greatest);
+        let _ = writeln!(out, "| {name} | {frames} | {cycles} | {off} | {mean:.2}, {greatest:.2} % | {other_pictures} |");
+    }
+    out
+}
+
+/// Host times, as a table in Markdown: medians of the pairs.
+pub fn times(compared: &[Compared]) -> String {
+    let mut out = String::from("| sequence | one machine | in runs | share: median, least, greatest |\n|---|--:|--:|--:|\n");
+    for Compared { name, times, .. } in compared {
+        let sorted = |of: &dyn Fn(&[Duration; 2]) -> f64| {
+            let mut values: Vec<f64> = times.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let [one, runs] = [0, 1].map(|at: usize| sorted(&|pair| pair[at].as_secs_f64())[times.len() / 2]);
+        let shares = sorted(&|[one, runs]| runs.as_secs_f64() / one.as_secs_f64());
+        let (median, least, greatest) = (shares[shares.len() / 2], shares[0], shares[shares.len() - 1]);
+        let _ = writeln!(out, "| {name} | {one:.2} s | {runs:.2} s | {median:.2}, {least:.2}, {greatest:.2} |");
+    }
+    out
+}
