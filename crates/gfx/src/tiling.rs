@@ -60,6 +60,18 @@ impl TiledLevel {
             .wrapping_add((y >> self.shift.1).wrapping_mul(self.row))
             .wrapping_add((x >> self.shift.0).wrapping_mul(self.tile))
     }
+
+    /// The first line of a slice, counted from the texture's base, and the lines of a row of micro tiles.
+    #[inline(always)]
+    pub fn rows(&self, slice: u32) -> (u32, u32) {
+        (self.first.wrapping_add(slice.wrapping_mul(self.slice)), self.row)
+    }
+
+    /// Texels of a micro tile across and down, as powers of two, and its lines: the same in all levels of a texture.
+    #[inline(always)]
+    pub fn micro_tile(&self) -> ((u32, u32), u32) {
+        (self.shift, self.tile)
+    }
 }
 
 impl Tiled {

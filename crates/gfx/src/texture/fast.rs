@@ -104,14 +104,59 @@ fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, ou
         }
         find_corners(sampler, args, &Geometry::new(view, args, &second, quads), &mut at[1]);
     }
-    let last = view.layers() as i32 - 1;
+    let mut lines = [[[0_u32; LANES]; 4]; 2];
+    find_lines(view, args, &first, quads, &at[0], &mut lines[0]);
+    if blend {
+        find_lines(view, args, &second, quads, &at[1], &mut lines[1]);
+    }
+    let square = |level: usize, lane: usize| std::array::from_fn::<_, 4, _>(|corner| lines[level][corner][lane]);
+    // Neighbours mostly read the same lines: what the lane before has added is not looked for again.
+    let mut before = [None; 2];
     out.fill(mask, |lane, quad| {
-        let slice = args.layer.map_or(0, |l| l.i32()[lane].clamp(0, last)) as u32;
-        quad.square(view, first[lane] as usize, at[0].x[lane], at[0].y[lane], slice);
-        if weight[lane] > 0.0 || both {
-            quad.square(view, second[lane] as usize, at[1].x[lane], at[1].y[lane], slice);
+        if quad.is_new() {
+            before = [None; 2];
+        }
+        for level in 0..if weight[lane] > 0.0 || both { 2 } else { 1 } {
+            let corners = square(level, lane);
+            match before[level].replace(corners) == Some(corners) {
+                true => quad.again(),
+                false => quad.square(corners),
+            }
         }
     });
+}
+
+/// The lines of each lane's four texels, row by row.
+#[inline(always)]
+fn find_lines(view: &View, args: &Sample<'_>, level: &[u32; LANES], quads: bool, at: &Corners, out: &mut [[u32; LANES]; 4]) {
+    let mut different = 0;
+    for i in 0..LANES {
+        different |= level[i] ^ level[0];
+    }
+    let (first, lines) = view.rows(level[0] as usize, 0);
+    let (mut base, mut row) = ([first; LANES], [lines; LANES]);
+    if let Some(layer) = args.layer {
+        let last = view.layers() as i32 - 1;
+        for i in 0..LANES {
+            (base[i], row[i]) = view.rows(level[i] as usize, layer.i32()[i].clamp(0, last) as u32);
+        }
+    } else if different != 0 {
+        let step = if quads { 4 } else { 1 };
+        for i in (0..LANES).step_by(step) {
+            let (first, lines) = view.rows(level[i] as usize, 0);
+            base[i..i + step].fill(first);
+            row[i..i + step].fill(lines);
+        }
+    }
+    let ((across, down), tile) = view.tiled(0).micro_tile();
+    for i in 0..LANES {
+        let x = at.x[i].map(|x| (x >> across).wrapping_mul(tile));
+        let y = at.y[i].map(|y| base[i].wrapping_add((y >> down).wrapping_mul(row[i])));
+        out[0][i] = y[0].wrapping_add(x[0]);
+        out[1][i] = y[0].wrapping_add(x[1]);
+        out[2][i] = y[1].wrapping_add(x[0]);
+        out[3][i] = y[1].wrapping_add(x[1]);
+    }
 }
 
 /// The first level of every lane and the weight of the following one; says whether any weight is not 0.

@@ -134,19 +134,29 @@ impl Quad<'_> {
         self.line(view.line(level, x as u32, y as u32, slice as u32));
     }
 
-    /// Adds the lines of the four texels in two columns and two rows: one filter operation.
+    /// Adds the lines of the four texels in two columns and two rows, row by row: one filter operation.
     #[inline(always)]
-    pub(super) fn square(&mut self, view: &View, level: usize, x: [u32; 2], y: [u32; 2], slice: u32) {
+    pub(super) fn square(&mut self, [first, right, below, last]: [u32; 4]) {
         self.operations += 1;
-        let corner = |x: u32, y: u32| view.line(level, x, y, slice);
-        let (first, last) = (corner(x[0], y[0]), corner(x[1], y[1]));
         self.line(first);
         // Equal lines at opposite corners are the common case: all four texels are there.
         if last != first {
-            self.line(corner(x[1], y[0]));
-            self.line(corner(x[0], y[1]));
+            self.line(right);
+            self.line(below);
             self.line(last);
         }
+    }
+
+    /// Whether nothing was added yet.
+    #[inline(always)]
+    pub(super) fn is_new(&self) -> bool {
+        self.operations == 0
+    }
+
+    /// A filter operation whose lines are there already.
+    #[inline(always)]
+    pub(super) fn again(&mut self) {
+        self.operations += 1;
     }
 
     #[inline(always)]

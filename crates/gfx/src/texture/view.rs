@@ -4,7 +4,7 @@ use crate::format::{Format, TexelKind};
 use crate::image::ImageDesc;
 use crate::state::{Aspect, ViewDimension};
 use crate::texel::{Rgba8, decode, decode_block, decode_block_rgba8, decode_srgb8, depth_value, stencil_value};
-use crate::tiling::{LINE, Tiled};
+use crate::tiling::{LINE, Tiled, TiledLevel};
 use num::Words;
 
 /// Which part of a texture a view shows, and as what.
@@ -252,8 +252,20 @@ impl View {
     /// The memory line of a texel of a slice or layer of the view.
     #[inline(always)]
     pub(super) fn line(&self, level: usize, x: u32, y: u32, slice: u32) -> u32 {
-        let tiled = &self.tiled.levels()[self.base_level as usize + level];
-        self.base_line.wrapping_add(tiled.line(x, y, self.base_layer + slice))
+        self.base_line.wrapping_add(self.tiled(level).line(x, y, self.base_layer + slice))
+    }
+
+    /// Where the lines of a level are.
+    #[inline(always)]
+    pub(super) fn tiled(&self, level: usize) -> &TiledLevel {
+        &self.tiled.levels()[self.base_level as usize + level]
+    }
+
+    /// The first line of a slice of a level, and the lines of a row of micro tiles.
+    #[inline(always)]
+    pub(super) fn rows(&self, level: usize, slice: u32) -> (u32, u32) {
+        let (first, row) = self.tiled(level).rows(self.base_layer + slice);
+        (self.base_line.wrapping_add(first), row)
     }
 }
 
