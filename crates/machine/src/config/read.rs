@@ -77,15 +77,16 @@ pub fn parse(file: &str, text: &str, depth: u32) -> Result<Config, ConfigError> 
             };
             parse(known, text, depth + 1)?
         }
-        None => {
-            complete(file, &written)?;
-            Config::default()
-        }
+        None => Config::default(),
     };
     config.name = file.to_owned();
     for Written { path, value } in &written {
         let place = places.get(path.as_str());
         apply(&mut config, &place.map_or(file.to_owned(), |place| at(file, place)), path, value)?;
+    }
+    // A key that there is not comes first: it may be the one that is missing.
+    if base.is_none() {
+        complete(file, &written)?;
     }
     Ok(config)
 }
@@ -273,7 +274,8 @@ mod tests {
         for text in texts {
             assert_eq!(message(text), format!("mine.ron: {NO_CONFIGURATION}"), "{text}");
         }
-        assert!(message("(pipelnes: 4)").contains("extends nothing must be complete"), "{}", message("(pipelnes: 4)"));
+        assert_eq!(message("(pipelnes: 4)"), "mine.ron:1:2: there is no key pipelnes; pipelines is the nearest");
+        assert!(message("(pipelines: 4)").contains("extends nothing must be complete"), "{}", message("(pipelines: 4)"));
         assert_eq!(message("// (extends: 1)\n# A page"), format!("mine.ron: {NO_CONFIGURATION}"));
     }
 
