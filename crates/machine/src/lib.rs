@@ -25,6 +25,8 @@ pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;
 
 use self::blocks::Built;
+use std::collections::VecDeque;
+
 use class::Sorted;
 use mem::{ClientCounts, Crossbar, requests};
 use num::NEVER;
@@ -42,7 +44,7 @@ use unit::scanout::ScanoutMode;
 use unit::sorting::{EarlyTest, Keep};
 use unit::touch::{Touch, Touching};
 use unit::warp::Warps;
-use work::Event;
+use work::{EndFrame, Event, LINE, Surface};
 
 /// Why a run stopped before its end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -173,7 +175,7 @@ impl Machine {
     }
 
     /// Functional warming with a stream of events to its end: afterwards the machine holds what it would hold if it had drawn them, as far as
-    /// that does not depend on time. Nothing is reported. What is no draw is simulated.
+    /// that does not depend on time. Nothing is reported. What is neither a draw nor a scan-out is simulated.
     ///
     /// # Errors
     /// Why the run stopped before its end. A sort class whose draws cannot be applied in place is a fault.
@@ -183,6 +185,18 @@ impl Machine {
             other => other,
         });
         self.drive(&mut applied, clock, None, None)
+    }
+
+    /// What the second level has after a surface was scanned out.
+    fn scanned_out(&mut self, surface: &Surface) {
+        let circuit = &mut self.circuit;
+        let Some(interleave) = circuit.crossbar.as_ref().map(Crossbar::interleave) else { return };
+        let texel = u64::from(surface.format.block_bytes()) * u64::from(surface.samples);
+        let end = surface.address + u64::from(surface.width) * u64::from(surface.height) * texel;
+        for address in (surface.address..end).step_by(LINE as usize) {
+            let (slice, address) = interleave.split(address);
+            circuit.l2[slice as usize].visit(address, LINE as u32, false);
+        }
     }
 
     /// Whether functional warming ([`apply`](unit::apply)) leaves on this machine what simulating a frame leaves. On the others it does not: a
@@ -208,12 +222,19 @@ impl Machine {
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
         let free = self.config.scanout.mode == ScanoutMode::FreeRunning;
+        // A frame that nobody reads is not scanned out in time.
+        let mut scanned_out = VecDeque::new();
         loop {
             // 1. There is always an event for the command processor to read, until the last.
             while !self.card.closed && self.reads_ahead() {
                 match events.next() {
                     Some(Event::Applied(_)) if !sort.class().in_place => {
                         return Err(Fault::FunctionalWarming { class: sort.name() }.into());
+                    }
+                    Some(Event::EndFrame(end)) if readings.is_none() && !free => {
+                        let shown = end.shown.filter(|_| self.config.scanout.enabled);
+                        scanned_out.push_back(shown);
+                        self.card.events.push_back(Event::EndFrame(EndFrame { shown: None, ..end }));
                     }
                     Some(event) => self.card.events.push_back(event),
                     None => self.card.closed = true,
@@ -275,7 +296,15 @@ impl Machine {
                 if let Some(watcher) = &mut watcher {
                     watcher.read(self.circuit.wires().reading());
                 }
-                let Some((readings, each)) = &mut readings else { continue };
+                let Some((readings, each)) = &mut readings else {
+                    if let Some(surface) = scanned_out.pop_front().flatten()
+                        && self.card.frame.find(surface.key).is_some()
+                    {
+                        self.scanned_out(&surface);
+                    }
+                    self.card.phases.forget();
+                    continue;
+                };
                 let frame = readings.frame(self, end);
                 if let Some(watcher) = &mut watcher {
                     watcher.settled(self.circuit.wires().reading());
@@ -295,8 +324,8 @@ impl Machine {
         let interleave = circuit.crossbar.as_ref().map(Crossbar::interleave);
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
-            let Parts { traverse, depth, color, texture, l2, .. } = circuit;
-            apply(card, slot, &mut Keepers { traverse, depth, color, texture }, &mut touched);
+            let Parts { deal, assembly, traverse, depth, color, texture, l2, .. } = circuit;
+            apply(card, slot, &mut Keepers { deal, assembly, traverse, depth, color, texture }, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;
             let Some(interleave) = interleave else {

@@ -3,10 +3,12 @@
 //! A segment's quads go through the very tests and blends of the ROPs, in API order, so that depths and colours are what they are behind
 //! a segment that was simulated. Nothing takes time and nothing is counted. What later segments meet is left as it would be, as far as it does
 //! not depend on time: which blocks are in the ROPs' caches and how large the others are in memory, what hierarchical Z knows of them,
-//! which lines the texture caches have. What goes on to memory is told, for the second level, and so is what geometry reads.
+//! which lines the texture caches have, whose turn it is where primitives are dealt. What goes on to memory is told, for the second level, and so is what geometry reads.
 
+use super::assembly::Assembly;
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
 use super::color::{self, Color, blend_group};
+use super::deal::Deal;
 use super::depth::{Depth, test_group};
 use super::frame::FrameBuffers;
 use super::texture::{Texture, stored_bytes};
@@ -17,6 +19,10 @@ use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
 
 /// The units that keep something from segment to segment.
 pub struct Keepers<'u> {
+    /// What deals primitives to pipelines, if anything does.
+    pub deal: &'u mut [Deal],
+    /// Primitive assembly.
+    pub assembly: &'u mut [Assembly],
     /// Hierarchical Z buffers.
     pub traverse: &'u mut [Traverse],
     /// Depth units, by pipeline.
@@ -32,6 +38,11 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
     let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
     geometry(work, memory);
+    let primitives = work.segment.primitives.len();
+    units.deal.iter_mut().for_each(|unit| unit.visit(primitives));
+    if let [assembly] = units.assembly {
+        assembly.visit(primitives);
+    }
     let pipelines = units.color.len();
     let mut noted = vec![false; units.traverse.len()];
     for (number, triangle) in (0..).zip(&work.segment.triangles) {

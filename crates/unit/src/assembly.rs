@@ -138,6 +138,12 @@ impl Assembly {
         self.turn = (self.turn + 1) % self.ports.geometry.len();
     }
 
+    /// Takes turns for a segment that is warmed with: one for each batch of primitives, and one for the mark behind them.
+    pub(super) fn visit(&mut self, primitives: usize) {
+        let units = self.ports.geometry.len();
+        self.turn = (self.turn + primitives.div_ceil(self.config.batch as usize) + 1) % units;
+    }
+
     /// Assembles the primitives of runs.
     fn runs(&mut self, wires: &mut Wires, card: &mut Card, marks: bool, counts: bool) -> Tick {
         let mut did = Tick::Starved;

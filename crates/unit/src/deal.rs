@@ -91,6 +91,11 @@ impl Deal {
         (pipeline as usize, end(pipeline).saturating_sub(self.dealt).max(1))
     }
 
+    /// Takes turns for a segment that is warmed with: one for each batch of primitives, and one for the mark behind them.
+    pub(super) fn visit(&mut self, primitives: usize) {
+        self.turn = (self.turn + primitives.div_ceil(self.batch as usize) + 1) % self.outputs.len();
+    }
+
     /// The next in turn.
     fn advance(&mut self) {
         self.turn = (self.turn + 1) % self.outputs.len();
