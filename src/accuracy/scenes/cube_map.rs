@@ -40,7 +40,7 @@ fn direction(x: u32, y: u32) -> [f64; 3] {
 }
 
 /// Face, and place in it from 0 to 1, by the table of OpenGL's specification.
-fn face([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
+pub(super) fn face([x, y, z]: [f64; 3]) -> (usize, [f64; 2]) {
     let [ax, ay, az] = [x, y, z].map(f64::abs);
     let (face, s, t, m) = if ax >= ay && ax >= az {
         if x > 0.0 { (0, -z, -y, ax) } else { (1, z, -y, ax) }

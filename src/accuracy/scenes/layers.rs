@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::accuracy::Row;
 use crate::gfx::format::Format;
 use crate::num::Random;
+use crate::trace::Trace;
 use crate::trace::command::{BoundResource, ViewDesc};
 use crate::trace::record;
 
@@ -180,7 +181,8 @@ fn wheel(stage: &mut Stage) -> Result<()> {
         kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[Draw::cover(source).with([turn])]);
         kit.present(target);
     }
-    let frames = stage.show(&kit.finish())?;
+    let trace = kit.finish();
+    let frames = stage.show(&trace)?;
     let (mut wrong, mut borders) = (0, 0);
     for (number, frame) in (0..).zip(&frames) {
         for (x, y) in frame.places() {
@@ -197,5 +199,31 @@ fn wheel(stage: &mut Stage) -> Result<()> {
     }
     stage.row(Row::none("pixels that are not those of a wheel that turns back", wrong));
     stage.row(Row::at_most("share of pixels on borders", f64::from(borders) / f64::from(frames_drawn * 96 * 96), 0.01));
+    if !stage.fault() { tearing(stage, &trace, f64::from(frames_drawn)) } else { Ok(()) }
+}
+
+/// When a picture tears: with swaps at once and by the vertical blank, of a display that is slower and faster than what is drawn.
+fn tearing(stage: &mut Stage, trace: &Trace, frames: f64) -> Result<()> {
+    let mut told = Vec::new();
+    for line_cycles in [16, 40, 200] {
+        let line = format!("scanout.line_cycles={line_cycles}");
+        let tears = |stage: &Stage, swap: &str| {
+            let swap = format!("scanout.swap={swap}");
+            stage.figure(trace, &["scanout.mode=free-running", &line, &swap, "scanout.buffers=2"], "display.tears")
+        };
+        let (torn, kept) = (tears(stage, "immediate")?, tears(stage, "vsync")?);
+        if line_cycles < 200 {
+            stage.row(Row::at_least(format!("tears with immediate swaps, {line_cycles} cycles a line"), 1.0, torn));
+        } else {
+            // All frames come in the blank in front of the first refresh.
+            stage.row(Row::exact("tears when all swaps lie in a vertical blank", 0.0, torn));
+        }
+        stage.row(Row::exact(format!("tears with vsync, {line_cycles} cycles a line"), 0.0, kept));
+        told.push(format!("{torn} of {} swaps with {line_cycles} cycles a line", frames - 1.0));
+    }
+    stage.answer(
+        "When does a picture tear?",
+        format!("When it is swapped at once, unless in the vertical blank: {}; never with vsync.", told.join(", ")),
+    );
     Ok(())
 }

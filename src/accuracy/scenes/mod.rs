@@ -6,11 +6,15 @@
 
 mod abuffer;
 mod acne;
+mod adaptive;
 mod cube_map;
 mod cull;
 mod cutout;
+mod deferred;
+mod detail;
 mod edges;
 mod fighting;
+mod fountain;
 mod gamma;
 pub(crate) mod kit;
 mod layers;
@@ -19,10 +23,12 @@ mod lines;
 mod maps;
 mod mirror;
 mod nyquist;
+mod omni;
 mod over;
 mod page;
 mod painter;
 mod pcf;
+mod rooms;
 mod shadow;
 mod shapes;
 mod stage;
@@ -47,6 +53,7 @@ pub const SCENES: &[&Scene] = &[
     &cutout::CUTOUT,
     &acne::ACNE,
     &pcf::PCF,
+    &omni::OMNI,
     &shadow::FLAT,
     &shadow::VOLUMES,
     &mirror::MIRROR,
@@ -60,17 +67,23 @@ pub const SCENES: &[&Scene] = &[
     &maps::ROOM,
     &light::LOBES,
     &light::SHADING,
+    &deferred::DEFERRED,
+    &fountain::FOUNTAIN,
     &layers::COMBINE,
     &gamma::GAMMA,
     &layers::PYRAMID,
     &layers::WHEEL,
     &maps::STEREO,
     &edges::EDGES,
+    &adaptive::ADAPTIVE,
     &nyquist::NYQUIST,
     &lines::LINES,
     &lines::SOFTWARE,
     &cull::FRUSTUM,
+    &rooms::PORTAL,
     &cull::OCCLUSION,
+    &detail::DETAIL,
+    &detail::LOD,
 ];
 
 /// A technique.

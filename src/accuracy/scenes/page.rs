@@ -14,6 +14,12 @@ fn number(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e12 { format!("{}", value + 0.0) } else { format!("{value:.4}") }
 }
 
+/// What a row asks for: more than a number without an error is a number that bounds from below.
+fn asked(row: &Row) -> String {
+    let least = row.error == 0.0 && row.measured > row.expected;
+    format!("{}{}", if least { "at least " } else { "" }, number(row.expected))
+}
+
 fn verdict(row: &Row) -> &'static str {
     if row.holds() { "pass" } else { "FAIL" }
 }
@@ -22,7 +28,7 @@ fn verdict(row: &Row) -> &'static str {
 pub fn text(outcome: &Outcome) -> String {
     let mut text = format!("{}\n", outcome.scene.name);
     for row in &outcome.played.rows {
-        let [expected, measured, allowed] = [row.expected, row.measured, row.allowed].map(number);
+        let (expected, [measured, allowed]) = (asked(row), [row.measured, row.allowed].map(number));
         let _ = writeln!(text, "  {}  {}: {measured} (expected {expected}, may be off by {allowed})", verdict(row), row.case);
     }
     let prices = outcome.played.prices.iter().map(|price| match price.disordered {
@@ -78,7 +84,7 @@ pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
         let _ = writeln!(text, "{} Fault: {}. The recording has {} bytes.\n", scene.what, scene.fault, played.bytes);
         text.push_str("| proof | expected | measured | may be off by | |\n|---|--:|--:|--:|---|\n");
         for row in played.rows.iter().filter(|row| !row.case.contains("not the renderer's")) {
-            let [expected, measured, allowed] = [row.expected, row.measured, row.allowed].map(number);
+            let (expected, [measured, allowed]) = (asked(row), [row.measured, row.allowed].map(number));
             let _ = writeln!(text, "| {} | {expected} | {measured} | {allowed} | {} |", row.case, verdict(row));
         }
         let classes: Vec<_> = played.prices.iter().map(|price| price.class).collect();
