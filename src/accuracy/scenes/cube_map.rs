@@ -26,6 +26,15 @@ pub(super) const SPHERE_MAP: Scene = Scene {
     play: sphere_map,
 };
 
+pub(super) const NEAR_MAP: Scene = Scene {
+    name: "near-map",
+    group: "Reflection",
+    what: "A cube map of a round room, read for rays that begin beside its middle: as if the room were infinitely far, in the ray's direction, and where the ray meets the wall. \
+           Texels are those of f64, and the error at a right angle is asin(a/R).",
+    fault: "the room is twice as large",
+    play: near_map,
+};
+
 const EDGE: u32 = 32;
 const SIZE: [u32; 2] = [128, 128];
 
@@ -149,5 +158,86 @@ fn sphere_map(stage: &mut Stage) -> Result<()> {
             0.01 / (half * half),
         ));
     }
+    Ok(())
+}
+
+/// A ray at (0, 0, a) towards (cos t, 0, sin t) on +x: where it meets a sphere of radius 2 around the middle.
+fn meets_wall(a: f64, t: f64) -> [f64; 3] {
+    let d = [libm::cos(t), libm::sin(t)];
+    let along = a * d[1];
+    let far = (along * along + 4.0 - a * a).sqrt() - along;
+    [far * d[0], 0.0, a + far * d[1]]
+}
+
+fn near_map(stage: &mut Stage) -> Result<()> {
+    const FINE: u32 = 128;
+    let mut kit = Kit::new("near-map");
+    let target = kit.target("target", SIZE, Format::Rgba8Unorm);
+    let desc = TextureDesc { size: [FINE, FINE, 6], ..record::texture_2d(FINE, FINE, Format::R8Unorm) };
+    let texture = kit.card.create_texture("cube", desc);
+    // Texels name their column; they are drawn, so that the recording is small.
+    let column = "@fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f { return vec4f(floor(at.x) / 255.0); }";
+    for layer in 0..6 {
+        let view = ViewDesc { base_layer: layer, layers: Some(1), ..ViewDesc::default() };
+        let view = kit.card.create_view_of(texture, view);
+        let face = super::kit::Target { texture, view, format: Format::R8Unorm, samples: 1 };
+        kit.pass(&Pass { color: vec![(face, Some([0.0; 4]))], ..Pass::default() }, &[Draw::cover(column)]);
+    }
+    let view = kit.card.create_view_of(texture, ViewDesc { dimension: Some(ViewDimension::Cube), ..ViewDesc::default() });
+    let sampler = kit.sampler(Default::default());
+    let square = if stage.fault() { "16.0" } else { "4.0" };
+    let source = format!(
+        "@group(0) @binding(0) var cube: texture_cube<f32>;
+        @group(0) @binding(1) var s: sampler;
+        @fragment fn fs(@builtin(position) at: vec4f) -> @location(0) vec4f {{
+            let a = floor(at.x) / 128.0;
+            let t = (floor(at.y) - 80.0) / 128.0;
+            let d = vec3f(cos(t), 0.0, sin(t));
+            let along = a * d.z;
+            let p = vec3f(0.0, 0.0, a) + d * (sqrt(along * along + {square} - a * a) - along);
+            let far = textureSampleLevel(cube, s, d, 0.0).r;
+            let near = textureSampleLevel(cube, s, p, 0.0).r;
+            return vec4f(far, near, abs(far - near), 1.0);
+        }}"
+    );
+    let show = Draw::cover(&source).with([BoundResource::View(view), sampler]);
+    kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[show]);
+    kit.present(target);
+    let frames = stage.show(&kit.finish())?;
+    let (mut wrong, mut worst) = ([0; 2], [0.0_f64; 2]);
+    for (x, y) in frames[0].places() {
+        let (a, t) = (f64::from(x) / 128.0, (f64::from(y) - 80.0) / 128.0);
+        let directions = [[libm::cos(t), 0.0, libm::sin(t)], meets_wall(a, t)];
+        let codes = [0, 1].map(|k| f64::from(frames[0].rgba(x, y)[k]));
+        for k in 0..2 {
+            let (own, [s, _]) = face(directions[k]);
+            // A place on the border of two texels may be read in either.
+            wrong[k] += u64::from(own == 0 && (s * f64::from(FINE) - codes[k] - 0.5).abs() > 0.5 + 1e-4);
+        }
+        // On +x, -z grows with s: the angle is that of a texel's middle.
+        if directions.iter().all(|&d| face(d).0 == 0) {
+            let angle = |code: f64| -libm::atan(2.0 * (code + 0.5) / f64::from(FINE) - 1.0);
+            let off = |[a, b]: [f64; 2]| (a - b).abs().to_degrees();
+            worst[0] = worst[0].max(off(directions.map(|d| libm::atan2(d[2], d[0]))));
+            worst[1] = worst[1].max(off(codes.map(angle)));
+        }
+    }
+    stage.row(Row::none("infinitely far: texels that are not those of f64", wrong[0]));
+    stage.row(Row::none("where the wall is met: texels that are not those of f64", wrong[1]));
+    stage.row(Row::within("largest error of the angle on +x, in degrees", worst[0], worst[1], 1.0));
+    // Straight on, at a right angle to the way from the middle: row 80, one pixel from the right end.
+    let a = 127.0 / 128.0;
+    let [far, near] = [0, 1].map(|k| f64::from(frames[0].rgba(127, 80)[k]));
+    let angle = |code: f64| libm::atan(2.0 * (code + 0.5) / f64::from(FINE) - 1.0).to_degrees();
+    stage.row(Row::within(
+        "error at a right angle, in degrees",
+        libm::asin(a / 2.0).to_degrees(),
+        angle(far) - angle(near),
+        1.0,
+    ));
+    stage.answer(
+        "What is the error of a map that is taken to be infinitely far?",
+        format!("At half the way to the wall up to {:.1} degrees, asin(a/R) at a right angle.", worst[0]),
+    );
     Ok(())
 }

@@ -20,7 +20,7 @@ pub(super) const LIGHTS: Scene = Scene {
 pub(super) const FOG: Scene = Scene {
     name: "fog",
     group: "Light",
-    what: "Six bands of fog: linear, exp and exp^2, of depth and of range: within a code of f64.",
+    what: "Six bands of fog: linear, exp and exp^2, of depth and of range: within a code of f64. So are three bands whose fog is that of vertices, 64 pixels apart.",
     fault: "exp^2 is exp",
     play: fog,
 };
@@ -151,6 +151,64 @@ fn fog(stage: &mut Stage) -> Result<()> {
         std::array::from_fn(|c| fog[c] + f * (own[c] - fog[c]))
     };
     stage.row(Row::at_most("largest difference from f64, in codes", frames[0].worst(exact), 1.0));
+    by_vertex(stage)
+}
+
+/// Fog of depth that is found at vertices, and what that leaves out.
+fn by_vertex(stage: &mut Stage) -> Result<()> {
+    let square = if stage.fault() { "1.0" } else { "t" };
+    let source = format!(
+        "struct Vertex {{ @builtin(position) at: vec4f, @location(0) f: f32 }}
+        @vertex fn vs(@location(0) at: vec4f) -> Vertex {{
+            let t = 0.4 * at.z;
+            var f = (5.0 - at.z) / 4.0;
+            if at.w == 1.0 {{ f = exp(-t); }}
+            if at.w == 2.0 {{ f = exp(-t * {square}); }}
+            return Vertex(vec4f(at.xy, 0.5, 1.0), clamp(f, 0.0, 1.0));
+        }}
+        @fragment fn fs(v: Vertex) -> @location(0) vec4f {{ return vec4f(mix(vec3f(0.7, 0.8, 0.9), vec3f(0.9, 0.2, 0.1), v.f), 1.0); }}"
+    );
+    let mut vertices: Vec<f32> = Vec::new();
+    for (band, piece) in (0..3).flat_map(|band| (0..2).map(move |piece| (band as f32, piece as f32))) {
+        for [i, j] in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]] {
+            // 32 pixels are one unit of depth.
+            let [x, y]: [f32; 2] = [piece + i, band + j];
+            vertices.extend([x - 1.0, 1.0 - y * 2.0 / 3.0, 1.0 + 2.0 * x, band]);
+        }
+    }
+    let mut kit = Kit::new("fog");
+    let target = kit.target("target", [128, 48], Format::Rgba8Unorm);
+    kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[Draw::list(source, 1, vertices)]);
+    kit.present(target);
+    let frames = stage.frames(&kit.finish())?;
+    let factor = |band: u32, z: f64| {
+        let t = 0.4 * z;
+        [(5.0 - z) / 4.0, libm::exp(-t), libm::exp(-t * t)][band as usize].clamp(0.0, 1.0)
+    };
+    let color = |f: f64| {
+        let (fog, own) = ([0.7, 0.8, 0.9], [0.9, 0.2, 0.1]);
+        std::array::from_fn(|c| fog[c] + f * (own[c] - fog[c]))
+    };
+    let depth = |x: u32| 1.0 + (f64::from(x) + 0.5) / 32.0;
+    let straight = |x: u32, y: u32| {
+        let left = f64::from(x / 64 * 2) + 1.0;
+        let [from, to] = [factor(y / 16, left), factor(y / 16, left + 2.0)];
+        color(from + (depth(x) - left) / 2.0 * (to - from))
+    };
+    stage.row(Row::at_most("by vertex: largest difference from f64, in codes", frames[0].worst(straight), 1.0));
+    let by_pixel = |x: u32, y: u32| color(factor(y / 16, depth(x)));
+    let off = frames[0]
+        .places()
+        .map(|(x, y)| {
+            let (a, b): ([f64; 3], [f64; 3]) = (straight(x, y), by_pixel(x, y));
+            (0..3).map(|c| 255.0 * (a[c] - b[c]).abs()).fold(0.0, f64::max)
+        })
+        .fold(0.0, f64::max);
+    stage.row(Row::within("by vertex: largest difference from fog by pixel, in codes", off, frames[0].worst(by_pixel), 1.0));
+    stage.answer(
+        "Fog by vertex or by pixel?",
+        format!("With vertices 64 pixels apart fog by vertex is {off:.1} codes off at worst."),
+    );
     Ok(())
 }
 

@@ -15,7 +15,8 @@ pub(super) const LINES: Scene = Scene {
     name: "lines",
     group: "Lines",
     what: "Lines in all octants by the midpoint algorithm in compute are the card's line lists, last pixels aside. From (0, 0) to (16383, 5461) a DDA in f32 with \
-           floor(y + 0.5) misses 1,638 rows, direct evaluation none.",
+           floor(y + 0.5) misses 1,638 rows, direct evaluation none. Of the same lines a DDA is the midpoint's, those whose pixels \
+           share sides are the squares that integer arithmetic finds crossed (but for corners that are met), and those shaded by coverage are within a code of f64.",
     fault: "the midpoint's decision is off by a quarter of a pixel",
     play: lines,
 };
@@ -128,6 +129,7 @@ fn lines(stage: &mut Stage) -> Result<()> {
         }";
     kit.compute(dda, [missed.clone()], [1, 1, 1]);
     copied(&mut kit, &missed, rows, [2, 1]);
+    others(&mut kit, &ends_of, stage.fault());
     let frames = stage.show(&kit.finish())?;
     let last = |x: u32, y: u32| ends().iter().any(|e| [64 + e[0], 64 + e[1]] == [i64::from(x), i64::from(y)]);
     let set = |x, y| frames[0].rgba(x, y)[0] == 255;
@@ -136,7 +138,107 @@ fn lines(stage: &mut Stage) -> Result<()> {
     stage.row(Row::at_least("pixels of lines", 700.0, frames[0].places().filter(|&(x, y)| set(x, y)).count() as f64));
     stage.row(Row::exact("rows that the DDA misses", 1_638.0, f64::from(frames[2].word(0, 0, 0))));
     stage.row(Row::exact("rows that direct evaluation misses", 0.0, f64::from(frames[2].word(1, 0, 0))));
+    other_rows(stage, &frames);
     Ok(())
+}
+
+/// The same lines by a DDA (bit 0) and with pixels that share sides (bit 1), and shaded by coverage.
+fn others(kit: &mut Kit, ends: &[f32], fault: bool) {
+    let words = kit.target("other lines", SIZE, Format::R32Uint);
+    let shaded = kit.target("shaded lines", SIZE, Format::Rgba8Unorm);
+    let (_, drawn) = kit.words("drawn", u64::from(SIZE[0] * SIZE[1]));
+    let (_, pixels) = kit.words("pixels", u64::from(SIZE[0] * SIZE[1]));
+    let bound = kit.numbers("ends", ends);
+    let source = "
+        @group(0) @binding(0) var<storage, read_write> drawn: array<atomic<u32>>;
+        @group(0) @binding(1) var<storage, read> ends: array<vec2f>;
+        @compute @workgroup_size(16) fn main(@builtin(global_invocation_id) id: vec3u) {
+            if id.x >= arrayLength(&ends) { return; }
+            let d = ends[id.x];
+            let steps = max(abs(d.x), abs(d.y));
+            var p = vec2f(64.0);
+            for (var k = 0; k <= i32(steps); k++) {
+                let at = vec2u(floor(p + 0.5));
+                atomicOr(&drawn[at.y * 128u + at.x], 1u);
+                p += d / steps;
+            }
+            // One step each way at a time: the one that stays nearer to the line.
+            let e = vec2i(d);
+            let s = sign(e);
+            var q = vec2i(0);
+            for (var k = 0; k <= abs(e.x) + abs(e.y); k++) {
+                atomicOr(&drawn[u32(q.y + 64) * 128u + u32(q.x + 64)], 2u);
+                let side = q.x * e.y - q.y * e.x;
+                if abs(side + s.x * e.y) < abs(side - s.y * e.x) { q.x += s.x; } else { q.y += s.y; }
+            }
+        }";
+    kit.compute(source, [drawn.clone(), bound.clone()], [1, 1, 1]);
+    copied(kit, &drawn, words, SIZE);
+    let width = if fault { "0.5" } else { "1.0" };
+    let source = format!(
+        "@group(0) @binding(0) var<storage, read_write> pixels: array<u32>;
+        @group(0) @binding(1) var<storage, read> ends: array<vec2f>;
+        @compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3u) {{
+            let p = vec2f(id.xy) - 64.0;
+            var best = 0.0;
+            for (var k = 0u; k < arrayLength(&ends); k++) {{
+                let d = ends[k];
+                let along = dot(p, d);
+                if along >= 0.0 && along <= dot(d, d) {{
+                    best = max(best, {width} - abs(p.x * d.y - p.y * d.x) / length(d));
+                }}
+            }}
+            pixels[id.y * 128u + id.x] = u32(best * 255.0 + 0.5) * 0x10101u + 0xff000000u;
+        }}"
+    );
+    kit.compute(&source, [pixels.clone(), bound], [SIZE[0] / 8, SIZE[1] / 8, 1]);
+    copied(kit, &pixels, shaded, SIZE);
+}
+
+fn other_rows(stage: &mut Stage, frames: &[super::Image]) {
+    let at = |x: u32, y: u32| [i64::from(x) - 64, i64::from(y) - 64];
+    let last = |x: u32, y: u32| ends().contains(&at(x, y));
+    let dda = |x, y| frames[3].word(x, y, 0) & 1 == 1;
+    let differing = frames[3].places().filter(|&(x, y)| !last(x, y) && dda(x, y) != (frames[1].word(x, y, 0) == 1)).count();
+    stage.row(Row::none("pixels in which DDA and midpoint differ", differing as u64));
+    // The square of a pixel is crossed if its centre's distance from the line, times the line's length, is below half of |dx| + |dy|.
+    let crossed = |x: u32, y: u32| {
+        let [px, py] = at(x, y);
+        let mut found = [false; 2];
+        for [ex, ey] in ends() {
+            let [side, reach] = [2 * (px * ey - py * ex).abs(), ex.abs() + ey.abs()];
+            let within = px * ex.signum() >= 0 && py * ey.signum() >= 0 && px.abs() <= ex.abs() && py.abs() <= ey.abs();
+            found[0] |= within && side < reach;
+            found[1] |= within && side == reach;
+        }
+        found
+    };
+    let sides = |x, y| frames[3].word(x, y, 0) & 2 == 2;
+    let wrong = frames[3].places().filter(|&(x, y)| {
+        let [crossed, corner] = crossed(x, y);
+        sides(x, y) != crossed && !corner
+    });
+    stage.row(Row::none("pixels of lines with shared sides that are not crossed, or missing", wrong.count() as u64));
+    let exact = |x: u32, y: u32| {
+        let p = at(x, y);
+        let mut best = 0.0_f64;
+        for d in ends() {
+            let along = p[0] * d[0] + p[1] * d[1];
+            if (0..=d[0] * d[0] + d[1] * d[1]).contains(&along) {
+                let [side, square] = [p[0] * d[1] - p[1] * d[0], d[0] * d[0] + d[1] * d[1]].map(|c| c as f64);
+                best = best.max(1.0 - side.abs() / square.sqrt());
+            }
+        }
+        [best; 3]
+    };
+    stage.row(Row::at_most("shaded by coverage: largest difference from f64, in codes", frames[4].worst(exact), 1.0));
+    let [eight, four] = [1, 2].map(|bit| frames[3].places().filter(|&(x, y)| frames[3].word(x, y, 0) & bit != 0).count());
+    let grey = frames[4].places().filter(|&(x, y)| frames[4].rgba(x, y)[0] > 0).count();
+    stage.row(Row::at_least("pixels with shared sides over those of the DDA", 1.0, four as f64 / eight as f64));
+    stage.answer(
+        "How many pixels has a line?",
+        format!("All lines together {eight} by DDA and midpoint, {four} where pixels share sides, {grey} shaded by coverage."),
+    );
 }
 
 /// A fan of triangles around a point, on the grid of 1/16 pixel.

@@ -7,6 +7,7 @@
 mod abuffer;
 mod acne;
 mod adaptive;
+mod axial;
 mod cube_map;
 mod cull;
 mod cutout;
@@ -51,6 +52,7 @@ pub const SCENES: &[&Scene] = &[
     &abuffer::KBUFFER,
     &abuffer::WEIGHTED,
     &cutout::CUTOUT,
+    &axial::AXIAL,
     &acne::ACNE,
     &pcf::PCF,
     &omni::OMNI,
@@ -59,6 +61,7 @@ pub const SCENES: &[&Scene] = &[
     &mirror::MIRROR,
     &cube_map::CUBE_MAP,
     &cube_map::SPHERE_MAP,
+    &cube_map::NEAR_MAP,
     &light::LIGHTS,
     &light::FOG,
     &maps::BUMP,

@@ -263,7 +263,11 @@ fn volumes(stage: &mut Stage) -> Result<()> {
             let pass = stage.time(&pass, &[&class_knob])?.0;
             let without = stage.time(&outside_fail, &[&class_knob, "traverse.hierarchical_z=false"])?.0;
             costs.push(format!("{class} {fail} against {pass} ({without} without hierarchical Z)"));
-            stage.row(Row::at_least(format!("cycles of z-fail over z-pass, which needs no cap at infinity, on {class}"), 1.0, fail / pass));
+            stage.row(Row::at_least(
+                format!("cycles of z-fail over z-pass, which needs no cap at infinity, on {class}"),
+                1.0,
+                fail / pass,
+            ));
         }
         stage.answer("What does z-fail cost against z-pass?", format!("Its cap at infinity. In cycles: {}.", costs.join("; ")));
         maps(stage)?;
