@@ -95,6 +95,34 @@ fn statistics_sum_banks_and_list_the_largest_changes_first() {
 }
 
 #[test]
+fn a_free_running_display_shows_the_same_bytes_for_any_number_of_threads() {
+    let dir = Folder::new();
+    let shown = |threads: &str| {
+        let out = dir.path(threads);
+        let free = ["--set", "scanout.mode=free-running", "--set", "scanout.swap=immediate", "--set", "scanout.line_cycles=100"];
+        let arguments = ["replay", "traces/particles", "--out", &out, "--threads", threads];
+        let (code, _, message) = run(&[&arguments[..], &free].concat());
+        assert_eq!(code, 0, "{message}");
+        let mut files: Vec<_> = fs::read_dir(&out)
+            .expect("a folder")
+            .map(|entry| entry.expect("an entry").path())
+            .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("shown")))
+            .map(|path| (path.file_name().expect("a name").to_owned(), fs::read(&path).expect("read")))
+            .collect();
+        files.sort();
+        (out, files)
+    };
+    let (one, files) = shown("1");
+    assert!(files.len() > 2 && files[0].0 == "shown-0000.png", "{:?}", files.iter().map(|file| &file.0).collect::<Vec<_>>());
+    for threads in ["2", "5"] {
+        let (many, other) = shown(threads);
+        assert!(files == other, "{threads} threads");
+        let (code, text, message) = run(&["compare", &one, &many]);
+        assert!(code == 0 && text.contains("0 statistics differ\n"), "{text}{message}");
+    }
+}
+
+#[test]
 fn folders_are_compared_file_by_file() {
     let dir = Folder::new();
     let (a, again, b) =

@@ -99,6 +99,6 @@ fn play(stage: &mut Stage) -> Result<()> {
     }
     stage.row(Row::none("pixels that are not as rays find", wrong));
     stage.row(Row::at_most("share of pixels left aside", aside as f64 / f64::from(SIZE[0] * SIZE[1]), 0.05));
-    stage.row(Row::at_least("pixels of rectangles", 2_000.0, drawn as f64));
+    stage.row(Row::at_least("pixels of rectangles", 1_000.0, drawn as f64));
     Ok(())
 }

@@ -21,7 +21,7 @@ pub(super) const FLAT: Scene = Scene {
 pub(super) const VOLUMES: Scene = Scene {
     name: "volumes",
     group: "Shadows",
-    what: "The shadow of a tetrahedron by volumes of all its faces, extruded to w = 0 and counted in the stencil. From above z-pass and z-fail are as f64 rays find, \
+    what: "The shadow of a tetrahedron by volumes of all its faces or of its silhouette, extruded to w = 0 and counted in the stencil. From above z-pass and z-fail are as f64 rays find, \
            at most 1 pixel of 65,536 off. With the eye inside of the volume z-fail is still right, and z-pass is wrong in most pixels.",
     fault: "the volume has no cap at infinity and no cap at the solid",
     play: volumes,
@@ -159,49 +159,73 @@ fn flat(stage: &mut Stage) -> Result<()> {
 }
 
 /// The volume of a solid, with caps at the solid and at infinity: each face's prism from the face to infinity away from the light, for faces that see the light.
-fn volume(camera: Camera, solid: &[V; 4], [near, far_cap]: [bool; 2]) -> Vec<f32> {
+fn volume(camera: Camera, solid: &[V; 4], Volume { caps: [near, infinite], silhouette, .. }: Volume) -> Vec<f32> {
     let mut out = Vec::new();
     let mut triangle = |corners: [(V, f64); 3]| {
         for (p, w) in corners {
             out.extend(vertex(camera.clip(p, w), 1.0));
         }
     };
-    for face in FACES {
+    let inside: V = std::array::from_fn(|k| solid.iter().map(|p| p[k]).sum::<f64>() / 4.0);
+    let normal = |face: [usize; 3]| {
         let [a, b, c] = face.map(|k| solid[k]);
-        let out_of = cross(sub(b, a), sub(c, a));
-        let inside: V = std::array::from_fn(|k| solid.iter().map(|p| p[k]).sum::<f64>() / 4.0);
-        let out_of = if dot(out_of, sub(inside, a)) > 0.0 { out_of.map(|x| -x) } else { out_of };
-        if dot(out_of, sub(LIGHT, a)) <= 0.0 {
-            continue;
+        cross(sub(b, a), sub(c, a))
+    };
+    let lit = FACES.into_iter().filter(|&face| {
+        let (n, a) = (normal(face), solid[face[0]]);
+        (dot(n, sub(LIGHT, a)) > 0.0) != (dot(n, sub(inside, a)) > 0.0)
+    });
+    // Counter-clockwise from the light.
+    let lit: Vec<[usize; 3]> = lit
+        .map(|face| {
+            let [a, b, c] = face;
+            if dot(normal(face), sub(LIGHT, solid[a])) > 0.0 { face } else { [a, c, b] }
+        })
+        .collect();
+    let sides = |[a, b, c]: [usize; 3]| [[a, b], [b, c], [c, a]];
+    let far = |k: usize| (sub(solid[k], LIGHT), 0.0);
+    let own = |k: usize| (solid[k], 1.0);
+    for &face in &lit {
+        for [from, to] in sides(face) {
+            // Two faces that see the light have no edge of the silhouette between them: what one counts up there, the other counts down.
+            if !(silhouette && lit.iter().any(|&other| sides(other).contains(&[to, from]))) {
+                triangle([own(from), far(from), own(to)]);
+                triangle([own(to), far(from), far(to)]);
+            }
         }
-        // Counter-clockwise from the light.
-        let [a, b, c] = if dot(cross(sub(b, a), sub(c, a)), sub(LIGHT, a)) > 0.0 { [a, b, c] } else { [a, c, b] };
-        let far = |p: V| (sub(p, LIGHT), 0.0);
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            triangle([(from, 1.0), far(from), (to, 1.0)]);
-            triangle([(to, 1.0), far(from), far(to)]);
-        }
+        let [a, b, c] = face;
         if near {
-            triangle([(a, 1.0), (b, 1.0), (c, 1.0)]);
+            triangle([own(a), own(b), own(c)]);
         }
-        if far_cap {
+        if infinite {
             triangle([far(a), far(c), far(b)]);
         }
     }
     out
 }
 
-fn volumed(camera: Camera, solid: &[V; 4], fail: bool, caps: [bool; 2]) -> Trace {
-    volumes_of(camera, std::slice::from_ref(solid), fail, caps)
+/// How volumes are drawn and counted.
+#[derive(Clone, Copy)]
+struct Volume {
+    /// What is behind the floor is counted (z-fail), not what is in front of it.
+    fail: bool,
+    /// Caps at the solid and at infinity.
+    caps: [bool; 2],
+    /// Edges of the silhouette alone, not of all faces that see the light.
+    silhouette: bool,
 }
 
-fn volumes_of(camera: Camera, solids: &[[V; 4]], fail: bool, caps: [bool; 2]) -> Trace {
+fn volumed(camera: Camera, solid: &[V; 4], how: Volume) -> Trace {
+    volumes_of(camera, std::slice::from_ref(solid), how)
+}
+
+fn volumes_of(camera: Camera, solids: &[[V; 4]], how: Volume) -> Trace {
     let mut kit = Kit::new("volumes");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, DEPTH);
     let count = move |front: bool| {
-        let op = if front != fail { StencilOp::IncrementWrap } else { StencilOp::DecrementWrap };
-        if fail {
+        let op = if front != how.fail { StencilOp::IncrementWrap } else { StencilOp::DecrementWrap };
+        if how.fail {
             StencilFace { depth_fail_op: op, ..StencilFace::default() }
         } else {
             StencilFace { pass_op: op, ..StencilFace::default() }
@@ -213,7 +237,7 @@ fn volumes_of(camera: Camera, solids: &[[V; 4]], fail: bool, caps: [bool; 2]) ->
         Draw {
             depth: Some(stencil(Compare::Always, count, Compare::Less)),
             mask: 0,
-            ..Draw::list(COLORED, 2, solids.iter().flat_map(|solid| volume(camera, solid, caps)).collect())
+            ..Draw::list(COLORED, 2, solids.iter().flat_map(|solid| volume(camera, solid, how)).collect())
         },
         Draw { depth: Some(lit), ..Draw::list(COLORED, 2, floor(camera, 0.8)) },
     ];
@@ -227,9 +251,10 @@ fn volumes_of(camera: Camera, solids: &[[V; 4]], fail: bool, caps: [bool; 2]) ->
 
 fn volumes(stage: &mut Stage) -> Result<()> {
     let caps = [!stage.fault(); 2];
+    let fail = Volume { fail: true, caps, silhouette: false };
     // Beside the shadow, and inside of it, below the solid.
     let (outside, inside) = (above([-1.3, 1.7, 1.2]), above([0.0, 0.2, 0.05]));
-    let outside_fail = volumed(outside, &SOLID, true, caps);
+    let outside_fail = volumed(outside, &SOLID, fail);
     let frames = stage.show(&outside_fail)?;
     stage.row(Row::at_most(
         "z-fail from outside: pixels that are not as rays find",
@@ -239,14 +264,22 @@ fn volumes(stage: &mut Stage) -> Result<()> {
     let dark = frames[0].places().filter(|&(x, y)| frames[0].rgba(x, y)[0] == 51).count() as f64;
     stage.row(Row::at_least("pixels in shadow", 1_000.0, dark));
     // Counted in front of the floor, a volume needs no cap at infinity.
-    let pass = volumed(outside, &SOLID, false, [caps[0], false]);
+    let pass = volumed(outside, &SOLID, Volume { fail: false, caps: [caps[0], false], silhouette: false });
     let picture = stage.frames(&pass)?;
     stage.row(Row::at_most(
         "z-pass from outside: pixels that are not as rays find",
         wrong(&picture[0], outside, &SOLID) as f64,
         1.0,
     ));
-    let [fails, passes] = [true, false].map(|fail| volumed(inside, &SOLID, fail, [caps[0], caps[1] && fail]));
+    let silhouette = volumed(outside, &SOLID, Volume { silhouette: true, ..fail });
+    let picture = stage.frames(&silhouette)?;
+    stage.row(Row::at_most(
+        "z-fail with edges of the silhouette alone: pixels that are not as rays find",
+        wrong(&picture[0], outside, &SOLID) as f64,
+        1.0,
+    ));
+    let [fails, passes] =
+        [fail, Volume { fail: false, caps: [caps[0], false], ..fail }].map(|how| volumed(inside, &SOLID, how));
     let picture = stage.frames(&fails)?;
     stage.row(Row::at_most(
         "z-fail from inside: pixels that are not as rays find",
@@ -270,6 +303,12 @@ fn volumes(stage: &mut Stage) -> Result<()> {
             ));
         }
         stage.answer("What does z-fail cost against z-pass?", format!("Its cap at infinity. In cycles: {}.", costs.join("; ")));
+        let (all, edges) = (stage.time(&outside_fail, &[])?.0, stage.time(&silhouette, &[])?.0);
+        stage.row(Row::at_least("cycles that edges of the silhouette save", 1.0, all - edges));
+        stage.answer(
+            "Volumes of all edges or of the silhouette?",
+            format!("All edges of faces that see the light take {all} cycles, those of the silhouette {edges}."),
+        );
         maps(stage)?;
         let disordered =
             stage.played.prices.iter().find(|price| price.class == "sort-last-image").map_or(0, |price| price.disordered);
@@ -326,15 +365,16 @@ fn maps(stage: &mut Stage) -> Result<()> {
     stage.row(Row::at_most("shadow map: share of pixels that are not as rays find", share, 0.02));
     let (mut told, mut ratios) = (Vec::new(), Vec::new());
     for count in [1, 4, 16] {
-        let volumes = stage.time(&volumes_of(camera, &crowd(count), true, [true; 2]), &[])?.0;
+        let volumes =
+            stage.time(&volumes_of(camera, &crowd(count), Volume { fail: true, caps: [true; 2], silhouette: false }), &[])?.0;
         let maps = stage.time(&mapped(camera, &crowd(count)), &[])?.0;
-        told.push(format!("{count} solids {maps} against {volumes}"));
+        told.push(format!("of {count} {maps} against {volumes}"));
         ratios.push(volumes / maps);
     }
     stage.row(Row::at_least("16 solids over each other: cycles of volumes over those of a map", 1.0, ratios[2]));
     stage.row(Row::at_least("how much more that is than with one", 1.0, ratios[2] / ratios[0]));
     let answer = format!(
-        "In cycles, maps against volumes: {}. Each volume is drawn over its whole shadow; a map is read once.",
+        "In cycles, maps against volumes of so many solids: {}. Each volume is drawn over its whole shadow; a map is read once.",
         told.join(", ")
     );
     stage.answer("Shadow maps or volumes?", answer);
