@@ -416,3 +416,35 @@ fn a_machine_that_is_stuck_is_stopped_at_once_and_shows_what_it_holds() {
         assert!(text.contains(&format!("\n{unit}")), "{unit} in\n{text}");
     }
 }
+
+#[test]
+fn a_display_that_goes_on_does_not_hide_that_drawing_is_stuck() {
+    // As above, from the second frame on: the first one is shown again and again.
+    let free = ["scanout.mode=free-running", "scanout.line_cycles=100", "scanout.buffers=2", "watchdog=1000"];
+    let config = config("baseline", &free);
+    let mut ended = 0;
+    let at_barrier = |event| match event {
+        Event::Segment(segment) if ended > 0 => {
+            let mut segment = (*segment).clone();
+            for cost in segment.tiles.iter_mut().flat_map(|tile| &mut tile.costs.costs) {
+                cost.steps.last_mut().expect("a step").then = RequestKind::Barrier;
+            }
+            Event::Segment(Arc::new(segment))
+        }
+        Event::EndFrame(_) => {
+            ended += 1;
+            event
+        }
+        other => other,
+    };
+    let sound: Vec<Event> = rendered("particles");
+    let events: Vec<Event> = sound.iter().cloned().map(at_barrier).collect();
+    Machine::new(&config).unwrap().run(sound.into_iter(), Clock::SkipIdle).unwrap();
+    for clock in [Clock::SkipIdle, Clock::EveryCycle] {
+        let error = Machine::new(&config).unwrap().run(events.iter().cloned(), clock).unwrap_err();
+        assert!(matches!(error, MachineError::Drawing(_)), "{clock:?}: {error}");
+        let text = error.to_string();
+        assert!(text.starts_with("nothing but the display has moved for 8 refreshes and more"), "{text}");
+        assert!(text.contains("\nunit core[0]: ") && !text.contains("unit scanout"), "{text}");
+    }
+}

@@ -3,6 +3,7 @@
 mod blocks;
 pub mod class;
 pub mod config;
+mod drawing;
 mod loss;
 pub mod parts;
 mod report;
@@ -24,10 +25,11 @@ pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
 pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;
 
-use self::blocks::Built;
 use std::collections::VecDeque;
 
+use self::blocks::Built;
 use class::Sorted;
+use drawing::Drawing;
 use mem::{ClientCounts, Crossbar, requests};
 use num::NEVER;
 use parts::Parts;
@@ -52,6 +54,9 @@ pub enum MachineError {
     /// Nothing can move any more.
     #[error(transparent)]
     Stuck(#[from] Stuck),
+    /// Only a free-running display moves, and what is drawn never ends.
+    #[error("nothing but the display has moved for {times} refreshes and more; what is drawn is stuck\n{0}", times = drawing::REFRESHES)]
+    Drawing(String),
     /// The machine cannot do what the work asks, or the work is wrong.
     #[error(transparent)]
     Fault(#[from] Fault),
@@ -224,6 +229,7 @@ impl Machine {
         let free = self.config.scanout.mode == ScanoutMode::FreeRunning;
         // A frame that nobody reads is not scanned out in time.
         let mut scanned_out = VecDeque::new();
+        let mut drawing = Drawing::default();
         loop {
             // 1. There is always an event for the command processor to read, until the last.
             while !self.card.closed && self.reads_ahead() {
@@ -265,7 +271,8 @@ impl Machine {
                 let stops = card.fault.is_some()
                     || card.phases.marked()
                     || circuit.scanout.captures()
-                    || applies && circuit.command.idle();
+                    || applies && circuit.command.idle()
+                    || free && drawing.is_stuck(circuit, patience);
                 stops || if circuit.command.frame_over() { free || quiet() } else { done && (!card.closed || quiet()) }
             };
             let ran = loop {
@@ -286,6 +293,9 @@ impl Machine {
                 return Err(fault.into());
             }
             ran?;
+            if free && drawing.is_stuck(&self.circuit, patience) {
+                return Err(MachineError::Drawing(Drawing::contents(&self.circuit)));
+            }
             if self.apply() {
                 continue;
             }

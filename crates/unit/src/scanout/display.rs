@@ -189,6 +189,10 @@ impl Display {
         }
     }
 
+    pub(super) fn period(&self) -> Option<Cycle> {
+        self.screen.as_ref().map(|screen| screen.period)
+    }
+
     pub(super) fn captures(&self) -> bool {
         self.capture.is_some()
     }

@@ -8,6 +8,7 @@ use super::token::{Ack, Kind, Piece};
 use display::Display;
 use knob::Allowed;
 use mem::MemoryPort;
+use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 
 pub use display::{DisplayCounts, Presented, Refresh};
@@ -99,6 +100,11 @@ impl Scanout {
     /// Reads it. To be asked between cycles, when all units have ticked: what is drawn does not depend on their order then.
     pub fn capture(&mut self, card: &Card) -> bool {
         self.display.as_mut().is_some_and(|display| display.capture(card))
+    }
+
+    /// Cycles of a refresh, while a display that runs free has a frame to show.
+    pub fn period(&self) -> Option<Cycle> {
+        self.display.as_ref().and_then(Display::period)
     }
 
     /// Takes what the screen has shown since it was asked last; nothing where the display does not run free.
