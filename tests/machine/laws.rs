@@ -437,14 +437,10 @@ fn a_display_that_goes_on_does_not_hide_that_drawing_is_stuck() {
         }
         other => other,
     };
-    let sound: Vec<Event> = rendered("particles");
-    let events: Vec<Event> = sound.iter().cloned().map(at_barrier).collect();
-    Machine::new(&config).unwrap().run(sound.into_iter(), Clock::SkipIdle).unwrap();
-    for clock in [Clock::SkipIdle, Clock::EveryCycle] {
-        let error = Machine::new(&config).unwrap().run(events.iter().cloned(), clock).unwrap_err();
-        assert!(matches!(error, MachineError::Drawing(_)), "{clock:?}: {error}");
-        let text = error.to_string();
-        assert!(text.starts_with("nothing but the display has moved for 8 refreshes and more"), "{text}");
-        assert!(text.contains("\nunit core[0]: ") && !text.contains("unit scanout"), "{text}");
-    }
+    let events: Vec<Event> = rendered("particles").into_iter().map(at_barrier).collect();
+    let error = Machine::new(&config).unwrap().run(events.into_iter(), Clock::SkipIdle).unwrap_err();
+    assert!(matches!(error, MachineError::Drawing(_)), "{error}");
+    let text = error.to_string();
+    assert!(text.starts_with("nothing but the display has moved for 8 refreshes and more"), "{text}");
+    assert!(text.contains("\nunit core[0]: ") && !text.contains("unit scanout"), "{text}");
 }
