@@ -52,3 +52,27 @@ fn the_page_has_every_target_and_no_failure() {
     }
     assert!(!page.contains("**fail**"));
 }
+
+#[test]
+fn runs_of_frames_are_compared_with_one_machine() {
+    let (code, table, message) = run(&["accuracy", "runs", "--frames", "6", "--frames-per-run", "2"]);
+    assert_eq!(code, 0, "{message}");
+    let rows: Vec<Vec<&str>> =
+        table.lines().skip(2).map(|row| row.split('|').map(str::trim).filter(|cell| !cell.is_empty()).collect()).collect();
+    assert_eq!(rows.len(), 3, "{table}");
+    for row in rows {
+        let off: f64 = row[3].trim_end_matches(" %").parse().expect("a share of the cycles");
+        assert!(row[1] == "6" && off.abs() < 2.0 && row.last() == Some(&"0"), "{row:?}");
+    }
+    assert!(refused(&["accuracy", "runs", "--frames", "6"]).contains("one run has 16"));
+
+    let out = tempfile::tempdir().expect("a folder");
+    let folder = out.path().display().to_string();
+    let (code, _, message) = run(&["accuracy", "runs", "--frames", "2", "--record", &folder]);
+    assert_eq!(code, 0, "{message}");
+    for name in ["interface", "swarm", "shadow-once"] {
+        let trace = out.path().join(format!("{name}.zip")).display().to_string();
+        let (code, report, message) = run(&["replay", &trace, "--fidelity", "functional"]);
+        assert!(code == 0 && report.contains("2 frames"), "{name}: {report}{message}");
+    }
+}

@@ -38,11 +38,6 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
     let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
     geometry(work, memory);
-    let primitives = work.segment.primitives.len();
-    units.deal.iter_mut().for_each(|unit| unit.visit(primitives));
-    if let [assembly] = units.assembly {
-        assembly.visit(primitives);
-    }
     let pipelines = units.color.len();
     let mut noted = vec![false; units.traverse.len()];
     for (number, triangle) in (0..).zip(&work.segment.triangles) {
@@ -63,13 +58,20 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
                 if units.traverse[pipeline].passes_by(work, triangle, block, at) {
                     continue;
                 }
-                let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline };
+                // Who draws on all of the screen shades what it was dealt.
+                let shades = units.deal.first().filter(|_| screen).map_or(pipeline, |deal| deal.dealt(triangle.primitive));
+                let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline, shades };
                 if let Err(found) = place.draw(frame, *epoch, units, memory) {
                     fault.get_or_insert(found);
                     return;
                 }
             }
         }
+    }
+    let primitives = work.segment.primitives.len();
+    units.deal.iter_mut().for_each(|unit| unit.visit(primitives));
+    if let [assembly] = units.assembly {
+        assembly.visit(primitives);
     }
 }
 
@@ -110,7 +112,9 @@ struct Place<'w> {
     block: &'w Block,
     /// The block's number on the surface.
     at: u32,
+    /// The pipeline that owns it, and the one that shades it.
     pipeline: usize,
+    shades: usize,
 }
 
 impl Place<'_> {
@@ -193,16 +197,12 @@ impl Place<'_> {
         }
     }
 
-    /// Has a quad's lines looked up by its pipeline's texture unit, request by request. Where a pipeline has several cores, blocks take
+    /// Has a quad's lines looked up by the texture unit of the pipeline that shades it, request by request. Where a pipeline has several cores, blocks take
     /// turns: which core gets which warp is a matter of time.
     fn fetch(&self, quad: u32, epoch: u32, units: &mut Keepers, memory: &mut Touching) {
         let quad = &self.tile.quads[quad as usize];
-        if units.traverse[self.pipeline].territory() == Territory::Screen {
-            // Some other pipeline shades it.
-            return;
-        }
         let each = units.texture.len() / units.color.len();
-        let Some(unit) = units.texture.get_mut(self.pipeline * each + self.at as usize % each.max(1)) else { return };
+        let Some(unit) = units.texture.get_mut(self.shades * each + self.at as usize % each.max(1)) else { return };
         let asking = self.tile.costs[quad.cost].steps.iter().filter(|step| step.then.has_request());
         for (step, found) in asking.zip(&self.tile.requests[quad.first_request as usize..]) {
             let lines = &self.tile.lines[found.first_line as usize..][..usize::from(found.lines)];

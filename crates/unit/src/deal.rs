@@ -91,6 +91,11 @@ impl Deal {
         (pipeline as usize, end(pipeline).saturating_sub(self.dealt).max(1))
     }
 
+    /// The pipeline that gets a primitive of a segment that is warmed with: the one whose turn it is then.
+    pub(super) fn dealt(&self, primitive: u32) -> usize {
+        (self.turn + (primitive / self.batch) as usize) % self.outputs.len()
+    }
+
     /// Takes turns for a segment that is warmed with: one for each batch of primitives, and one for the mark behind them.
     pub(super) fn visit(&mut self, primitives: usize) {
         self.turn = (self.turn + primitives.div_ceil(self.batch as usize) + 1) % self.outputs.len();
