@@ -22,6 +22,10 @@ pub struct Reading {
     /// Take a recorded OpenGL program that asks for what is not supported, and leave that out
     #[arg(long)]
     lenient: bool,
+    /// Keep the draws of a recorded OpenGL program as it called them; else draws of one state are joined, and only attributes that differ
+    /// between vertices are uploaded
+    #[arg(long)]
+    keep_draws: bool,
 }
 
 /// What a recording asks for and the program does not have: a check of the recording that failed. It is not damaged.
@@ -40,7 +44,8 @@ impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
         let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
-        let flags = [(self.follow_links, "--follow-links"), (self.lenient, "--lenient")];
+        let flags =
+            [(self.follow_links, "--follow-links"), (self.lenient, "--lenient"), (self.keep_draws, "--keep-draws")];
         limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).collect()
     }
 
@@ -72,6 +77,6 @@ impl Reading {
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
-        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient })
+        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient, keep_draws: self.keep_draws })
     }
 }

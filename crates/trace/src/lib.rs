@@ -78,6 +78,9 @@ pub struct Reading {
     pub follow_links: bool,
     /// Whether a foreign trace is taken that asks for what is not supported; that is then left out.
     pub lenient: bool,
+    /// Whether draws of a recorded OpenGL program stay as it called them: each for itself, with all components of the attributes that it sends,
+    /// and vertices by their indices. Else draws of one state are joined, and only what differs between vertices is kept.
+    pub keep_draws: bool,
 }
 
 impl Reading {

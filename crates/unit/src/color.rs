@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
-use super::compression::Compression;
+use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::depth::mark;
 use super::frame::FrameBuffers;
@@ -39,6 +39,8 @@ knob::knobs! {
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini BlendALULatency = 2 and the queues before it"],
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini COLORWRITE DisableCompression = FALSE"],
+        /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
+        codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
         /// Whether a block that is overwritten whole is not read from memory before.
         skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
@@ -93,7 +95,7 @@ pub struct Color {
 impl Color {
     /// An empty one, for one pipeline.
     pub fn new(config: ColorConfig, pipeline: u8, ports: ColorPorts, memory: MemoryPort) -> Color {
-        let compression = Compression { enabled: config.compression };
+        let compression = Compression { enabled: config.compression, codec: config.codec };
         Color {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
             fifo: VecDeque::with_capacity(config.fifo as usize + 8),

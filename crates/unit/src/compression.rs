@@ -3,11 +3,23 @@
 use super::frame::Store;
 use gfx::codec;
 
+knob::choices! {
+    /// How a block is compressed.
+    pub enum Codec {
+        /// Planes of depth and neighbours of colour: in whole memory lines, without loss.
+        Planes "planes",
+        /// Lower bits behind the block's least or greatest code; codes of 32 bits only.
+        References "references",
+    }
+}
+
 /// How blocks of a surface are compressed as they leave a ROP cache.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Compression {
     /// Whether they are.
     pub enabled: bool,
+    /// And how.
+    pub codec: Codec,
 }
 
 impl Compression {
@@ -17,6 +29,11 @@ impl Compression {
         if !self.enabled {
             return full;
         }
-        codec::stored_bytes(store.surface.format, store.surface.samples as usize, store.block(block)).min(full)
+        let (format, samples, codes) = (store.surface.format, store.surface.samples as usize, store.block(block));
+        let bytes = match self.codec {
+            Codec::Planes => codec::stored_bytes(format, samples, codes),
+            Codec::References => codec::stored_bytes_by_references(format, samples, codes),
+        };
+        bytes.min(full)
     }
 }

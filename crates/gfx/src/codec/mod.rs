@@ -10,6 +10,7 @@
 
 mod bits;
 mod plane;
+mod references;
 mod size;
 
 #[cfg(test)]
@@ -40,6 +41,16 @@ pub fn raw_bytes(format: Format, samples: usize) -> u32 {
 pub fn stored_bytes(format: Format, samples: usize, codes: &[u32]) -> u32 {
     let lines = size::bits(format, samples, codes).div_ceil(8 * u64::from(LINE)).max(1);
     (lines as u32 * LINE).min(raw_bytes(format, samples))
+}
+
+/// As [`stored_bytes`], by two references of 32 bits: one, two or three lines, or the raw size. Codes of more than a word and of several samples
+/// are stored raw.
+pub fn stored_bytes_by_references(format: Format, samples: usize, codes: &[u32]) -> u32 {
+    let raw = raw_bytes(format, samples);
+    if format.block_bytes() != 4 {
+        return raw;
+    }
+    references::bytes(codes).map_or(raw, |bytes| bytes.min(raw))
 }
 
 /// Compresses a block; the arguments are those of [`stored_bytes`]. Not more than one byte longer than the raw block.

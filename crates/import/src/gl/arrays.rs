@@ -6,6 +6,7 @@ use super::arb::GENERICS;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::Gl;
+use super::primitive::{Elements, Sent};
 use super::state::{UNITS, Vertex};
 
 /// Vertices of one draw at most.
@@ -257,8 +258,23 @@ impl Gl {
         if bits & (1 | 1 << GENERIC) == 0 {
             return Ok(());
         }
-        let vertices = indices.map(|index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
-        self.vertices(mode, vertices, bits)
+        let indices: Vec<u32> = indices.collect();
+        let vertices = indices.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
+        if self.keep_draws && self.compiling.is_none() {
+            let mut named = indices.clone();
+            named.sort_unstable();
+            named.dedup();
+            let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
+            let position = ready.iter().find(|array| matches!(array.slot, 0 | GENERIC)).map_or(4, |array| array.size);
+            self.elements = Some(Elements {
+                vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
+                numbers: indices.iter().map(number).collect(),
+                sent: Sent { position, normal: bits & 1 << 1 != 0, color: bits & 1 << 2 != 0 },
+            });
+        }
+        let outcome = self.vertices(mode, vertices, bits);
+        self.elements = None;
+        outcome
     }
 }
 

@@ -286,7 +286,7 @@ impl Gl {
         if indices.is_empty() {
             return Ok(());
         }
-        let fixed = self.fixed(&target, shader, attributes, batch.class, &key, bound.len())?;
+        let fixed = self.fixed(&target, shader, attributes, (batch.class, batch.strip), &key, bound.len())?;
         let pipeline = self.card.pipeline(&fixed);
         let group = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
@@ -450,7 +450,7 @@ impl Gl {
         target: &Target,
         shader: num::ShaderId,
         attributes: Vec<(u32, VertexFormat)>,
-        class: Class,
+        (class, strip): (Class, bool),
         key: &ShaderKey,
         textures: usize,
     ) -> Outcome<Fixed> {
@@ -465,6 +465,7 @@ impl Gl {
             _ if key.expand != Expand::No => Topology::TriangleList,
             Class::Points => Topology::PointList,
             Class::Lines => Topology::LineList,
+            Class::Triangles if strip => Topology::TriangleStrip,
             Class::Triangles => Topology::TriangleList,
         };
         let primitive = Primitive {

@@ -19,7 +19,7 @@ use super::image::PixelStore;
 use super::key::ShaderKey;
 use super::lists::List;
 use super::pixel_data::PixelMaps;
-use super::primitive::Batch;
+use super::primitive::{Batch, Elements};
 use super::rectangles::Source;
 use super::state::{Stack, State, UNITS, Vertex};
 use super::table::{self, Entry, Moment};
@@ -112,6 +112,10 @@ pub struct Gl {
     pub tracked: Option<([u32; 2], [f32; 4])>,
     /// Primitives that wait for a draw.
     pub batch: Batch,
+    /// Whether each primitive call is a draw, with its attributes in full.
+    pub keep_draws: bool,
+    /// Of draws that are kept, what the arrays of the call at hand send.
+    pub elements: Option<Elements>,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
     pub render_mode: u32,
     /// Shaders by key.
@@ -174,6 +178,8 @@ impl Gl {
             begun: None,
             tracked: None,
             batch: Batch::default(),
+            keep_draws: false,
+            elements: None,
             render_mode: e::RENDER,
             shaders: BTreeMap::new(),
             texts: Vec::new(),

@@ -171,6 +171,7 @@ fn import(
     };
     let mut gl = Gl::new(path, &reading.limits);
     gl.card.first_frame = frames.start;
+    gl.keep_draws = reading.keep_draws;
     while gl.card.frames < frames.end {
         let Some(call) = reader.next().map_err(broken)? else { break };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));

@@ -40,15 +40,16 @@ fn float_format(components: usize) -> VertexFormat {
 type Attribute = (u32, usize, fn(&Vertex, u32) -> [f32; 4]);
 
 /// Attributes of a key: location, components, and where they are in a vertex.
-fn layout(key: &ShaderKey, vertices: &[Vertex]) -> Vec<Attribute> {
+fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
+    let (vertices, sent) = (&batch.vertices, batch.sent);
     let mut list: Vec<Attribute> = Vec::new();
-    let position = components(vertices.iter().map(|vertex| vertex.position), 2);
+    let position = components(vertices.iter().map(|vertex| vertex.position), sent.map_or(2, |sent| sent.position.max(2)));
     list.push((location::POSITION, position, |v, _| v.position));
-    if key.varying.color {
-        let opaque = vertices.iter().all(|vertex| vertex.color[3] == 1.0);
+    if key.varying.color || sent.is_some_and(|sent| sent.color) {
+        let opaque = sent.is_none() && vertices.iter().all(|vertex| vertex.color[3] == 1.0);
         list.push((location::COLOR, if opaque { 3 } else { 4 }, |v, _| v.color));
     }
-    if key.varying.normal {
+    if key.varying.normal || sent.is_some_and(|sent| sent.normal) {
         list.push((location::NORMAL, 3, |v, _| [v.normal[0], v.normal[1], v.normal[2], 0.0]));
     }
     if key.varying.secondary {
@@ -73,7 +74,7 @@ fn layout(key: &ShaderKey, vertices: &[Vertex]) -> Vec<Attribute> {
 
 /// Vertices as the card reads them.
 pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
-    let layout = layout(key, &batch.vertices);
+    let layout = layout(key, batch);
     let mut bytes = Vec::new();
     for vertex in &batch.vertices {
         for &(location, count, of) in &layout {
@@ -91,7 +92,7 @@ pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
 pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Packed {
     let lines = batch.class == Class::Lines;
     let smooth = key.expand == Expand::SmoothLine;
-    let layout = layout(key, &batch.vertices);
+    let layout = layout(key, batch);
     let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
     attributes.push((location::CORNER, VertexFormat::Float32x2));
     if lines {

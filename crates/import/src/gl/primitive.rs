@@ -22,6 +22,35 @@ pub enum Class {
     Triangles,
 }
 
+/// What the arrays of a draw that is kept send.
+#[derive(Default)]
+pub struct Elements {
+    /// The vertices that its indices name, once each, in the order of their indices.
+    pub vertices: Vec<Vertex>,
+    /// Of each vertex of the draw, which of these it is.
+    pub numbers: Vec<u32>,
+    /// Components of attributes.
+    pub sent: Sent,
+}
+
+/// Attributes that a program sends whether or not they differ between vertices or are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sent {
+    /// Components of positions.
+    pub position: usize,
+    /// Whether normals are sent.
+    pub normal: bool,
+    /// Whether colours are sent.
+    pub color: bool,
+}
+
+impl Default for Sent {
+    /// Of vertices between Begin and End: positions have four components.
+    fn default() -> Sent {
+        Sent { position: 4, normal: false, color: false }
+    }
+}
+
 /// Primitives that wait.
 #[derive(Default)]
 pub struct Batch {
@@ -33,11 +62,21 @@ pub struct Batch {
     pub vertices: Vec<Vertex>,
     /// Indices: of triangles, lines or points; the last vertex of each gives flat colours.
     pub indices: Vec<u32>,
+    /// Whether the indices are those of one strip of triangles.
+    pub strip: bool,
+    /// What is sent of each vertex; none: what differs between them.
+    pub sent: Option<Sent>,
 }
 
 impl Gl {
     /// Draws a primitive of these vertices.
     pub fn primitive(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
+        self.joined(mode, vertices)?;
+        if self.keep_draws { self.flush() } else { Ok(()) }
+    }
+
+    /// Appends a primitive of these vertices to those that wait.
+    fn joined(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
         if self.render_mode != e::RENDER || vertices.is_empty() {
             return Ok(());
         }
@@ -102,12 +141,29 @@ impl Gl {
         if !batch.indices.is_empty() && (other || alone || batch.vertices.len() + vertices.len() > BATCH_MAX) {
             self.flush()?;
         }
+        if self.keep_draws && class == Class::Triangles && polygon.is_none() {
+            self.flush()?;
+            self.keep(vertices, indices.iter().copied(), false);
+            return Ok(());
+        }
         let batch = &mut self.batch;
         (batch.class, batch.polygon) = (class, polygon);
         let base = batch.vertices.len() as u32;
         batch.vertices.extend_from_slice(vertices);
         batch.indices.extend(indices.iter().map(|index| base + index));
         Ok(())
+    }
+
+    /// Triangles that are a draw by themselves.
+    fn keep(&mut self, vertices: &[Vertex], indices: impl Iterator<Item = u32>, strip: bool) {
+        let (vertices, indices, sent) = match self.elements.take() {
+            // The draw's own vertices, and not what became of them.
+            Some(of) if of.numbers.len() == vertices.len() => {
+                (of.vertices, indices.map(|index| of.numbers[index as usize]).collect(), of.sent)
+            }
+            _ => (vertices.to_vec(), indices.collect(), Sent::default()),
+        };
+        self.batch = Batch { class: Class::Triangles, polygon: None, vertices, indices, strip, sent: Some(sent) };
     }
 
     /// Triangles, quadrilaterals and polygons.
@@ -143,6 +199,12 @@ impl Gl {
             _ => return Err(super::call::INVALID_ENUM),
         }
         let modes = self.state.polygon_modes;
+        let whole_strip = self.keep_draws && mode == e::TRIANGLE_STRIP && n > 2 && !self.state.is(e::COLOR_LOGIC_OP);
+        if whole_strip && modes == [e::FILL; 2] {
+            self.flush()?;
+            self.keep(vertices, 0..n, true);
+            return Ok(());
+        }
         if modes == [e::FILL; 2] || (self.state.is(e::CULL_FACE) && self.filled_only()) {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }

@@ -16,7 +16,7 @@ pub use plan::{Step, steps};
 
 use super::apart::Apart;
 use super::card::{Card, PassState};
-use super::compression::Compression;
+use super::compression::{Codec, Compression};
 use super::copies;
 use super::frame::{BlockState, FrameBuffers, Store};
 use super::misses::Misses;
@@ -263,7 +263,7 @@ impl Compose {
         let Some(&Step { receive: Some((from, _)), ref send, forward, last }) = self.steps.front() else { return did };
         let on = send.as_ref().map(|&(to, _)| to).filter(|_| forward);
         let rate = u64::from(self.config.samples_per_cycle);
-        let compression = Compression { enabled: self.config.compression };
+        let compression = Compression { enabled: self.config.compression, codec: Codec::Planes };
         while let Some(&Asked { block, needs }) = self.composes.front() {
             if self.ports.receiver.front(wires, from).is_none() {
                 return did;

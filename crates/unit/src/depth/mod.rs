@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
-use super::compression::Compression;
+use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::frame::FrameBuffers;
 use super::stamps::Stamps;
@@ -46,6 +46,8 @@ knob::knobs! {
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
+        /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
+        codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
         /// Cycles from here to interpolation.
         output_latency: u32 ["cycles", Allowed::Range(1, 64), "wires"],
         /// Groups of quads queued before interpolation.
@@ -123,7 +125,7 @@ pub struct Depth {
 impl Depth {
     /// An empty one, for one pipeline.
     pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
-        let compression = Compression { enabled: config.compression };
+        let compression = Compression { enabled: config.compression, codec: config.codec };
         Depth {
             cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
             early: VecDeque::with_capacity(config.fifo as usize),

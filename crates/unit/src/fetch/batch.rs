@@ -3,26 +3,39 @@
 use super::super::card::{Card, Work};
 use super::super::token::{Kind, VertexBatch, WarpToken};
 use super::super::warp::{Item, Program};
-use super::{Fetch, Gathered};
+use super::{Fetch, Gathered, VertexDeal};
 use gfx::state::StepMode;
+use num::Cycle;
 use sim::{Tick, Wires};
-use work::LINE;
 
 impl Fetch {
+    /// Bytes go through the cache's port behind those that are under way.
+    #[inline(always)]
+    pub(super) fn pass_port(&mut self, now: Cycle, bytes: u32) {
+        if self.config.port_bytes > 0 {
+            self.port_free = self.port_free.max(now) + Cycle::from(bytes.div_ceil(self.config.port_bytes));
+        }
+    }
+
     /// Looks up the lines of the current vertex's attributes.
     #[inline(always)]
     pub(super) fn look_up(&mut self, wires: &mut Wires, work: &Work, budget: &mut u32) -> Result<(), Tick> {
         let Some(&vertex) = self.vertices.back() else { return Ok(()) };
         let vertex = &work.segment.vertices[vertex as usize];
+        let line_bytes = u64::from(self.config.line_bytes);
         while let Some(fetch) = work.draw.attributes.get(self.attribute) {
+            if self.port_free > wires.now() {
+                wires.sleep_until(self.port_free);
+                return Err(Tick::Working);
+            }
             let element = match fetch.step {
                 StepMode::Vertex => vertex.index,
                 StepMode::Instance => vertex.instance,
             };
             let address = fetch.address + u64::from(element) * fetch.stride;
-            let last = (address + u64::from(fetch.bytes.max(1)) - 1) / LINE;
+            let last = (address + u64::from(fetch.bytes.max(1)) - 1) / line_bytes;
             loop {
-                let line = address / LINE + self.attribute_line;
+                let line = address / line_bytes + self.attribute_line;
                 if line > last {
                     break;
                 }
@@ -40,7 +53,7 @@ impl Fetch {
                             return Err(Tick::Blocked);
                         }
                         let tag = self.misses.issue();
-                        self.ports.vertex.read(wires, line * LINE, LINE as u32, tag);
+                        self.ports.vertex.read(wires, line * line_bytes, self.config.line_bytes, tag);
                         let place = self.tags.victim(line, |_| true).expect("any line may go");
                         self.tags.replace(place, line, self.misses.issued());
                         self.misses.issued()
@@ -54,6 +67,7 @@ impl Fetch {
                 }
                 self.attribute_line += 1;
             }
+            self.pass_port(wires.now(), fetch.bytes);
             self.attribute += 1;
             self.attribute_line = 0;
         }
@@ -130,7 +144,9 @@ impl Fetch {
             wires.can_push(output)
         });
         let Some(core) = free else { return Err(Tick::Blocked) };
-        self.core = (core + 1) % cores;
+        if self.config.deal == VertexDeal::RoundRobin {
+            self.core = (core + 1) % cores;
+        }
         let (cluster, output) = &self.ports.cores[core];
         let Card { work, warps, .. } = card;
         let work = work[usize::from(batch.slot)].as_ref().expect("a batch's segment is in flight");

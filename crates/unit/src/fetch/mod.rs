@@ -18,6 +18,16 @@ use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
 
+knob::choices! {
+    /// Which core gets the next batch of vertices.
+    pub enum VertexDeal {
+        /// The next that has place for it, in turn.
+        RoundRobin "round-robin",
+        /// The first that has place for it.
+        First "first",
+    }
+}
+
 knob::knobs! {
     /// Index and attribute fetch.
     pub struct FetchConfig {
@@ -31,7 +41,11 @@ knob::knobs! {
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
         skip_attributes: bool ["", Allowed::Switch, "drivers tell the fetch what the compiled shader reads; off shows what that is worth"],
-        /// 64-byte lines of the attribute cache.
+        /// Bytes of a line of the attribute cache, which is fetched whole.
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "a memory line; ATTILA bGPU.ini SLInputCacheLineSize = 256"],
+        /// Bytes a cycle of the attribute cache's one port, which lines that arrive and attributes that are read share; 0: as many as there are.
+        port_bytes: u32 ["bytes/cycle", Allowed::Range(0, 256), "assumed to be no limit; ATTILA bGPU.ini SLInputCachePortWidth = 16"],
+        /// Lines of the attribute cache.
         cache_lines: u32 ["lines", Allowed::PowerOfTwo(2, 65536), "8 KB: ATTILA bGPU.ini SLInputCacheLines = 32 of 256 bytes"],
         /// Ways of the attribute cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "fully associative in ATTILA"],
@@ -42,6 +56,8 @@ knob::knobs! {
         /// Cycles without a further vertex after which a batch is started though it is not full. Only where geometry belongs to
         /// pipelines, which get their primitives in runs: elsewhere the end of a draw is known.
         patience: u32 ["cycles", Allowed::Range(1, 4096), "as that of fragments: short against an access to memory"],
+        /// Which core gets the next batch of vertices.
+        deal: VertexDeal ["", Allowed::Choice(VertexDeal::NAMES), "in turn; ATTILA gives them to the first that takes them, as its counters of four shaders show"],
         /// Cycles from here to the cores.
         latency: u32 ["cycles", Allowed::Range(1, 64), "wires and input registers"],
         /// Batches queued before each core.
@@ -155,6 +171,8 @@ pub struct Fetch {
     closed: VecDeque<Gathered>,
     core: usize,
     epoch: u32,
+    /// When the cache's port is free, where it has a width.
+    port_free: Cycle,
     items: u64,
 }
 
@@ -193,6 +211,7 @@ impl Fetch {
             closed: VecDeque::new(),
             core: 0,
             epoch: 0,
+            port_free: 0,
             items: 0,
             config,
             width,
@@ -213,6 +232,7 @@ impl Fetch {
         // 1. What memory has brought, and what assembly no longer needs.
         while let Some(tag) = self.ports.vertex.answer(wires) {
             self.misses.answer(tag);
+            self.pass_port(wires.now(), self.config.line_bytes);
             did = Tick::Moved;
         }
         if !self.ports.input.in_runs() {

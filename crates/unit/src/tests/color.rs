@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, draw, group, mark, pass, row_of_tiles, surface};
+use crate::compression::Codec;
 use crate::Card;
 use crate::block_cache::BlockCounts;
 use crate::color::{Color, ColorConfig, ColorPorts};
@@ -28,6 +29,7 @@ sim::circuit! {
 
 fn config() -> ColorConfig {
     ColorConfig {
+        codec: Codec::Planes,
         quads_per_cycle: 4,
         blends_per_cycle: 2,
         cache_blocks: 64,

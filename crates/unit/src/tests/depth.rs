@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, depth_test, draw, group, mark, pass, row_of_tiles, surface};
+use crate::compression::Codec;
 use crate::Card;
 use crate::block_cache::BlockCounts;
 use crate::card::Ahead;
@@ -35,6 +36,7 @@ sim::circuit! {
 
 fn config() -> DepthConfig {
     DepthConfig {
+        codec: Codec::Planes,
         quads_per_cycle: 4,
         cache_blocks: 16,
         cache_ways: 16,

@@ -6,7 +6,7 @@ use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
 use super::scenery::{attachment, begin_pass, card, depth_test, draw, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCache;
-use crate::compression::Compression;
+use crate::compression::{Codec, Compression};
 use crate::copies;
 use crate::depth::{Depth, DepthConfig, DepthPorts, QuestionPorts};
 use crate::early::{Early, EarlyCounts, EarlyRate, Known};
@@ -80,7 +80,7 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
                 Some(_) => Known::Owners { questions: vec![ask], answers: vec![answers] },
                 None => {
                     let memory = port(&mut plan, &mut wiring, ids[1]);
-                    Known::Copy(Box::new(BlockCache::new(16, 16, 16, Compression { enabled: false }, memory)))
+                    Known::Copy(Box::new(BlockCache::new(16, 16, 16, Compression { enabled: false, codec: Codec::Planes }, memory)))
                 }
             };
             let questions = Some(QuestionPorts { questions: vec![questions], answers: vec![answer] });

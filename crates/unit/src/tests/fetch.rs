@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
 use super::scenery::{card, draw};
 use crate::Card;
-use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts};
+use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, VertexDeal};
 use crate::tags::CacheCounts;
 use crate::token::{Kind, Piece, VertexBatch, WarpToken};
 use gfx::state::StepMode;
@@ -28,6 +28,9 @@ sim::circuit! {
 
 fn config() -> FetchConfig {
     FetchConfig {
+        line_bytes: 64,
+        port_bytes: 0,
+        deal: VertexDeal::RoundRobin,
         patience: 16,
         indices_per_cycle: 2,
         index_lines: 16,
