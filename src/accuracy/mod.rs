@@ -7,6 +7,7 @@
 //! A new target is a constant beside its check, and a place in its section's list; `docs/data/accuracy.md` is then written anew by the
 //! command that it names.
 
+pub mod attila;
 pub mod classes;
 mod depth;
 mod draws;

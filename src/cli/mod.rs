@@ -16,6 +16,7 @@ macro_rules! eprintln {
 }
 
 mod accuracy;
+mod attila;
 mod compare;
 mod configs;
 mod import;

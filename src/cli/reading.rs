@@ -44,8 +44,7 @@ impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
         let limits = self.limits.iter().flat_map(|limit| ["--limit".to_owned(), limit.clone()]);
-        let flags =
-            [(self.follow_links, "--follow-links"), (self.lenient, "--lenient"), (self.keep_draws, "--keep-draws")];
+        let flags = [(self.follow_links, "--follow-links"), (self.lenient, "--lenient"), (self.keep_draws, "--keep-draws")];
         limits.chain(flags.into_iter().filter(|(on, _)| *on).map(|(_, flag)| flag.to_owned())).collect()
     }
 

@@ -69,9 +69,35 @@ struct Operation {
     write: bool,
 }
 
+knob::choices! {
+    /// Which set of a cache of blocks is a block's.
+    pub enum BlockSets {
+        /// One that its number and surface are folded to.
+        Hashed "hashed",
+        /// That of its place among its neighbours: 2x2 of them in four sets.
+        Position "position",
+    }
+}
+
+/// How a cache of blocks differs from the plain one.
+#[derive(Clone, Copy, Debug)]
+pub struct Policy {
+    /// Which set is a block's.
+    pub sets: BlockSets,
+    /// Whether memory takes parts of a block that is stored raw: what has not been written of it is never read to be written back.
+    pub masked: bool,
+}
+
+impl Default for Policy {
+    fn default() -> Policy {
+        Policy { sets: BlockSets::Hashed, masked: false }
+    }
+}
+
 /// A ROP's cache of blocks.
 #[derive(Clone)]
 pub struct BlockCache {
+    policy: Policy,
     tags: Tags<Line>,
     misses: Misses,
     outbox: VecDeque<Operation>,
@@ -94,15 +120,11 @@ fn inside(store: &Store, block: u32) -> u16 {
 /// Operations that may wait for the memory port: enough for the largest block's write-back and fill.
 const OUTBOX: usize = 48;
 
-#[inline(always)]
-fn key(surface: usize, block: u32) -> u64 {
-    (surface as u64) << 32 | u64::from(block)
-}
-
 impl BlockCache {
     /// An empty one of `lines` blocks, `ways` to a set, with at most `misses` requests in flight.
     pub fn new(lines: u32, ways: u32, misses: u32, compression: Compression, memory: MemoryPort) -> BlockCache {
         BlockCache {
+            policy: Policy::default(),
             tags: Tags::new(lines, ways),
             misses: Misses::new(misses),
             outbox: VecDeque::with_capacity(OUTBOX),
@@ -112,6 +134,52 @@ impl BlockCache {
             flushing: 0,
             completing: 0,
         }
+    }
+
+    /// The same with another policy.
+    pub fn with(mut self, policy: Policy) -> BlockCache {
+        self.policy = policy;
+        if policy.sets == BlockSets::Position {
+            self.tags = self.tags.unfolded();
+        }
+        self
+    }
+
+    /// Bits of a block's place in a row, and in a column, that are its set.
+    #[inline(always)]
+    fn near(&self) -> u32 {
+        self.tags.sets().ilog2() / 2
+    }
+
+    #[inline(always)]
+    fn key(&self, store: &Store, surface: usize, block: u32) -> u64 {
+        let number = match self.policy.sets {
+            BlockSets::Hashed => block,
+            BlockSets::Position => {
+                let near = self.near();
+                let (x, y, mask) = (block % store.across, block / store.across, (1 << near) - 1);
+                let group = (y >> near) * store.across.div_ceil(1 << near) + (x >> near);
+                (group << near | y & mask) << near | x & mask
+            }
+        };
+        (surface as u64) << 32 | u64::from(number)
+    }
+
+    /// Surface and block of a key.
+    #[inline(always)]
+    fn of_key(&self, frame: &FrameBuffers, key: u64) -> (usize, u32) {
+        let (surface, number) = ((key >> 32) as usize, key as u32);
+        let block = match self.policy.sets {
+            BlockSets::Hashed => number,
+            BlockSets::Position => {
+                let near = self.near();
+                let (across, mask) = (frame.stores[surface].across, (1 << near) - 1);
+                let (x, y, group) = (number & mask, number >> near & mask, number >> (2 * near));
+                let groups = across.div_ceil(1 << near);
+                (group / groups << near | y) * across + (group % groups << near | x)
+            }
+        };
+        (surface, block)
     }
 
     /// What its tags count.
@@ -162,10 +230,19 @@ impl BlockCache {
         self.outbox.extend(requests(address, bytes).map(|(address, bytes)| Operation { address, bytes, write }));
     }
 
-    /// Writes a dirty block back.
-    fn write_back(&mut self, frame: &mut FrameBuffers, surface: usize, block: u32) {
+    /// Writes a dirty block back. Of one that is stored raw and was not read, only lines are written that hold anything new of it.
+    fn write_back(&mut self, frame: &mut FrameBuffers, surface: usize, block: u32, absent: u16) {
         let store = &mut frame.stores[surface];
         let full = store.block_bytes();
+        if absent != 0 {
+            self.counts.write_backs += 1;
+            let (address, row) = (store.address(block), full / (BLOCK / 2));
+            let written = inside(store, block) & !absent;
+            for k in (0..BLOCK / 2).filter(|k| written >> (4 * k) & 15 != 0) {
+                self.send(address + u64::from(k * row), row, true);
+            }
+            return;
+        }
         let bytes = self.compression.bytes(store, block);
         self.counts.write_backs += 1;
         if bytes < full {
@@ -180,7 +257,8 @@ impl BlockCache {
     /// Reads what is absent of a block in the cache.
     fn complete(&mut self, frame: &FrameBuffers, place: usize) {
         let Some(key) = self.tags.key(place) else { return };
-        if let Some((address, bytes)) = frame.stores[(key >> 32) as usize].stored(key as u32) {
+        let (surface, block) = self.of_key(frame, key);
+        if let Some((address, bytes)) = frame.stores[surface].stored(block) {
             self.counts.fills += 1;
             self.send(address, bytes, false);
         }
@@ -203,7 +281,7 @@ impl BlockCache {
         quads: Quads,
         left: &mut Option<(usize, u32)>,
     ) -> Result<usize, Tick> {
-        let key = key(surface, block);
+        let key = self.key(&frame.stores[surface], surface, block);
         if let Some(place) = self.tags.find(key) {
             let line = self.tags.data(place);
             line.pins += 1;
@@ -246,21 +324,21 @@ impl BlockCache {
         if self.outbox.len() + 32 > OUTBOX {
             return Err(Tick::Blocked);
         }
-        let key = key(surface, block);
+        let key = self.key(&frame.stores[surface], surface, block);
         let Some(place) = self.tags.victim(key, |line| line.pins == 0) else { return Err(Tick::Memory) };
         if let Some(old) = self.tags.key(place)
             && self.tags.data(place).dirty
         {
             let Line { absent, needs, .. } = *self.tags.data(place);
-            if absent != 0 {
+            if absent != 0 && !self.policy.masked {
                 self.complete(frame, place);
                 return Err(Tick::Moved);
             }
             if !self.misses.reached(needs) {
                 return Err(Tick::Memory);
             }
-            let (surface, block) = ((old >> 32) as usize, old as u32);
-            self.write_back(frame, surface, block);
+            let (surface, block) = self.of_key(frame, old);
+            self.write_back(frame, surface, block, absent);
             *left = Some((surface, block));
         }
         let store = &frame.stores[surface];
@@ -268,7 +346,10 @@ impl BlockCache {
         // A block that is not read waits for nothing.
         let mut needs = self.misses.frontier();
         match store.stored(block) {
-            Some(_) if quads.whole != 0 && quads.part == 0 => {
+            // What is compressed has to be opened before a part of it is written.
+            Some((_, bytes))
+                if quads.whole != 0 && quads.part == 0 && (!self.policy.masked || bytes == store.block_bytes()) =>
+            {
                 absent = inside(store, block) & !quads.whole;
                 self.counts.overwritten += u64::from(absent == 0);
             }
@@ -296,13 +377,13 @@ impl BlockCache {
         written: bool,
         memory: &mut Touching,
     ) -> Option<(usize, u32)> {
-        let key = key(surface, block);
+        let key = self.key(&frame.stores[surface], surface, block);
         let counts = self.tags.counts();
         let mut left = None;
         let place = self.tags.find(key).or_else(|| {
             let place = self.tags.victim(key, |line| line.pins == 0)?;
             if let Some(old) = self.tags.key(place).filter(|_| self.tags.data(place).dirty) {
-                let (surface, block) = ((old >> 32) as usize, old as u32);
+                let (surface, block) = self.of_key(frame, old);
                 let store = &mut frame.stores[surface];
                 let bytes = self.compression.bytes(store, block);
                 store.blocks[block as usize] = BlockState::Stored(bytes as u16);
@@ -352,7 +433,11 @@ impl BlockCache {
             let place = self.completing;
             self.completing += 1;
             let line = *self.tags.data(place);
-            if line.dirty && line.absent != 0 && self.tags.key(place).is_some_and(|key| keep((key >> 32) as usize)) {
+            if !self.policy.masked
+                && line.dirty
+                && line.absent != 0
+                && self.tags.key(place).is_some_and(|key| keep((key >> 32) as usize))
+            {
                 self.complete(frame, place);
                 return Tick::Moved;
             }
@@ -363,15 +448,15 @@ impl BlockCache {
             }
             let place = self.flushing;
             if let Some(key) = self.tags.key(place) {
-                let (surface, block) = ((key >> 32) as usize, key as u32);
-                let Line { dirty, needs, .. } = *self.tags.data(place);
+                let (surface, block) = self.of_key(frame, key);
+                let Line { dirty, needs, absent, .. } = *self.tags.data(place);
                 let written = dirty && keep(surface);
                 if written && !self.misses.reached(needs) {
                     return did.or(Tick::Memory);
                 }
                 self.flushing += 1;
                 if written {
-                    self.write_back(frame, surface, block);
+                    self.write_back(frame, surface, block, absent);
                 }
                 self.tags.forget(place);
                 // One block a cycle goes through the compressor.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::apart::Apart;
-use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
+use super::block_cache::{BlockCache, BlockCounts, BlockSets, Policy, Quads, ROP};
 use super::card::{Card, Group, PassState, Work};
 use super::compression::{Codec, Compression};
 use super::copies::own;
@@ -17,7 +17,7 @@ use gfx::rop::composes_over;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, In, Out, Tick, Unit, Wires};
+use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::{Quad, Target};
 
 knob::knobs! {
@@ -31,6 +31,8 @@ knob::knobs! {
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ColorCacheWays = 4, ColorCacheLines = 16 lines of 16 stamps"],
         /// Ways of the colour cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ColorCacheWays = 4"],
+        /// Which set of the cache is a block's.
+        cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Groups of quads between lookup and blending.
@@ -43,6 +45,8 @@ knob::knobs! {
         codec: Codec ["", Allowed::Choice(Codec::NAMES), "cards since 2005 have planes of depth (Hasselgren and Akenine-Moller 2006); ATTILA CompressionAlgorithm = 0: two references"],
         /// Whether a block that is overwritten whole is not read from memory before.
         skip_reads: bool ["", Allowed::Switch, "off: a ROP asks for a block when it looks it up; write-validate caches (Jouppi 1993)"],
+        /// Whether memory takes single bytes of a block that is stored raw, so that only what is blended is ever read; needs `skip_reads`.
+        masked_writes: bool ["", Allowed::Switch, "DRAMs have data masks; ATTILA reads a block to write it only where it is stored compressed, as its counters show"],
         /// Whether a pass that clears an attachment sets flags instead of writing memory.
         fast_clear: bool ["", Allowed::Switch, "in cards since the Radeon of 2000"],
         /// Blocks whose flags are set a cycle, in each pipeline.
@@ -89,7 +93,16 @@ pub struct Color {
     free_at: u64,
     /// A pass has ended: writing back.
     ending: bool,
+    blended: BlendCounts,
     items: u64,
+}
+
+stats::counters! {
+    /// What a colour unit has blended.
+    pub struct BlendCounts {
+        /// Quads blended with what was stored, once for each target.
+        quads: "quads",
+    }
 }
 
 impl Color {
@@ -97,12 +110,14 @@ impl Color {
     pub fn new(config: ColorConfig, pipeline: u8, ports: ColorPorts, memory: MemoryPort) -> Color {
         let compression = Compression { enabled: config.compression, codec: config.codec };
         Color {
-            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
+            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory)
+                .with(Policy { sets: config.cache_sets, masked: config.masked_writes && config.skip_reads }),
             fifo: VecDeque::with_capacity(config.fifo as usize + 8),
             sequence: 0,
             target: 0,
             free_at: 0,
             ending: false,
+            blended: BlendCounts::default(),
             items: 0,
             config,
             pipeline,
@@ -288,7 +303,11 @@ impl Color {
                 let count = work.colors.len();
                 let first = (usize::from(self.target)..count).find_map(|target| Some((target, writes(target)?)));
                 if let Some((target, surface)) = first {
-                    let quads = if self.config.skip_reads { quads(frame, work, group, target, surface) } else { Quads::ANY };
+                    let quads = if self.config.skip_reads {
+                        quads(frame, work, group, target, surface, self.config.masked_writes)
+                    } else {
+                        Quads::ANY
+                    };
                     match self.cache.pin(frame, surface, group.block, quads, &mut None) {
                         Ok(place) => entry.line = Some(place as u32),
                         Err(stall) => return did.or(stall),
@@ -296,6 +315,10 @@ impl Color {
                     entry.target = target as u8;
                     entry.last = (target + 1..count).all(|target| writes(target).is_none());
                     self.target = target as u8 + 1;
+                }
+                let blends = |target: usize| work.colors[target].as_ref().is_some_and(|state| state.blends());
+                if first.is_some_and(|(target, _)| blends(target)) {
+                    self.blended.quads += group.live.iter().filter(|live| **live != 0).count() as u64;
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
             }
@@ -364,7 +387,14 @@ pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: 
 }
 
 /// What a group leaves of the stored colours of its quads in a target.
-fn quads(frame: &FrameBuffers, work: &Work, group: &Group, target: usize, surface: usize) -> Quads {
+fn quads(frame: &FrameBuffers, work: &Work, group: &Group, target: usize, surface: usize, masked: bool) -> Quads {
+    if masked && work.colors[target].as_ref().is_some_and(|state| !state.blends()) {
+        // Pixels and channels that are not written are masked.
+        let tile = &work.segment.tiles[group.tile as usize];
+        let all = &tile.quads[group.first as usize..][..usize::from(group.count)];
+        let live = group.live.iter().zip(all).filter(|(live, _)| **live != 0);
+        return Quads { whole: live.fold(0, |mask, (_, quad)| mask | 1 << quad.position), part: 0 };
+    }
     if work.colors[target].as_ref().is_none_or(|state| state.reads()) {
         return Quads::ANY;
     }
@@ -440,6 +470,7 @@ impl Unit<Card> for Color {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.group(CACHES.named("color"), |unit| unit.cache.cache());
+        groups.group(Heading::new("blending.color[i]", "What the colour units blended."), |unit| unit.blended);
         groups.group(ROP.named("color"), |unit| unit.cache.counts());
     }
 }

@@ -6,7 +6,7 @@ use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, bytes};
 use knob::Allowed;
 use num::prefetch;
-use sim::{Budget, In, Tick, Unit, Wires};
+use sim::{Budget, Counted, Heading, In, Tick, Unit, Wires};
 use work::{End, Triangle};
 
 knob::choices! {
@@ -51,12 +51,22 @@ pub struct Distribute {
     /// Whether a copy of the triangle at hand is on its way: over a shared link it brings the others with it.
     shared: bool,
     counts: SortCounts,
+    facing: FacingCounts,
+}
+
+stats::counters! {
+    /// Which way triangles face.
+    pub struct FacingCounts {
+        /// Those that face away, of all that come here.
+        back: "triangles",
+    }
 }
 
 impl Distribute {
     /// An empty one, of that number.
     pub fn new(config: DistributeConfig, number: usize, input: In<Run>, network: Sender<TriangleToken>) -> Distribute {
-        Distribute { config, number, input, network, done: 0, pending: 0, shared: false, counts: SortCounts::default() }
+        let (counts, facing) = (SortCounts::default(), FacingCounts::default());
+        Distribute { config, number, input, network, done: 0, pending: 0, shared: false, counts, facing }
     }
 
     /// What it has sent.
@@ -233,6 +243,7 @@ impl Unit<Card> for Distribute {
             // 3. Sent to all.
             if data {
                 self.counts.sorted_items += 1;
+                self.facing.back += u64::from(card.work(run.slot).segment.triangles[triangle as usize].back);
                 card.funnel[run.slot].triangles_setup += 1;
                 self.done += 1;
             }
@@ -249,5 +260,10 @@ impl Unit<Card> for Distribute {
 
     fn resident(&self) -> u64 {
         u64::from(self.done) + u64::from(self.pending != 0)
+    }
+
+    fn counted(groups: &mut Counted<Self>) {
+        let about = "Which way triangles face that are distributed, of cards that sort triangles.";
+        groups.group(Heading::new("facing.distribute[i]", about), |unit| unit.facing);
     }
 }

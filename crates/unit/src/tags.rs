@@ -13,6 +13,8 @@ pub struct Tags<T> {
     data: Vec<T>,
     ways: usize,
     sets: u64,
+    /// Whether the upper bits of a key are folded into the number of its set.
+    folded: bool,
     clock: u64,
     counts: CacheCounts,
     /// Where lines were found last, by [`Tags::hint`]: what is looked up again, as almost everything is, is there without a look at
@@ -44,16 +46,27 @@ impl<T: Copy + Default> Tags<T> {
             data: vec![T::default(); sets * ways],
             ways,
             sets: sets as u64,
+            folded: true,
             clock: 0,
             counts: CacheCounts::default(),
             hints: vec![0; (8 * sets * ways).next_power_of_two().min(HINTS)],
         }
     }
 
+    /// The same, whose sets are given by the lowest bits of keys alone.
+    pub fn unfolded(self) -> Tags<T> {
+        Tags { folded: false, ..self }
+    }
+
+    /// Sets.
+    pub fn sets(&self) -> u64 {
+        self.sets
+    }
+
     #[inline(always)]
     fn set(&self, key: u64) -> usize {
         // Folding the upper bits in keeps strides from falling into one set.
-        let mixed = key ^ key >> 7 ^ key >> 15;
+        let mixed = if self.folded { key ^ key >> 7 ^ key >> 15 } else { key };
         let set = if self.sets.is_power_of_two() { mixed & (self.sets - 1) } else { mixed % self.sets };
         set as usize * self.ways
     }

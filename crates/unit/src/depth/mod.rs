@@ -7,7 +7,7 @@ mod questions;
 use std::collections::VecDeque;
 
 use super::apart::Apart;
-use super::block_cache::{BlockCache, BlockCounts, Quads, ROP};
+use super::block_cache::{BlockCache, BlockCounts, BlockSets, Policy, Quads, ROP};
 use super::card::{Ahead, Card, Group, Work};
 use super::compression::{Codec, Compression};
 use super::copies::own;
@@ -38,6 +38,8 @@ knob::knobs! {
         cache_blocks: u32 ["blocks", Allowed::PowerOfTwo(4, 65536), "16 KB: ATTILA bGPU.ini ZCacheWays = 4, ZCacheLines = 16 lines of 16 stamps"],
         /// Ways of the Z cache.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(2, 65536), "ATTILA bGPU.ini ZCacheWays = 4"],
+        /// Which set of the cache is a block's.
+        cache_sets: BlockSets ["", Allowed::Choice(BlockSets::NAMES), "caches fold addresses; ATTILA takes bits 8 to 11 of the address, of which 10 and 11 are the unit's"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Groups of quads between lookup and test, for the early and for the late tests each.
@@ -127,7 +129,8 @@ impl Depth {
     pub fn new(config: DepthConfig, pipeline: u8, mut ports: DepthPorts, memory: MemoryPort) -> Depth {
         let compression = Compression { enabled: config.compression, codec: config.codec };
         Depth {
-            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory),
+            cache: BlockCache::new(config.cache_blocks, config.cache_ways, config.misses, compression, memory)
+                .with(Policy { sets: config.cache_sets, ..Policy::default() }),
             early: VecDeque::with_capacity(config.fifo as usize),
             late: VecDeque::with_capacity(config.fifo as usize),
             questions: ports.questions.take().map(|ports| Box::new(Questions::new(ports))),

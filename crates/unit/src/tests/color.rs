@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, draw, group, mark, pass, row_of_tiles, surface};
-use crate::compression::Codec;
 use crate::Card;
 use crate::block_cache::BlockCounts;
+use crate::block_cache::BlockSets;
 use crate::color::{Color, ColorConfig, ColorPorts};
+use crate::compression::Codec;
 use crate::token::{Ack, GroupToken, Kind};
 use gfx::format::Format;
 use gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp};
@@ -30,6 +31,8 @@ sim::circuit! {
 fn config() -> ColorConfig {
     ColorConfig {
         codec: Codec::Planes,
+        cache_sets: BlockSets::Hashed,
+        masked_writes: false,
         quads_per_cycle: 4,
         blends_per_cycle: 2,
         cache_blocks: 64,

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_time};
 use super::scenery::{attachment, begin_pass, card, depth_test, draw, group, mark, pass, row_of_tiles, surface};
-use crate::compression::Codec;
 use crate::Card;
 use crate::block_cache::BlockCounts;
+use crate::block_cache::BlockSets;
 use crate::card::Ahead;
+use crate::compression::Codec;
 use crate::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
 use crate::token::{Ack, DepthBounds, GroupToken, Kind};
 use crate::traverse::HierarchicalUpdate;
@@ -37,6 +38,7 @@ sim::circuit! {
 fn config() -> DepthConfig {
     DepthConfig {
         codec: Codec::Planes,
+        cache_sets: BlockSets::Hashed,
         quads_per_cycle: 4,
         cache_blocks: 16,
         cache_ways: 16,

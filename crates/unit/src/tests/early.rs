@@ -80,7 +80,13 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
                 Some(_) => Known::Owners { questions: vec![ask], answers: vec![answers] },
                 None => {
                     let memory = port(&mut plan, &mut wiring, ids[1]);
-                    Known::Copy(Box::new(BlockCache::new(16, 16, 16, Compression { enabled: false, codec: Codec::Planes }, memory)))
+                    Known::Copy(Box::new(BlockCache::new(
+                        16,
+                        16,
+                        16,
+                        Compression { enabled: false, codec: Codec::Planes },
+                        memory,
+                    )))
                 }
             };
             let questions = Some(QuestionPorts { questions: vec![questions], answers: vec![answer] });
