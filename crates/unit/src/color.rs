@@ -318,7 +318,8 @@ impl Color {
                 }
                 let blends = |target: usize| work.colors[target].as_ref().is_some_and(|state| state.blends());
                 if first.is_some_and(|(target, _)| blends(target)) {
-                    self.blended.quads += group.live.iter().filter(|live| **live != 0).count() as u64;
+                    self.blended.quads +=
+                        group.live[..usize::from(group.count)].iter().filter(|live| **live != 0).count() as u64;
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
             }
