@@ -13,7 +13,6 @@ use crate::import::{self, Kind};
 use crate::machine::Config;
 use crate::num::Limits;
 use crate::run::replay::{Fidelity, Options, replay};
-use crate::sim::Clock;
 use crate::trace::Reading;
 
 pub use counters::Counters;
@@ -101,14 +100,7 @@ impl Case {
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             anyhow::bail!("{}: not supported: {refusal}", self.recording.display());
         }
-        let options = Options {
-            config: Config::built_in("attila")?,
-            fidelity: Fidelity::Cycle,
-            clock: Clock::SkipIdle,
-            frames,
-            watch: None,
-            per_draw: false,
-        };
+        let options = Options { frames, ..Options::new(Config::built_in("attila")?, Fidelity::Cycle) };
         let replayed = replay(&trace, &options, &|_| ()).with_context(|| self.name.clone())?;
         let frame = replayed
             .frames
