@@ -2,6 +2,8 @@
 
 use fillrate::accuracy::{self, Setting, Size, Target};
 
+use super::cli::{refused, run};
+
 fn small(target: &'static Target, inject_fault: bool) -> accuracy::Outcome {
     let setting = Setting { seed: 1, size: Size::Small, inject_fault };
     target.run(&setting).unwrap_or_else(|error| panic!("{}: {error:#}", target.id))

@@ -1,6 +1,7 @@
 //! The program as scripts and readers use it: its command line, pictures, pages, accuracy targets.
 
 mod accuracy;
+mod attila;
 mod cli;
 mod commands;
 mod compare;
