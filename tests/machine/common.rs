@@ -330,7 +330,7 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
 
     caches_are_conserved(config, tree);
     acceptance_holds(tree);
-    memory_is_conserved(tree);
+    memory_is_conserved(tree, config);
 }
 
 fn caches_are_conserved(config: &Config, tree: &Tree) {
@@ -362,13 +362,14 @@ fn acceptance_holds(tree: &Tree) {
 }
 
 /// Bytes that clients ask for are those that the memory serves.
-fn memory_is_conserved(tree: &Tree) {
+fn memory_is_conserved(tree: &Tree, config: &Config) {
     let f = Figures(tree);
     let Some(Node::Tree(clients)) = tree.get("memory.clients") else { panic!("clients") };
     let all = |leaf: &str| clients.entries().map(|(name, _)| f.at(&format!("memory.clients.{name}.{leaf}"))).sum::<u64>();
     assert_eq!(f.sum("channels.memory_requests", "items"), all("requests"));
     let line = 64;
-    assert_eq!(f.at("memory.clients.vertex.read_bytes"), line * f.sum("caches.vertex", "misses"));
+    let vertex_line = u64::from(config.fetch.line_bytes);
+    assert_eq!(f.at("memory.clients.vertex.read_bytes"), vertex_line * f.sum("caches.vertex", "misses"));
     // What the texture units ask for beside the lines that miss are atomics and stores.
     let lines = line * f.sum("caches.texture", "misses");
     let atomics = f.at("memory.clients.texture.read_bytes") - lines;

@@ -31,12 +31,12 @@ mod tests {
         assert_eq!(bytes(&[7; 64]), Some(64));
         // Two surfaces far from each other: each near its reference.
         let two: Vec<u32> = (0..64).map(|i| if i % 3 == 0 { 0x0100_0000 + i } else { 0x00ff_0000 - i }).collect();
-        assert_eq!(bytes(&two), Some(64 * 2));
-        // The same with a code halfway.
+        assert_eq!(bytes(&two), Some(64));
+        // The same with a code a little further off, and with one halfway.
         let mut three = two.clone();
-        three[9] = 0x00ff_8000;
+        three[9] = 0x00ff_1000;
         assert_eq!(bytes(&three), Some(128));
-        three[9] = 0x00ff_4000;
+        three[9] = 0x00ff_8000;
         assert_eq!(bytes(&three), Some(192));
         let spread: Vec<u32> = (0..64).map(|i| i << 26).collect();
         assert_eq!(bytes(&spread), None);
