@@ -290,15 +290,12 @@ pub fn simulate_apart<'r>(
 ) {
     rendering.begin_anew(runs.iter().map(|run| run.start..run.start + 1).collect());
     let most = rendering.turns();
-    let done = move |_: Option<Totals>, busy| {
-        *time = busy;
-        Ok(())
-    };
+    let done = move |_: Option<Totals>, busy| *time = busy;
     consume(rendering, card, Begin::Anew(runs, warms_up), most, exit, done);
 }
 
 /// Adds machines that simulate all frames of a rendering, cut into runs of so many frames. The machine of a run begins as a clone of one machine
-/// that is warmed functionally with all frames in order. So surfaces, compressed and cleared blocks and hierarchical Z are what they
+/// that is warmed functionally with all frames in order. So surfaces, and which blocks are compressed or cleared, are what they
 /// would be behind one machine that simulates all; what caches and DRAM rows hold is that, as far as it does not depend on time.
 pub fn simulate_in_runs<'r>(
     rendering: &mut Rendering<'r>,
@@ -313,9 +310,7 @@ pub fn simulate_in_runs<'r>(
         let total = totals.as_ref().map(|totals| totals.tree(&machine)).unwrap_or_default();
         let cycles = totals.as_ref().map_or(0, Totals::cycles);
         *out = Simulated { cycles, total, machine_time, ..Simulated::default() };
-        Ok(())
     };
-    // One more holds what the clones begin with.
     consume(rendering, card, Begin::Warmed(frames), most, exit, done);
     Ok(())
 }
@@ -326,8 +321,9 @@ fn consume<'r>(
     begin: Begin<'r>,
     most: usize,
     exit: Exit<'r>,
-    done: impl FnOnce(Option<Totals>, Duration) -> Result<()> + Send + 'r,
+    done: impl FnOnce(Option<Totals>, Duration) + Send + 'r,
 ) {
+    // One more holds what the clones begin with.
     let machines = most as u64 + u64::from(matches!(begin, Begin::Warmed(_)));
     let held =
         Held { images: machines * Machine::images(config), pieces: machines * Machine::pieces(config), frames: exit.keeps };
@@ -342,7 +338,8 @@ fn consume<'r>(
         let Leaving { failed, totals, time, .. } = outlet.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         // A machine's error comes before that of what led it.
         failed.map_or(led, Err)?;
-        done(totals, time)
+        done(totals, time);
+        Ok(())
     };
     rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(read) });
 }

@@ -206,11 +206,12 @@ impl Machine {
 
     /// Whether functional warming ([`apply`](unit::apply)) leaves on this machine what simulating a frame leaves. On the others it does not: a
     /// tile-based machine draws tile after tile, each with all draws of a pass; pipelines of sort-last image draw into copies; with
-    /// some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline.
+    /// some policies of sort-last fragment draws do not end in order, or are tested against depths of one pipeline; and with masked writes it
+    /// is a matter of time which blocks are written in part, raw.
     pub fn warms(config: &Config) -> bool {
         let class = config.card.sort.class();
         let in_order = config.order.keep == Keep::Always && config.order.early != EarlyTest::Local;
-        class.in_place && (class.sorted != Sorted::Fragments || in_order)
+        class.in_place && (class.sorted != Sorted::Fragments || in_order) && !config.color.masked_writes
     }
 
     /// Runs a stream of events to its end; readings are taken for a report of each frame, or none.

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::block_sets::{BlockSets, Squares};
 use super::compression::Compression;
 use super::frame::{BlockState, FrameBuffers, Store};
 use super::misses::Misses;
@@ -69,18 +70,8 @@ struct Operation {
     write: bool,
 }
 
-knob::choices! {
-    /// Which set of a cache of blocks is a block's.
-    pub enum BlockSets {
-        /// One that its number and surface are folded to.
-        Hashed "hashed",
-        /// That of its place among its neighbours: 2x2 of them in four sets.
-        Position "position",
-    }
-}
-
 /// How a cache of blocks differs from the plain one.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Policy {
     /// Which set is a block's.
     pub sets: BlockSets,
@@ -88,16 +79,13 @@ pub struct Policy {
     pub masked: bool,
 }
 
-impl Default for Policy {
-    fn default() -> Policy {
-        Policy { sets: BlockSets::Hashed, masked: false }
-    }
-}
-
 /// A ROP's cache of blocks.
 #[derive(Clone)]
 pub struct BlockCache {
-    policy: Policy,
+    /// As [`Policy::masked`].
+    masked: bool,
+    /// By what places sets are given; none: keys are folded.
+    squares: Option<Squares>,
     tags: Tags<Line>,
     misses: Misses,
     outbox: VecDeque<Operation>,
@@ -124,7 +112,8 @@ impl BlockCache {
     /// An empty one of `lines` blocks, `ways` to a set, with at most `misses` requests in flight.
     pub fn new(lines: u32, ways: u32, misses: u32, compression: Compression, memory: MemoryPort) -> BlockCache {
         BlockCache {
-            policy: Policy::default(),
+            masked: false,
+            squares: None,
             tags: Tags::new(lines, ways),
             misses: Misses::new(misses),
             outbox: VecDeque::with_capacity(OUTBOX),
@@ -138,30 +127,17 @@ impl BlockCache {
 
     /// The same with another policy.
     pub fn with(mut self, policy: Policy) -> BlockCache {
-        self.policy = policy;
+        self.masked = policy.masked;
         if policy.sets == BlockSets::Position {
             self.tags = self.tags.unfolded();
+            self.squares = Some(Squares::of_sets(self.tags.sets()));
         }
         self
     }
 
-    /// Bits of a block's place in a row, and in a column, that are its set.
-    #[inline(always)]
-    fn near(&self) -> u32 {
-        self.tags.sets().ilog2() / 2
-    }
-
     #[inline(always)]
     fn key(&self, store: &Store, surface: usize, block: u32) -> u64 {
-        let number = match self.policy.sets {
-            BlockSets::Hashed => block,
-            BlockSets::Position => {
-                let near = self.near();
-                let (x, y, mask) = (block % store.across, block / store.across, (1 << near) - 1);
-                let group = (y >> near) * store.across.div_ceil(1 << near) + (x >> near);
-                (group << near | y & mask) << near | x & mask
-            }
-        };
+        let number = self.squares.map_or(block, |squares| squares.number(block, store.across));
         (surface as u64) << 32 | u64::from(number)
     }
 
@@ -169,17 +145,7 @@ impl BlockCache {
     #[inline(always)]
     fn of_key(&self, frame: &FrameBuffers, key: u64) -> (usize, u32) {
         let (surface, number) = ((key >> 32) as usize, key as u32);
-        let block = match self.policy.sets {
-            BlockSets::Hashed => number,
-            BlockSets::Position => {
-                let near = self.near();
-                let (across, mask) = (frame.stores[surface].across, (1 << near) - 1);
-                let (x, y, group) = (number & mask, number >> near & mask, number >> (2 * near));
-                let groups = across.div_ceil(1 << near);
-                (group / groups << near | y) * across + (group % groups << near | x)
-            }
-        };
-        (surface, block)
+        (surface, self.squares.map_or(number, |squares| squares.block(number, frame.stores[surface].across)))
     }
 
     /// What its tags count.
@@ -330,7 +296,7 @@ impl BlockCache {
             && self.tags.data(place).dirty
         {
             let Line { absent, needs, .. } = *self.tags.data(place);
-            if absent != 0 && !self.policy.masked {
+            if absent != 0 && !self.masked {
                 self.complete(frame, place);
                 return Err(Tick::Moved);
             }
@@ -345,10 +311,11 @@ impl BlockCache {
         let mut absent = 0;
         // A block that is not read waits for nothing.
         let mut needs = self.misses.frontier();
+        // What is compressed, or lies where another copy has it, has to be read before a part of it is written.
+        let raw = matches!(store.blocks[block as usize], BlockState::Stored(_));
         match store.stored(block) {
-            // What is compressed has to be opened before a part of it is written.
             Some((_, bytes))
-                if quads.whole != 0 && quads.part == 0 && (!self.policy.masked || bytes == store.block_bytes()) =>
+                if quads.whole != 0 && quads.part == 0 && (!self.masked || raw && bytes == store.block_bytes()) =>
             {
                 absent = inside(store, block) & !quads.whole;
                 self.counts.overwritten += u64::from(absent == 0);
@@ -433,7 +400,7 @@ impl BlockCache {
             let place = self.completing;
             self.completing += 1;
             let line = *self.tags.data(place);
-            if !self.policy.masked
+            if !self.masked
                 && line.dirty
                 && line.absent != 0
                 && self.tags.key(place).is_some_and(|key| keep((key >> 32) as usize))

@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use super::apart::Apart;
-use super::block_cache::{BlockCache, BlockCounts, BlockSets, Policy, Quads, ROP};
+use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
+use super::block_sets::BlockSets;
 use super::card::{Card, Group, PassState, Work};
 use super::compression::{Codec, Compression};
 use super::copies::own;

@@ -9,6 +9,7 @@ pub mod apply;
 pub mod assembly;
 pub mod bin;
 pub mod block_cache;
+pub mod block_sets;
 pub mod card;
 pub mod clears;
 pub mod clip;

@@ -32,6 +32,9 @@ use crate::machine::{Config, PhaseReport};
 use crate::mem::REQUEST_BYTES;
 use crate::num::Cycle;
 use crate::unit::assembly::Deal;
+use crate::unit::block_sets::BlockSets;
+use crate::unit::compression::Codec;
+use crate::unit::fetch::VertexDeal;
 use crate::unit::phase::{Phase, PhaseKind};
 use crate::unit::route::Retained;
 use crate::unit::scanout::ScanoutMode;
@@ -169,6 +172,20 @@ impl<'c> Bound<'c> {
                 config.scanout.mode == ScanoutMode::FreeRunning,
                 "displays that run while frames are drawn",
             ),
+            (
+                "codec=\"references\"",
+                config.color.codec != Codec::Planes || config.depth.codec != Codec::Planes,
+                "blocks compressed by references",
+            ),
+            (
+                "cache_sets=\"position\"",
+                config.color.cache_sets != BlockSets::Hashed || config.depth.cache_sets != BlockSets::Hashed,
+                "sets by position",
+            ),
+            ("color.masked_writes=true", config.color.masked_writes, "blocks that are written in part"),
+            ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
+            ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
+            ("fetch.deal=\"first\"", config.fetch.deal == VertexDeal::First, "vertices that are not dealt in turn"),
             ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
         ];
         if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {

@@ -111,5 +111,8 @@ fn without_effect(config: &Config) -> Vec<String> {
     if config.bin.hide && !config.card.sort.class().one_place {
         out.push("bin.hide has no effect: only sort-middle-binned has bins".to_owned());
     }
+    if config.color.masked_writes && !config.color.skip_reads {
+        out.push("color.masked_writes has no effect: color.skip_reads is false, and every block is read".to_owned());
+    }
     out
 }

@@ -66,6 +66,8 @@ fn the_same(config: &Config, scene: &str, events: &[Event]) {
 fn functional_warming_leaves_what_a_simulation_leaves() {
     let told = ["traverse.hierarchical_accept=true", "traverse.hierarchical_update=write", "color.skip_reads=true"];
     let owners = ["sort=sort-last-fragment", "order.early=remote"];
+    let references =
+        ["color.codec=references", "depth.codec=references", "color.cache_sets=position", "depth.cache_sets=position"];
     let machines = [
         config("baseline", &[]),
         config("baseline", &told),
@@ -73,6 +75,7 @@ fn functional_warming_leaves_what_a_simulation_leaves() {
         config("baseline", &["sort=sort-first", "distribute.pattern=balanced"]),
         config("baseline", &owners),
         config("baseline", &["depth.early=false", "memory.kind=ideal"]),
+        config("baseline", &references),
     ];
     for machine in &machines {
         the_same(machine, "cube", &rendered("cube", machine.render_key()));

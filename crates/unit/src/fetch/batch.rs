@@ -22,7 +22,8 @@ impl Fetch {
     pub(super) fn look_up(&mut self, wires: &mut Wires, work: &Work, budget: &mut u32) -> Result<(), Tick> {
         let Some(&vertex) = self.vertices.back() else { return Ok(()) };
         let vertex = &work.segment.vertices[vertex as usize];
-        let line_bytes = u64::from(self.config.line_bytes);
+        // A power of two: divisions of 64 bits are slow.
+        let line_shift = self.config.line_bytes.trailing_zeros();
         while let Some(fetch) = work.draw.attributes.get(self.attribute) {
             if self.port_free > wires.now() {
                 wires.sleep_until(self.port_free);
@@ -33,9 +34,9 @@ impl Fetch {
                 StepMode::Instance => vertex.instance,
             };
             let address = fetch.address + u64::from(element) * fetch.stride;
-            let last = (address + u64::from(fetch.bytes.max(1)) - 1) / line_bytes;
+            let last = (address + u64::from(fetch.bytes.max(1)) - 1) >> line_shift;
             loop {
-                let line = address / line_bytes + self.attribute_line;
+                let line = (address >> line_shift) + self.attribute_line;
                 if line > last {
                     break;
                 }
@@ -53,7 +54,7 @@ impl Fetch {
                             return Err(Tick::Blocked);
                         }
                         let tag = self.misses.issue();
-                        self.ports.vertex.read(wires, line * line_bytes, self.config.line_bytes, tag);
+                        self.ports.vertex.read(wires, line << line_shift, self.config.line_bytes, tag);
                         let place = self.tags.victim(line, |_| true).expect("any line may go");
                         self.tags.replace(place, line, self.misses.issued());
                         self.misses.issued()

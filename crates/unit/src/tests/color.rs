@@ -6,7 +6,7 @@ use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle, write_tim
 use super::scenery::{attachment, begin_pass, card, draw, group, mark, pass, row_of_tiles, surface};
 use crate::Card;
 use crate::block_cache::BlockCounts;
-use crate::block_cache::BlockSets;
+use crate::block_sets::BlockSets;
 use crate::color::{Color, ColorConfig, ColorPorts};
 use crate::compression::Codec;
 use crate::token::{Ack, GroupToken, Kind};
