@@ -151,7 +151,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let truth = values(&simulated.total);
     let times = [simulated.machine_time, rendered.time + simulated.machine_time];
     let mut points = vec![point("cycle".into(), times, &truth, &truth)];
-    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) < frames.len()) {
+    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) + 1 < frames.len()) {
         let sampling = Sampling { samples, seed, ..Sampling::default() };
         let (run, survey) = surveyed(trace, options, &sampling, Exit::new(|_| Ok(())))?;
         let measured = values(&run.total);

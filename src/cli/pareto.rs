@@ -27,7 +27,7 @@ pub struct Arguments {
     /// Generated sequences of so many frames too
     #[arg(long, value_name = "FRAMES", conflicts_with = "classes")]
     sequences: Option<u32>,
-    /// Frames to sample; several make several runs
+    /// Frames to sample beside the first; several make several runs
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "2,3,4,8,16,32", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Vec<u32>,
     /// Seed of the sampling generator

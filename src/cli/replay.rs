@@ -65,7 +65,7 @@ pub struct Arguments {
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
-    /// With --fidelity sampled: frames that are simulated and counted [default: 8]
+    /// With --fidelity sampled: frames that are drawn and simulated beside the first [default: 8]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Option<u32>,
     /// With --fidelity sampled: simulate as many frames as the whole replay has time for on this host, as in 60s or 5m; the interval says

@@ -1,10 +1,12 @@
 //! Sampling over frames: frames that are alike by their profiles are simulated once.
 //!
 //! 1. Each frame's profile becomes a signature: what every unit has to do in it, by [`Bound`](crate::run::bound::Bound).
-//! 2. Frames are put into clusters by signature, as many as are to be simulated (k-means, from centres that are farthest apart).
-//! 3. Of each cluster one frame is drawn at random and simulated, behind some frames that warm the caches and are not counted.
-//! 4. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
-//!    stratum (Cochran, Sampling Techniques, 1977, section 6.10). `Bound` has errors, but nearly the same for frames that are alike.
+//! 2. The first frame finds cold caches and often does what no other does (uploads, passes that are drawn once): it is simulated in any case and
+//!    stands for itself alone, a certainty stratum (Cochran, Sampling Techniques, 1977, section 5.5).
+//! 3. The others are put into clusters by signature, as many as are to be drawn (k-means, from centres that are farthest apart).
+//! 4. Of each cluster one frame is drawn at random and simulated, behind some frames that warm the caches and are not counted.
+//! 5. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
+//!    stratum (Cochran, section 6.10). `Bound` has errors, but nearly the same for frames that are alike.
 //!
 //! The interval comes from how much the ratios of simulated to estimated differ between clusters, with Student's t for their
 //! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
@@ -54,15 +56,15 @@ pub fn signature(work: impl Iterator<Item = (&'static str, f64)>, units: &mut Ve
     signature
 }
 
-/// Clusters of frames.
+/// Clusters of frames: the first frame alone, and those of the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clusters {
-    /// The frames of each, by place in the sequence.
+    /// The frames of each, by place in the sequence; `[0]` comes first, where there is a frame.
     pub members: Vec<Vec<usize>>,
 }
 
 impl Clusters {
-    /// Puts frames into `count` clusters, or as many as there are different frames.
+    /// Puts the first frame into a cluster of its own and the others into `count` clusters, or as many as there are different frames among them.
     pub fn new(signatures: &[Vec<f64>], count: usize) -> Clusters {
         let width = signatures.iter().map(Vec::len).max().unwrap_or(0);
         let at = |frame: usize, unit: usize| signatures[frame].get(unit).copied().unwrap_or(0.0);
@@ -70,7 +72,6 @@ impl Clusters {
             center.iter().enumerate().map(|(unit, c)| (at(frame, unit) - c) * (at(frame, unit) - c)).sum()
         };
         let of = |frame: usize| -> Vec<f64> { (0..width).map(|unit| at(frame, unit)).collect() };
-        let frames = signatures.len();
         let nearest = |centers: &[Vec<f64>], frame: usize| {
             let distances = centers.iter().map(|center| distance(frame, center)).enumerate();
             distances.fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
@@ -80,13 +81,13 @@ impl Clusters {
         };
 
         // 1. Centres: the frame farthest from the mean, then each that is farthest from those chosen.
-        let all: Vec<usize> = (0..frames).collect();
+        let all: Vec<usize> = (1..signatures.len()).collect();
         let mut centers: Vec<Vec<f64>> = Vec::new();
-        while centers.len() < count && frames > 0 {
+        while centers.len() < count && !all.is_empty() {
             let start = [mean(&all)];
             let from = if centers.is_empty() { &start[..] } else { &centers[..] };
             let far = |frame: usize| nearest(from, frame).1;
-            let farthest = all.iter().fold((0, -1.0), |best, &f| if far(f) > best.1 { (f, far(f)) } else { best });
+            let farthest = all.iter().fold((all[0], -1.0), |best, &f| if far(f) > best.1 { (f, far(f)) } else { best });
             if farthest.1 <= 0.0 && !centers.is_empty() {
                 break;
             }
@@ -108,6 +109,9 @@ impl Clusters {
             }
         }
         members.retain(|members| !members.is_empty());
+        if !signatures.is_empty() {
+            members.insert(0, vec![0]);
+        }
         Clusters { members }
     }
 
@@ -125,24 +129,25 @@ impl Clusters {
         self.members.iter().zip(drawn).map(weight).collect()
     }
 
-    /// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size.
+    /// The sum over all frames of what was counted in those drawn. The deviations of all clusters count alike, whatever their size; that of the
+    /// first frame, which is known, does not count.
     pub fn total(&self, drawn: &[usize], estimates: &[f64], counted: &[f64]) -> Interval {
         let weights = self.weights(drawn, estimates);
-        let value: f64 = weights.iter().zip(counted).map(|(weight, counted)| weight * counted).sum();
-        let clusters = drawn.len();
+        let parts: Vec<f64> = weights.iter().zip(counted).map(|(weight, counted)| weight * counted).collect();
+        let value: f64 = parts.iter().sum();
+        let clusters = drawn.len().saturating_sub(1);
         if clusters < 2 {
             return Interval { value, margin: f64::INFINITY };
         }
         // What a cluster's frames would count if they were like the average of all clusters, and by how much its frame differs.
-        let shares: Vec<f64> = self.members.iter().map(|m| m.iter().map(|&f| estimates[f]).sum::<f64>()).collect();
-        let all: f64 = shares.iter().sum();
-        let ratio = if all > 0.0 { value / all } else { 0.0 };
-        let own =
-            weights.iter().zip(counted).zip(&shares).map(|((w, y), share)| if *share > 0.0 { w * y / share } else { ratio });
-        let even = 1.0 / clusters as f64;
-        let squares = own.map(|own| even * (own - ratio) * (own - ratio));
-        let spread = squares.sum::<f64>() * clusters as f64 / (clusters - 1) as f64;
-        let parts = shares.iter().zip(&self.members).map(|(share, m)| share * share * (1.0 - 1.0 / m.len() as f64));
+        let share = |members: &Vec<usize>| members.iter().map(|&frame| estimates[frame]).sum::<f64>();
+        let shares: Vec<f64> = self.members[1..].iter().map(share).collect();
+        let (parts, all) = (&parts[1..], shares.iter().sum::<f64>());
+        let ratio = if all > 0.0 { parts.iter().sum::<f64>() / all } else { 0.0 };
+        let own = parts.iter().zip(&shares).map(|(part, share)| if *share > 0.0 { part / share } else { ratio });
+        let squares = own.map(|own| (own - ratio) * (own - ratio));
+        let spread = squares.sum::<f64>() / (clusters - 1) as f64;
+        let parts = shares.iter().zip(&self.members[1..]).map(|(share, m)| share * share * (1.0 - 1.0 / m.len() as f64));
         let t = STUDENT.get(clusters - 2).copied().unwrap_or(STUDENT[STUDENT.len() - 1]);
         Interval { value, margin: t * (spread * parts.sum::<f64>()).sqrt() }
     }
@@ -168,12 +173,28 @@ mod tests {
     fn frames_that_are_alike_share_a_cluster() {
         let signatures: Vec<Vec<f64>> = (0..30).map(|i| vec![f64::from(i % 3) * 100.0 + f64::from(i) * 0.01, 5.0]).collect();
         let clusters = Clusters::new(&signatures, 3);
-        assert_eq!(clusters.members.len(), 3);
-        for members in &clusters.members {
-            assert!(members.len() == 10 && members.iter().all(|frame| frame % 3 == members[0] % 3), "{members:?}");
+        assert_eq!(clusters.members.len(), 4);
+        assert_eq!(clusters.members[0], [0]);
+        for members in &clusters.members[1..] {
+            let all = if members[0] % 3 == 0 { 9 } else { 10 };
+            assert!(members.len() == all && members.iter().all(|frame| frame % 3 == members[0] % 3), "{members:?}");
         }
         // No more clusters than different frames.
-        assert_eq!(Clusters::new(&[vec![1.0], vec![1.0], vec![2.0]], 3).members.len(), 2);
+        assert_eq!(Clusters::new(&[vec![9.0], vec![1.0], vec![1.0], vec![2.0]], 3).members.len(), 3);
+        assert!(Clusters::new(&[], 3).members.is_empty());
+    }
+
+    #[test]
+    fn what_only_the_first_frame_does_is_told_exactly() {
+        // As a user interface whose textures come from DRAM once.
+        let estimates = vec![100.0; 40];
+        let signatures: Vec<Vec<f64>> = (0..40).map(|i| vec![100.0 + f64::from(i % 5)]).collect();
+        let clusters = Clusters::new(&signatures, 4);
+        for seed in 0..20 {
+            let drawn = clusters.draw(&mut random(seed));
+            let counted: Vec<f64> = drawn.iter().map(|&frame| if frame == 0 { 5000.0 } else { 0.0 }).collect();
+            assert_eq!(clusters.total(&drawn, &estimates, &counted), Interval { value: 5000.0, margin: 0.0 });
+        }
     }
 
     #[test]

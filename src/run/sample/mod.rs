@@ -30,7 +30,7 @@ use crate::unit::scanout::ScanoutMode;
 /// How frames are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
-    /// Frames to be simulated and counted: at least 2, for an interval.
+    /// Frames to be drawn, simulated and counted beside the first, which always is: at least 2, for an interval.
     pub samples: u32,
     /// Of the sampling generator.
     pub seed: u64,
@@ -139,7 +139,7 @@ pub fn surveyed(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exi
             of_survey(&survey, &dependencies, trace, options, &two, Exit::new(|_| Ok(())))?;
             let left = limit.saturating_sub(watch.clock()).as_secs_f64();
             let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
-            (more as u32).clamp(2, all - 1)
+            (more as u32).clamp(2, all - 2)
         }
         _ => sampling.samples,
     };
@@ -163,12 +163,12 @@ fn of_survey(
     if sampling.samples < 2 {
         bail!("{} frames to be sampled give no interval: 2 are the least", sampling.samples);
     }
-    if all <= sampling.samples as usize {
-        bail!("{all} frames are too few to sample {} of them: use cycle", sampling.samples);
+    if all <= sampling.samples as usize + 1 {
+        bail!("{all} frames are too few to sample the first and {} others: use cycle", sampling.samples);
     }
     let clusters = Clusters::new(&survey.signatures, sampling.samples as usize);
-    if clusters.members.len() < 2 {
-        bail!("the {all} frames are all alike, and one cannot give an interval: use cycle with --frames");
+    if clusters.members.len() < 3 {
+        bail!("the {} frames behind the first are all alike, and one cannot give an interval: use cycle with --frames", all - 1);
     }
     let drawn = clusters.draw(&mut random(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
