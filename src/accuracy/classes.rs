@@ -67,7 +67,11 @@ pub fn table(found: &[Errors]) -> String {
         errors
     };
     for name in ["median", "largest"] {
-        let of = |errors: &[f64]| if name == "median" { errors.get(errors.len() / 2).copied() } else { errors.last().copied() };
+        let of = |errors: &[f64]| match errors.len() {
+            0 => None,
+            n if name == "median" => Some(0.5 * (errors[(n - 1) / 2] + errors[n / 2])),
+            n => Some(errors[n - 1]),
+        };
         let size = |error: Option<f64>| error.map_or("-".into(), |error| format!("{:.1} %", 100.0 * error));
         let cell = |at: usize| [0, 1].map(|side| size(of(&sides(at, side)))).join(", ");
         let cells: Vec<String> = (0..heads.len()).map(cell).collect();

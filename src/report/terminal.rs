@@ -107,7 +107,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
     let cost = match options.fidelity {
         Fidelity::Bound => format!(
-            "estimated from counts and rates: median error 3 %, at most 15 % on the baseline, larger on machines with short queues \
+            "estimated from counts and rates: median error 3 %, at most 20 % on the baseline, larger on machines with short queues \
              (docs/fidelity.md)\nhost: {:.3} ms for the estimates, {all:.3} s in all",
             1e3 * host
         ),

@@ -217,8 +217,8 @@ fn some_frames_stand_for_all() {
     let (told, truth) = (cycles(&some), cycles(&whole));
     assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
     assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
-    // Those simulated count what they count in the whole sequence, but for what warming leaves.
-    assert_eq!(some.frames.len(), 4);
+    // Those simulated, the first among them, count what they count in the whole sequence, but for what warming leaves.
+    assert_eq!((some.frames.len(), some.frames[0].number), (5, 0));
     for frame in &some.frames {
         let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
         assert_eq!(frame.shown, same.shown, "frame {}", frame.number);

@@ -251,7 +251,12 @@ impl<'c> Bound<'c> {
                 let misses = *lines as f64 / (cost.texture_lines + cost.access_lines).max(1) as f64;
                 let packets = f64::from(self.config.core.warp_width) / 4.0;
                 let lookups = (cost.texture_lines + cost.access_lines) as f64 / cost.requests().max(1) as f64;
-                let requests = Requests { missed: 1.0 - libm::pow(1.0 - misses.min(1.0), lookups * packets), latency: miss };
+                let requests = Requests {
+                    missed: 1.0 - libm::pow(1.0 - misses.min(1.0), lookups * packets),
+                    latency: miss,
+                    line: misses.min(1.0),
+                    port: LINE as f64 / f64::from(self.config.memory.port_width),
+                };
                 let shading = self.shading(cost, 4.0, *registers, &requests);
                 roofs.add("core", shading.core * cost.runs as f64 / cores);
                 roofs.add("texture", shading.texture * cost.runs as f64 / cores);

@@ -66,7 +66,12 @@ impl Bound<'_> {
         roofs.add("command", (segments + 2) as f64 * f64::from(config.command.command_cycles));
         let quads = f64::from(config.core.warp_width) / 4.0;
         let part = 1.0 - libm::exp(-missed.bundle * quads / f64::from(BUNDLE));
-        let requests = Requests { missed: part, latency: self.latency(&traffic.textures) };
+        let requests = Requests {
+            missed: part,
+            latency: self.latency(&traffic.textures),
+            line: missed.rate,
+            port: LINE as f64 / f64::from(config.memory.port_width),
+        };
         // Lines of indices that the second level has lost wait behind what is written meanwhile, the longer the sooner a pass is over. Where
         // geometry waits for pixels anyway, as in sort-middle, the trip to the second level alone is nearer to the truth.
         let index = self.latency(&traffic.indices);
@@ -84,10 +89,10 @@ impl Bound<'_> {
         let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
         let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
-        let cycles = self
-            .dram(&traffic.all)
-            .max(rates.iter().zip(draws).map(|(r, d)| r.texture * d.fragment.runs as f64).sum::<f64>() / self.pipelines);
-        let stalled = self.stalled(&traffic, quads, cycles);
+        let units = rates.iter().zip(draws).map(|(r, d)| r.texture * d.fragment.runs as f64).sum::<f64>() / self.pipelines;
+        let cycles = self.dram(&traffic.all).max(units);
+        let each = units * self.pipelines * f64::from(config.core.per_pipeline) / quads.max(1.0);
+        let stalled = self.stalled(&traffic, quads, [cycles, each]);
         rates.iter_mut().zip(draws).filter(|(_, draw)| draw.fragment.runs > 0).for_each(|(rates, draw)| {
             rates.texture += stalled * draw.fragment.requests() as f64 / draw.fragment.runs as f64;
         });
@@ -233,8 +238,8 @@ impl Bound<'_> {
     }
 
     /// Cycles that a quad's request costs a texture unit on average because quads leave it in order and DRAM is writing: of as many quads as
-    /// are between address and filter all wait for one whose line lies behind a batch of writes. A pass takes `cycles` otherwise.
-    fn stalled(&self, traffic: &PassTraffic, quads: f64, cycles: f64) -> f64 {
+    /// are between address and filter all wait for one whose line lies behind a batch of writes. A pass takes `cycles` otherwise, a request `each`.
+    fn stalled(&self, traffic: &PassTraffic, quads: f64, [cycles, each]: [f64; 2]) -> f64 {
         let (dram, texture) = (&self.config.dram, &self.config.texture);
         if quads == 0.0 || self.config.memory.kind == MemoryKind::Ideal {
             return 0.0;
@@ -243,7 +248,7 @@ impl Bound<'_> {
         let writing = (traffic.all.written / self.dram_rate / cycles.max(1.0)).min(1.0);
         let fifo = f64::from(texture.fifo);
         let reads = traffic.textures.read / LINE as f64 / quads * fifo;
-        let covered = fifo / f64::from(texture.quads_per_cycle);
+        let covered = fifo * each;
         let wait = self.memory_latency + f64::from(texture.latency) + 0.5 * batch - covered;
         (1.0 - libm::pow(1.0 - writing, reads)) * wait.max(0.0) / fifo
     }
@@ -286,8 +291,12 @@ impl Bound<'_> {
         let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
         let distinct = draw.shaded_vertices[REUSE.len() - 1].min(draw.vertex.runs) as f64;
         let fetched = distinct * draw.vertex_bytes as f64 + (draw.indices * draw.index_bytes) as f64;
-        let shading =
-            self.shading(&draw.vertex, 1.0, draw.registers[0], &Requests { missed: 1.0, latency: self.memory_latency });
+        let shading = self.shading(
+            &draw.vertex,
+            1.0,
+            draw.registers[0],
+            &Requests { missed: 1.0, latency: self.memory_latency, ..Requests::default() },
+        );
         // A batch is in flight from its indices to the assembly of its last primitive.
         let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
         // The last batch of a segment is half full on average.

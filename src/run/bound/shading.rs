@@ -19,6 +19,10 @@ pub(super) struct Requests {
     pub missed: f64,
     /// and how long that takes.
     pub latency: f64,
+    /// Misses a lookup of a line,
+    pub line: f64,
+    /// and how long each occupies the port to memory, on which the lookups behind it wait.
+    pub port: f64,
 }
 
 /// How long a request waits, on average, behind those before it that are waited for `latency` cycles each, where `rate` of these come
@@ -54,7 +58,10 @@ impl Bound<'_> {
 
         // The texture unit, a warp.
         let asked = each(cost.textures + cost.accesses);
-        let quads = asked / f64::from(texture.quads_per_cycle);
+        // Quads are addressed in order, so a miss that the port does not take yet holds up all behind it. The misses of one quad go one by one,
+        // and quads without any (Poisson) share cycles with each other only.
+        let own = requests.line * each(cost.texture_lines + cost.access_lines) / asked.max(1e-9);
+        let quads = asked * (own * requests.port + libm::exp(-own) / f64::from(texture.quads_per_cycle));
         let lines = each(cost.texture_lines + cost.access_lines) / f64::from(texture.lookups_per_cycle);
         let filters = each(cost.operations) / f64::from(texture.filters_per_cycle);
         let unit = quads.max(lines).max(filters) * runs;
@@ -64,7 +71,7 @@ impl Bound<'_> {
 
         // What is behind a miss waits with it; how often that is depends on how fast warps come, which depends on how long they wait.
         let plain = f64::from(texture.latency) + unit / asked;
-        let Requests { missed, latency } = *requests;
+        let Requests { missed, latency, .. } = *requests;
         let (mut apart, mut stay, mut fifo) = (class.max(unit), 0.0, 0.0);
         for _ in 0..3 {
             let wait = missed * latency + (1.0 - missed) * behind(asked * missed / apart, latency);

@@ -168,7 +168,10 @@ fn of_survey(
     }
     let clusters = Clusters::new(&survey.signatures, sampling.samples as usize);
     if clusters.members.len() < 3 {
-        bail!("the {} frames behind the first are all alike, and one cannot give an interval: use cycle with --frames", all - 1);
+        bail!(
+            "the {} frames behind the first are all alike, and one cannot give an interval: use cycle with --frames",
+            all - 1
+        );
     }
     let drawn = clusters.draw(&mut random(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
