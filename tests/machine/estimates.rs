@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use fillrate::accuracy::sequences::SEQUENCES;
 use fillrate::import;
 use fillrate::machine::{Config, PhaseReport};
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
@@ -229,6 +230,22 @@ fn some_frames_stand_for_all() {
     for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
         let n = |replay: &Replay| replay.total.number(path).expect(path);
         assert!((n(&some) / n(&whole) - 1.0).abs() < 0.1, "{path}: {} for {}", n(&some), n(&whole));
+    }
+}
+
+#[test]
+fn what_only_the_first_frame_reads_is_in_the_estimate() {
+    // Nearly all bytes of DRAM are the first frame's: those after it find the rest in the second level.
+    for sequence in &SEQUENCES[..2] {
+        let trace = (sequence.record)(12).finish();
+        let bytes = |fidelity| {
+            let config = Config::built_in("baseline").expect("it is built in");
+            let told = replay(&trace, &Options::new(config, fidelity), &|_| ()).expect("a replay").total;
+            told.number("memory.dram.read_bytes").expect("bytes") + told.number("memory.dram.write_bytes").expect("bytes")
+        };
+        let sampling = Sampling { samples: 3, ..Sampling::default() };
+        let (truth, told) = (bytes(Fidelity::Cycle), bytes(Fidelity::Sampled(sampling)));
+        assert!(truth > 0.0 && (told / truth - 1.0).abs() < 0.01, "{}: {told} for {truth}", sequence.name);
     }
 }
 
