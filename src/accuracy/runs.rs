@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Result, ensure};
 
+use crate::run::host::process_cpu_time;
 use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
 use crate::trace::Trace;
 use crate::work::Surface;
@@ -36,19 +37,50 @@ pub struct Compared {
     pub other_pictures: usize,
     /// Clock time of the whole replay: on one machine, and in runs; of each pair.
     pub times: Vec<[Duration; 2]>,
+    /// Processor time of the first pair, where the system tells.
+    pub spent: Option<[Spent; 2]>,
+}
+
+/// Where processor time went.
+#[derive(Clone, Copy, Debug)]
+pub struct Spent {
+    /// In the renderer, and whatever else is no machine.
+    pub rendering: Duration,
+    /// In the machine that is warmed for the runs to begin with.
+    pub warming: Duration,
+    /// In the machines that simulate.
+    pub machines: Duration,
+}
+
+impl Spent {
+    /// In all.
+    fn all(&self) -> f64 {
+        (self.rendering + self.warming + self.machines).as_secs_f64()
+    }
+
+    /// The least time on so many cores: all of them at work, and one at least as long as the machine takes that is warmed with one frame
+    /// after another. The renderer draws the tiles of a frame in parallel.
+    fn least(&self, cores: f64) -> f64 {
+        (self.all() / cores).max(self.warming.as_secs_f64())
+    }
 }
 
 /// Cycles and picture of each frame by its number.
 type Frames = BTreeMap<u32, (f64, Option<(Surface, blake3::Hash)>)>;
 
-fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome)> {
-    let mut frames = Frames::new();
+fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spent>)> {
+    let (mut frames, before) = (Frames::new(), process_cpu_time());
     let outcome = replay_to(trace, options, &|_| (), &mut |frame| {
         let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));
         frames.insert(frame.number, (frame.tree.number("cycles").unwrap_or(0.0), picture));
         Ok(())
     })?;
-    Ok((frames, outcome))
+    let spent = process_cpu_time().zip(before).map(|(now, before)| Spent {
+        rendering: (now - before).saturating_sub(outcome.machine_time),
+        warming: outcome.warming_time,
+        machines: outcome.machine_time.saturating_sub(outcome.warming_time),
+    });
+    Ok((frames, outcome, spent))
 }
 
 /// A counter's sum; of a kind of caches, the misses of all.
@@ -68,7 +100,7 @@ fn sum(outcome: &Outcome, paths: &[&str]) -> f64 {
 pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: NonZeroU32, pairs: u32) -> Result<Compared> {
     let one = Options { fidelity: Fidelity::Cycle, frames_per_run: None, ..options.clone() };
     let cut = Options { frames_per_run: Some(frames_per_run), ..one.clone() };
-    let ((frames, whole), (frames_in_runs, runs)) = (run(trace, &one)?, run(trace, &cut)?);
+    let ((frames, whole, spent), (frames_in_runs, runs, spent_in_runs)) = (run(trace, &one)?, run(trace, &cut)?);
     ensure!(runs.frames_per_run.is_some(), "{name} has {} frames: one run has {frames_per_run}", frames.len());
     let mut times = vec![[whole.clock_time, runs.clock_time]];
     for _ in 1..pairs {
@@ -87,7 +119,9 @@ pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: Non
         other_pictures += usize::from(picture != shown);
     }
     let cycles = sum(&whole, COUNTS[0].1);
-    Ok(Compared { name: name.into(), frames: frames.len(), cycles, off, frame: [mean, greatest], other_pictures, times })
+    let (name, frames, frame) = (name.to_owned(), frames.len(), [mean, greatest]);
+    let spent = spent.zip(spent_in_runs).map(|(one, runs)| [one, runs]);
+    Ok(Compared { name, frames, cycles, off, frame, other_pictures, times, spent })
 }
 
 /// What differs, as a table in Markdown: the same on every host.
@@ -121,4 +155,23 @@ pub fn times(compared: &[Compared]) -> String {
         let _ = writeln!(out, "| {name} | {one:.2} s | {runs:.2} s | {median:.2}, {least:.2}, {greatest:.2} |");
     }
     out
+}
+
+/// Where the processor time of runs went, and what follows for more cores, as a table in Markdown; nothing where the system does not tell.
+pub fn shares(compared: &[Compared]) -> String {
+    const CORES: [f64; 4] = [2.0, 4.0, 8.0, 16.0];
+    let mut out = String::from(
+        "| sequence | one machine: processor time | in runs: renderer | warming | machines | least time on 2, 4, 8, 16 cores, of one core's |\n\
+         |---|--:|--:|--:|--:|--:|\n",
+    );
+    let mut known = false;
+    for Compared { name, spent, .. } in compared {
+        let Some([one, runs]) = spent else { continue };
+        known = true;
+        let least = CORES.map(|cores| format!("{:.2}", runs.least(cores) / one.all())).join(", ");
+        let [rendering, warming, machines] = [runs.rendering, runs.warming, runs.machines].map(|time| time.as_secs_f64());
+        let all = one.all();
+        let _ = writeln!(out, "| {name} | {all:.2} s | {rendering:.2} s | {warming:.2} s | {machines:.2} s | {least} |");
+    }
+    if known { out } else { String::new() }
 }

@@ -182,11 +182,6 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
             bail!("{option} is about --fidelity sampled, and would be ignored here")
         }
-        _ if matches!((&arguments.fidelity, arguments.images), (FidelityName::Sampled, Some(ImagesName::All))) => {
-            bail!(
-                "--fidelity sampled draws no picture of frames that it does not simulate: use --images simulated, or --fidelity functional for all"
-            )
-        }
         _ if matches!(
             (&arguments.fidelity, arguments.images),
             (FidelityName::Functional | FidelityName::Bound, Some(ImagesName::Simulated))
@@ -267,6 +262,12 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
+    // Sampled frames alone are simulated; pictures of all are drawn before, where they are asked for.
+    let mut drawing_time = Duration::ZERO;
+    if let (Fidelity::Sampled(_), Some(ImagesName::All), Some(folder)) = (&options.fidelity, arguments.images, &mut folder) {
+        let drawn = Options { fidelity: Fidelity::Functional, ..options.clone() };
+        drawing_time = replay_to(&trace, &drawn, &|_| (), &mut |frame| folder.picture(frame))?.clock_time;
+    }
     // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
     let mut timed = timeline::Frames::default();
@@ -288,7 +289,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         Some(recorder) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
     };
     told.end();
-    let done = done?;
+    let mut done = done?;
+    done.clock_time += drawing_time;
     if seen.frames == 0 {
         let has = check(&trace)?.frames;
         bail!("the trace has no frame in {}..{}; it has {has}, numbered from 0", options.frames.start, options.frames.end);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::runs::{compare, table, times};
+use crate::accuracy::runs::{compare, shares, table, times};
 use crate::accuracy::sequences::SEQUENCES;
 use crate::run::replay::{Fidelity, Options};
 use crate::trace::Packing;
@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Only write the generated sequences into this folder, as traces
     #[arg(long, value_name = "DIR", conflicts_with_all = ["traces", "times"])]
     record: Option<PathBuf>,
-    /// Print host times too, as medians of so many pairs
+    /// Print host times too, as medians of so many pairs, and in which parts processors spent them
     #[arg(long, value_name = "PAIRS", num_args = 0..=1, default_missing_value = "3")]
     times: Option<NonZeroU32>,
 }
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     }
     print!("{}", table(&compared));
     if arguments.times.is_some() {
-        print!("\n{}", times(&compared));
+        print!("\n{}\n{}", times(&compared), shares(&compared));
     }
     Ok(Verdict::Done)
 }

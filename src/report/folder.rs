@@ -51,6 +51,8 @@ pub enum Images {
 /// What leaves a replay.
 enum Leaving {
     Frame(Box<Frame>),
+    /// A frame's picture alone.
+    Picture(Box<Frame>),
     Total(Box<Tree>, Box<Shown>),
 }
 
@@ -98,6 +100,14 @@ impl Folder {
     /// If this frame's or an earlier one's files cannot be written.
     pub fn put(&mut self, frame: Frame) -> Result<()> {
         self.send(Leaving::Frame(Box::new(frame)))
+    }
+
+    /// A frame has been drawn: its picture alone is wanted.
+    ///
+    /// # Errors
+    /// If this picture or an earlier one cannot be written.
+    pub fn picture(&mut self, frame: Frame) -> Result<()> {
+        self.send(Leaving::Picture(Box::new(frame)))
     }
 
     /// The replay has ended; `display` is what a free-running display has shown behind the last frame.
@@ -174,6 +184,7 @@ impl Pages {
         for leaving in receive {
             match leaving {
                 Leaving::Frame(frame) => self.frame(&frame)?,
+                Leaving::Picture(frame) => self.picture(&frame)?,
                 Leaving::Total(total, display) => {
                     self.display(&display)?;
                     return self.end(&total);
@@ -184,10 +195,13 @@ impl Pages {
         Ok(())
     }
 
+    fn picture(&mut self, frame: &Frame) -> Result<()> {
+        let (Some(album), Some((surface, bytes))) = (&mut self.album, &frame.shown) else { return Ok(()) };
+        album.put("frame", frame.number.into(), surface, bytes)
+    }
+
     fn frame(&mut self, frame: &Frame) -> Result<()> {
-        if let (Some(album), Some((surface, bytes))) = (&mut self.album, &frame.shown) {
-            album.put("frame", frame.number.into(), surface, bytes)?;
-        }
+        self.picture(frame)?;
         self.display(&frame.display)?;
         let first = !std::mem::replace(&mut self.frames, true);
         for (table, rows) in self.tables.iter_mut().zip([csv_rows, pass_rows, draw_rows]) {

@@ -109,7 +109,9 @@ struct Leaving<'e> {
     /// Why, once all runs in front of it have ended. No frame leaves any more.
     failed: Option<anyhow::Error>,
     totals: Option<Totals>,
+    /// Host time in all machines, and in that one which is warmed for the others.
     time: Duration,
+    warming: Duration,
 }
 
 impl Leaving<'_> {
@@ -165,6 +167,7 @@ impl<'e> Outlet<'e> {
             failed: None,
             totals: None,
             time: Duration::ZERO,
+            warming: Duration::ZERO,
         };
         Outlet { state: Mutex::new(state), changed: Condvar::new() }
     }
@@ -290,7 +293,7 @@ pub fn simulate_apart<'r>(
 ) {
     rendering.begin_anew(runs.iter().map(|run| run.start..run.start + 1).collect());
     let most = rendering.turns();
-    let done = move |_: Option<Totals>, busy| *time = busy;
+    let done = move |_: Option<Totals>, [busy, _]: [Duration; 2]| *time = busy;
     consume(rendering, card, Begin::Anew(runs, warms_up), most, exit, done);
 }
 
@@ -306,10 +309,10 @@ pub fn simulate_in_runs<'r>(
 ) -> Result<()> {
     let machine = Machine::new(card.0)?;
     let most = rendering.turns();
-    let done = move |totals: Option<Totals>, machine_time| {
+    let done = move |totals: Option<Totals>, [machine_time, warming_time]: [Duration; 2]| {
         let total = totals.as_ref().map(|totals| totals.tree(&machine)).unwrap_or_default();
         let cycles = totals.as_ref().map_or(0, Totals::cycles);
-        *out = Simulated { cycles, total, machine_time, ..Simulated::default() };
+        *out = Simulated { cycles, total, machine_time, warming_time, ..Simulated::default() };
     };
     consume(rendering, card, Begin::Warmed(frames), most, exit, done);
     Ok(())
@@ -321,7 +324,7 @@ fn consume<'r>(
     begin: Begin<'r>,
     most: usize,
     exit: Exit<'r>,
-    done: impl FnOnce(Option<Totals>, Duration) + Send + 'r,
+    done: impl FnOnce(Option<Totals>, [Duration; 2]) + Send + 'r,
 ) {
     // One more holds what the clones begin with.
     let machines = most as u64 + u64::from(matches!(begin, Begin::Warmed(_)));
@@ -335,10 +338,10 @@ fn consume<'r>(
             Begin::Anew(runs, warms_up) => lead_anew(work, scope, &machines, config, (&runs, warms_up)),
             Begin::Warmed(frames) => lead_warmed(work, scope, &machines, config, frames),
         });
-        let Leaving { failed, totals, time, .. } = outlet.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Leaving { failed, totals, time, warming, .. } = outlet.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         // A machine's error comes before that of what led it.
         failed.map_or(led, Err)?;
-        done(totals, time);
+        done(totals, [time + warming, warming]);
         Ok(())
     };
     rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(read) });
@@ -406,6 +409,6 @@ where
         run += 1;
         ahead = work.next();
     }
-    locked(&machines.outlet.state).time += busy.elapsed();
+    locked(&machines.outlet.state).warming = busy.elapsed();
     Ok(())
 }

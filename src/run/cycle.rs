@@ -23,6 +23,8 @@ pub struct Simulated {
     pub total: Tree,
     /// Host time in the machine (processor time where the system tells).
     pub machine_time: Duration,
+    /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
+    pub warming_time: Duration,
     /// What a free-running display has shown since the last frame ended.
     pub display: Shown,
 }
@@ -60,7 +62,7 @@ pub fn simulate<'r>(
             return Err(failed);
         }
         let run = run?;
-        *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown };
+        *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown, ..Simulated::default() };
         Ok(())
     };
     rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });

@@ -2,19 +2,37 @@
 
 use std::time::{Duration, Instant};
 
+/// What a clock of the system tells, if it does.
+#[cfg(unix)]
+fn read(clock: libc::clockid_t) -> Option<Duration> {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: the pointer is valid for the call, which writes one `timespec`.
+    let failed = unsafe { libc::clock_gettime(clock, &raw mut time) };
+    let seconds = u64::try_from(time.tv_sec).ok().filter(|_| failed == 0)?;
+    Some(Duration::new(seconds, u32::try_from(time.tv_nsec).ok()?))
+}
+
 /// Processor time that this thread has used, where the system tells, else none.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> Option<Duration> {
-    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the pointer is valid for the call, which writes one `timespec`.
-    let failed = unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &raw mut time) };
-    let seconds = u64::try_from(time.tv_sec).ok().filter(|_| failed == 0)?;
-    Some(Duration::new(seconds, u32::try_from(time.tv_nsec).ok()?))
+    read(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+/// Processor time that all threads of this process have used, where the system tells, else none.
+#[cfg(unix)]
+pub fn process_cpu_time() -> Option<Duration> {
+    read(libc::CLOCK_PROCESS_CPUTIME_ID)
 }
 
 /// Processor time that this thread has used: this system does not tell.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> Option<Duration> {
+    None
+}
+
+/// Processor time that all threads of this process have used: this system does not tell.
+#[cfg(not(unix))]
+pub fn process_cpu_time() -> Option<Duration> {
     None
 }
 

@@ -155,6 +155,8 @@ pub struct Outcome {
     pub limits: Vec<Vec<PhaseReport>>,
     /// Host time spent in the machine (processor time where the system tells).
     pub machine_time: Duration,
+    /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
+    pub warming_time: Duration,
     /// Host time on the clock, from the first command to the last statistic.
     pub clock_time: Duration,
 }
@@ -251,9 +253,18 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
                 frames::limits(&mut rendering, config, &mut limited);
             }
             rendering.run()?;
-            let Simulated { cycles, total, machine_time, display } = out;
+            let Simulated { cycles, total, machine_time, warming_time, display } = out;
             let cycles = Some(cycles as f64);
-            Outcome { cycles, total, machine_time, frames_per_run, limits: limited, display, ..Outcome::default() }
+            Outcome {
+                cycles,
+                total,
+                machine_time,
+                warming_time,
+                frames_per_run,
+                limits: limited,
+                display,
+                ..Outcome::default()
+            }
         }
     };
     Ok(Outcome { clock_time: watch.clock(), ..outcome })

@@ -194,6 +194,26 @@ fn images_none_leaves_statistics_only() {
 }
 
 #[test]
+fn pictures_of_frames_that_are_not_simulated_come_on_demand() {
+    let out = tempfile::tempdir().expect("a folder");
+    let replay = |name: &str, options: &[&str]| {
+        let folder = out.path().join(name);
+        let place = folder.display().to_string();
+        let (code, _, message) = run(&[&["replay", "traces/panel.zip", "--out", &place], options].concat());
+        assert_eq!(code, 0, "{message}");
+        let read = |name: &str| fs::read(folder.join(name)).ok();
+        let pictures: Vec<_> = (0..4).map(|frame| read(&format!("frame-{frame:04}.png"))).collect();
+        (pictures, read("stats.json"), read("stats.csv"))
+    };
+    let sampled = ["--fidelity", "sampled", "--samples", "2"];
+    let (some, statistics, rows) = replay("some", &sampled);
+    let (all, same_statistics, same_rows) = replay("all", &[&sampled[..], &["--images", "all"]].concat());
+    assert_eq!(some.iter().flatten().count(), 3, "the first frame and two others are simulated");
+    assert!(all == replay("functional", &["--fidelity", "functional"]).0 && all.iter().all(Option::is_some));
+    assert!(statistics == same_statistics && rows == same_rows && statistics.is_some(), "statistics know nothing of pictures");
+}
+
+#[test]
 fn what_would_be_ignored_is_told() {
     for fidelity in ["functional", "bound"] {
         let message = refused(&["replay", "traces/triangle", "--fidelity", fidelity, "--clock", "every-cycle"]);
