@@ -14,6 +14,7 @@ use crate::host::{self, Part};
 use crate::machine::Shown;
 use crate::run::replay::Frame;
 use crate::stats::Tree;
+use crate::unit::scanout::Collision;
 use crate::work::Surface;
 
 /// The file that is written last.
@@ -259,12 +260,15 @@ impl Album {
 }
 
 /// Rows of `shown.csv`: for each refresh the frames that it shows, each from a line on (a line other than 0 is where the picture is torn), and
-/// the lines that were dry. With a head if they are the first.
+/// the lines that were dry; for each pair of sprites that meets, the first line. With a head if they are the first.
 fn shown_rows(shown: &Shown, first: bool) -> String {
     let mut rows = String::new();
     for refresh in &shown.refreshes {
         for (line, frame) in &refresh.parts {
             rows.push_str(&format!("{},{line},frame,{}\n", refresh.number, frame.frame));
+        }
+        for (frame, Collision { pair: [low, high], line }) in refresh.collisions() {
+            rows.push_str(&format!("{},{line},collision {low}+{high},{frame}\n", refresh.number));
         }
     }
     for (refresh, line) in &shown.dry {

@@ -32,7 +32,10 @@ fn frames(count: u32, bytes: u64) -> Vec<Event> {
     let of = |number: u32| {
         let transfer = Transfer { kind: TransferKind::Copy, from: Some(1 << 24), to: Some(1 << 25), bytes, surfaces: None };
         let reference = vec![number as u8; (LINES * ROW) as usize].into();
-        [Event::Transfer(transfer), Event::EndFrame(EndFrame { number, shown: Some(surface), reference, drawn: false })]
+        [
+            Event::Transfer(transfer),
+            Event::EndFrame(EndFrame { number, shown: Some(surface), reference, drawn: false, sprites: [].into() }),
+        ]
     };
     (0..count).flat_map(of).collect()
 }

@@ -17,4 +17,5 @@ mod sort_classes;
 mod sort_image;
 mod sort_scaling;
 mod sort_traces;
+mod sprites;
 mod unread;

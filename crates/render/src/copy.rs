@@ -120,6 +120,7 @@ impl Renderer<'_, '_> {
                 }
                 moved = Transfer { kind: TransferKind::Other, to: Some(address + to_offset), bytes: size, ..moved };
             }
+            &Command::SetSprite { index, view, x, y } => return Ok(self.sprites.set(index, view, [x, y])?),
             &Command::Present { texture } => {
                 self.end_frame(Some((texture, 0, 0)))?;
                 self.begin_frame();

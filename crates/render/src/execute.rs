@@ -19,6 +19,7 @@ use super::needs::Needs;
 use super::objects::is_about_objects;
 use super::pass::ActivePass;
 use super::resources::*;
+use super::sprites::Sprites;
 
 /// Some of a trace's frames, in ranges.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -271,6 +272,8 @@ pub(super) struct Renderer<'t, 's> {
     images: BTreeMap<SurfaceKey, (u64, Claim)>,
     /// Memory of frames that have ended.
     frames: Option<Claim>,
+    /// What the display lays over its lines.
+    pub(super) sprites: Sprites,
     /// The image that was shown last, by the address of its texture, and the version of the contents.
     shown: Option<(u64, SurfaceKey, u64, Arc<[u8]>)>,
 }
@@ -306,6 +309,7 @@ impl<'t, 's> Renderer<'t, 's> {
             pieces: VecDeque::new(),
             images: BTreeMap::new(),
             frames: None,
+            sprites: Sprites::default(),
             shown: None,
         }
     }
@@ -435,12 +439,15 @@ impl<'t, 's> Renderer<'t, 's> {
         if kept {
             frames.grow("the statistics of a frame", FRAME)?;
         }
-        let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false };
+        let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false, sprites: [].into() };
         if let Some((id, level, layer)) = shown
             && self.options.needs.as_ref().is_some_and(|needs| !needs.picture(self.frame))
         {
             end.shown = Some(self.res.textures.get(id.0)?.surface(id, level, layer));
+            self.show_sprites(None)?;
         } else if let Some((id, level, layer)) = shown {
+            let format = self.res.textures.get(id.0)?.image.format;
+            end.sprites = self.show_sprites(Some(format))?.into();
             let texture = self.res.flushed(id)?;
             let surface: Surface = texture.surface(id, level, layer);
             let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));

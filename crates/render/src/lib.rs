@@ -14,6 +14,7 @@ mod needs;
 mod objects;
 mod pass;
 mod resources;
+mod sprites;
 mod state;
 mod transfer;
 

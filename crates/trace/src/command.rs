@@ -334,6 +334,12 @@ pub enum AnyPipeline {
     Compute(ComputePipelineId),
 }
 
+/// Sprites of a display.
+pub const SPRITES: u32 = 8;
+
+/// Texels along an edge of a sprite, at most: the cursor of a graphics card.
+pub const SPRITE_EDGE: u32 = 64;
+
 /// One command. Offsets and sizes are in bytes unless said otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -475,6 +481,17 @@ pub enum Command {
         count: u32,
         to: BufferId,
         to_offset: u64,
+    },
+    /// From the next frame on the display lays a view over its lines, outside the frame buffer, with the upper left texel on pixel
+    /// (`x`, `y`): what is opaque (alpha is not 0) replaces the picture. No view: the sprite is not shown any more.
+    SetSprite {
+        /// Which sprite, below [`SPRITES`]; one of a lower index lies over others.
+        index: u32,
+        /// One level and layer of a single-sampled 2D texture in an 8-bit RGBA or BGRA format, at most [`SPRITE_EDGE`] texels wide and high.
+        #[serde(default, skip_serializing_if = "is_default")]
+        view: Option<ViewId>,
+        x: i32,
+        y: i32,
     },
     /// Ends a frame: the texture is what is shown.
     Present {

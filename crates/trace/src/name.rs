@@ -29,6 +29,7 @@ impl Command {
             Command::ClearTexture { .. } => "ClearTexture",
             Command::WriteTimestamp { .. } => "WriteTimestamp",
             Command::ResolveQuerySet { .. } => "ResolveQuerySet",
+            Command::SetSprite { .. } => "SetSprite",
             Command::Present { .. } => "Present",
             Command::BeginRenderPass { .. } => "BeginRenderPass",
             Command::EndRenderPass => "EndRenderPass",

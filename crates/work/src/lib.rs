@@ -164,7 +164,9 @@ impl Event {
             Event::Segment(segment) | Event::Applied(segment) => segment.bytes(),
             Event::Groups(groups) => groups.bytes(),
             Event::Contents(contents) => contents.bytes.len() as u64,
-            Event::EndFrame(end) => end.reference.len() as u64,
+            Event::EndFrame(end) => {
+                end.reference.len() as u64 + end.sprites.iter().map(|sprite| sprite.texels.len() as u64).sum::<u64>()
+            }
             _ => 0,
         }
     }
@@ -624,6 +626,8 @@ pub enum TransferKind {
     Copy,
     /// A value is written.
     Clear,
+    /// The image of a sprite, to the display.
+    Sprite,
     /// Query results and the like.
     Other,
 }
@@ -654,4 +658,20 @@ pub struct EndFrame {
     pub reference: Arc<[u8]>,
     /// Whether the frame's last writer of the shown surface was a draw, so that the machine's own bytes are the picture.
     pub drawn: bool,
+    /// The sprites that the display lays over the picture, by index.
+    pub sprites: Arc<[Sprite]>,
+}
+
+/// A small picture that the display lays over its lines, outside the frame buffer. Its texels are 4 bytes of 8 bits a channel, in the
+/// order of the shown surface; where the last of them, alpha, is not 0, the texel replaces the pixel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sprite {
+    /// Which of the display's: one of a lower index lies over others.
+    pub index: u8,
+    /// The pixel of the picture on which its upper left texel lies; parts outside of the picture are not shown.
+    pub at: [i32; 2],
+    /// Width and height in texels.
+    pub size: [u32; 2],
+    /// Its texels, rows from top to bottom.
+    pub texels: Arc<[u8]>,
 }

@@ -214,7 +214,13 @@ pub fn events(scene: &Scene) -> Vec<Event> {
             };
             reference.color.chunks_exact(scene.samples as usize).flat_map(resolve).collect()
         };
-        out.push(Event::EndFrame(EndFrame { number: frame, shown: Some(shown), reference: bytes.into(), drawn: true }));
+        out.push(Event::EndFrame(EndFrame {
+            number: frame,
+            shown: Some(shown),
+            reference: bytes.into(),
+            drawn: true,
+            sprites: [].into(),
+        }));
     }
     out
 }

@@ -125,6 +125,7 @@ fn for_each_object(command: &Command, mut see: impl FnMut(Object)) {
             see(Object::View(*id));
             see(Object::Texture(*texture));
         }
+        Command::SetSprite { view, .. } => view.iter().for_each(|&view| see(Object::View(view))),
         Command::CreateSampler { id, .. } => see(Object::Sampler(*id)),
         Command::CreateShader { id, .. } => see(Object::Shader(*id)),
         Command::CreateBindGroupLayout { id, .. } => see(Object::BindGroupLayout(*id)),

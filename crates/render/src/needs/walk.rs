@@ -14,6 +14,7 @@ use crate::ledger::{Claim, Ledger};
 use crate::objects::is_about_objects;
 use crate::pipeline::RenderPipeline;
 use crate::resources::Resources;
+use crate::sprites::Sprites;
 use crate::state::Bindings;
 
 /// Takes the notes of a trace, up to a frame.
@@ -56,6 +57,7 @@ struct Walker {
     compute: Option<Open>,
     bundle: Option<(u32, Vec<Command>)>,
     bundles: HashMap<u32, Arc<Vec<Command>>>,
+    sprites: Sprites,
 }
 
 impl Walker {
@@ -143,8 +145,12 @@ impl Walker {
                 self.render = Some(open);
             }
             Command::BeginComputePass { .. } => self.compute = Some(Open::default()),
+            &Command::SetSprite { index, view, x, y } => self.sprites.set(index, view, [x, y])?,
             Command::Present { texture } => {
-                let reads = [Thing::Level(texture.0, 0)].into();
+                let mut reads: BTreeSet<Thing> = [Thing::Level(texture.0, 0)].into();
+                for view in self.sprites.views() {
+                    reads.extend(levels(res, view.0)?.0);
+                }
                 self.note(ledger, Step { kind: Kind::Present, reads, ..Step::default() })?;
                 self.frame += 1;
                 return if self.frame < end { Ok(()) } else { Err(Fault::Stop) };

@@ -1,6 +1,7 @@
 //! Rules of commands between passes: writes, copies, clears, query results, present.
 
-use gfx::state::{Aspect, TextureDimension};
+use gfx::format::Format;
+use gfx::state::{Aspect, TextureDimension, ViewDimension};
 
 use super::super::geometry::copy_block_bytes;
 use super::*;
@@ -58,11 +59,41 @@ impl Checker<'_> {
                 let bytes = u64::from(*count) * u64::from(results) * 8;
                 range_fits(&to.to_string(), *to_offset, bytes, *self.buffers.get(to.0)?)?;
             }
+            &Command::SetSprite { index, view, .. } => {
+                ensure!(index < SPRITES, "sprite {index}: a display has {SPRITES}, from 0 to {}", SPRITES - 1);
+                if let Some(view) = view {
+                    let found = self.views.get(view.0)?;
+                    let (name, [width, height, _]) = (found.format.name(), found.size);
+                    let edge = SPRITE_EDGE;
+                    ensure!(found.samples == 1, "{view} is multisampled: a sprite has one sample a texel; resolve it first");
+                    ensure!(
+                        in_sprites(found.format),
+                        "{view} is {name}: a sprite is rgba8unorm or bgra8unorm, with or without -srgb"
+                    );
+                    let flat = found.dimension == ViewDimension::D2 && found.levels == 1 && found.layers == 1;
+                    ensure!(flat, "{view} is more than one level and layer of a 2D texture");
+                    ensure!(
+                        width.max(height) <= edge,
+                        "{view} has {width} x {height} texels: a sprite has at most {edge} x {edge}; cut it into several"
+                    );
+                }
+                self.sprites[index as usize] = view;
+            }
             Command::Present { texture } => {
                 let desc = self.textures.get(texture.0)?;
                 let flat = desc.dimension == TextureDimension::D2 && desc.samples == 1;
                 let shown = flat && resource::renderable(desc.format);
                 ensure!(shown, "{texture} is no single-sampled 2D colour texture");
+                for (index, view) in self.sprites.iter().enumerate().filter_map(|(index, view)| Some((index, (*view)?))) {
+                    self.views
+                        .get(view.0)
+                        .map_err(|reason| format!("sprite {index}: {reason}; SetSprite without a view ends it"))?;
+                    let name = desc.format.name();
+                    ensure!(
+                        in_sprites(desc.format),
+                        "sprites lie over pictures of rgba8unorm or bgra8unorm, with or without -srgb; {texture} is {name}"
+                    );
+                }
                 self.summary.presented = Some([desc.size[0], desc.size[1]]);
             }
             _ => unreachable!("only commands between passes come here"),
@@ -146,4 +177,9 @@ fn has_aspect(desc: &TextureDesc, aspect: Aspect) -> bool {
         Aspect::DepthOnly => desc.format.has_depth(),
         Aspect::StencilOnly => desc.format.has_stencil(),
     }
+}
+
+/// Whether a display can lay texels of this format over its lines, and over lines of it.
+fn in_sprites(format: Format) -> bool {
+    matches!(format, Format::Rgba8Unorm | Format::Rgba8UnormSrgb | Format::Bgra8Unorm | Format::Bgra8UnormSrgb)
 }

@@ -113,6 +113,8 @@ pub struct Checker<'a> {
     compute_pipelines: Table<pipeline::Compute>,
     bundles: Table<Bundle>,
     query_sets: Table<(QueryKind, u32)>,
+    /// The view of each sprite that is shown.
+    sprites: [Option<ViewId>; SPRITES as usize],
     /// The pass or bundle that is open.
     scope: Scope,
     debug_groups: u32,
@@ -139,6 +141,7 @@ impl<'a> Checker<'a> {
             compute_pipelines: Table::new("compute pipeline"),
             bundles: Table::new("bundle"),
             query_sets: Table::new("query set"),
+            sprites: [None; SPRITES as usize],
             scope: Scope::Outside,
             debug_groups: 0,
             used_blobs: BTreeSet::new(),
@@ -204,6 +207,7 @@ impl<'a> Checker<'a> {
             | ClearBuffer { .. }
             | ClearTexture { .. }
             | ResolveQuerySet { .. }
+            | SetSprite { .. }
             | Present { .. } => {
                 if let Some(open) = self.scope.name() {
                     return Err(format!("not allowed inside a {open}").into());

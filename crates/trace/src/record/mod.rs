@@ -294,6 +294,11 @@ impl Recorder {
         self.push(Command::ResolveQuerySet { set, first, count, to, to_offset });
     }
 
+    /// From the next frame on the display lays a view over its lines, its upper left texel on a pixel; with none, the sprite is not shown any more.
+    pub fn set_sprite(&mut self, index: u32, view: Option<ViewId>, [x, y]: [i32; 2]) {
+        self.push(Command::SetSprite { index, view, x, y });
+    }
+
     /// Ends a frame and shows a texture.
     pub fn present(&mut self, texture: TextureId) {
         self.push(Command::Present { texture });

@@ -272,6 +272,27 @@ fn every_broken_rule_is_named_with_its_command() {
         ("ResolveQuerySet(set: 0, first: 0, count: 4, to: 1, to_offset: 40)", 0, "bytes 40 + 32 reach past the 64"),
         ("WriteTimestamp(set: 0, index: 0)", 0, "counts Occlusion"),
         ("Present(texture: 1)", 0, "no single-sampled 2D colour texture"),
+        ("SetSprite(index: 8, view: 0, x: 0, y: 0)", 0, "sprite 8: a display has 8, from 0 to 7"),
+        ("SetSprite(index: 0, view: 9, x: 0, y: 0)", 0, "SetSprite: "),
+        ("SetSprite(index: 0, view: 1, x: 0, y: 0)", 0, "is depth24plus-stencil8: a sprite is rgba8unorm or bgra8unorm"),
+        ("SetSprite(index: 0, view: 2, x: 0, y: 0)", 0, "is multisampled: a sprite has one sample a texel"),
+        (
+            "CreateTexture(id: 4, desc: (size: (65, 2, 1), format: Bgra8Unorm)), CreateView(id: 4, texture: 4), SetSprite(index: 7, view: 4, x: 0, y: 0)",
+            2,
+            "has 65 x 2 texels: a sprite has at most 64 x 64; cut it into several",
+        ),
+        (
+            "CreateTexture(id: 4, desc: (size: (4, 4, 2), format: Rgba8Unorm)), CreateView(id: 4, texture: 4), SetSprite(index: 7, view: 4, x: 0, y: 0)",
+            2,
+            "is more than one level and layer of a 2D texture",
+        ),
+        (
+            "CreateTexture(id: 4, desc: (size: (4, 4, 1), format: Rgba16Float)), SetSprite(index: 1, view: 0, x: -3, y: 4), Present(texture: 4)",
+            2,
+            "sprites lie over pictures of rgba8unorm or bgra8unorm",
+        ),
+        ("SetSprite(index: 1, view: 0, x: 0, y: 0), Destroy(View(0)), Present(texture: 0)", 2, "sprite 1: "),
+        ("BeginComputePass(), SetSprite(index: 0, x: 0, y: 0)", 1, "not allowed inside a compute pass"),
         // Passes.
         ("EndRenderPass", 0, "no render pass is open"),
         ("BeginComputePass(), EndRenderPass", 1, "no render pass is open"),

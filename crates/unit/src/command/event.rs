@@ -127,6 +127,7 @@ impl Command {
                 card.epoch += 1;
             }
             Event::EndFrame(end) => {
+                let end = end.clone();
                 if !drained {
                     return None;
                 }
@@ -138,13 +139,14 @@ impl Command {
                         if !wires.try_push(&self.ports.scanout, Piece { slot: index as u16, kind: Kind::DATA }) {
                             return None;
                         }
+                        Command::overlay(wires, card, &end);
                         State::Scanning
                     }
                     _ => State::Over,
                 };
                 card.phases.begin(PhaseKind::ScanOut, 0, "", now);
                 card.interleave.end_frame();
-                self.ended = Some(end.clone());
+                self.ended = Some(end);
             }
         }
         card.events.pop_front();

@@ -113,6 +113,13 @@ impl Command {
         Some(())
     }
 
+    /// A frame with sprites that is read for the screen at its end: what is laid over its lines goes with it.
+    pub(super) fn overlay(wires: &Wires, card: &mut Card, end: &EndFrame) {
+        let Some(surface) = end.shown.filter(|_| !end.sprites.is_empty()) else { return };
+        let (frame, address, at, sprites) = (end.number, surface.address, wires.now(), end.sprites.clone());
+        card.presented.push_back(Presented { frame, surface, address, bytes: picture(card, end), at, sprites });
+    }
+
     /// Hands the frame that has ended to the display; `None` if the way is full. Nothing is in flight that could change it.
     pub(super) fn hand_over(&mut self, wires: &mut Wires, card: &mut Card) -> Option<()> {
         let (present, end) = (self.present.as_mut()?, self.ended.as_ref()?);
@@ -121,7 +128,8 @@ impl Command {
             return None;
         }
         let address = present.address(&surface);
-        card.presented.push_back(Presented { frame: end.number, surface, address, bytes: picture(card, end), at: wires.now() });
+        let (bytes, sprites) = (picture(card, end), end.sprites.clone());
+        card.presented.push_back(Presented { frame: end.number, surface, address, bytes, at: wires.now(), sprites });
         if present.swap != Swap::Copy && present.buffers > 1 {
             present.renamed.retain(|(known, _)| *known != surface.key);
             present.renamed.push((surface.key, address));

@@ -8,8 +8,10 @@
 //! What a line shows is settled when it is on the screen. What the FIFO holds of a line ahead of a swap counts as that of the new frame.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 
+use super::sprites::{Collision, SpriteCounts, collisions, lay};
 use super::{ScanoutConfig, Swap};
 use crate::card::{Card, Fault};
 use crate::misses::Misses;
@@ -17,7 +19,7 @@ use crate::token::{Ack, Kind, Piece};
 use mem::{MemoryPort, REQUEST_BYTES};
 use num::Cycle;
 use sim::{In, Out, Tick, Wires};
-use work::Surface;
+use work::{Sprite, Surface};
 
 /// A frame that is handed to the display.
 #[derive(Clone, Debug)]
@@ -32,6 +34,8 @@ pub struct Presented {
     pub bytes: Arc<[u8]>,
     /// When the command processor handed it over.
     pub at: Cycle,
+    /// What is laid over its lines.
+    pub sprites: Arc<[Sprite]>,
 }
 
 /// What the screen showed in one refresh.
@@ -49,16 +53,41 @@ impl Refresh {
     /// The picture: bytes of all lines, laid out as those of the frames.
     pub fn picture(&self) -> (Surface, Vec<u8>) {
         let surface = self.parts[0].1.surface;
-        if !self.live.is_empty() {
-            return (surface, self.live.clone());
-        }
         let row = surface.width as usize * surface.samples as usize * surface.format.block_bytes() as usize;
-        let mut bytes = Vec::with_capacity(row * surface.height as usize);
-        let ends = self.parts.iter().skip(1).map(|(line, _)| *line).chain([surface.height]);
-        for ((first, frame), end) in self.parts.iter().zip(ends) {
-            bytes.extend_from_slice(&frame.bytes[*first as usize * row..end as usize * row]);
+        let mut bytes = self.live.clone();
+        if bytes.is_empty() {
+            bytes.reserve(row * surface.height as usize);
+            for (lines, frame) in self.lines() {
+                bytes.extend_from_slice(&frame.bytes[lines.start as usize * row..lines.end as usize * row]);
+            }
+        }
+        for (lines, frame) in self.lines() {
+            lay(&frame.sprites, &surface, &mut bytes, lines);
         }
         (surface, bytes)
+    }
+
+    /// The frames, each with the lines on which it is shown.
+    fn lines(&self) -> impl Iterator<Item = (Range<u32>, &Presented)> {
+        let height = self.parts[0].1.surface.height;
+        let ends = self.parts.iter().skip(1).map(|(line, _)| *line).chain([height]);
+        self.parts.iter().zip(ends).map(|((first, frame), end)| (*first..end, frame))
+    }
+
+    /// The pairs of sprites that meet on the screen, each once for each frame that is shown, with that frame's number.
+    pub fn collisions(&self) -> Vec<(u32, Collision)> {
+        let of = |(lines, frame): (Range<u32>, &Presented)| {
+            let (width, number) = (frame.surface.width, frame.frame);
+            collisions(&frame.sprites, width, lines).into_iter().map(move |found| (number, found))
+        };
+        self.lines().flat_map(of).collect()
+    }
+
+    /// What sprites count on it: a pair that meets in both parts of a torn picture is one.
+    pub(super) fn sprite_counts(&self) -> SpriteCounts {
+        let register = self.collisions().iter().fold(0, |bits, (_, found)| bits | found.bit());
+        let shown = self.parts.iter().map(|(_, frame)| frame.sprites.len() as u64).max().unwrap_or(0);
+        SpriteCounts { shown, collisions: u64::from(register.count_ones()) }
     }
 }
 
@@ -161,6 +190,7 @@ pub(super) struct Display {
     /// Requests in flight, in order: the number behind each, and its bytes counted over all refreshes.
     flight: VecDeque<(u32, u64, u64)>,
     pub(super) counts: DisplayCounts,
+    pub(super) sprites: SpriteCounts,
     /// Refreshes sent, until they are taken.
     pub(super) done: Vec<Refresh>,
     /// Refresh and line of each tear, and of each dry line, until they are taken.
@@ -182,6 +212,7 @@ impl Display {
             ended: false,
             flight: VecDeque::new(),
             counts: DisplayCounts::default(),
+            sprites: SpriteCounts::default(),
             done: Vec::new(),
             tears: Vec::new(),
             dry: Vec::new(),
@@ -329,7 +360,9 @@ impl Display {
         screen.whole = whole;
         let shown = parts.into_iter().map(|(line, frame, ..)| (line, frame)).collect();
         screen.begun = screen.begun.map(|_| 0);
-        self.done.push(Refresh { number: screen.refresh, parts: shown, live: std::mem::take(&mut screen.live) });
+        let refresh = Refresh { number: screen.refresh, parts: shown, live: std::mem::take(&mut screen.live) };
+        self.sprites += refresh.sprite_counts();
+        self.done.push(refresh);
         (screen.sending, screen.refresh) = (false, screen.refresh + 1);
         if let Some(next) = self.pending.pop_front() {
             screen.ordinal = self.counts.presented - self.pending.len() as u64;

@@ -1,6 +1,7 @@
 //! Scan-out: reads the shown surface at the end of a frame, or all the time.
 
 mod display;
+mod sprites;
 
 use super::card::Card;
 use super::stream::Stream;
@@ -12,6 +13,7 @@ use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 
 pub use display::{DisplayCounts, Presented, Refresh};
+pub use sprites::{Collision, SpriteCounts};
 
 knob::choices! {
     /// When frames are read for the screen.
@@ -68,6 +70,9 @@ pub struct Scanout {
     items: u64,
     /// A display that runs free.
     display: Option<Display>,
+    /// What sprites were laid over lines, and the pictures with them that nobody has taken, of frames that are read at their end.
+    sprites: SpriteCounts,
+    shown: Vec<Refresh>,
 }
 
 impl Scanout {
@@ -75,7 +80,17 @@ impl Scanout {
     pub fn new(config: ScanoutConfig, port_width: u32, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Scanout {
         let stream = Stream::new(config.misses);
         let display = (config.mode == ScanoutMode::FreeRunning).then(|| Display::new(config, port_width));
-        Scanout { input, output, memory, stream, active: false, items: 0, display }
+        Scanout {
+            input,
+            output,
+            memory,
+            stream,
+            active: false,
+            items: 0,
+            display,
+            sprites: SpriteCounts::default(),
+            shown: Vec::new(),
+        }
     }
 
     /// What a free-running display has counted.
@@ -107,9 +122,11 @@ impl Scanout {
         self.display.as_ref().and_then(Display::period)
     }
 
-    /// Takes what the screen has shown since it was asked last; nothing where the display does not run free.
+    /// Takes what the screen has shown since it was asked last; where the display does not run free, frames with sprites alone.
     pub fn take_shown(&mut self) -> Shown {
-        let Some(display) = &mut self.display else { return Shown::default() };
+        let Some(display) = &mut self.display else {
+            return Shown { refreshes: std::mem::take(&mut self.shown), ..Shown::default() };
+        };
         let (refreshes, tears) = (std::mem::take(&mut display.done), std::mem::take(&mut display.tears));
         Shown { refreshes, tears, dry: std::mem::take(&mut display.dry) }
     }
@@ -138,6 +155,12 @@ impl Unit<Card> for Scanout {
             let texel = u64::from(surface.format.block_bytes()) * u64::from(surface.samples);
             self.stream.begin(Some(surface.address), None, u64::from(surface.width) * u64::from(surface.height) * texel);
             self.active = true;
+            if let Some(frame) = card.presented.pop_front() {
+                // Each of these frames is one picture, under its own number.
+                let refresh = Refresh { number: frame.frame.into(), parts: vec![(0, frame)], live: Vec::new() };
+                self.sprites += refresh.sprite_counts();
+                self.shown.push(refresh);
+            }
         }
 
         // 2. Read it.
@@ -165,6 +188,12 @@ impl Unit<Card> for Scanout {
     }
 
     fn counted(groups: &mut Counted<Self>) {
+        let about = "Sprites that the display has laid over its lines.";
+        groups.group(Heading::new("sprites", about), |unit| {
+            let mut counts = unit.sprites;
+            counts += unit.display.as_ref().map_or(SpriteCounts::default(), |display| display.sprites);
+            counts
+        });
         let about = "What a free-running display has shown (`scanout.mode`), and what became of frames.";
         groups.group_if(Heading::new("display", about), |unit| unit.display.as_ref().map(|display| display.counts));
     }

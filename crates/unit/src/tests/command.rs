@@ -214,7 +214,7 @@ fn draws(segments: usize) -> Vec<Event> {
 /// A frame that shows the surface of the passes here.
 fn end() -> Event {
     let shown = Some(surface(1, Format::Rgba8Unorm, 16, 1));
-    Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: true })
+    Event::EndFrame(EndFrame { number: 0, shown, reference: Vec::new().into(), drawn: true, sprites: [].into() })
 }
 
 /// A pass with so many segments of one draw, and the end of the frame.

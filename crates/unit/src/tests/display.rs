@@ -59,7 +59,14 @@ fn seen(config: &ScanoutConfig, times: &[Cycle]) -> Seen {
         let surface = surface(1, Format::Rgba8Unorm, 16, 1);
         for (frame, &at) in (0..).zip(times) {
             let bytes = vec![0; (LINES * LINE_BYTES) as usize].into();
-            card.presented.push_back(Presented { frame, surface, address: surface.address, bytes, at: at - 1 });
+            card.presented.push_back(Presented {
+                frame,
+                surface,
+                address: surface.address,
+                bytes,
+                at: at - 1,
+                sprites: [].into(),
+            });
         }
         let memory = port(&mut plan, &mut wiring, ids[1]);
         let ideal = plan.build(&mut wiring).ideal;
