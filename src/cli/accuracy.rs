@@ -40,7 +40,7 @@ pub struct Arguments {
     #[arg(long, alias = "faulty")]
     inject_fault: bool,
     /// Threads; no result depends on it [default: all processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
 }
 

@@ -21,6 +21,7 @@ pub(crate) mod kit;
 mod layers;
 mod light;
 mod lines;
+mod magnified;
 mod maps;
 mod mirror;
 mod nyquist;
@@ -34,7 +35,10 @@ mod shadow;
 mod shapes;
 mod stage;
 
-use anyhow::{Context, Result};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result, anyhow};
 
 use super::Setting;
 use crate::num::edits;
@@ -53,6 +57,7 @@ pub const SCENES: &[&Scene] = &[
     &abuffer::WEIGHTED,
     &cutout::CUTOUT,
     &axial::AXIAL,
+    &magnified::MAGNIFIED,
     &acne::ACNE,
     &pcf::PCF,
     &omni::OMNI,
@@ -132,12 +137,30 @@ impl Scene {
     }
 }
 
-/// Plays scenes one after another: a scene's renderings and machines have all threads, and wait for each other inside of them.
+/// Plays scenes, as many at once as there are threads; what they come to is in the order of the scenes. A machine waits for its renderer, so
+/// that none of these threads may be one of those on which renderers draw.
 ///
 /// # Errors
-/// If a scene does not run.
+/// The first scene's that does not run, or that a thread cannot be started.
 pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>> {
-    scenes.iter().map(|scene| scene.run(setting)).collect()
+    let next = AtomicUsize::new(0);
+    let play = || {
+        let mut played = Vec::new();
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let Some(scene) = scenes.get(at) else { return played };
+            played.push((at, scene.run(setting)));
+        }
+    };
+    let played = std::thread::scope(|scope| -> Result<BTreeMap<usize, Result<Outcome>>> {
+        let start = |_| std::thread::Builder::new().name("scene".into()).spawn_scoped(scope, play);
+        let threads = (0..rayon::current_num_threads().min(scenes.len())).map(start).collect::<Result<Vec<_>, _>>();
+        let threads = threads.context("cannot start a thread for scenes")?;
+        let ended =
+            threads.into_iter().map(|thread| thread.join().map_err(|_| anyhow!("a scene stopped on an internal error")));
+        Ok(ended.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    })?;
+    played.into_values().collect()
 }
 
 /// The scene of that name.
