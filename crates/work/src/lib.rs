@@ -327,7 +327,7 @@ pub struct Draw {
     pub payload_words: u8,
     /// Depth and stencil are tested and written before shading (nothing in the fragment stage can change them).
     pub early: bool,
-    /// Hierarchical Z may cull: the fragment stage does not write depth, and culling loses no side effect or query.
+    /// Hierarchical Z may cull: the fragment stage does not write depth, and culling loses no side effect, query or change of the stencil.
     pub hierarchical_z: bool,
     /// Viewport's depth range, to which depth is clamped.
     pub depth_range: [f32; 2],

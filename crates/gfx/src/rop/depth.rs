@@ -156,6 +156,14 @@ impl DepthStencilState {
         self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
     }
 
+    /// Whether samples that fail a test, of stencil or depth, may change stencil values.
+    pub fn counts_failures(&self) -> bool {
+        let acts = |f: &StencilFace| {
+            f.depth_fail_op != StencilOp::Keep || (f.compare != Compare::Always && f.fail_op != StencilOp::Keep)
+        };
+        self.write_mask != 0 && self.stencil.is_some_and(|faces| faces.iter().any(acts))
+    }
+
     /// Whether blocks of one sample a pixel can be tested at once (`block`): depth alone, in codes of one word.
     pub fn tests_blocks(&self) -> bool {
         self.storage != Storage::None && self.words == 1 && self.stencil.is_none()

@@ -143,8 +143,8 @@ pub fn draw(call: &DrawCall<'_>, frame: &PreparedDraw<'_>, has_depth: bool, cull
         depth_words: 4 * frame.depth_payload as u8,
         payload_words: 4 * frame.payload_words as u8,
         early: frame.early,
-        // Only what is certain to fail is culled, so that stencil, which counts failures, must not be in use.
-        hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.uses_stencil() && d.reads_depth()),
+        // Only what is certain to fail is culled, so that failures must not change the stencil.
+        hierarchical_z: frame.early && frame.depth.is_some_and(|d| !d.counts_failures() && d.reads_depth()),
         depth_range: [viewport.min_depth.min(viewport.max_depth), viewport.min_depth.max(viewport.max_depth)],
         signature: call.signature,
         culling,

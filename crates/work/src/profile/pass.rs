@@ -12,7 +12,7 @@ use crate::{
     Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Surface, TILE,
     TileWork, Triangle, Vertex, Visit,
 };
-use gfx::state::{StencilFace, StepMode};
+use gfx::state::{DepthStencil, StencilFace, StepMode};
 
 /// A pass of which not all is known yet.
 #[derive(Debug)]
@@ -136,7 +136,9 @@ impl OpenPass {
             let keeps = StencilFace::default();
             state.depth_write || state.stencil_front != keeps || state.stencil_back != keeps
         });
-        self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && draw.depth_stencil.is_some();
+        let no_stencil = |state: &DepthStencil| [state.stencil_front, state.stencil_back] == [StencilFace::default(); 2];
+        let plain = draw.depth_stencil.as_ref().is_some_and(no_stencil);
+        self.memory.hides = draw.early && draw.hierarchical_z && draw.fragment.is_some() && plain;
         self.memory.test = Test::new(draw.depth_stencil.as_ref(), draw.early);
         self.memory.payload = usize::from(draw.payload_words);
         self.memory.tests = draw.depth_stencil.is_some();
