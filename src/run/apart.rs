@@ -25,7 +25,7 @@ use crate::work::Event;
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
 /// Bytes of work that may wait for all machines, and bytes of pictures that may wait for the frames in front of them.
-const WAITING: u64 = 32 << 20;
+const WAITING: u64 = 16 << 20;
 
 /// Where the machines of runs begin, and which frames are in a run.
 enum Begin<'w> {
