@@ -7,13 +7,13 @@
 //! | 0 | [`num`], [`host`] |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
-//! | 3 | [`render`], [`mod@unit`] |
+//! | 3 | [`render`], [`mod@unit`], [`synthetic`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`], [`report`] |
 //! | 6 | [`accuracy`], [`sweep`], [`why`](mod@why) |
 //! | 7 | [`cli`] |
 
-pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, trace, unit, work};
+pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, synthetic, trace, unit, work};
 
 pub mod report;
 pub mod run;

@@ -3,7 +3,6 @@
 use anyhow::{Result, ensure};
 
 use super::machine::{config, figure, replay, sum, wrong_pixels};
-use super::synthetic::Scene;
 use super::{Row, Section, Setting, Target};
 use crate::gfx::codec;
 use crate::gfx::format::Format;
@@ -14,6 +13,7 @@ use crate::gfx::texel::depth_code;
 use crate::machine::Config;
 use crate::num::Random;
 use crate::stats::Tree;
+use synthetic::Scene;
 
 /// Targets of the section, in order.
 pub const TARGETS: &[Target] = &[HARMONIC, HIZ, FAST_CLEAR, PLANE_CODEC];

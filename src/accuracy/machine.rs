@@ -2,11 +2,11 @@
 
 use anyhow::{Context, Result, ensure};
 
-use super::synthetic::{Scene, events};
 use crate::machine::{Config, Machine, MachineReport};
 use crate::sim::Clock;
 use crate::stats::{Node, Tree};
 use crate::work::{Event, Shade};
+use synthetic::{Scene, events};
 
 /// A built-in configuration with changes.
 ///

@@ -25,7 +25,6 @@ pub mod sequences;
 pub mod shortcuts;
 pub mod skips;
 mod sorting;
-pub mod synthetic;
 mod texture;
 
 use std::sync::Mutex;

@@ -4,13 +4,13 @@
 use std::path::Path;
 
 use crate::common::{config, everything, run};
-use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::format::Format;
 use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine, MachineReport, Refresh, Shown};
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::run::sample::Sampling;
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 use fillrate::trace::Trace;
 use fillrate::work::*;
 

@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use crate::common::{Figures, run};
-use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::state::Compare;
 use fillrate::machine::Config;
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 use fillrate::work::*;
 
 fn scene(side: u32, shapes: Vec<[[f32; 2]; 3]>, textures: u32) -> Scene {

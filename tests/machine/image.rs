@@ -1,10 +1,10 @@
 //! The machine's own picture is that of API order, bit for bit, whatever the machine.
 
-use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 
 fn run(config: &Config, scene: &Scene, clock: Clock) -> MachineReport {
     let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));

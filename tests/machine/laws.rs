@@ -6,12 +6,12 @@ use crate::common::{
 };
 use std::sync::Arc;
 
-use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::knob::{Allowed, Knob};
 use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine, MachineError};
 use fillrate::num::Random;
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 use fillrate::unit::Fault;
 use fillrate::unit::sorting::Keep;
 use fillrate::work::{Event, Funnel, RequestKind, Shade};

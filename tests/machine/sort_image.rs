@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use crate::common::{accounts_add_up, frames_add_up};
-use fillrate::accuracy::synthetic::{Scene, events, in_two_passes};
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare};
 use fillrate::machine::{Config, Machine, MachineReport};
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events, in_two_passes};
 use fillrate::work::Event;
 
 const SCHEMES: [&str; 3] = ["binary-swap", "direct-send", "pipeline"];

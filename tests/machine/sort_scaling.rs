@@ -2,11 +2,11 @@
 //! to the cycle.
 
 use crate::common::{Figures, config, run};
-use fillrate::accuracy::synthetic::{Scene, events};
 use fillrate::gfx::state::Compare;
 use fillrate::machine::{Config, MachineReport};
 use fillrate::sim::Clock;
 use fillrate::stats::{Leaf, Node};
+use fillrate::synthetic::{Scene, events};
 use fillrate::work::{Event, Shade};
 
 const CLASSES: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];

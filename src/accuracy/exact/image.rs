@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use crate::accuracy::draws::{DEPTH, Sheet, Stroke, work};
 use crate::accuracy::machine::{config, run};
 use crate::accuracy::skips::rendered;
-use crate::accuracy::synthetic::{Scene, events, in_two_passes};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::gfx::format::Format;
 use crate::gfx::state::{Blend, BlendComponent, BlendFactor, BlendOp, Compare, DepthStencil};
@@ -17,6 +16,7 @@ use crate::trace::Trace;
 use crate::trace::command::BoundResource;
 use crate::trace::record;
 use crate::work::{Event, Funnel, RenderKey, Shade};
+use synthetic::{Scene, events, in_two_passes};
 
 pub(super) const IMAGE: Target = Target {
     id: "image",

@@ -4,13 +4,13 @@ use anyhow::{Context, Result, bail};
 
 use super::circuits::{at_random, tandem};
 use crate::accuracy::machine::{config, figure, sum};
-use crate::accuracy::synthetic::{Scene, events};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::machine::{Config, Machine, MachineReport};
 use crate::sim::kit::{Item, Sink, Source};
 use crate::sim::{self, Circuit, Clock, Link, One, Tick, Unit, Wires, Wiring};
 use crate::stats::{Node, Tree};
 use crate::work::{Event, Shade};
+use synthetic::{Scene, events};
 
 pub(super) const CONSERVATION: Target = Target {
     id: "conservation",

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use crate::accuracy::machine::{config, figure, run, sum, wrong_pixels};
-use crate::accuracy::synthetic::{Scene, events};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::machine::config::SortClass;
 use crate::work::{Event, Shade};
+use synthetic::{Scene, events};
 
 pub const WALKS: Target = Target {
     id: "walks",

@@ -3,9 +3,9 @@
 use anyhow::{Result, ensure};
 
 use super::{Run, layers, machine, triangles};
-use crate::accuracy::synthetic::Scene;
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::num::Random;
+use synthetic::Scene;
 
 pub(super) const BOTTLENECK: Target = Target {
     id: "bottleneck",

@@ -8,10 +8,10 @@ use anyhow::{Result, ensure};
 
 use super::Target;
 use super::machine::{config, figure, replay};
-use super::synthetic::Scene;
 use crate::machine::Config;
 use crate::machine::config::MemoryKind;
 use crate::stats::{Node, Tree};
+use synthetic::Scene;
 
 /// Targets of the group, in order.
 pub const TARGETS: &[Target] = &[queue::QUEUE, roofline::ROOFLINE, bottleneck::BOTTLENECK];

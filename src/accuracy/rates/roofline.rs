@@ -4,8 +4,8 @@ use anyhow::{Context, Result};
 
 use super::{Run, layers, machine};
 use crate::accuracy::machine::config;
-use crate::accuracy::synthetic::Scene;
 use crate::accuracy::{Row, Section, Setting, Target};
+use synthetic::Scene;
 
 pub(super) const ROOFLINE: Target = Target {
     id: "roofline",

@@ -4,13 +4,13 @@ use anyhow::Result;
 
 use super::{Counts, right_triangle, scene_of};
 use crate::accuracy::machine::{config, figure, replay};
-use crate::accuracy::synthetic::{Scene, events};
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::machine::Config;
 use crate::num::Random;
 use crate::stats::Tree;
 use crate::unit::interleave::{Interleave, Pattern};
 use crate::work::Event;
+use synthetic::{Scene, events};
 
 pub(super) const SORT_BYTES: Target = Target {
     id: "sort-bytes",

@@ -4,8 +4,8 @@ use anyhow::Result;
 
 use super::Counts;
 use crate::accuracy::machine::{config, figure, replay, wrong_pixels};
-use crate::accuracy::synthetic::Scene;
 use crate::accuracy::{Row, Section, Setting, Target};
+use synthetic::Scene;
 
 pub(super) const COMPOSITING: Target = Target {
     id: "compositing",

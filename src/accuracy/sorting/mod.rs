@@ -7,8 +7,8 @@ mod overlap;
 mod peak;
 mod reuse;
 
-use super::synthetic::Scene;
 use super::{Row, Target};
+use synthetic::Scene;
 
 /// Targets of the section, in order.
 pub const TARGETS: &[Target] = &[

@@ -4,8 +4,8 @@ use anyhow::{Result, ensure};
 
 use super::{right_triangle, scene_of};
 use crate::accuracy::machine::{config, figure, replay};
-use crate::accuracy::synthetic::Scene;
 use crate::accuracy::{Row, Section, Setting, Target};
+use synthetic::Scene;
 
 pub(super) const OVERLAP_BBOX: Target = Target {
     id: "overlap-bbox",

@@ -6,10 +6,10 @@ use anyhow::Result;
 
 use super::scene_of;
 use crate::accuracy::machine::{config, figure, run};
-use crate::accuracy::synthetic::events;
 use crate::accuracy::{Row, Section, Setting, Target};
 use crate::num::Random;
 use crate::work::{Event, Segment, Vertex};
+use synthetic::events;
 
 pub(super) const VERTEX_REUSE: Target = Target {
     id: "vertex-reuse",

@@ -1,14 +1,14 @@
 //! A segment of a scene: its triangles set up, traversed, tested and shaded in API order.
 
-use super::{Reference, Scene, cost};
-use crate::gfx::format::Format;
-use crate::gfx::rop::{ColorState, DepthStencilState};
-use crate::gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex, SetupState};
-use crate::gfx::texel::encode_code;
-use crate::gfx::traverse;
-use crate::num::Random;
-use crate::num::snap;
-use crate::work::*;
+use crate::{Reference, Scene, cost};
+use gfx::format::Format;
+use gfx::rop::{ColorState, DepthStencilState};
+use gfx::setup::{self, Bounds, SAMPLES_1, SAMPLES_4, ScreenVertex, SetupState};
+use gfx::texel::encode_code;
+use gfx::traverse;
+use num::Random;
+use num::snap;
+use work::*;
 
 /// Draws a scene's triangles into its reference and keeps the work.
 pub(super) struct Painter<'a> {

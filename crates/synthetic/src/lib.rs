@@ -5,17 +5,17 @@ mod segment;
 
 use std::sync::Arc;
 
-use crate::gfx::format::Format;
-use crate::gfx::rop::{self, ColorState, DepthStencilState};
-use crate::gfx::setup::{DepthBias, SetupState};
-use crate::gfx::state::{
+use gfx::format::Format;
+use gfx::rop::{self, ColorState, DepthStencilState};
+use gfx::setup::{DepthBias, SetupState};
+use gfx::state::{
     Blend, BlendComponent, BlendFactor, BlendOp, ColorTarget, Compare, CullMode, DepthStencil, FrontFace, Rect, StencilFace,
     StencilOp, StepMode, Viewport,
 };
-use crate::gfx::texel;
-use crate::num::Random;
-use crate::work::*;
+use gfx::texel;
+use num::Random;
 use segment::Painter;
+use work::*;
 
 /// What a scene is made of.
 #[derive(Clone, Debug)]
