@@ -19,6 +19,7 @@ mod page;
 pub mod pareto;
 mod raster;
 mod rates;
+pub mod references;
 pub mod runs;
 pub mod scenes;
 pub mod sequences;

@@ -8,6 +8,7 @@ use image::{ImageFormat, ImageReader};
 use serde_json::Value;
 
 use super::{Verdict, configs};
+use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_REFERENCES};
 use crate::host;
 use crate::host::{Links, one_line};
 use crate::machine::config::BUILT_IN;
@@ -17,7 +18,7 @@ use crate::report::compare::{self, Banks, ImageDifference, Leaves, Size, Statist
 const TEXT_MAX: u64 = 1 << 30;
 
 /// Compare two outputs of replay, or two files of them: images (difference image, PSNR, pixels off by more than 2), statistics (JSON
-/// or CSV), or configurations.
+/// or CSV), or configurations; or recorded programs with reference images beside them.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate compare before after --only total.\n  \
 fillrate compare out/frame-0000.png ref.png --difference difference.png\n  \
@@ -25,9 +26,10 @@ fillrate compare before/stats.json after/stats.json --only total.units --each-ba
 fillrate compare baseline out/config.ron\n\n\
 Exit code 1 where images have more pixels off than --allow, or statistics, knobs or the lists of images differ.")]
 pub struct Arguments {
-    /// A folder that replay has written, an image (PNG), statistics (stats.json, stats.csv), or a configuration (RON, or a built-in name)
+    /// A folder that replay has written, an image (PNG), statistics (stats.json, stats.csv), or a configuration (RON, or a built-in name);
+    /// or a manifest of recordings (RON)
     a: PathBuf,
-    /// Another one of the same kind
+    /// Another one of the same kind; the folder of a manifest's recordings
     b: PathBuf,
     /// Images: where to write the difference image; of two folders: the folder for those of all images that differ
     #[arg(long, value_name = "PNG|DIR")]
@@ -129,11 +131,45 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             }
             fits(&d, arguments)
         }
+        (Kind::Configuration, Kind::Folder) => recordings(a, b)?,
         (x, y) => {
             bail!("{} is {}, and {} is {}: they are not of one kind", a.display(), x.name(), b.display(), y.name())
         }
     };
     Ok(if same { Verdict::Done } else { Verdict::Failed })
+}
+
+/// Replays the recordings of a manifest, and compares their pictures with the references.
+fn recordings(manifest: &Path, root: &Path) -> Result<bool> {
+    let manifest = Manifest::read(manifest)?;
+    let width = manifest.recordings.iter().map(|r| r.folder.display().to_string().len()).max().unwrap_or(0);
+    let (mut all, mut near) = (0, 0);
+    println!("{:<width$}  frame  PSNR, dB  off by more than {TOLERANCE_OF_REFERENCES}", "recording");
+    for recording in &manifest.recordings {
+        let name = recording.folder.display().to_string();
+        let rows = match recording.compare(root) {
+            Ok(rows) => rows,
+            Err(error) => {
+                println!("{}", one_line(&format!("{name:<width$}  {error:#}")));
+                all += 1;
+                continue;
+            }
+        };
+        for row in rows {
+            all += 1;
+            let standing = recording.standing(&manifest, &row);
+            near += usize::from(standing != Standing::Off);
+            let note = match (standing, &recording.worse) {
+                (Standing::Near, _) => String::new(),
+                (Standing::Excepted, Some(worse)) => worse.reason.clone(),
+                _ => "OFF".to_owned(),
+            };
+            let line = format!("{name:<width$}  {:>5}  {:>8.2}  {:>7.3} %  {note}", row.frame, row.psnr, row.off);
+            println!("{}", one_line(line.trim_end()));
+        }
+    }
+    println!("{near} of {all} pictures are as near to their references as they must be");
+    Ok(near == all)
 }
 
 /// The files of a folder that replay has written, in order.

@@ -249,7 +249,9 @@ impl Album {
     fn put(&mut self, what: &str, number: u64, surface: &Surface, bytes: &[u8]) -> Result<()> {
         let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
         if !self.last.as_ref().is_some_and(again) {
-            let image = picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
+            let mut image = picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
+            // A screen shows no alpha.
+            image.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
             let mut png = Vec::new();
             image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
             self.last = Some((*surface, bytes.to_vec(), png));

@@ -11,7 +11,7 @@ use trace::record::{self, Recorder};
 use super::pass::Pass;
 pub use super::pass::{Buffer, Draw, Fixed, Surface, Target};
 
-/// Format of the window's colours. It has no alpha: that stays 1.
+/// Format of the window's colours. Where the window has no alpha, it stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
 /// Format of depth and stencil.
 pub const DEPTH: Format = Format::Depth24PlusStencil8;
@@ -38,6 +38,8 @@ pub struct Card {
     /// What is recorded.
     pub recorder: Recorder,
     window: Option<Window>,
+    /// Whether the program has asked for a window with alpha.
+    pub window_alpha: bool,
     target: Option<Target>,
     /// The pass that waits.
     pub pass: Pass,
@@ -72,6 +74,7 @@ impl Card {
         Card {
             recorder: Recorder::new(name),
             window: None,
+            window_alpha: false,
             target: None,
             pass: Pass::default(),
             held: Vec::new(),
@@ -145,7 +148,7 @@ impl Card {
             }
         };
         let (color, depth) = (Some(color), Some(depth));
-        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: false, alpha: false })
+        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: false, alpha: self.window_alpha })
     }
 
     pub(super) fn copy_surface(&mut self, from: Surface, to: Surface, size: [u32; 2]) {

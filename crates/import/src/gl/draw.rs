@@ -90,7 +90,7 @@ impl Gl {
         Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 
-    /// Channels that are written: the window has no alpha.
+    /// Channels that are written: a window may have no alpha.
     pub fn mask(&self) -> u8 {
         let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
         let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;

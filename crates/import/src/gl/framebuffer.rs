@@ -158,6 +158,25 @@ fn bindings(target: u32) -> Outcome<[bool; 2]> {
     }
 }
 
+/// The program asks for a kind of window: it has alpha if the list of attributes asks for at least one bit of it. Of several calls, as a
+/// program makes them until one is answered, any may ask.
+pub(super) fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (list, alpha_size, flags): (_, _, &[f64]) = match &*call.function.name {
+        "eglChooseConfig" => (1, 0x3021, &[]),
+        "glXChooseFBConfig" => (2, 11, &[]),
+        // GLX_USE_GL, GLX_RGBA, GLX_DOUBLEBUFFER and GLX_STEREO stand without a value.
+        _ => (2, 11, &[1.0, 4.0, 5.0, 6.0]),
+    };
+    // A null pointer asks for nothing.
+    let Ok(list) = call.numbers(list) else { return Ok(()) };
+    let mut rest = list.iter();
+    while let Some(name) = rest.next() {
+        let value = if flags.contains(name) { 1.0 } else { *rest.next().unwrap_or(&0.0) };
+        gl.card.window_alpha |= *name == f64::from(alpha_size) && value > 0.0;
+    }
+    Ok(())
+}
+
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let ([draw, read], name) = (bindings(call.u32(0)?)?, call.u32(1)?);
     if name != 0 {

@@ -171,14 +171,15 @@ impl Gl {
         let n = vertices.len() as u32;
         // Corners of each polygon; the last one of a triangle gives its flat colour.
         let mut triangles: Vec<[u32; 3]> = Vec::new();
-        // Which diagonal parts a quadrilateral is left open where no flat colour asks for one. What llvmpipe does, as seen in its pictures.
-        let flat = self.state.flat || self.state.is(e::LIGHTING);
+        // Which diagonal parts a quadrilateral is left open. As llvmpipe does it: its last vertex gives its flat colour and stands in both
+        // triangles, but an upright rectangle that faces the screen is drawn from its first three.
+        let upright = self.keeps_upright();
         let quads = |first: u32, step: u32, corners: [u32; 4], out: &mut Vec<[u32; 3]>| {
             let count = if n < 4 { 0 } else { (n - 4) / step + 1 };
             for k in 0..count {
                 let [a, b, c, d] = corners.map(|corner| first + k * step + corner);
-                // Its last vertex gives a quadrilateral's flat colour.
-                out.extend(if flat { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+                let rectangle = upright && is_upright([a, b, c, d].map(|corner| vertices[corner as usize].position));
+                out.extend(if rectangle { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
             }
         };
         match mode {
@@ -209,6 +210,12 @@ impl Gl {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }
         self.outlines(mode, vertices, &triangles)
+    }
+
+    /// Whether flat colours may come from any vertex, and matrices only move and scale, without perspective.
+    fn keeps_upright(&self) -> bool {
+        let m = to_clip(&self.projection.top, &self.modelview.top);
+        !self.state.flat && [1, 2, 3, 4, 6, 7, 8, 9, 11].iter().all(|&k| m[k] == 0.0)
     }
 
     /// Whether the faces that are not culled are filled.
@@ -294,5 +301,31 @@ impl Gl {
             })
             .sum();
         (area < 0.0) == (self.state.front == e::CCW)
+    }
+}
+
+/// Whether four corners in order are those of a rectangle along the axes of x and y.
+fn is_upright(corners: [[f32; 4]; 4]) -> bool {
+    let same = |axis: usize, p: usize, q: usize| corners[p][axis] == corners[q][axis];
+    let along = |first: usize| {
+        let second = 1 - first;
+        same(first, 0, 1) && same(second, 1, 2) && same(first, 2, 3) && same(second, 3, 0)
+    };
+    along(0) || along(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_upright;
+
+    #[test]
+    fn rectangles_along_the_axes_are_told_from_other_quadrilaterals() {
+        let of = |corners: [[f32; 2]; 4]| is_upright(corners.map(|[x, y]| [x, y, 0.0, 1.0]));
+        assert!(of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.0], [3.0, 0.0]]));
+        assert!(of([[3.0, 0.0], [0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]));
+        assert!(!of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.5], [3.0, 0.0]]));
+        assert!(!of([[1.0, 0.0], [0.0, 1.0], [1.0, 2.0], [2.0, 1.0]]));
+        // Corners that cross.
+        assert!(!of([[0.0, 0.0], [3.0, 2.0], [0.0, 2.0], [3.0, 0.0]]));
     }
 }

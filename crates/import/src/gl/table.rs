@@ -66,6 +66,7 @@ fn window_system(name: &str) -> (Moment, Run) {
         "glXSwapBuffers" | "eglSwapBuffers" | "wglSwapBuffers" | "SwapBuffers" | "CGLFlushDrawable" => {
             (Moment::Client, raster::swap)
         }
+        "eglChooseConfig" | "glXChooseFBConfig" | "glXChooseVisual" => (Moment::Client, framebuffer::choose),
         "memcpy" => (Moment::Client, buffers::copy),
         _ => (Moment::Ignored, nothing),
     }

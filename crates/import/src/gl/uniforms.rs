@@ -48,6 +48,11 @@ pub fn to_clip(projection: &Matrix, modelview: &Matrix) -> Matrix {
     m
 }
 
+/// The size of a point without smoothing: whole (OpenGL 1.5, section 3.3.1). Which way a half goes is left open; llvmpipe lets it go down.
+fn whole_point(size: f32) -> f32 {
+    (size - 0.5).ceil().max(1.0)
+}
+
 /// Names all fields that a shader of this key has, in order.
 pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     let (state, constant) = (source.state, source.constant);
@@ -164,6 +169,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
         // Without smoothing, widths are whole.
         let size = match key.expand {
             super::key::Expand::Line => (size + 0.5).floor().max(1.0),
+            super::key::Expand::Point if !key.attenuated_point && !state.is(e::POINT_SPRITE) => whole_point(size),
             _ => size,
         };
         field("screen", None, &[[0.5 * width, 0.5 * height, size, 0.0]]);
@@ -237,4 +243,13 @@ pub fn bytes(key: &ShaderKey, source: &Source, out: &mut Vec<u8>) {
             out.extend_from_slice(&value.to_le_bytes());
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn points_have_whole_sizes() {
+        let sizes = [0.2, 1.0, 1.5, 1.6, 2.0, 2.5, 2.51, 3.4].map(super::whole_point);
+        assert_eq!(sizes, [1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.0]);
+    }
 }

@@ -152,8 +152,12 @@ const TEXTURE_2D: u64 = 0xde1;
 
 /// A triangle, lit and textured, in two frames.
 fn program(version: u64) -> Writer {
+    program_after(Writer::new(version))
+}
+
+/// As [`program`], after other calls.
+fn program_after(mut w: Writer) -> Writer {
     use Value::*;
-    let mut w = Writer::new(version);
     w.call("glViewport", &[Uint(0), Uint(0), Uint(32), Uint(16)]);
     w.call("glEnable", &[Enum(LIGHTING)]);
     w.call("glEnable", &[Enum(LIGHT0)]);
@@ -233,6 +237,37 @@ fn what_is_not_supported_is_counted_by_name() {
     let (_, report) = imported(w.file(1 << 20)).expect("a recording");
     let refusal = report.refusal().expect("something is not supported");
     assert_eq!(refusal, format!("glTexImage2DMultisample (3 times, first in call {})", program(6).calls));
+}
+
+/// Channels that the program writes to a window that is asked for like this: bit 0 red to bit 3 alpha.
+fn written(choose: &str, first: usize, list: &[f32]) -> Vec<u8> {
+    let mut w = Writer::new(6);
+    let mut args = vec![Value::Uint(1); first];
+    args.push(Value::Floats(list.to_vec()));
+    w.call(choose, &args);
+    let (trace, _) = imported(program_after(w).file(1 << 20)).expect("a recording");
+    let mut masks = Vec::new();
+    let read: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+        if let Command::CreateRenderPipeline { desc, .. } = command {
+            masks.extend(desc.targets.iter().flatten().map(|target| target.write_mask));
+        }
+        Ok(())
+    });
+    read.expect("commands in memory");
+    assert!(!masks.is_empty());
+    masks
+}
+
+#[test]
+fn a_window_has_alpha_if_the_program_asks_for_it() {
+    let with = |mask: u8, masks: Vec<u8>| assert!(masks.iter().all(|&m| m == mask), "{masks:?}");
+    // EGL_ALPHA_SIZE and EGL_DEPTH_SIZE.
+    with(15, written("eglChooseConfig", 1, &[12325.0, 8.0, 12321.0, 8.0, 12344.0]));
+    with(7, written("eglChooseConfig", 1, &[12321.0, 0.0, 12325.0, 8.0, 12344.0]));
+    // GLX_RGBA and GLX_DOUBLEBUFFER have no value, GLX_ALPHA_SIZE (11) and GLX_DEPTH_SIZE (12) have.
+    with(15, written("glXChooseVisual", 2, &[4.0, 5.0, 11.0, 1.0, 0.0]));
+    with(7, written("glXChooseVisual", 2, &[4.0, 12.0, 11.0, 5.0, 0.0]));
+    with(15, written("glXChooseFBConfig", 2, &[5.0, 1.0, 11.0, 1.0, 0.0]));
 }
 
 #[test]
