@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench machine [-- CONFIG]`
 
-use fillrate::accuracy::synthetic::{Scene, events};
+use fillrate::synthetic::{Scene, events};
 use fillrate::machine::{Config, Machine};
 use fillrate::sim::Clock;
 
