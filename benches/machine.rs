@@ -2,9 +2,9 @@
 //!
 //! `cargo bench --bench machine [-- CONFIG]`
 
-use fillrate::synthetic::{Scene, events};
 use fillrate::machine::{Config, Machine};
 use fillrate::sim::Clock;
+use fillrate::synthetic::{Scene, events};
 
 /// CPU time of this thread in seconds: what other programs on the host take does not count.
 fn cpu_seconds() -> f64 {
