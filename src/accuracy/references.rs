@@ -78,7 +78,7 @@ impl Manifest {
     /// Reads a manifest in RON.
     ///
     /// # Errors
-    /// If the file cannot be read, is no manifest, or has a recording of a kind that it does not declare.
+    /// If the file cannot be read, is no manifest, names no recording, or has one of a kind that it does not declare.
     pub fn read(path: &Path) -> Result<Manifest> {
         let fail = || format!("{} is not a manifest of recordings", path.display());
         let text = host::read_text(path, TEXT_MAX).with_context(|| format!("cannot read {}", path.display()))?;
@@ -86,6 +86,9 @@ impl Manifest {
         let options =
             ron::Options::default().with_recursion_limit(16).with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
         let manifest: Manifest = options.from_str(&text).with_context(fail)?;
+        if manifest.recordings.is_empty() {
+            return Err(anyhow::Error::msg("it names no recording").context(fail()));
+        }
         for recording in &manifest.recordings {
             if !manifest.kinds.contains_key(&recording.kind) {
                 let kinds: Vec<&str> = manifest.kinds.keys().map(String::as_str).collect();

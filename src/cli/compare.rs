@@ -67,6 +67,8 @@ enum Kind {
     Csv,
     Configuration,
     Image,
+    /// A configuration's place, beside a folder of recordings.
+    Manifest,
 }
 
 impl Kind {
@@ -90,6 +92,7 @@ impl Kind {
             Kind::Csv => "a CSV file of statistics",
             Kind::Configuration => "a configuration",
             Kind::Image => "an image",
+            Kind::Manifest => "a manifest of recordings",
         }
     }
 }
@@ -131,7 +134,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
             }
             fits(&d, arguments)
         }
-        (Kind::Configuration, Kind::Folder) => recordings(a, b)?,
+        (Kind::Configuration, Kind::Folder) if a.extension().is_some() => {
+            refuse_ignored(arguments, Kind::Manifest)?;
+            recordings(a, b)?
+        }
         (x, y) => {
             bail!("{} is {}, and {} is {}: they are not of one kind", a.display(), x.name(), b.display(), y.name())
         }

@@ -36,6 +36,8 @@ fn a_manifest_says_what_is_wrong_with_it() {
     assert!(unknown.contains("m.ron") && unknown.contains(r#"x: kind "b" is none of: a"#), "{unknown}");
     let key = error(&format!(r#"({kinds}, recordings: [(folder: "x", kind: "a", psnr: 3.0)])"#));
     assert!(key.contains("m.ron") && key.contains("psnr"), "{key}");
+    let empty = error(&format!("({kinds}, recordings: [])"));
+    assert!(empty.contains("it names no recording"), "{empty}");
     std::fs::write(&path, format!(r#"({kinds}, recordings: [(folder: "x", kind: "a")])"#)).expect("a file");
     let manifest = Manifest::read(&path).expect("a manifest");
     let missing = format!("{:#}", manifest.recordings[0].compare(folder.path()).expect_err("nothing there"));

@@ -212,7 +212,7 @@ impl Gl {
         self.outlines(mode, vertices, &triangles)
     }
 
-    /// Whether flat colours may come from any vertex, and matrices only move and scale, without perspective.
+    /// Whether shading is smooth, and the matrices only move and scale, without perspective.
     fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
         !self.state.flat && [1, 2, 3, 4, 6, 7, 8, 9, 11].iter().all(|&k| m[k] == 0.0)
@@ -311,7 +311,7 @@ fn is_upright(corners: [[f32; 4]; 4]) -> bool {
         let second = 1 - first;
         same(first, 0, 1) && same(second, 1, 2) && same(first, 2, 3) && same(second, 3, 0)
     };
-    along(0) || along(1)
+    (1..4).all(|q| same(3, 0, q)) && (along(0) || along(1))
 }
 
 #[cfg(test)]
@@ -325,6 +325,8 @@ mod tests {
         assert!(of([[3.0, 0.0], [0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]));
         assert!(!of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.5], [3.0, 0.0]]));
         assert!(!of([[1.0, 0.0], [0.0, 1.0], [1.0, 2.0], [2.0, 1.0]]));
+        // Perspective by the corners' own w.
+        assert!(!is_upright([[0.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 1.0], [3.0, 2.0, 0.0, 2.0], [3.0, 0.0, 0.0, 2.0]]));
         // Corners that cross.
         assert!(!of([[0.0, 0.0], [3.0, 2.0], [0.0, 2.0], [3.0, 0.0]]));
     }
