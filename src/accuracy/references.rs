@@ -182,8 +182,9 @@ fn references(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
             for entry in std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
                 let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
                 let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-                let number = name.strip_prefix("frame").filter(|_| name.ends_with(".png") || name.ends_with(".ppm"));
-                if let Some(number) = number.and_then(|rest| rest.get(..4)?.parse().ok()) {
+                let number =
+                    name.strip_suffix(".png").or(name.strip_suffix(".ppm")).and_then(|name| name.strip_prefix("frame"));
+                if let Some(number) = number.filter(|digits| digits.len() == 4).and_then(|digits| digits.parse().ok()) {
                     found.insert(number, path);
                 }
             }

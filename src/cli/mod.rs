@@ -41,7 +41,7 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 
 use crate::host::{Fence, excerpt, is_obeyed};
-use crate::render::is_guarded;
+use host::is_guarded;
 
 /// Replays recorded graphics traces on a cycle-approximate model of a graphics card.
 #[derive(Parser)]

@@ -10,6 +10,7 @@ mod floors;
 mod gl;
 mod gl_features;
 mod gl_programs;
+mod gl_shaders;
 mod images;
 mod notebook;
 mod pages;

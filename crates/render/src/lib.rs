@@ -26,4 +26,3 @@ pub use draw::Skips;
 pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
 pub use ledger::{Held, Ledger, Watch};
 pub use needs::{Dependencies, Need, Needs, Want};
-pub use shader::is_guarded;

@@ -4,14 +4,13 @@ use naga::back::PipelineConstants;
 use naga::back::pipeline_constants::process_overrides;
 
 use super::assemble::assemble;
-use super::guard::guarded;
 use super::interface::Stage;
 use super::lower;
 use super::module::{Module, ShaderError, chain};
 use super::optimize;
 use super::options::Options;
 use super::program::Program;
-use super::stack::with_room_for;
+use host::{guarded, with_room_for};
 
 /// Compiles an entry point. Without a name, the module's only one of the stage.
 ///

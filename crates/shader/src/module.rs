@@ -5,11 +5,9 @@ use std::sync::Arc;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use super::extent;
-use super::guard::guarded;
 use super::interface::Stage;
 use super::nesting;
-use super::stack::with_room_for;
-use host::{one_line, ron_reason};
+use host::{guarded, one_line, ron_reason, with_room_for};
 use num::Limits;
 
 /// The source of a shader module.

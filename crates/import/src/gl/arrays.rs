@@ -1,8 +1,9 @@
 //! Client arrays and buffer objects.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::arb::GENERICS;
+use super::arb::{GENERICS, Stage};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::Gl;
@@ -49,6 +50,10 @@ pub struct Arrays {
     pub active: usize,
     /// The buffers that are bound: of arrays, of indices.
     pub bound: [u32; 2],
+    /// The vertex array object that is bound; 0: the one that is always there.
+    object: u32,
+    /// What the others have: slots and the buffer of indices.
+    objects: BTreeMap<u32, (Box<[Array; SLOTS]>, u32)>,
 }
 
 fn scalar(kind: u32) -> Option<(Scalar, usize)> {
@@ -255,7 +260,8 @@ impl Gl {
             return Err(INVALID_ENUM);
         }
         let (ready, bits) = self.ready()?;
-        if bits & (1 | 1 << GENERIC) == 0 {
+        // A vertex shader may take its position from any attribute.
+        if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
             return Ok(());
         }
         let indices: Vec<u32> = indices.collect();
@@ -342,6 +348,34 @@ pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.state.current = Vertex { position: gl.state.current.position, ..vertex };
     if let (Some((_, vertices)), true) = (&mut gl.begun, bits & (1 | 1 << GENERIC) != 0) {
         vertices.push(vertex);
+    }
+    Ok(())
+}
+
+/// Vertex array objects at most.
+const OBJECTS_MAX: usize = 1 << 16;
+
+pub(super) fn bind_vertex_array(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (name, arrays) = (call.u32(0)?, &mut gl.arrays);
+    if name != arrays.object {
+        if arrays.objects.len() >= OBJECTS_MAX {
+            return Err(Fault::Limit(format!("more than {OBJECTS_MAX} vertex array objects")));
+        }
+        let (slots, indices) = arrays.objects.remove(&name).unwrap_or_default();
+        let old = (Box::new(std::mem::replace(&mut arrays.slots, *slots)), arrays.bound[1]);
+        arrays.objects.insert(arrays.object, old);
+        (arrays.bound[1], arrays.object) = (indices, name);
+    }
+    Ok(())
+}
+
+pub(super) fn delete_vertex_arrays(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let names = call.numbers(1)?.into_owned();
+    for name in names.into_iter().map(|name| name as u32).filter(|&name| name != 0) {
+        if name == gl.arrays.object {
+            bind_vertex_array(gl, &Call { args: vec![Arg::Num(0.0)], ..call.clone() }, shape)?;
+        }
+        gl.arrays.objects.remove(&name);
     }
     Ok(())
 }

@@ -190,19 +190,28 @@ impl Gl {
         let mut biases = [0.0; UNITS];
         for unit in 0..UNITS {
             let enabled = self.state.units[unit].enabled;
+            let read = |active: &Option<Active>| active.as_ref().and_then(|active| active.program.targets[unit]);
             let (bound_to, coordinates) = match &fragment {
+                None if read(&vertex).is_some() => {
+                    return Err(Fault::Unsupported("textures of a vertex shader beside fixed-function fragments".into()));
+                }
                 None => ((0..TARGETS.len()).rev().find(|&k| enabled & 1 << k != 0), true),
                 Some(active) => {
-                    (active.program.targets[unit], active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
+                    let target = match (active.program.targets[unit], read(&vertex)) {
+                        (Some(a), Some(b)) if a != b => {
+                            return Err(Fault::Unsupported(format!("texture unit {unit} as textures of two kinds")));
+                        }
+                        (a, b) => a.or(b),
+                    };
+                    (target, active.program.inputs & 1 << (input::TEXTURE + unit as u32) != 0)
                 }
             };
             let (mut key, texture) = self.unit(unit, bound_to, batch.class)?;
             key.sampled = texture.is_some();
             key.coordinates = coordinates && (key.sampled || fragment.is_some());
-            if let Some(active) = &fragment {
+            if fragment.is_some() {
                 // What is done with a texture is the program's affair.
                 key.environment = EnvironmentKey::Mode(e::REPLACE);
-                key.dynamic = active.program.biased & 1 << unit != 0;
                 key.projective = true;
             }
             if vertex.is_some() {
@@ -359,7 +368,6 @@ impl Gl {
             matrix: *m != IDENTITY && !sprite,
             projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
             bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
-            dynamic: false,
             made,
             sprite,
             environment,

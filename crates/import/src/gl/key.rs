@@ -114,8 +114,6 @@ pub struct UnitKey {
     pub projective: bool,
     /// Whether the level of detail is biased.
     pub bias: bool,
-    /// Whether a fragment program gives a bias of its own.
-    pub dynamic: bool,
     /// Whether the coordinates are those of the sprite.
     pub sprite: bool,
     /// What is done with it.

@@ -15,6 +15,7 @@ use super::card::Card;
 use super::consts as e;
 use super::evaluator::Maps;
 use super::framebuffer::{Framebuffer, Renderbuffer};
+use super::glsl::Glsl;
 use super::image::PixelStore;
 use super::key::ShaderKey;
 use super::lists::List;
@@ -66,6 +67,8 @@ pub struct Gl {
     pub saved_client: Vec<(u32, Box<(Arrays, PixelStore)>)>,
     /// Programs in assembly.
     pub programs: Programs,
+    /// Shaders and programs in GLSL.
+    pub glsl: Glsl,
     /// Buffer objects.
     pub buffers: BTreeMap<u32, Rc<[u8]>>,
     /// How pixels are read.
@@ -138,7 +141,8 @@ pub struct Gl {
     pub depth: u32,
     /// Calls that ran.
     pub steps: u64,
-    limits: Limits,
+    /// What a recording may ask for.
+    pub limits: Limits,
 }
 
 impl Gl {
@@ -155,6 +159,7 @@ impl Gl {
             arrays: Arrays::default(),
             saved_client: Vec::new(),
             programs: Programs::default(),
+            glsl: Glsl::default(),
             buffers: BTreeMap::new(),
             unpack: PixelStore::default(),
             pack_buffer: 0,
@@ -262,6 +267,7 @@ impl Gl {
             self.framebuffers.len(),
             self.renderbuffers.len(),
             self.programs.len(),
+            self.glsl.len(),
         ];
         if objects.into_iter().any(|count| count > NAMES_MAX) {
             return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));

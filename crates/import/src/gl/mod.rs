@@ -1,4 +1,5 @@
-//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5 and programs in assembly ([`arb`]).
+//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5, programs in
+//! assembly ([`arb`]) and in GLSL ([`glsl`]).
 //!
 //! The machine keeps OpenGL's state. What is drawn between two changes of state becomes one draw. Fixed-function state becomes WGSL that is made
 //! from a small key ([`key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
@@ -27,6 +28,7 @@ mod draw;
 mod evaluator;
 mod fragments;
 mod framebuffer;
+mod glsl;
 mod image;
 mod immediate;
 mod key;

@@ -3,7 +3,7 @@
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::machine::Gl;
 use super::{
-    accumulate, arb, arrays, buffers, evaluator, fragments, framebuffer, immediate, lists, pixels, raster, rectangles,
+    accumulate, arb, arrays, buffers, evaluator, fragments, framebuffer, glsl, immediate, lists, pixels, raster, rectangles,
     texturing, transform,
 };
 
@@ -112,6 +112,25 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "BindProgram" => (Server, arb::bind),
         "ProgramString" => (Client, arb::string),
         "DeletePrograms" => (Client, arb::delete),
+        "CreateShader" | "CreateShaderObject" => (Client, glsl::create_shader),
+        "ShaderSource" => (Client, glsl::shader_source),
+        "CompileShader" => (Client, glsl::compile_shader),
+        "CreateProgram" | "CreateProgramObject" => (Client, glsl::create_program),
+        "AttachShader" | "AttachObject" => (Client, glsl::attach),
+        "DetachShader" | "DetachObject" => (Client, glsl::detach),
+        "LinkProgram" => (Client, glsl::link_program),
+        "UseProgram" | "UseProgramObject" => (Server, glsl::use_program),
+        "DeleteShader" => (Client, glsl::delete_shader),
+        "DeleteProgram" => (Client, glsl::delete_program),
+        "DeleteObject" => (Client, glsl::delete_object),
+        "BindAttribLocation" => (Client, glsl::bind_attribute),
+        "BindFragDataLocation" => (Client, glsl::bind_output),
+        "GetAttribLocation" => (Client, glsl::attribute_location),
+        "GetFragDataLocation" => (Client, glsl::output_location),
+        "GetUniformLocation" => (Client, glsl::uniform_location),
+        "GenVertexArrays" => (Ignored, nothing),
+        "BindVertexArray" => (Client, arrays::bind_vertex_array),
+        "DeleteVertexArrays" => (Client, arrays::delete_vertex_arrays),
         "MatrixMode" => (Server, transform::matrix_mode),
         "LoadIdentity" => (Server, transform::load_identity),
         "PushMatrix" => (Server, transform::push_matrix),
@@ -223,6 +242,8 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "GenBuffers"
         | "GenQueries"
         | "GenPrograms"
+        | "ValidateProgram"
+        | "ReleaseShaderCompiler"
         | "LockArrays"
         | "UnlockArrays"
         | "ClearIndex"
@@ -263,6 +284,9 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "ProgramLocalParameter" => (Server, arb::local),
         "ProgramEnvParameters" => (Server, arb::environments),
         "ProgramLocalParameters" => (Server, arb::locals),
+        "Uniform" => (Server, glsl::uniform),
+        "UniformMatrix" => (Server, glsl::uniform_matrix),
+        "UniformMatrix2x" | "UniformMatrix3x" | "UniformMatrix4x" => (Server, glsl::uniform_matrix_of),
         "Rect" => (Server, immediate::rectangle),
         "EvalCoord" => (Vertex, evaluator::coordinate),
         "Material" => (Vertex, raster::material),

@@ -95,7 +95,10 @@ pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (x, y, width, height) = (call.i32(0)?, call.i32(1)?, call.size(2)?, call.size(3)?);
     let reach = |from: i32, size: u32| (i64::from(from) + i64::from(size)).clamp(0, i64::from(u32::MAX)) as u32;
-    gl.window([reach(x, width), reach(y, height)], false)?;
+    // Of a frame buffer object it says nothing of the window.
+    if gl.draw_framebuffer == 0 {
+        gl.window([reach(x, width), reach(y, height)], false)?;
+    }
     gl.state.viewport = [x, y, width as i32, height as i32];
     Ok(())
 }

@@ -65,16 +65,28 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         let slot = sampled(key) + usize::from(key.logic.is_some());
         line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * slot);
     }
-    interface(key, &mut out);
+    interface(key, source, &mut out);
     if key.lighting.is_some() {
         light(key, &mut out);
     }
+    let programs: Vec<_> = [source.vertex, source.fragment].into_iter().flatten().map(|active| &*active.program).collect();
+    arb::stage::texels(key, &programs, &mut out);
     match source.vertex {
-        Some(active) => arb::stage::vertex_program(key, &active.program, &mut out),
+        Some(active) => {
+            functions(&active.program, &mut out);
+            arb::stage::vertex_program(key, &active.program, &mut out);
+        }
         None => vertex(key, &mut out),
     }
     fragment(key, source, &mut out);
     out
+}
+
+/// What a stage of GLSL has at module scope.
+fn functions(program: &arb::Program, out: &mut String) {
+    if let Some(code) = &program.code {
+        out.push_str(&code.functions);
+    }
 }
 
 /// Number of textures that are read.
@@ -83,7 +95,7 @@ fn sampled(key: &ShaderKey) -> usize {
 }
 
 /// What the vertex stage reads and what it hands on.
-fn interface(key: &ShaderKey, out: &mut String) {
+fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     line!(out, "struct Input {{");
     line!(out, "    @location({}) position: vec4f,", location::POSITION);
     let v = &key.varying;
@@ -131,6 +143,12 @@ fn interface(key: &ShaderKey, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.coordinates && !unit.sprite) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
         line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
+    }
+    // What goes from a vertex shader to a fragment shader.
+    let varyings = source.vertex.and(source.fragment).and_then(|active| active.program.code.as_ref());
+    for (k, varying) in varyings.iter().flat_map(|code| &code.varyings).enumerate() {
+        let how = varying.interpolation.map_or(String::new(), |how| format!("@interpolate({how}) "));
+        line!(out, "    @location({}) {how}user{k}: {},", location::GENERIC as usize + k, varying.kind);
     }
     line!(out, "}}");
     if key.planes != 0 {
@@ -357,12 +375,11 @@ pub fn expand(key: &ShaderKey, out: &mut String) {
 }
 
 fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
-    let facing = if key.two_side() { ", @builtin(front_facing) front: bool" } else { "" };
+    let asks = source.fragment.is_some_and(|active| active.program.code.as_ref().is_some_and(|code| code.facing));
+    let facing = if key.two_side() || asks { ", @builtin(front_facing) front: bool" } else { "" };
     let depth = source.fragment.is_some_and(|active| active.program.outputs.contains(&Output::Depth));
-    if source.fragment.is_some() {
-        for unit in key.units.iter().filter(|unit| unit.sampled) {
-            arb::stage::texel(unit, out);
-        }
+    if let Some(active) = source.fragment {
+        functions(&active.program, out);
     }
     if depth {
         line!(out, "struct Pixel {{ @location(0) color: vec4f, @builtin(frag_depth) depth: f32 }}");
@@ -473,11 +490,24 @@ fn sample(unit: &UnitKey, out: &mut String) {
         (false, false) => format!("v.texture{k}"),
     };
     line!(out, "    var at{k} = {source};");
-    read(unit, out);
+    read(unit, Detail::Implicit, out);
+}
+
+/// How the level of detail of a read is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// From the coordinates beside.
+    Implicit,
+    /// So, and `bias` is added.
+    Biased,
+    /// It is `level`.
+    Level,
+    /// From the derivatives `dx` and `dy`.
+    Gradient,
 }
 
 /// Reads the texture of a unit at `atK`.
-pub fn read(unit: &UnitKey, out: &mut String) {
+pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     let k = unit.unit;
     if unit.kind == Kind::Rectangle {
         line!(out, "    at{k} = vec3f(at{k}.xy / vec2f(textureDimensions(image{k})), at{k}.z);");
@@ -490,15 +520,21 @@ pub fn read(unit: &UnitKey, out: &mut String) {
         Kind::D2 | Kind::Rectangle => format!("at{k}.xy"),
         Kind::D3 | Kind::Cube => format!("at{k}"),
     };
-    let read = match (unit.depth, unit.bias, unit.dynamic) {
-        (DepthRead::Compared, ..) => {
-            format!("vec4f(textureSampleCompare(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
+    let own = if unit.bias { format!(" + u.bias{k}.x") } else { String::new() };
+    let explicit = matches!(detail, Detail::Level | Detail::Gradient);
+    let read = match (unit.depth, detail) {
+        (DepthRead::Compared, _) => {
+            let level = if explicit { "Level" } else { "" };
+            format!("vec4f(textureSampleCompare{level}(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
         }
-        (DepthRead::Plain, ..) => format!("vec4f(textureSample(image{k}, sampler{k}, {at}))"),
-        (_, true, true) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias + u.bias{k}.x)"),
-        (_, false, true) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias)"),
-        (_, true, false) => format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)"),
-        (_, false, false) => format!("textureSample(image{k}, sampler{k}, {at})"),
+        (DepthRead::Plain, Detail::Level) => format!("vec4f(textureSampleLevel(image{k}, sampler{k}, {at}, i32(level + 0.5)))"),
+        (DepthRead::Plain, Detail::Gradient) => format!("vec4f(textureSampleLevel(image{k}, sampler{k}, {at}, 0))"),
+        (DepthRead::Plain, _) => format!("vec4f(textureSample(image{k}, sampler{k}, {at}))"),
+        (_, Detail::Level) => format!("textureSampleLevel(image{k}, sampler{k}, {at}, level{own})"),
+        (_, Detail::Gradient) => format!("textureSampleGrad(image{k}, sampler{k}, {at}, dx, dy)"),
+        (_, Detail::Biased) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias{own})"),
+        (_, Detail::Implicit) if unit.bias => format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)"),
+        (_, Detail::Implicit) => format!("textureSample(image{k}, sampler{k}, {at})"),
     };
     if unit.base.swizzle() == "t" {
         line!(out, "    let texel{k} = {read};");

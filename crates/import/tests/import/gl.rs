@@ -333,6 +333,41 @@ const FEATURES: &str = "GLI0.t\n#! RES 8x8\nglPixelZoom(2,-1)\nglPixelTransferf(
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglBufferData(GL_PIXEL_UNPACK_BUFFER,24,*4,GL_STREAM_DRAW)\nglTexSubImage2D(GL_TEXTURE_2D,0,0,0,2,1,GL_DEPTH_COMPONENT,GL_FLOAT,4)\n\
     wglSwapBuffers(1)\n";
 
+/// A recording that draws with these shaders.
+fn drawn_with(vertex: &str, fragment: &str) -> String {
+    let shader = |name: u32, stage: &str, text: &str| {
+        format!("glCreateShader(GL_{stage}_SHADER)={name}\nglShaderSource({name},1,\"{text}\",0)\nglCompileShader({name})\n")
+    };
+    format!(
+        "GLI0.t\n#! RES 8x8\n{}{}glCreateProgram()=3\nglAttachShader(3,1)\nglAttachShader(3,2)\nglLinkProgram(3)\nglUseProgram(3)\n\
+         glGetUniformLocation(3,\"list\")=0\nglUniform2f(1,2,3)\nglRectf(-1,-1,1,1)\nwglSwapBuffers(1)\n",
+        shader(1, "VERTEX", vertex),
+        shader(2, "FRAGMENT", fragment)
+    )
+}
+
+#[test]
+fn damaged_shaders_end_with_a_trace_or_a_message() {
+    let vertex = "uniform vec2 list[3];\nattribute vec3 a; varying vec4 v[2];\nvoid main() { int i = 1; v[i].x = list[i].y;\n\
+                  gl_TexCoord[1] = gl_LightSource[i].diffuse; gl_Position = ftransform() + vec4(a, 0.0); }";
+    let fragment = "#version 120\n#define TWO(x) (2.0 * x)\nvarying vec4 v[2]; uniform sampler2D t;\nstruct S { vec2 m; float x[2]; }; uniform S s;\n\
+                    void main() { S o = s; gl_FragColor = texture2D(t, v[1].xy * o.m, 0.5) * TWO(o.x[1]) + dFdy(v[0]); }";
+    let (mut drawn, mut refused) = (0, 0);
+    for (text, first) in [(vertex, true), (fragment, false)] {
+        for at in (0..text.len()).filter(|at| text.is_char_boundary(*at)) {
+            for letter in ["", "[", "9", ".", ";", "-", "\u{e9}", "{", "gl_"] {
+                let damaged = format!("{}{letter}{}", &text[..at], &text[at + 1..]);
+                let calls = if first { drawn_with(&damaged, fragment) } else { drawn_with(vertex, &damaged) };
+                let (_, report) = imported(calls.into_bytes()).expect("a damaged shader does not end the import");
+                let refusal = report.refusal().unwrap_or_default();
+                drawn += usize::from(refusal.is_empty());
+                refused += usize::from(refusal.contains("drawing with GLSL program 3: "));
+            }
+        }
+    }
+    assert!(drawn > 100 && refused > 1000, "{drawn} are drawn and {refused} refused");
+}
+
 #[test]
 fn the_recording_of_features_is_whole() {
     let (trace, report) = imported_text(FEATURES.as_bytes(), &memory()).expect("a recording");

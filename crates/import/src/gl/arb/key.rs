@@ -32,8 +32,14 @@ impl Gl {
                 size: on(switch::POINT_SIZE) && program.outputs.contains(&super::program::Output::PointSize),
                 invariant: program.invariant,
             });
+            let clips = program.code.as_ref().is_some_and(|code| code.clip.is_some());
+            if !program.invariant && !clips && program.code.is_some() && key.planes != 0 {
+                return Err(Fault::Unsupported("clip planes with a vertex shader without gl_ClipVertex".into()));
+            }
             if !program.invariant {
-                key.planes = 0;
+                if !clips {
+                    key.planes = 0;
+                }
                 let lines = key.line_stipple || matches!(key.expand, Expand::Line | Expand::SmoothLine);
                 let faces = batch.polygon.is_some()
                     && (self.state.is(e::CULL_FACE) || self.state.polygon_modes[0] != self.state.polygon_modes[1]);

@@ -20,6 +20,7 @@ use super::machine::{Count, Gl, components};
 use super::state::Stack;
 pub use program::{GENERICS, Program, Stage, input};
 use program::{MATRICES, PARAMETERS};
+pub use values::state as state_value;
 
 const VERTEX_PROGRAM: u32 = 0x8620;
 const FRAGMENT_PROGRAM: u32 = 0x8804;
@@ -77,6 +78,8 @@ pub struct Programs {
     environment: [Vec<[f32; 4]>; 2],
     /// Programs by their text.
     texts: BTreeMap<(Stage, Rc<str>), Result<Loaded, String>>,
+    /// Numbers given to programs so far.
+    numbers: u32,
     /// Matrices.
     pub matrices: [Stack; MATRICES],
 }
@@ -89,6 +92,7 @@ impl Default for Programs {
             defaults: Default::default(),
             environment: Default::default(),
             texts: BTreeMap::new(),
+            numbers: 0,
             matrices: std::array::from_fn(|_| Stack::new(4)),
         }
     }
@@ -112,6 +116,12 @@ impl Programs {
         }
     }
 
+    /// A number that no program has.
+    pub fn number(&mut self) -> u32 {
+        self.numbers += 1;
+        self.numbers
+    }
+
     /// Objects.
     pub fn len(&self) -> usize {
         self.objects.len()
@@ -121,6 +131,9 @@ impl Programs {
 impl Gl {
     /// The program of a stage that is switched on.
     pub fn active_program(&mut self, stage: Stage) -> Outcome<Option<Active>> {
+        if self.glsl.used() {
+            return self.glsl_program(stage);
+        }
         if self.state.programs & stage as u8 == 0 {
             return Ok(None);
         }
@@ -178,7 +191,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         _ => return Err(Fault::Damaged("the program's text was not recorded".into())),
     };
     let programs = &mut gl.programs;
-    let number = programs.texts.len() as u32;
+    let number = programs.number();
     let loaded = programs.texts.entry((stage, text.clone())).or_insert_with(|| match parse::parse(&text, stage) {
         Ok(program) => Ok(Loaded { number, program: Rc::new(program) }),
         Err(wrong) => Err(wrong.to_string()),

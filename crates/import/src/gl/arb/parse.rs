@@ -94,6 +94,7 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
         biased: 0,
         invariant: false,
         fog: None,
+        code: None,
     };
     let mut parser = Parser { words: words(&body)?, at: 0, names: BTreeMap::new(), program };
     parser.whole()?;

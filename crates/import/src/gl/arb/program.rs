@@ -1,5 +1,6 @@
 //! What a program of ARB_vertex_program or ARB_fragment_program is after it has been read.
 
+use crate::gl::glsl::stage::Code;
 use crate::gl::state::UNITS;
 
 /// Environment and local parameters of a program at most.
@@ -87,6 +88,8 @@ pub enum Term {
     Attenuation,
     /// Direction of the spot and cosine of its cutoff, of lights.
     Spot,
+    /// The spot's cutoff in degrees, of lights.
+    Cutoff,
     /// Half way to a viewer at infinity, of lights.
     Half,
 }
@@ -221,4 +224,6 @@ pub struct Program {
     pub invariant: bool,
     /// Fog that is applied to the colour: `GL_LINEAR`, `GL_EXP`, `GL_EXP2`.
     pub fog: Option<u32>,
+    /// A stage of GLSL in the place of instructions.
+    pub code: Option<Code>,
 }

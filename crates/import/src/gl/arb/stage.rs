@@ -4,9 +4,11 @@ use std::fmt::Write;
 
 use super::program::{Output, Program, input};
 use super::wgsl;
-use crate::gl::key::{ShaderKey, UnitKey};
+use crate::gl::glsl::stage::{self as glsl, way};
+use crate::gl::key::{Kind, ShaderKey};
 use crate::gl::state::UNITS;
-use crate::gl::wgsl as fixed;
+use crate::gl::texture::DepthRead;
+use crate::gl::wgsl::{self as fixed, Detail};
 
 /// A line of code.
 macro_rules! line {
@@ -38,7 +40,10 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
         };
         line!(out, "    let {} = {value};", wgsl::input_name(bit));
     }
-    wgsl::body(program, "vertex_params", &[false; UNITS], out);
+    match &program.code {
+        Some(code) => glsl::body(key, code, program.stage, out),
+        None => wgsl::body(program, "vertex_params", &[false; UNITS], out),
+    }
     if program.invariant {
         line!(out, "    o.position = u.mvp * v.position;");
     } else if program.outputs.contains(&Output::Position) {
@@ -46,7 +51,10 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
         line!(out, "    let p4 = out_position;\n    o.position = vec4f(p4.x, u.upward.x * p4.y, 0.5 * (p4.z + p4.w), p4.w);");
     }
     if key.planes != 0 {
-        line!(out, "    let eye4 = u.modelview * v.position;");
+        match program.code.as_ref().and_then(|code| code.clip.as_ref()) {
+            Some(clip) => line!(out, "    let eye4 = {clip};"),
+            None => line!(out, "    let eye4 = u.modelview * v.position;"),
+        }
         for (bit, plane) in (0..8).filter(|bit| key.planes & 1 << bit != 0).enumerate() {
             line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
         }
@@ -106,16 +114,64 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
     for unit in key.units.iter().filter(|unit| unit.sampled) {
         bound[unit.unit] = true;
     }
-    wgsl::body(program, "fragment_params", &bound, out);
+    match &program.code {
+        Some(code) => glsl::body(key, code, program.stage, out),
+        None => wgsl::body(program, "fragment_params", &bound, out),
+    }
     let color = program.outputs.contains(&Output::Color(0));
     line!(out, "    var c = {};", if color { "saturate(out_color)" } else { "vec4f(0, 0, 0, 1)" });
 }
 
-/// The function of a fragment program that reads a unit's texture.
-pub fn texel(unit: &UnitKey, out: &mut String) {
-    let k = unit.unit;
-    let bias = if unit.dynamic { ", bias: f32" } else { "" };
-    line!(out, "fn texel{k}(coordinates: vec3f{bias}) -> vec4f {{\n    var at{k} = coordinates;");
-    fixed::read(unit, out);
-    line!(out, "    return texel{k};\n}}");
+/// The functions of programs that read textures.
+pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
+    let way = |program: &&Program, k: usize| match &program.code {
+        _ if program.targets[k].is_none() => 0,
+        Some(code) => code.ways[k],
+        None if program.biased & 1 << k != 0 => way::BIAS,
+        None => way::PLAIN,
+    };
+    let ways = |k: usize| programs.iter().fold(0, |all, program| all | way(program, k));
+    // An assembly program has one function a unit, under one name.
+    let biased = if programs.iter().all(|program| program.code.is_none()) { "" } else { "_bias" };
+    for k in (0..UNITS).filter(|&k| ways(k) != 0) {
+        let unit = key.units.iter().find(|unit| unit.unit == k && unit.sampled);
+        let forms = [
+            (way::PLAIN, "", "", Detail::Implicit),
+            (way::BIAS, biased, ", bias: f32", Detail::Biased),
+            (way::LEVEL, "_level", ", level: f32", Detail::Level),
+            (way::GRADIENT, "_gradient", "", Detail::Gradient),
+        ];
+        for (way, ending, parameters, detail) in forms {
+            if ways(k) & way == 0 {
+                continue;
+            }
+            let parameters = match (detail, unit.map(|unit| unit.kind)) {
+                (Detail::Gradient, Some(Kind::D3 | Kind::Cube)) => ", dx: vec3f, dy: vec3f",
+                (Detail::Gradient, _) => ", dx: vec2f, dy: vec2f",
+                _ => parameters,
+            };
+            line!(out, "fn texel{k}{ending}(coordinates: vec3f{parameters}) -> vec4f {{");
+            match unit {
+                Some(unit) => {
+                    line!(out, "    var at{k} = coordinates;");
+                    fixed::read(unit, detail, out);
+                    line!(out, "    return texel{k};\n}}");
+                }
+                // A texture that is not complete.
+                None => line!(out, "    return vec4f(0, 0, 0, 1);\n}}"),
+            }
+        }
+        if ways(k) & way::FETCH != 0 {
+            line!(out, "fn texel{k}_fetch(at: vec3i, level: i32) -> vec4f {{");
+            match unit {
+                Some(unit) => {
+                    let at = if unit.kind == Kind::D3 { "at" } else { "at.xy" };
+                    let read = format!("textureLoad(image{k}, {at}, level)");
+                    let read = if unit.depth == DepthRead::No { read } else { format!("vec4f({read})") };
+                    line!(out, "    let t = {read};\n    return {};\n}}", unit.base.swizzle());
+                }
+                None => line!(out, "    return vec4f(0, 0, 0, 1);\n}}"),
+            }
+        }
+    }
 }

@@ -20,7 +20,8 @@ pub fn values(gl: &Gl, program: &Program, environment: &[[f32; 4]], local: &[[f3
         .collect()
 }
 
-fn state(gl: &Gl, param: Param) -> [f32; 4] {
+/// The value of a parameter that is the machine's state.
+pub fn state(gl: &Gl, param: Param) -> [f32; 4] {
     let state = &gl.state;
     let wide = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];
     let material = |face: u8, term: Term| {
@@ -101,6 +102,7 @@ fn light(light: &Light, term: Term) -> [f32; 4] {
             let [x, y, z] = light.spot_direction;
             [x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32]
         }
+        Term::Cutoff => [light.spot_cutoff, 0.0, 0.0, 1.0],
         Term::Half => {
             let [x, y, z] = matrix::normalized([x, y, z]);
             let [x, y, z] = matrix::normalized([x, y, z + 1.0]);

@@ -1,6 +1,6 @@
-//! naga's front ends on input that nobody vouches for.
+//! Foreign front ends on input that nobody vouches for.
 //!
-//! Its SPIR-V front end panics on some malformed binaries instead of refusing them. What it was given is thrown away with it, so
+//! naga's SPIR-V front end panics on some malformed binaries instead of refusing them. What it was given is thrown away with it, so
 //! nothing half-made survives, and the panic is reported as the error that it stands for.
 
 use std::any::Any;
@@ -17,7 +17,10 @@ pub fn is_guarded() -> bool {
 }
 
 /// Runs foreign code; a panic in it becomes a message.
-pub(super) fn guarded<T>(run: impl FnOnce() -> T) -> Result<T, String> {
+///
+/// # Errors
+/// What the panic says.
+pub fn guarded<T>(run: impl FnOnce() -> T) -> Result<T, String> {
     let outer = INSIDE.replace(true);
     // What `run` changes is its own, and is not looked at after a panic.
     let result = catch_unwind(AssertUnwindSafe(run));

@@ -1,6 +1,6 @@
 //! Threads whose stacks suit the nesting of shaders.
 //!
-//! The front ends, the validator and the lowering of this module call themselves for what is nested, and so does what frees a syntax tree.
+//! naga's front ends and validator and the lowering of shaders call themselves for what is nested, and so does what frees a syntax tree.
 //! The stack of the caller's thread is not known, so the work is done on one that is: its size follows from the limit on nesting.
 
 use std::panic::resume_unwind;
@@ -21,7 +21,7 @@ const LARGEST: u64 = 1 << 46;
 ///
 /// # Errors
 /// If the system has no such thread.
-pub(super) fn with_room_for<T: Send>(levels: u64, run: impl FnOnce() -> T + Send) -> Result<T, String> {
+pub fn with_room_for<T: Send>(levels: u64, run: impl FnOnce() -> T + Send) -> Result<T, String> {
     let bytes = levels.saturating_mul(LEVEL).saturating_add(BASE).min(LARGEST);
     scope(|scope| {
         let thread = Builder::new().name("shader".to_owned()).stack_size(bytes as usize);

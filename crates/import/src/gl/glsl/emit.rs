@@ -1,0 +1,364 @@
+//! A rewritten stage as WGSL: naga reads the text and writes WGSL, and uniforms are put in the place of the variables that stand for them.
+
+use std::collections::BTreeMap;
+
+use host::guarded;
+use naga::front::glsl::{Frontend, Options};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Expression, Handle, Literal, Module, ShaderStage, TypeInner};
+
+use super::access::{Layout, Roots, Substitution};
+use super::builtins::Role;
+use super::rewrite::{FLIP, Global, Read, Sampler, Source, Storage};
+use super::{Outcome, Wrong};
+use crate::gl::arb::Stage;
+use crate::gl::arb::program::Param;
+
+/// Lines of the text for naga before the first of the source.
+const LINES_BEFORE: u32 = 2;
+/// Vectors of four that the uniforms of a stage have at most.
+const SLOTS_MAX: usize = 4096;
+
+/// Vectors of a variable between stages at most.
+const VARIABLE_MAX: usize = 64;
+
+/// A uniform that the program sets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uniform {
+    /// Its name.
+    pub name: String,
+    /// Its type.
+    pub layout: Layout,
+    /// Its first vector.
+    pub first: usize,
+    /// The location that its declaration states.
+    pub location: Option<u32>,
+}
+
+/// A variable that comes from the stage before or goes to the one behind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variable {
+    /// Its declaration.
+    pub global: Global,
+    /// Its type.
+    pub layout: Layout,
+    /// Its name in WGSL.
+    pub wgsl: String,
+}
+
+/// What a name of OpenGL is in WGSL.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// What it stands for.
+    pub role: Role,
+    /// Its name in WGSL.
+    pub wgsl: String,
+    /// Its components.
+    pub components: usize,
+}
+
+/// A function that reads a texture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Call {
+    /// Its name in WGSL.
+    pub wgsl: String,
+    /// The sampler.
+    pub sampler: usize,
+    /// How it reads.
+    pub read: Read,
+    /// Types of its arguments.
+    pub arguments: Vec<Layout>,
+    /// Whether it gives one number.
+    pub one: bool,
+}
+
+/// A stage in WGSL. Units of its samplers, locations and the stage beside it are known later.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Translated {
+    /// Structures, constants, variables and functions.
+    pub text: String,
+    /// The function that is the stage.
+    pub entry: String,
+    /// Uniforms that the program sets.
+    pub uniforms: Vec<Uniform>,
+    /// Vectors of uniforms: what the machine's state gives, or none where the program sets them.
+    pub slots: Vec<Option<(Param, u8)>>,
+    /// What uniforms are before a program sets them.
+    pub defaults: Vec<[f32; 4]>,
+    /// Samplers.
+    pub samplers: Vec<Sampler>,
+    /// Functions that read textures.
+    pub calls: Vec<Call>,
+    /// Variables that come from or go to other stages.
+    pub variables: Vec<Variable>,
+    /// Names of OpenGL.
+    pub named: Vec<Named>,
+    /// The factor of derivatives along y.
+    pub flip: Option<String>,
+    /// The position is that of fixed functions.
+    pub invariant: bool,
+}
+
+impl Translated {
+    /// Uniforms and samplers whose declarations state a location.
+    pub fn located(&self) -> impl Iterator<Item = (&str, u32)> {
+        let uniforms = self.uniforms.iter().map(|uniform| (uniform.name.as_str(), uniform.location));
+        let samplers = self.samplers.iter().map(|sampler| (sampler.name.as_str(), sampler.location));
+        uniforms.chain(samplers).filter_map(|(name, location)| Some((name, location?)))
+    }
+}
+
+/// Translates a stage. `array` is the expression of the array of its uniforms.
+pub fn translate(stage: Stage, source: &Source, array: &str) -> Outcome<Translated> {
+    let mut module = parse(stage, &source.text)?;
+    module.entry_points.clear();
+    let prefix = match stage {
+        Stage::Vertex => "vs_",
+        Stage::Fragment => "fs_",
+    };
+    // Both stages are one module of WGSL.
+    let names: Vec<String> =
+        module.global_variables.iter().map(|(_, global)| global.name.clone().unwrap_or_default()).collect();
+    let functions: Vec<String> =
+        module.functions.iter().map(|(_, function)| function.name.clone().unwrap_or_default()).collect();
+    let mark = |name: &mut Option<String>| *name = name.as_ref().map(|name| format!("{prefix}{name}"));
+    module.global_variables.iter_mut().for_each(|(_, global)| mark(&mut global.name));
+    for (_, function) in module.functions.iter_mut() {
+        mark(&mut function.name);
+        // The uniforms of the machine are in `u`.
+        let locals = function.local_variables.iter_mut().map(|(_, local)| &mut local.name);
+        let arguments = function.arguments.iter_mut().map(|argument| &mut argument.name);
+        for name in locals.chain(arguments).flatten().filter(|name| *name == "u") {
+            *name = "own_u".into();
+        }
+        function.named_expressions.values_mut().filter(|name| *name == "u").for_each(|name| *name = "own_u".into());
+    }
+    module.constants.iter_mut().for_each(|(_, constant)| mark(&mut constant.name));
+    let structures: Vec<Handle<naga::Type>> = module
+        .types
+        .iter()
+        .filter(|(_, kind)| matches!(kind.inner, TypeInner::Struct { .. }))
+        .map(|(handle, _)| handle)
+        .collect();
+    for &handle in &structures {
+        let mut kind = module.types[handle].clone();
+        mark(&mut kind.name);
+        module.types.replace(handle, kind);
+    }
+    let wrong = |reason: String| Wrong::at(0, reason);
+    let flags = ValidationFlags::all() & !ValidationFlags::CONTROL_FLOW_UNIFORMITY;
+    let info = guarded(|| {
+        Validator::new(flags, Capabilities::all()).validate(&module).map_err(|error| {
+            let line = error.location(&source.text).map_or(0, |place| place.line_number.saturating_sub(LINES_BEFORE));
+            Wrong::at(line, chain(error.as_inner()))
+        })
+    });
+    let info = info.map_err(wrong)??;
+    let write = || naga::back::wgsl::write_string(&module, &info, naga::back::wgsl::WriterFlags::empty());
+    let text = guarded(write).map_err(wrong)?.map_err(|error| wrong(chain(&error)))?;
+    let parts = Parts::of(&text).ok_or_else(|| wrong("WGSL of an unknown form".into()))?;
+    if parts.globals.len() != names.len()
+        || parts.functions.len() != functions.len()
+        || parts.structures.len() != structures.len()
+    {
+        return Err(wrong("a resource that is not supported".into()));
+    }
+    let structure_names: BTreeMap<_, _> =
+        structures.iter().zip(&parts.structures).map(|(&handle, &(name, _))| (handle, name.to_owned())).collect();
+    let name_of = |handle| structure_names.get(&handle).cloned().unwrap_or_default();
+
+    let mut out = Translated {
+        text: String::new(),
+        entry: String::new(),
+        uniforms: Vec::new(),
+        slots: Vec::new(),
+        defaults: Vec::new(),
+        samplers: source.samplers.clone(),
+        calls: Vec::new(),
+        variables: Vec::new(),
+        named: Vec::new(),
+        flip: None,
+        invariant: source.invariant,
+    };
+    let mut roots = Roots::new();
+    let mut variables = String::new();
+    for (((_, global), name), &(wgsl, line)) in module.global_variables.iter().zip(&names).zip(&parts.globals) {
+        if global.space != AddressSpace::Private {
+            return Err(wrong(format!("{name} is a resource that is not supported")));
+        }
+        let layout = || {
+            let bytes = module.types[global.ty].inner.size(module.to_ctx());
+            if bytes as usize > 16 * SLOTS_MAX {
+                return Err(wrong(format!("{name} has {bytes} bytes, at most {}", 16 * SLOTS_MAX)));
+            }
+            Layout::of(&module, global.ty, &name_of).map_err(|reason| wrong(format!("{name} has {reason}")))
+        };
+        let declared = source.globals.iter().find(|known| known.renamed == *name);
+        let builtin = source.builtins.get(name);
+        if let Some(&Global { storage: Storage::Uniform, ref name, location, .. }) = declared {
+            let (layout, first) = (layout()?, out.slots.len());
+            let count = layout.slots();
+            if first.saturating_add(count) > SLOTS_MAX {
+                return Err(wrong(format!("more than {SLOTS_MAX} vectors of uniforms")));
+            }
+            out.slots.resize(first + count, None);
+            out.defaults.resize(first + count, [0.0; 4]);
+            if let Some(init) = global.init {
+                initial(&module, init, &layout, &mut out.defaults[first..]);
+            }
+            roots.insert(wgsl.to_owned(), (layout.clone(), first));
+            out.uniforms.push(Uniform { name: name.clone(), layout, first, location });
+            continue;
+        }
+        if let Some(Role::State(slots)) = builtin.map(|builtin| &builtin.role) {
+            let layout = layout()?;
+            debug_assert_eq!(layout.slots(), slots.len(), "{name}");
+            roots.insert(wgsl.to_owned(), (layout, out.slots.len()));
+            out.slots.extend(slots.iter().map(|slot| Some(*slot)));
+            out.defaults.resize(out.slots.len(), [0.0; 4]);
+            continue;
+        }
+        variables.push_str(line);
+        variables.push('\n');
+        if let Some(global) = declared {
+            let layout = layout()?;
+            if layout.slots() > VARIABLE_MAX {
+                return Err(wrong(format!("{name} has {} vectors, at most {VARIABLE_MAX}", layout.slots())));
+            }
+            out.variables.push(Variable { global: global.clone(), layout, wgsl: wgsl.to_owned() });
+        } else if let Some(builtin) = builtin {
+            let components = match layout()? {
+                Layout::Vector(n, _) => n,
+                _ => 1,
+            };
+            out.named.push(Named { role: builtin.role.clone(), wgsl: wgsl.to_owned(), components });
+        } else if name == FLIP {
+            out.flip = Some(wgsl.to_owned());
+        }
+    }
+    let mut bodies = String::new();
+    let mut calls = Vec::new();
+    for (((_, function), name), &(wgsl, body)) in module.functions.iter().zip(&functions).zip(&parts.functions) {
+        if let Some(&(sampler, read)) = source.reads.get(name) {
+            let arguments = function
+                .arguments
+                .iter()
+                .map(|argument| Layout::of(&module, argument.ty, &name_of).map_err(wrong))
+                .collect::<Outcome<_>>()?;
+            calls.push(Call { wgsl: wgsl.to_owned(), sampler, read, arguments, one: name.contains("One_") });
+            continue;
+        }
+        if name == "main" && function.arguments.is_empty() {
+            out.entry = wgsl.to_owned();
+        }
+        bodies.push_str(body);
+    }
+    if out.entry.is_empty() {
+        return Err(wrong("no function main".into()));
+    }
+    calls.retain(|call| bodies.contains(&format!("{}(", call.wgsl)));
+    out.calls = calls;
+    for (_, structure) in &parts.structures {
+        out.text.push_str(structure);
+    }
+    out.text.push_str(&parts.constants);
+    out.text.push_str(&variables);
+    out.text.push_str(&Substitution::new(&roots, array).functions(&bodies).map_err(wrong)?);
+    Ok(out)
+}
+
+/// An error with all its causes.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text += &format!(": {error}");
+        cause = error.source();
+    }
+    text.replace("glx_", "gl_")
+}
+
+fn parse(stage: Stage, text: &str) -> Outcome<Module> {
+    let stage = match stage {
+        Stage::Vertex => ShaderStage::Vertex,
+        Stage::Fragment => ShaderStage::Fragment,
+    };
+    // A recording can have any text, and this front end is not made for that.
+    match guarded(|| Frontend::default().parse(&Options::from(stage), text)).map_err(|reason| Wrong::at(0, reason))? {
+        Ok(module) => Ok(module),
+        Err(errors) => {
+            let Some(error) = errors.errors.first() else { return Err(Wrong::at(0, "an error without a name")) };
+            let line = error.location(text).map_or(0, |place| place.line_number.saturating_sub(LINES_BEFORE));
+            Err(Wrong::at(line, chain(&error.kind)))
+        }
+    }
+}
+
+/// Writes what a uniform begins with to its vectors.
+fn initial(module: &Module, init: Handle<Expression>, layout: &Layout, to: &mut [[f32; 4]]) {
+    let (mut values, mut leaves) = (Vec::new(), Vec::new());
+    scalars(module, init, &mut values);
+    layout.leaves("", &mut leaves);
+    let mut values = values.into_iter();
+    for (slot, (_, components, _)) in to.iter_mut().zip(leaves) {
+        for component in &mut slot[..components] {
+            *component = values.next().unwrap_or_default();
+        }
+    }
+}
+
+/// The scalars of a constant expression, in the bits that uniforms have.
+fn scalars(module: &Module, expression: Handle<Expression>, out: &mut Vec<f32>) {
+    match &module.global_expressions[expression] {
+        Expression::Literal(literal) => out.push(match *literal {
+            Literal::F32(value) => value,
+            Literal::F64(value) | Literal::AbstractFloat(value) => value as f32,
+            Literal::I32(value) => f32::from_bits(value as u32),
+            Literal::U32(value) => f32::from_bits(value),
+            Literal::AbstractInt(value) => f32::from_bits(value as u32),
+            Literal::Bool(value) => f32::from(u8::from(value)),
+            _ => 0.0,
+        }),
+        Expression::Constant(constant) => scalars(module, module.constants[*constant].init, out),
+        Expression::Compose { components, .. } => components.iter().for_each(|&part| scalars(module, part, out)),
+        Expression::Splat { size, value } => (0..*size as usize).for_each(|_| scalars(module, *value, out)),
+        // The rest is zero.
+        _ => {}
+    }
+}
+
+/// What naga wrote, in parts: names, and texts that end in a new line.
+struct Parts<'a> {
+    structures: Vec<(&'a str, &'a str)>,
+    constants: String,
+    globals: Vec<(&'a str, &'a str)>,
+    functions: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> Parts<'a> {
+    fn of(text: &'a str) -> Option<Parts<'a>> {
+        let mut parts = Parts { structures: Vec::new(), constants: String::new(), globals: Vec::new(), functions: Vec::new() };
+        let mut at = 0;
+        while at < text.len() {
+            let rest = &text[at..];
+            let line = rest.lines().next()?;
+            let mut end = at + line.len() + 1;
+            if let Some(from) = line.strip_prefix("struct ") {
+                end = at + rest.find("\n}\n")? + 3;
+                parts.structures.push((from.split_once(' ')?.0, &text[at..end]));
+            } else if let Some(from) = line.strip_prefix("fn ") {
+                end = at + rest.find("\n}\n")? + 3;
+                parts.functions.push((from.split_once('(')?.0, &text[at..end]));
+            } else if let Some(from) = line.strip_prefix("var<private> ") {
+                parts.globals.push((from.split_once(':')?.0, line));
+            } else if line.starts_with("const ") {
+                parts.constants.push_str(line);
+                parts.constants.push('\n');
+            } else if !line.is_empty() {
+                return None;
+            }
+            at = end.min(text.len());
+        }
+        Some(parts)
+    }
+}

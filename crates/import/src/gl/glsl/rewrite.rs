@@ -1,0 +1,570 @@
+//! The old dialects of GLSL as that of version 4.50, which naga reads: names that OpenGL declares, attributes, varyings, uniforms and
+//! reads of textures become plain variables and functions, so that what they stand for can be chosen behind.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::builtins::{self, Builtin};
+use super::tokens::{self, Dialect, Token, closing, parts};
+use super::{Outcome, Wrong};
+use crate::gl::arb::Stage;
+
+/// Where a variable at global scope comes from or goes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Storage {
+    /// The program sets it.
+    Uniform,
+    /// The stage before, or the vertex.
+    In,
+    /// The stage behind, or the frame buffer.
+    Out,
+}
+
+/// A variable at global scope that is not the stage's own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Global {
+    /// Its name in the source, and that in the text for naga.
+    pub name: String,
+    /// That in the text for naga.
+    pub renamed: String,
+    /// Where it comes from or goes to.
+    pub storage: Storage,
+    /// `flat` or `noperspective`.
+    pub interpolation: Option<&'static str>,
+    /// The location that the source states.
+    pub location: Option<u32>,
+}
+
+/// A sampler.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sampler {
+    /// Its name.
+    pub name: String,
+    /// The target that it reads: an index of `state::TARGETS`.
+    pub target: usize,
+    /// Components of its coordinates without that of a comparison.
+    pub dimensions: usize,
+    /// Whether it compares depths.
+    pub shadow: bool,
+    /// The location that its declaration states.
+    pub location: Option<u32>,
+}
+
+/// How a texture is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Read {
+    /// At coordinates, perhaps with a bias.
+    Plain,
+    /// At coordinates that are divided by their last component.
+    Projected,
+    /// At a level of detail.
+    Level,
+    /// Both.
+    ProjectedLevel,
+    /// With derivatives.
+    Gradient,
+    /// One texel.
+    Fetch,
+    /// Its size.
+    Size,
+}
+
+/// What a stage is after it has been rewritten.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The text for naga.
+    pub text: String,
+    /// Variables that are not the stage's own.
+    pub globals: Vec<Global>,
+    /// Samplers.
+    pub samplers: Vec<Sampler>,
+    /// Names of OpenGL that occur, as the text for naga has them.
+    pub builtins: BTreeMap<String, Builtin>,
+    /// The position is that of fixed functions.
+    pub invariant: bool,
+    /// Whether derivatives along y occur.
+    pub flips: bool,
+    /// Functions in the text for naga that stand for reads of textures: their names, samplers, kinds of read.
+    pub reads: BTreeMap<String, (usize, Read)>,
+}
+
+/// Words that are names in an old dialect and something else in that of version 4.50.
+const RESERVED: [&str; 27] = [
+    "sample",
+    "buffer",
+    "shared",
+    "patch",
+    "restrict",
+    "readonly",
+    "writeonly",
+    "sampler",
+    "texture2D",
+    "texture3D",
+    "texture1D",
+    "image2D",
+    "image3D",
+    "image1D",
+    "samplerShadow",
+    "textureCube",
+    "double",
+    "dvec2",
+    "dvec3",
+    "dvec4",
+    "precise",
+    "coherent",
+    "volatile",
+    "subroutine",
+    "atomic_uint",
+    "textureCubeArray",
+    "texture2DArray",
+];
+
+/// The factor of derivatives along y: rows of the card go down in a window.
+pub const FLIP: &str = "glx_flip";
+
+fn sampler(kind: &str) -> Option<(usize, usize, bool)> {
+    Some(match kind {
+        "sampler1D" => (0, 1, false),
+        "sampler1DShadow" => (0, 1, true),
+        "sampler2D" => (1, 2, false),
+        "sampler2DShadow" => (1, 2, true),
+        "sampler2DRect" => (2, 2, false),
+        "sampler2DRectShadow" => (2, 2, true),
+        "sampler3D" => (3, 3, false),
+        "samplerCube" => (4, 3, false),
+        _ => return None,
+    })
+}
+
+/// How a function of this name reads a texture, and whether it gives one number where depths are compared.
+fn read_of(name: &str) -> Option<(Read, bool)> {
+    let name = ["ARB", "EXT"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
+    if name == "texelFetch" {
+        return Some((Read::Fetch, false));
+    }
+    let stems = [
+        "texture2DRect",
+        "shadow2DRect",
+        "texture1D",
+        "texture2D",
+        "texture3D",
+        "textureCube",
+        "shadow1D",
+        "shadow2D",
+        "texture",
+    ];
+    let stem = stems.iter().find(|&stem| name.starts_with(stem))?;
+    let read = match &name[stem.len()..] {
+        "" => Read::Plain,
+        "Proj" => Read::Projected,
+        "Lod" => Read::Level,
+        "ProjLod" => Read::ProjectedLevel,
+        "Grad" => Read::Gradient,
+        "Size" => Read::Size,
+        _ => return None,
+    };
+    Some((read, *stem == "texture"))
+}
+
+struct Rewriter {
+    stage: Stage,
+    dialect: Dialect,
+    out: Vec<Token>,
+    source: Source,
+    /// Names at global scope that have been declared.
+    declared: BTreeSet<String>,
+    /// Words in the bodies of structures.
+    members: BTreeSet<String>,
+}
+
+/// The number of a component of this name.
+fn component(name: &str) -> Option<&'static str> {
+    let at = ["xyzw", "rgba", "stpq"].iter().find_map(|names| names.find(name).filter(|_| name.len() == 1))?;
+    Some(["0", "1", "2", "3"][at])
+}
+
+/// Rewrites the shaders of one stage: dialect and tokens of each.
+pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Source> {
+    let source = Source {
+        text: String::new(),
+        globals: Vec::new(),
+        samplers: Vec::new(),
+        builtins: BTreeMap::new(),
+        invariant: false,
+        flips: false,
+        reads: BTreeMap::new(),
+    };
+    let dialect = shaders.first().map_or(Dialect { version: 110, embedded: false }, |&(dialect, _)| dialect);
+    let mut members = BTreeSet::new();
+    for (_, tokens) in &shaders {
+        for (at, _) in tokens.iter().enumerate().filter(|(_, token)| token.is("struct")) {
+            let open = tokens[at..].iter().position(|token| token.is("{")).map(|k| at + k);
+            let body = open.and_then(|open| Some(&tokens[open..closing(tokens, open)?]));
+            members.extend(body.into_iter().flatten().map(|token| token.text.clone()));
+        }
+    }
+    let mut rewriter = Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members };
+    let mut shaders = shaders;
+    rewriter.invariant(&mut shaders);
+    let mut first = 0;
+    for (dialect, mut tokens) in shaders {
+        // Lines of the second shader come behind those of the first.
+        tokens.iter_mut().for_each(|token| token.line += first);
+        first = tokens.last().map_or(first, |token| token.line);
+        rewriter.dialect = dialect;
+        rewriter.globals(&tokens)?;
+    }
+    Ok(rewriter.finish())
+}
+
+impl Rewriter {
+    /// Finds out whether the one thing that is done with the position is `gl_Position = ftransform();` in no other block than `main`, and
+    /// removes it.
+    fn invariant(&mut self, shaders: &mut [(Dialect, Vec<Token>)]) {
+        let count = |name: &str| shaders.iter().flat_map(|(_, tokens)| tokens).filter(|token| token.is(name)).count();
+        if self.stage != Stage::Vertex || count("gl_Position") != 1 || count("gl_ClipVertex") != 0 || count("return") != 0 {
+            return;
+        }
+        let wanted = ["gl_Position", "=", "ftransform", "(", ")", ";"];
+        for (_, tokens) in shaders {
+            let at = tokens.windows(wanted.len()).position(|part| part.iter().zip(wanted).all(|(token, text)| token.is(text)));
+            if let Some(at) = at {
+                let depth = |open: &str| tokens[..at].iter().filter(|token| token.is(open)).count();
+                if depth("{") == depth("}") + 1 && tokens[at - 1].text != ")" && tokens[at - 1].text != "else" {
+                    tokens.drain(at..at + wanted.len());
+                    self.source.invariant = true;
+                }
+            }
+        }
+    }
+
+    /// What stands at global scope.
+    fn globals(&mut self, tokens: &[Token]) -> Outcome {
+        let mut at = 0;
+        while at < tokens.len() {
+            let line = tokens[at].line;
+            let missing = || Wrong::at(line, "a declaration without an end");
+            let semicolon =
+                |from: usize| tokens[from..].iter().position(|token| token.is(";")).map(|k| from + k).ok_or_else(missing);
+            if tokens[at].is(";") {
+                at += 1;
+                continue;
+            }
+            if tokens[at].is("precision") {
+                at = semicolon(at)? + 1;
+                continue;
+            }
+            let start = at;
+            let mut storage = None;
+            let (mut interpolation, mut location, mut invariant) = (None, None, false);
+            while let Some(token) = tokens.get(at) {
+                match token.text.as_str() {
+                    "attribute" => storage = Some(Storage::In),
+                    "varying" if self.stage == Stage::Vertex => storage = Some(Storage::Out),
+                    "varying" => storage = Some(Storage::In),
+                    "uniform" => storage = Some(Storage::Uniform),
+                    "in" => storage = Some(Storage::In),
+                    "out" => storage = Some(Storage::Out),
+                    "flat" => interpolation = Some("flat"),
+                    "noperspective" => interpolation = Some("linear"),
+                    "smooth" | "centroid" | "highp" | "mediump" | "lowp" | "precise" => {}
+                    "invariant" => invariant = true,
+                    "layout" if tokens.get(at + 1).is_some_and(|token| token.is("(")) => {
+                        let end = closing(tokens, at + 1).ok_or_else(missing)?;
+                        for part in parts(&tokens[at + 2..end]) {
+                            if let [name, equals, value] = part
+                                && name.is("location")
+                                && equals.is("=")
+                            {
+                                location = value.text.parse().ok();
+                            }
+                        }
+                        at = end;
+                    }
+                    _ => break,
+                }
+                at += 1;
+            }
+            let Some(storage) = storage else {
+                if invariant {
+                    at = semicolon(at)? + 1;
+                    continue;
+                }
+                at = self.own(tokens, start)?;
+                continue;
+            };
+            let mut kind = tokens
+                .get(at)
+                .filter(|token| token.word)
+                .ok_or_else(|| Wrong::at(line, "a declaration without a type"))?
+                .clone();
+            if kind.is("struct") {
+                let open = at + tokens[at..].iter().position(|token| token.is("{")).ok_or_else(missing)?;
+                let end = closing(tokens, open).ok_or_else(missing)?;
+                kind = tokens
+                    .get(at + 1)
+                    .filter(|_| open == at + 2)
+                    .ok_or_else(|| Wrong::at(line, "a structure without a name"))?
+                    .clone();
+                let body = self.body(&tokens[at..=end])?;
+                self.out.extend(body);
+                self.out.push(Token::new(";", tokens[end].line));
+                at = end;
+            } else if tokens.get(at + 1).is_some_and(|token| token.is("{")) {
+                return Err(Wrong::at(line, format!("the interface block {} is not supported", kind.text)));
+            }
+            let end = semicolon(at)?;
+            let mut names = &tokens[at + 1..end];
+            // `vec4[2] name`
+            let mut count: &[Token] = &[];
+            if names.first().is_some_and(|token| token.is("[")) {
+                let close = closing(names, 0).ok_or_else(missing)?;
+                (count, names) = names.split_at(close + 1);
+            }
+            for declarator in parts(names) {
+                let name = declarator.first().filter(|token| token.word).ok_or_else(missing)?;
+                if name.text.starts_with("gl_") || !self.declared.insert(name.text.clone()) {
+                    continue;
+                }
+                if let Some((target, dimensions, shadow)) = sampler(&kind.text) {
+                    if declarator.len() > 1 || !count.is_empty() {
+                        return Err(Wrong::at(line, format!("the array {} of samplers is not supported", name.text)));
+                    }
+                    self.source.samplers.push(Sampler { name: name.text.clone(), target, dimensions, shadow, location });
+                    continue;
+                }
+                if kind.text.contains("sampler") || kind.text.contains("image") {
+                    return Err(Wrong::at(line, format!("the type {} is not supported", kind.text)));
+                }
+                let mut declaration = vec![kind.clone()];
+                declaration.extend_from_slice(count);
+                declaration.extend_from_slice(declarator);
+                declaration.push(Token::new(";", tokens[end].line));
+                let body = self.body(&declaration)?;
+                self.out.extend(body);
+                let renamed = self.rename(&name.text);
+                self.source.globals.push(Global { name: name.text.clone(), renamed, storage, interpolation, location });
+            }
+            at = end + 1;
+        }
+        Ok(())
+    }
+
+    /// A function, a structure, or a variable of the stage's own; gives the place behind it.
+    fn own(&mut self, tokens: &[Token], start: usize) -> Outcome<usize> {
+        let line = tokens[start].line;
+        let mut at = start;
+        let mut function = false;
+        loop {
+            let token = tokens.get(at).ok_or_else(|| Wrong::at(line, "a declaration without an end"))?;
+            match token.text.as_str() {
+                "(" | "[" => {
+                    let end = closing(tokens, at).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
+                    if token.is("(") && !function {
+                        function = !tokens[start..at].iter().any(|token| token.is("="));
+                        let samplers = tokens[at..end].iter().find(|token| sampler(&token.text).is_some());
+                        if let Some(kind) = samplers.filter(|_| function) {
+                            let name = &tokens[at - 1].text;
+                            let what = format!("the parameter of type {} of the function {name} is not supported", kind.text);
+                            return Err(Wrong::at(kind.line, what));
+                        }
+                    }
+                    at = end;
+                }
+                "{" => {
+                    at = closing(tokens, at).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
+                    if function {
+                        break;
+                    }
+                }
+                ";" => break,
+                _ => {}
+            }
+            at += 1;
+        }
+        let body = self.body(&tokens[start..=at])?;
+        self.out.extend(body);
+        Ok(at + 1)
+    }
+
+    fn rename(&self, name: &str) -> String {
+        let new = matches!(
+            name,
+            "smooth" | "flat" | "noperspective" | "switch" | "case" | "default" | "layout" | "uint" | "in" | "out"
+        ) && self.dialect.version < 130
+            && !matches!(name, "in" | "out");
+        if RESERVED.contains(&name) || new { format!("{name}_") } else { name.to_owned() }
+    }
+
+    /// Tokens as the dialect of naga has them.
+    fn body(&mut self, tokens: &[Token]) -> Outcome<Vec<Token>> {
+        let mut out: Vec<Token> = Vec::with_capacity(tokens.len());
+        let mut at = 0;
+        while let Some(token) = tokens.get(at) {
+            let line = token.line;
+            at += 1;
+            if !token.word || at >= 2 && tokens[at - 2].is(".") {
+                let written = tokens
+                    .get(at)
+                    .is_some_and(|next| matches!(next.text.as_str(), "=" | "+=" | "-=" | "*=" | "/=" | "++" | "--"));
+                match component(&token.text).filter(|_| written && out.len() >= 2 && !self.members.contains(&token.text)) {
+                    // naga cannot write a component of a matrix's column by its name.
+                    Some(component) if out[out.len() - 1].is(".") && out[out.len() - 2].is("]") => {
+                        out.pop();
+                        out.extend(["[", component, "]"].map(|text| Token::new(text, line)));
+                    }
+                    _ => out.push(token.clone()),
+                }
+                continue;
+            }
+            let called = tokens.get(at).is_some_and(|token| token.is("("));
+            let arguments = |open: usize| -> Outcome<usize> {
+                closing(tokens, open).ok_or_else(|| Wrong::at(line, "a bracket that is not closed"))
+            };
+            match token.text.as_str() {
+                "highp" | "mediump" | "lowp" | "invariant" | "precise" => {}
+                "precision" => {
+                    while tokens.get(at).is_some_and(|token| !token.is(";")) {
+                        at += 1;
+                    }
+                    at += 1;
+                }
+                "ftransform" if called => {
+                    self.builtin("ModelViewProjectionMatrix", line)?;
+                    self.builtin("Vertex", line)?;
+                    let text = ["(", "glx_ModelViewProjectionMatrix", "*", "glx_Vertex", ")"];
+                    out.extend(text.map(|text| Token::new(text, line)));
+                    at = arguments(at)? + 1;
+                }
+                "dFdy" if called => {
+                    self.source.flips = true;
+                    let end = arguments(at)?;
+                    out.extend(["(", FLIP, "*", "dFdy"].map(|text| Token::new(text, line)));
+                    let inner = self.body(&tokens[at..=end])?;
+                    out.extend(inner);
+                    out.push(Token::new(")", line));
+                    at = end + 1;
+                }
+                name if name.starts_with("gl_") => {
+                    let mut name = name["gl_".len()..].to_owned();
+                    if matches!(name.as_str(), "TexCoord" | "FragData") {
+                        let index = match tokens.get(at..at + 3) {
+                            Some([open, index, close]) if open.is("[") && close.is("]") => index.text.parse::<u32>().ok(),
+                            _ => None,
+                        };
+                        let Some(index) = index else {
+                            return Err(Wrong::at(line, format!("gl_{name} without a number in brackets is not supported")));
+                        };
+                        name = format!("{name}_{index}");
+                        at += 3;
+                    }
+                    self.builtin(&name, line)?;
+                    out.push(Token::new(format!("glx_{name}"), line));
+                }
+                name => {
+                    let first = tokens.get(at + 1).filter(|_| called);
+                    let sampler = first.and_then(|first| self.source.samplers.iter().position(|known| first.is(&known.name)));
+                    match (read_of(name), sampler) {
+                        (Some((read, number)), Some(sampler)) => {
+                            let end = arguments(at)?;
+                            let of = &self.source.samplers[sampler];
+                            let one = of.shadow && number;
+                            let name = format!("glx_{read:?}{}_{}x", if one { "One" } else { "" }, of.name);
+                            self.source.reads.insert(name.clone(), (sampler, read));
+                            out.push(Token::new(name, line));
+                            out.push(tokens[at].clone());
+                            let rest = at + 2 + usize::from(tokens[at + 2].is(","));
+                            let inner = self.body(&tokens[rest..=end])?;
+                            out.extend(inner);
+                            at = end + 1;
+                        }
+                        (None, Some(_)) => {
+                            return Err(Wrong::at(line, format!("the function {name} with a sampler is not supported")));
+                        }
+                        _ => out.push(Token::new(self.rename(name), line)),
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    fn builtin(&mut self, name: &str, line: u32) -> Outcome {
+        let Some(builtin) = builtins::find(self.stage, name) else {
+            return Err(Wrong::at(line, format!("gl_{name} is not supported")));
+        };
+        self.source.builtins.insert(format!("glx_{name}"), builtin);
+        Ok(())
+    }
+
+    fn finish(self) -> Source {
+        let Rewriter { mut source, out, .. } = self;
+        // All on the second line, so that lines of the source stay countable.
+        let mut text = String::from("#version 450\n");
+        let mut structures = BTreeSet::new();
+        for (name, builtin) in &source.builtins {
+            if structures.insert(builtin.structure) {
+                text += builtin.structure;
+            }
+            match (&builtin.role, builtin.count) {
+                (builtins::Role::Constant(value), _) => text += &format!("{} {name} = {value};", builtin.kind),
+                (_, Some(count)) => text += &format!("{} {name}[{count}];", builtin.kind),
+                _ => text += &format!("{} {name};", builtin.kind),
+            }
+        }
+        if source.flips {
+            text += &format!("float {FLIP};");
+        }
+        for (name, &(sampler, read)) in &source.reads {
+            stubs(name, &source.samplers[sampler], read, &mut text);
+        }
+        text.push('\n');
+        text += &tokens::print(&out);
+        source.text = text;
+        source
+    }
+}
+
+/// Functions without contents that stand for reads of a texture, one for each form of the arguments.
+fn stubs(name: &str, sampler: &Sampler, read: Read, text: &mut String) {
+    let vector = |n: usize| if n == 1 { "float".to_owned() } else { format!("vec{n}") };
+    let whole = |n: usize| if n == 1 { "int".to_owned() } else { format!("ivec{n}") };
+    let n = sampler.dimensions;
+    let cube = sampler.target == 4;
+    // The second component of a 1D comparison means nothing.
+    let plain = vector(if sampler.shadow { 3 } else { n });
+    let projected = if sampler.shadow {
+        vec![vector(4)]
+    } else {
+        match n {
+            _ if cube => vec![],
+            3 => vec![vector(4)],
+            _ => vec![vector(n + 1), vector(4)],
+        }
+    };
+    let mut forms: Vec<String> = Vec::new();
+    match read {
+        Read::Plain => forms.extend([plain.clone(), format!("{plain} p, float")]),
+        Read::Projected => {
+            forms.extend(projected.iter().flat_map(|kind| [kind.clone(), format!("{kind} p, float")]));
+        }
+        Read::Level => forms.push(format!("{plain} p, float")),
+        Read::ProjectedLevel => forms.extend(projected.iter().map(|kind| format!("{kind} p, float"))),
+        Read::Gradient => forms.push(format!("{plain} p, {0} x, {0}", vector(n))),
+        Read::Fetch => {
+            forms.push(format!("{} p, int", whole(n)));
+            if sampler.target == 2 {
+                forms.push(whole(n));
+            }
+        }
+        Read::Size => forms.push(if sampler.target == 2 { String::new() } else { "int".into() }),
+    }
+    let (result, value) = match read {
+        Read::Size => (whole(if cube { 2 } else { n }), "1"),
+        _ if name.contains("One_") => ("float".into(), "0.0"),
+        _ => ("vec4".into(), "0.0"),
+    };
+    for form in forms {
+        let parameter = if form.is_empty() { String::new() } else { format!("{form} q") };
+        text.push_str(&format!("{result} {name}({parameter}) {{ return {result}({value}); }}"));
+    }
+}

@@ -1,0 +1,331 @@
+//! Translated stages joined: to each other, to attributes, to texture units and to what fixed functions leave.
+
+use std::fmt::Write;
+
+use naga::ScalarKind;
+
+use super::access::{Layout, vector_name};
+use super::builtins::Role;
+use super::emit::{Call, Named, Translated, Variable};
+use super::rewrite::{Read, Storage};
+use crate::gl::arb::GENERICS;
+use crate::gl::arb::program::{Output, Program, Stage, input};
+use crate::gl::arb::wgsl::{input_name, output_name};
+use crate::gl::key::{Expand, ShaderKey};
+use crate::gl::state::UNITS;
+
+/// A line of code.
+macro_rules! line {
+    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
+}
+
+/// Ways to read a texture: a bit each.
+pub mod way {
+    /// At coordinates.
+    pub const PLAIN: u8 = 1;
+    /// With a bias.
+    pub const BIAS: u8 = 2;
+    /// At a level of detail.
+    pub const LEVEL: u8 = 4;
+    /// With derivatives.
+    pub const GRADIENT: u8 = 8;
+    /// One texel.
+    pub const FETCH: u8 = 16;
+}
+
+/// A value that goes from the vertex stage to the fragment stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Varying {
+    /// Its type in WGSL.
+    pub kind: String,
+    /// `flat`, `linear`, or none for interpolation with perspective.
+    pub interpolation: Option<&'static str>,
+    /// What the vertex stage has it in.
+    pub from: String,
+    /// What the fragment stage has it in.
+    pub to: String,
+}
+
+/// A stage of GLSL as a program of the machine has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Code {
+    /// Structures, variables and functions at module scope.
+    pub functions: String,
+    /// The function that is the stage.
+    entry: String,
+    /// What is set before it runs: a variable and its value.
+    set: Vec<(String, String)>,
+    /// Results, and the expressions of their values.
+    results: Vec<(Output, String)>,
+    /// What goes from stage to stage.
+    pub varyings: Vec<Varying>,
+    /// Whether it asks which side is seen.
+    pub facing: bool,
+    /// Where clip planes cut.
+    pub clip: Option<String>,
+    /// How each unit's texture is read.
+    pub ways: [u8; UNITS],
+}
+
+/// What a program object says of its stages.
+pub struct Joints<'a> {
+    /// The location of an attribute.
+    pub attribute: &'a dyn Fn(&str) -> Option<u32>,
+    /// The location of an output.
+    pub output: &'a dyn Fn(&str) -> Option<u32>,
+    /// The unit of a sampler.
+    pub unit: &'a dyn Fn(&str) -> u32,
+}
+
+/// What is between the stages of a program that has both.
+fn varyings(vertex: &Translated, fragment: &Translated) -> Result<Vec<Varying>, String> {
+    let mut list = Vec::new();
+    let of = |stage: &'static Storage, from: &Translated| -> Vec<Variable> {
+        from.variables.iter().filter(|variable| variable.global.storage == *stage).cloned().collect()
+    };
+    let written = of(&Storage::Out, vertex);
+    for read in of(&Storage::In, fragment) {
+        let same = |given: &&Variable| {
+            given.global.name == read.global.name
+                || given.global.location.is_some() && given.global.location == read.global.location
+        };
+        let Some(given) = written.iter().find(same) else {
+            return Err(format!("the vertex shader does not write {}", read.global.name));
+        };
+        let (mut from, mut to) = (Vec::new(), Vec::new());
+        given.layout.leaves(&given.wgsl, &mut from);
+        read.layout.leaves(&read.wgsl, &mut to);
+        let kinds = |leaves: &[(String, usize, ScalarKind)]| leaves.iter().map(|leaf| (leaf.1, leaf.2)).collect::<Vec<_>>();
+        if kinds(&from) != kinds(&to) {
+            return Err(format!("{} has another type in each shader", read.global.name));
+        }
+        for ((from, n, kind), (to, ..)) in from.into_iter().zip(to) {
+            let whole = kind != ScalarKind::Float;
+            let interpolation = if whole { Some("flat") } else { read.global.interpolation.or(given.global.interpolation) };
+            list.push(Varying { kind: vector_name(n, kind), interpolation, from, to });
+        }
+    }
+    Ok(list)
+}
+
+/// The program of a stage of a program object.
+pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) -> Result<Program, String> {
+    let of = stages[stage as usize - 1].ok_or("a stage that is not there")?;
+    let mut code = Code {
+        functions: of.text.clone(),
+        entry: of.entry.clone(),
+        set: Vec::new(),
+        results: Vec::new(),
+        varyings: match stages {
+            [Some(vertex), Some(fragment)] => varyings(vertex, fragment)?,
+            _ => Vec::new(),
+        },
+        facing: false,
+        clip: None,
+        ways: [0; UNITS],
+    };
+    let mut program = Program {
+        stage,
+        instructions: Vec::new(),
+        temps: Vec::new(),
+        addresses: Vec::new(),
+        params: Vec::new(),
+        inputs: 0,
+        outputs: Vec::new(),
+        targets: [None; UNITS],
+        biased: 0,
+        invariant: of.invariant,
+        fog: None,
+        code: None,
+    };
+    for named in &of.named {
+        builtin(named, &mut code, &mut program);
+    }
+    if let Some(flip) = &of.flip {
+        // Known together with the place of a fragment.
+        program.inputs |= 1 << input::POSITION;
+        code.set.push((flip.clone(), if stage == Stage::Fragment { "u.height.y".into() } else { "1.0".into() }));
+    }
+    match stage {
+        Stage::Vertex => attributes(of, joints, &mut code, &mut program)?,
+        Stage::Fragment => {
+            if stages[0].is_none()
+                && let Some(read) = of.variables.iter().find(|variable| variable.global.storage == Storage::In)
+            {
+                return Err(format!("there is no vertex shader that writes {}", read.global.name));
+            }
+            let outputs: Vec<&Variable> = of.variables.iter().filter(|v| v.global.storage == Storage::Out).collect();
+            let location = |v: &Variable| v.global.location.or_else(|| (joints.output)(&v.global.name));
+            let first = outputs.iter().find(|v| location(v) == Some(0)).or(outputs.iter().find(|v| location(v).is_none()));
+            if let Some(output) = first {
+                let Layout::Vector(n, ScalarKind::Float) = output.layout else {
+                    return Err(format!("{} is no colour", output.global.name));
+                };
+                let rest = ["0, 0, 1", "0, 1", "1"].get(n - 1).map_or(String::new(), |rest| format!(", {rest}"));
+                code.results.push((Output::Color(0), format!("vec4f({}{rest})", output.wgsl)));
+            }
+        }
+    }
+    for (k, sampler) in of.samplers.iter().enumerate().filter(|(k, _)| of.calls.iter().any(|call| call.sampler == *k)) {
+        let unit = (joints.unit)(&sampler.name) as usize;
+        if unit >= UNITS {
+            return Err(format!("{} is texture unit {unit}, of at most {UNITS}", sampler.name));
+        }
+        if program.targets[unit].is_some_and(|target| target != sampler.target) {
+            return Err(format!("texture unit {unit} is read as textures of two kinds"));
+        }
+        program.targets[unit] = Some(sampler.target);
+        for call in of.calls.iter().filter(|call| call.sampler == k) {
+            code.ways[unit] |= read(call, unit, sampler, stage, &mut code.functions);
+        }
+    }
+    program.outputs = code.results.iter().map(|&(output, _)| output).collect();
+    program.code = Some(code);
+    Ok(program)
+}
+
+fn builtin(named: &Named, code: &mut Code, program: &mut Program) {
+    let wgsl = named.wgsl.clone();
+    let part =
+        |name: &str| if named.components == 4 { name.to_owned() } else { format!("{name}.{}", &"xyz"[..named.components]) };
+    match named.role {
+        Role::Input(bit) => {
+            program.inputs |= 1 << bit;
+            code.set.push((wgsl, part(&input_name(bit))));
+        }
+        Role::Facing => {
+            code.facing = true;
+            code.set.push((wgsl, "front".into()));
+        }
+        Role::PointCoord => code.set.push((wgsl, "point_place".into())),
+        Role::Output(output) => {
+            let value = if named.components == 4 { wgsl } else { format!("vec4f({wgsl})") };
+            code.results.push((output, value));
+        }
+        Role::ClipVertex => code.clip = Some(wgsl),
+        Role::Constant(_) | Role::State(_) => {}
+    }
+}
+
+fn attributes(of: &Translated, joints: &Joints, code: &mut Code, program: &mut Program) -> Result<(), String> {
+    let inputs: Vec<&Variable> = of.variables.iter().filter(|variable| variable.global.storage == Storage::In).collect();
+    let given = |v: &Variable| v.global.location.or_else(|| (joints.attribute)(&v.global.name));
+    let mut taken = 0_u64;
+    for variable in &inputs {
+        if let Some(first) = given(variable) {
+            let slots = variable.layout.slots().min(GENERICS) as u32;
+            taken |= ((1_u64 << slots) - 1).checked_shl(first).unwrap_or_default();
+        }
+    }
+    for variable in inputs {
+        let mut leaves = Vec::new();
+        variable.layout.leaves(&variable.wgsl, &mut leaves);
+        let name = &variable.global.name;
+        let first = match given(variable) {
+            Some(first) => first,
+            // A linker chooses; the first that is free.
+            None => {
+                let wanted = (1_u64 << leaves.len().min(GENERICS)) - 1;
+                let free = (0..GENERICS as u32).find(|&k| taken & wanted << k == 0);
+                let first = free.ok_or_else(|| format!("no location is left for {name}"))?;
+                taken |= wanted << first;
+                first
+            }
+        };
+        for (k, (to, n, kind)) in leaves.into_iter().enumerate() {
+            let location = first as usize + k;
+            if location >= GENERICS {
+                return Err(format!("{name} is at location {location}, of at most {GENERICS}"));
+            }
+            if kind != ScalarKind::Float {
+                return Err(format!("{name} is an attribute of whole numbers, which is not supported"));
+            }
+            let bit = if location == 0 { input::POSITION } else { input::GENERIC + location as u32 };
+            program.inputs |= 1 << bit;
+            code.set.push((to, format!("{}.{}", input_name(bit), &"xyzw"[..n])));
+        }
+    }
+    Ok(())
+}
+
+/// Writes the function of a call; gives the way that it reads.
+fn read(call: &Call, unit: usize, sampler: &super::rewrite::Sampler, stage: Stage, out: &mut String) -> u8 {
+    let kind = |layout: &Layout| match layout {
+        Layout::Vector(n, kind) => (*n, vector_name(*n, *kind)),
+        _ => (4, "vec4f".into()),
+    };
+    let arguments: Vec<(usize, String)> = call.arguments.iter().map(kind).collect();
+    let first = arguments.first().map_or(0, |&(n, _)| n);
+    let at = match (call.read, first) {
+        (Read::Projected | Read::ProjectedLevel, 2) => "vec3f(a0.x / a0.y, 0, 0)",
+        (Read::Projected | Read::ProjectedLevel, 3) => "vec3f(a0.xy / a0.z, 0)",
+        (Read::Projected | Read::ProjectedLevel, _) => "a0.xyz / a0.w",
+        (_, 1) => "vec3f(a0, 0, 0)",
+        (_, 2) => "vec3f(a0, 0)",
+        _ => "a0",
+    };
+    let (value, way) = match call.read {
+        Read::Size => {
+            let level = if arguments.is_empty() { "" } else { ", a0" };
+            let size = format!("textureDimensions(image{unit}{level})");
+            let value = match sampler.target {
+                0 => format!("i32({size}.x)"),
+                3 => format!("vec3i({size})"),
+                _ => format!("vec2i({size})"),
+            };
+            (value, 0)
+        }
+        Read::Fetch => {
+            let level = if arguments.len() > 1 { "a1" } else { "0" };
+            let at = at.replace("vec3f", "vec3i");
+            (format!("texel{unit}_fetch({at}, {level})"), way::FETCH)
+        }
+        Read::Gradient => {
+            let wide = |name: &str| if sampler.dimensions == 1 { format!("vec2f({name}, 0)") } else { name.to_owned() };
+            (format!("texel{unit}_gradient({at}, {}, {})", wide("a1"), wide("a2")), way::GRADIENT)
+        }
+        Read::Level | Read::ProjectedLevel => (format!("texel{unit}_level({at}, a1)"), way::LEVEL),
+        // There are no derivatives.
+        Read::Plain | Read::Projected if stage == Stage::Vertex => (format!("texel{unit}_level({at}, 0.0)"), way::LEVEL),
+        Read::Plain | Read::Projected if arguments.len() > 1 => (format!("texel{unit}_bias({at}, a1)"), way::BIAS),
+        Read::Plain | Read::Projected => (format!("texel{unit}({at})"), way::PLAIN),
+    };
+    let parameters: Vec<String> = arguments.iter().enumerate().map(|(k, (_, kind))| format!("a{k}: {kind}")).collect();
+    let result = match (call.read, sampler.target) {
+        (Read::Size, 0) => "i32",
+        (Read::Size, 3) => "vec3i",
+        (Read::Size, _) => "vec2i",
+        _ if call.one => "f32",
+        _ => "vec4f",
+    };
+    let part = if call.one { ".x" } else { "" };
+    line!(out, "fn {}({}) -> {result} {{\n    return {value}{part};\n}}", call.wgsl, parameters.join(", "));
+    way
+}
+
+/// The stage in a function of the module: inputs are in variables, and results come into others.
+pub fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String) {
+    if code.set.iter().any(|(_, value)| value == "point_place") {
+        match key.expand {
+            Expand::No => line!(out, "    let point_place = vec2f(0.5);"),
+            _ => line!(out, "    let point_place = 0.5 + vec2f(0.5, -0.5) * v.corner.xy / v.corner.z;"),
+        }
+    }
+    for (to, value) in &code.set {
+        line!(out, "    {to} = {value};");
+    }
+    if stage == Stage::Fragment {
+        for (k, varying) in code.varyings.iter().enumerate() {
+            line!(out, "    {} = v.user{k};", varying.to);
+        }
+    }
+    line!(out, "    {}();", code.entry);
+    for (output, value) in &code.results {
+        line!(out, "    let {} = {value};", output_name(*output));
+    }
+    if stage == Stage::Vertex {
+        for (k, varying) in code.varyings.iter().enumerate() {
+            line!(out, "    o.user{k} = {};", varying.from);
+        }
+    }
+}
