@@ -182,8 +182,9 @@ fn references(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
             for entry in std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))? {
                 let path = entry.with_context(|| format!("cannot read {}", folder.display()))?.path();
                 let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-                let number =
-                    name.strip_suffix(".png").or(name.strip_suffix(".ppm")).and_then(|name| name.strip_prefix("frame"));
+                // Other programs have marks of their own behind the number: `frame0012.sim.ppm`.
+                let image = name.ends_with(".png") || name.ends_with(".ppm");
+                let number = name.strip_prefix("frame").filter(|_| image).and_then(|rest| rest.split('.').next());
                 if let Some(number) = number.filter(|digits| digits.len() == 4).and_then(|digits| digits.parse().ok()) {
                     found.insert(number, path);
                 }
