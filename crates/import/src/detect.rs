@@ -85,6 +85,13 @@ fn found(file: &Path, links: Links) -> Result<Option<Found>, TraceError> {
     Ok(kind.map(|kind| Found { kind, path: file.to_path_buf() }))
 }
 
+/// Whether bytes are the start of Brotli, which has no mark, and of a version of apitrace's container in it.
+fn is_brotli(start: &[u8]) -> bool {
+    let mut version = [0];
+    let read = brotli_decompressor::Decompressor::new(start, PEEK as usize).read(&mut version);
+    read.is_ok_and(|count| count == 1) && (1..=6).contains(&version[0])
+}
+
 fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
     let mut start = Vec::new();
     host::open(file, links)?.take(PEEK).read_to_end(&mut start)?;
@@ -94,6 +101,8 @@ fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
         Some(Kind::GlInterceptor)
     } else if (start.starts_with(b"at") || start.starts_with(b"\x1f\x8b")) && name.ends_with(".trace") {
+        Some(Kind::Apitrace)
+    } else if name.ends_with(".trace") && is_brotli(&start) {
         Some(Kind::Apitrace)
     } else if name.ends_with(".ron") {
         // A wgpu trace is a list of actions, a native one a single struct. What is neither gets the native reader's message.

@@ -218,14 +218,30 @@ fn every_version_of_the_container_is_read_and_chunks_mean_nothing() {
 }
 
 #[test]
-fn gzip_is_read_and_brotli_is_refused_by_name() {
+fn gzip_and_brotli_are_read() {
     use std::io::Write;
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     packed.write_all(&program(4).bytes).expect("memory");
     let (trace, _) = imported(packed.finish().expect("memory")).expect("a recording");
     assert_eq!(draws(&trace), 2);
-    let error = imported(b"\x8b\x02\x80more".to_vec()).err().expect("no Snappy and no gzip");
-    assert!(error.contains("Brotli"), "{error}");
+    // Brotli without compression: a window of 64 KiB, one part of this length, and an empty last part (RFC 7932, section 9).
+    let plain = program(4).bytes;
+    let header = ((plain.len() as u32 - 1) << 4 | 1 << 20).to_le_bytes();
+    let packed = [&header[..3], &plain, &[3]].concat();
+    let (trace, _) = imported(packed.clone()).expect("a recording");
+    assert_eq!(draws(&trace), 2);
+    let error = imported(packed[..packed.len() / 2].to_vec()).err().expect("half of a recording");
+    assert!(error.contains("call ") && error.contains("byte "), "{error}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let kind = |bytes: &[u8]| {
+        let path = folder.path().join("x.trace");
+        std::fs::write(&path, bytes).expect("a file");
+        import::detect(&path).map(|found| found.kind)
+    };
+    assert_eq!(kind(&packed), Some(import::Kind::Apitrace));
+    assert_eq!(kind(b"\x8b\x02\x80more"), None);
+    let error = imported(b"\x8b\x02\x80more".to_vec()).err().expect("no recording");
+    assert!(error.contains("cannot be expanded"), "{error}");
 }
 
 #[test]

@@ -70,8 +70,7 @@ fn broken<T>(reason: impl Into<String>) -> Result<T, Stop> {
 impl Apitrace {
     /// Reads the header; `start` is the file's first two bytes, which have been read.
     pub fn open(file: Input, start: [u8; 2], limits: &Limits) -> Result<Apitrace, Broken> {
-        let fail = |place, reason| Broken { call: 0, place, reason };
-        let bytes = Chunks::apitrace(file, start, limits).map_err(|reason| fail(0, reason))?;
+        let bytes = Chunks::apitrace(file, start, limits);
         let mut reader = Apitrace {
             bytes,
             version: 0,

@@ -1,7 +1,8 @@
-//! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, or plain.
+//! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, Brotli, or plain.
 
 use std::io::{BufReader, Read};
 
+use brotli_decompressor::Decompressor;
 use flate2::read::MultiGzDecoder;
 use num::Limits;
 
@@ -41,19 +42,14 @@ pub enum Stop {
 
 impl Chunks {
     /// The chunks of an apitrace file; `start` is its first two bytes, which have been read.
-    pub fn apitrace(file: Input, start: [u8; 2], limits: &Limits) -> Result<Chunks, String> {
+    pub fn apitrace(file: Input, start: [u8; 2], limits: &Limits) -> Chunks {
         let packing = match start {
             [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
             [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
-            _ => {
-                return Err(
-                    "is neither a Snappy nor a gzip recording of apitrace; Brotli is not supported: `apitrace repack` \
-                             changes it"
-                        .into(),
-                );
-            }
+            // Brotli has no mark of its own.
+            _ => Packing::Stream(Box::new(Decompressor::new(std::io::Cursor::new(start).chain(file), PIECE))),
         };
-        Ok(Chunks::new(packing, limits))
+        Chunks::new(packing, limits)
     }
 
     /// A text, plain or gzip.
