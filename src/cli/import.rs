@@ -23,7 +23,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    let trace = arguments.reading.open(&arguments.trace)?;
+    let trace = arguments.reading.open_whole(&arguments.trace)?;
     let out = &arguments.out;
     if out.extension().is_some_and(|e| e == "zip") {
         if out.exists() {

@@ -55,7 +55,16 @@ impl Reading {
 
     /// As [`Reading::open`]; of a recorded program only these frames, and what they need.
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
-        let (trace, report) = import::open_frames(path, &self.reading()?, frames)?;
+        self.supported(path, import::open_frames(path, &self.reading()?, frames)?)
+    }
+
+    /// As [`Reading::open`], with all commands and payload in memory, as writing the trace needs.
+    pub fn open_whole(&self, path: &Path) -> Result<Trace> {
+        let reading = trace::Reading { in_memory: Some(u64::MAX), ..self.reading()? };
+        self.supported(path, import::open_reported(path, &reading)?)
+    }
+
+    fn supported(&self, path: &Path, (trace, report): (Trace, Option<Report>)) -> Result<Trace> {
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             let path = path.display();
             if !self.lenient {
@@ -76,6 +85,6 @@ impl Reading {
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
-        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient, keep_draws: self.keep_draws })
+        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient, keep_draws: self.keep_draws, in_memory: None })
     }
 }

@@ -76,11 +76,11 @@ fn shaders_are_valid() {
         let trace = Trace::open(scene.path(&kept())).unwrap();
         for name in trace.blob_names().filter(|name| name.ends_with(".wgsl")) {
             let text = trace.text(name).unwrap();
-            let module = naga::front::wgsl::parse_str(text)
-                .unwrap_or_else(|error| panic!("{}: {}", scene.name, error.emit_to_string_with_path(text, name)));
+            let module = naga::front::wgsl::parse_str(&text)
+                .unwrap_or_else(|error| panic!("{}: {}", scene.name, error.emit_to_string_with_path(&text, name)));
             naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::all())
                 .validate(&module)
-                .unwrap_or_else(|error| panic!("{}: {}", scene.name, error.emit_to_string_with_path(text, name)));
+                .unwrap_or_else(|error| panic!("{}: {}", scene.name, error.emit_to_string_with_path(&text, name)));
         }
     }
 }

@@ -25,7 +25,7 @@ impl Renderer<'_, '_> {
                 let bytes = self.trace.data(data)?;
                 buffer.range(id, offset, Some(bytes.len() as u64))?;
                 self.moves(bytes.len() as u64, 0)?;
-                buffer.words.write(offset, bytes);
+                buffer.words.write(offset, &bytes);
                 buffer.changed();
                 moved = Transfer {
                     kind: TransferKind::Upload,
@@ -38,7 +38,7 @@ impl Renderer<'_, '_> {
                 let bytes = self.trace.data(data)?;
                 let (region, words, address) = self.texture_end(to, *size, true)?;
                 self.moves(region.bytes(), 0)?;
-                region.write_from(&words, bytes, layout)?;
+                region.write_from(&words, &bytes, layout)?;
                 moved = Transfer { kind: TransferKind::Upload, to: Some(address), bytes: region.bytes(), ..moved };
             }
             &Command::CopyBufferToBuffer { from, from_offset, to, to_offset, size } => {

@@ -139,10 +139,21 @@ impl Renderer<'_, '_> {
     }
 
     fn load_shader(&self, source: &ShaderSource, label: Option<&str>) -> Result<(Shader, Claim), Fault> {
-        let (name, text) = match source {
-            ShaderSource::Wgsl(name) => (name, shader::Source::Wgsl(self.trace.text(name)?)),
-            ShaderSource::SpirV(name) => (name, shader::Source::SpirV(self.trace.blob(name)?)),
-            ShaderSource::NagaIr(name) => (name, shader::Source::NagaIr(self.trace.text(name)?)),
+        let (ShaderSource::Wgsl(name) | ShaderSource::SpirV(name) | ShaderSource::NagaIr(name)) = source;
+        let (words, letters);
+        let text = match source {
+            ShaderSource::SpirV(_) => {
+                words = self.trace.blob(name)?;
+                shader::Source::SpirV(&words)
+            }
+            ShaderSource::Wgsl(_) => {
+                letters = self.trace.text(name)?;
+                shader::Source::Wgsl(&letters)
+            }
+            ShaderSource::NagaIr(_) => {
+                letters = self.trace.text(name)?;
+                shader::Source::NagaIr(&letters)
+            }
         };
         let title = label.map_or_else(|| name.clone(), |label| format!("{name} ({})", one_line(label)));
         let bytes = match text {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::command::Command;
 use super::error::{Place, TraceError};
 use super::store::{Bytes, Store};
+use super::stream::Part;
 use super::{Commands, Trace};
 
 /// A trace in the making: commands in order, and named blobs that may be files of a foreign trace, used where they are.
@@ -67,6 +68,12 @@ impl Builder {
     /// Whether there is a blob of this name.
     pub fn has_blob(&self, name: &str) -> bool {
         self.store.contains(name)
+    }
+
+    /// Takes commands and blobs out. The blobs must be bytes, not files.
+    pub fn drain(&mut self) -> Part {
+        self.places.clear();
+        Part { commands: std::mem::take(&mut self.commands), blobs: self.store.take_ready() }
     }
 
     /// The trace.

@@ -30,6 +30,7 @@ mod error;
 mod geometry;
 mod name;
 mod store;
+mod stream;
 mod text;
 mod write;
 
@@ -48,6 +49,7 @@ pub use geometry::{LinearExtent, copy_block_bytes};
 use host::Links;
 use num::Limits;
 use store::Store;
+pub use stream::{Part, Stream};
 pub use store::check_name;
 pub use store::{Bytes, NAME_MAX};
 pub use write::{Packing, write, write_archive, write_zip};
@@ -81,6 +83,9 @@ pub struct Reading {
     /// Whether draws of a recorded OpenGL program stay as it called them: each for itself, with all components of the attributes that it sends,
     /// and vertices by their indices. Else draws of one state are joined, and only what differs between vertices is kept.
     pub keep_draws: bool,
+    /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 64 MiB. The
+    /// commands of a longer one are made while they are read ([`Trace::is_stream`]).
+    pub in_memory: Option<u64>,
 }
 
 impl Reading {
@@ -95,6 +100,8 @@ enum Commands {
     Text(Bytes),
     /// Commands in memory, and their places in the file that they were read from, if there is one.
     List(Vec<Command>, Vec<Place>),
+    /// Commands that are made while they are read.
+    Stream(Box<dyn Stream>),
 }
 
 impl Trace {
@@ -119,6 +126,16 @@ impl Trace {
             let bytes = Bytes::from_file(path).map_err(|error| TraceError::new(path, error))?;
             Trace::open_archive_with(path, bytes, &reading.limits)
         }
+    }
+
+    /// A trace whose commands are made while they are read; `file` is what messages call it.
+    pub fn from_stream(file: impl AsRef<Path>, stream: Box<dyn Stream>, limits: Limits) -> Trace {
+        Trace { file: file.as_ref().to_path_buf(), commands: Commands::Stream(stream), store: Store::default(), limits }
+    }
+
+    /// Whether commands are made while they are read. Such a trace has a blob only while the commands near it are read, and is not written.
+    pub fn is_stream(&self) -> bool {
+        matches!(self.commands, Commands::Stream(_))
     }
 
     /// The same trace, replayed within these limits.
@@ -202,29 +219,24 @@ impl Trace {
     }
 
     /// The bytes of a blob, where they lie: nothing is copied. The first call loads and checks it.
-    pub fn blob(&self, name: &str) -> Result<&[u8], TraceError> {
-        self.store.get(&self.file, name).map(|bytes| &**bytes)
-    }
-
-    /// The bytes of a blob as a shared handle that outlives the trace.
-    pub fn shared(&self, name: &str) -> Result<Bytes, TraceError> {
-        self.store.get(&self.file, name).cloned()
+    pub fn blob(&self, name: &str) -> Result<Bytes, TraceError> {
+        self.store.get(&self.file, name)
     }
 
     /// A range of a blob.
-    pub fn data(&self, data: &Data) -> Result<&[u8], TraceError> {
+    pub fn data(&self, data: &Data) -> Result<Bytes, TraceError> {
         let blob = self.blob(&data.blob)?;
         let range = usize::try_from(data.offset).ok().zip(usize::try_from(data.size).ok());
-        range.and_then(|(start, size)| blob.get(start..start.checked_add(size)?)).ok_or_else(|| {
+        range.and_then(|(start, size)| blob.slice(start, size)).ok_or_else(|| {
             let (offset, size, length) = (data.offset, data.size, blob.len());
             TraceError::new(&self.file, format!("bytes {offset} + {size} of blob {:?} reach past its {length}", data.blob))
         })
     }
 
     /// A text blob.
-    pub fn text(&self, name: &str) -> Result<&str, TraceError> {
+    pub fn text(&self, name: &str) -> Result<String, TraceError> {
         let bytes = self.blob(name)?;
-        std::str::from_utf8(bytes).map_err(|error| {
+        std::str::from_utf8(&bytes).map(str::to_owned).map_err(|error| {
             let reason = format!("blob {name:?} is not UTF-8 text: byte {} is invalid", error.valid_up_to());
             TraceError::new(&self.file, reason)
         })
@@ -259,6 +271,23 @@ impl Trace {
                     }
                 }
                 Ok(())
+            }
+            Commands::Stream(stream) => {
+                let mut index = 0;
+                // What has been visited; an error of the stream comes behind the parts before it.
+                let mut parts = |Part { commands, blobs }: Part| -> Result<ControlFlow<()>, E> {
+                    self.store.with(blobs, || -> Result<ControlFlow<()>, E> {
+                        for command in &commands {
+                            if visit(index, command)?.is_break() {
+                                return Ok(ControlFlow::Break(()));
+                            }
+                            index += 1;
+                        }
+                        Ok(ControlFlow::Continue(()))
+                    })
+                };
+                let made = stream::beside(&**stream, &mut parts)?;
+                Ok(made.map_err(|error| TraceError::new(&self.file, error))??)
             }
             Commands::Text(text) => {
                 let mut failed = None;
@@ -305,6 +334,7 @@ impl Trace {
     pub fn place(&self, index: u64) -> Option<Place> {
         match &self.commands {
             Commands::List(_, places) => places.get(usize::try_from(index).ok()?).copied(),
+            Commands::Stream(_) => None,
             Commands::Text(text) => text::place_of(std::str::from_utf8(text).ok()?, index),
         }
     }

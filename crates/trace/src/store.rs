@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use memmap2::Mmap;
 
@@ -25,7 +25,7 @@ pub struct Bytes(Repr);
 
 #[derive(Clone)]
 enum Repr {
-    Owned(Arc<Vec<u8>>),
+    Owned { bytes: Arc<Vec<u8>>, start: usize, end: usize },
     Mapped { map: Arc<Mmap>, start: usize, end: usize },
 }
 
@@ -67,8 +67,9 @@ impl Bytes {
     pub fn slice(&self, start: usize, length: usize) -> Option<Bytes> {
         self.get(start..start.checked_add(length)?)?;
         Some(match &self.0 {
-            Repr::Owned(all) if start == 0 && length == all.len() => self.clone(),
-            Repr::Owned(all) => all[start..start + length].to_vec().into(),
+            Repr::Owned { bytes, start: base, .. } => {
+                Bytes(Repr::Owned { bytes: bytes.clone(), start: base + start, end: base + start + length })
+            }
             Repr::Mapped { map, start: base, .. } => {
                 Bytes(Repr::Mapped { map: map.clone(), start: base + start, end: base + start + length })
             }
@@ -81,9 +82,22 @@ impl Bytes {
     }
 }
 
+impl PartialEq for Bytes {
+    fn eq(&self, other: &Bytes) -> bool {
+        **self == **other
+    }
+}
+
+impl std::fmt::Debug for Bytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        (**self).fmt(f)
+    }
+}
+
 impl From<Vec<u8>> for Bytes {
     fn from(bytes: Vec<u8>) -> Bytes {
-        Bytes(Repr::Owned(Arc::new(bytes)))
+        let end = bytes.len();
+        Bytes(Repr::Owned { bytes: Arc::new(bytes), start: 0, end })
     }
 }
 
@@ -92,7 +106,7 @@ impl Deref for Bytes {
 
     fn deref(&self) -> &[u8] {
         match &self.0 {
-            Repr::Owned(bytes) => bytes,
+            Repr::Owned { bytes, start, end } => &bytes[*start..*end],
             Repr::Mapped { map, start, end } => &map[*start..*end],
         }
     }
@@ -151,6 +165,8 @@ impl Blob {
 #[derive(Default)]
 pub(super) struct Store {
     blobs: BTreeMap<String, Blob>,
+    /// Blobs of parts of a stream that are read at present, and how many readers have each.
+    passing: Mutex<BTreeMap<String, (Bytes, usize)>>,
 }
 
 impl Store {
@@ -202,7 +218,17 @@ impl Store {
 
     /// Size of a blob, without loading it.
     pub fn size(&self, name: &str) -> Option<u64> {
-        self.blobs.get(name).map(|blob| blob.size)
+        let passing = || self.passing().get(name).map(|(bytes, _)| bytes.len() as u64);
+        self.blobs.get(name).map(|blob| blob.size).or_else(passing)
+    }
+
+    /// The blobs that are in memory.
+    pub fn take_ready(&mut self) -> Vec<(String, Bytes)> {
+        let ready = |(name, blob): (String, Blob)| match blob.source {
+            Source::Ready(bytes) => Some((name, bytes)),
+            Source::File(..) | Source::Entry(..) => None,
+        };
+        std::mem::take(&mut self.blobs).into_iter().filter_map(ready).collect()
     }
 
     /// Names, in order.
@@ -210,12 +236,37 @@ impl Store {
         self.blobs.keys().map(String::as_str)
     }
 
+    fn passing(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, (Bytes, usize)>> {
+        // Each change is one step, so what a reader that has failed leaves is whole.
+        self.passing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Holds the blobs of a part while `read` runs.
+    pub fn with<T>(&self, blobs: Vec<(String, Bytes)>, read: impl FnOnce() -> T) -> T {
+        let names: Vec<String> = blobs.iter().map(|(name, _)| name.clone()).collect();
+        for (name, bytes) in blobs {
+            self.passing().entry(name).or_insert((bytes, 0)).1 += 1;
+        }
+        let result = read();
+        let mut passing = self.passing();
+        for name in names {
+            if let Some((_, readers)) = passing.get_mut(&name) {
+                *readers -= 1;
+                if *readers == 0 {
+                    passing.remove(&name);
+                }
+            }
+        }
+        result
+    }
+
     /// The bytes of a blob; the first call loads and checks them.
-    pub fn get(&self, home: &Path, name: &str) -> Result<&Bytes, TraceError> {
+    pub fn get(&self, home: &Path, name: &str) -> Result<Bytes, TraceError> {
         let Some(blob) = self.blobs.get(name) else {
-            return Err(TraceError::new(home, format!("there is no blob {name:?}")));
+            let passing = self.passing().get(name).map(|(bytes, _)| bytes.clone());
+            return passing.ok_or_else(|| TraceError::new(home, format!("there is no blob {name:?}")));
         };
-        blob.loaded.get_or_init(|| blob.load()).as_ref().map_err(|reason| match &blob.source {
+        blob.loaded.get_or_init(|| blob.load()).clone().map_err(|reason| match &blob.source {
             Source::File(path, _) => TraceError::new(path, reason),
             _ => TraceError::new(home, format!("blob {name:?} {reason}")),
         })

@@ -37,12 +37,21 @@ pub fn write(trace: &Trace, folder: impl AsRef<Path>) -> Result<(), TraceError> 
 }
 
 fn write_folder(trace: &Trace, folder: &Path) -> Result<(), TraceError> {
+    whole(trace)?;
     fs::create_dir_all(folder).map_err(|error| TraceError::new(folder, error))?;
     for name in trace.blob_names() {
         let bytes = trace.blob(name)?;
-        replace(&folder.join(name), |file| Ok(file.write_all(bytes)?))?;
+        replace(&folder.join(name), |file| Ok(file.write_all(&bytes)?))?;
     }
     replace(&folder.join(COMMANDS_FILE), |file| write_commands(trace, file))
+}
+
+/// Refuses a trace whose blobs are gone before they are written.
+fn whole(trace: &Trace) -> Result<(), TraceError> {
+    if trace.is_stream() {
+        return Err(TraceError::new(trace.file(), "is read as a stream (`Reading::in_memory`), which cannot be written"));
+    }
+    Ok(())
 }
 
 /// Writes a trace as one zip archive.
@@ -56,6 +65,7 @@ pub fn write_archive(trace: &Trace, name: &Path, out: impl Write + Seek, packing
 }
 
 fn pack(trace: &Trace, out: impl Write + Seek, packing: Packing) -> Result<(), Failure> {
+    whole(trace)?;
     let failure = Rc::default();
     let mut archive = ZipWriter::new(Quiet { out, at: 0, failure: Rc::clone(&failure) });
     let check = || failure.take().map_or(Ok(()), Err);
@@ -76,7 +86,7 @@ fn pack(trace: &Trace, out: impl Write + Seek, packing: Packing) -> Result<(), F
         let bytes = trace.blob(name)?;
         let large = bytes.len() as u64 >= u64::from(u32::MAX);
         archive.start_file(name, options.large_file(large)).map_err(io::Error::from)?;
-        archive.write_all(bytes)?;
+        archive.write_all(&bytes)?;
         check()?;
     }
     archive.finish().map_err(io::Error::from)?;
@@ -168,7 +178,7 @@ fn write_commands(trace: &Trace, out: &mut dyn Write) -> Result<(), Failure> {
     writeln!(out, "Trace(\n    version: {VERSION},\n    files: {{")?;
     for name in trace.blob_names() {
         let bytes = trace.blob(name)?;
-        writeln!(out, "        {name:?}: (size: {}, hash: \"{}\"),", bytes.len(), blake3::hash(bytes).to_hex())?;
+        writeln!(out, "        {name:?}: (size: {}, hash: \"{}\"),", bytes.len(), blake3::hash(&bytes).to_hex())?;
     }
     writeln!(out, "    }},\n    commands: [")?;
     let mut line = String::new();

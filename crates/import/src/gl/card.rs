@@ -157,6 +157,12 @@ impl Card {
         self.recorder.copy_texture_to_texture(end(from), end(to), [size[0], size[1], 1]);
     }
 
+    /// Takes the commands that are recorded; what waits stays.
+    pub fn drain(&mut self) -> trace::Part {
+        self.bytes = 0;
+        self.recorder.drain()
+    }
+
     /// What draws go to.
     pub fn target(&self) -> Option<Target> {
         self.target

@@ -254,7 +254,9 @@ impl Gl {
         // What textures needed may have been drawn meanwhile.
         self.card.aim(Some(target));
         let constant = batch.vertices[batch.indices[0] as usize];
-        key.varying = varying(&batch, &constant, &key);
+        if !self.survey {
+            key.varying = varying(&batch, &constant, &key);
+        }
         let mut blob = Vec::new();
         let textures: [Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
         let source = Source {
@@ -286,7 +288,9 @@ impl Gl {
                 shader
             }
         };
-        let (attributes, bytes, indices) = if key.expand == Expand::No {
+        let (attributes, bytes, indices) = if self.survey {
+            (Vec::new(), Vec::new(), vec![0])
+        } else if key.expand == Expand::No {
             pack(&key, &batch)
         } else {
             let clip = to_clip(&self.projection.top, &self.modelview.top);

@@ -117,6 +117,8 @@ pub struct Gl {
     pub batch: Batch,
     /// Whether each primitive call is a draw, with its attributes in full.
     pub keep_draws: bool,
+    /// Whether vertices are left out of draws, since nothing is kept but what is known of the recording.
+    pub survey: bool,
     /// Of draws that are kept, what the arrays of the call at hand send.
     pub elements: Option<Elements>,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
@@ -184,6 +186,7 @@ impl Gl {
             tracked: None,
             batch: Batch::default(),
             keep_draws: false,
+            survey: false,
             elements: None,
             render_mode: e::RENDER,
             shaders: BTreeMap::new(),

@@ -56,14 +56,14 @@ mod uniforms;
 mod wgsl;
 
 use std::collections::BTreeMap;
-use std::ops::Range;
-use std::path::Path;
+use std::ops::{ControlFlow, Range};
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use std::io::Read;
 
 use host::Links;
-use trace::{Reading, Trace, TraceError};
+use trace::{Part, Reading, Stream, Trace, TraceError};
 
 use call::Fault;
 use machine::Gl;
@@ -103,8 +103,14 @@ impl Report {
     }
 }
 
+/// Bytes of commands and payload up to which a recording is held in memory, where nothing else is asked for.
+const IN_MEMORY: u64 = 64 << 20;
+/// Parts of a stream in what would be held in memory.
+const PARTS: u64 = 16;
+
 /// Opens a recording of apitrace or GLInterceptor, with those of its frames that are asked for. The recording is read up to the last of
-/// them. Of frames before them only that is left which later ones can read.
+/// them. Of frames before them only that is left which later ones can read. The commands of a long one are made again whenever they are
+/// read (`reading.in_memory`).
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
@@ -115,13 +121,58 @@ pub fn open(
     reading: &Reading,
     frames: Range<u64>,
 ) -> Result<(Trace, Report), TraceError> {
-    let fail = |reason: String| TraceError::new(path, reason);
-    let mut file = host::open(path, links).map_err(|error| TraceError::new(path, error))?;
-    let mut start = [0; 2];
-    file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
-    let input: Input = Box::new(file);
-    let memory = if apitrace { Memory::default() } else { memory_of(path, reading)? };
-    import(path, input, start, apitrace, memory, reading, frames)
+    let recording = Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames };
+    let most = recording.in_memory();
+    let (trace, report) = recording.import(Keep::All { most })?;
+    Ok((trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits)), report))
+}
+
+/// A recording in a file.
+struct Recording {
+    path: PathBuf,
+    apitrace: bool,
+    links: Links,
+    reading: Reading,
+    frames: Range<u64>,
+}
+
+impl Recording {
+    fn in_memory(&self) -> u64 {
+        self.reading.in_memory.unwrap_or(IN_MEMORY)
+    }
+
+    fn import(&self, keep: Keep<'_>) -> Result<(Option<Trace>, Report), TraceError> {
+        let Recording { path, apitrace, links, reading, frames } = self;
+        let fail = |reason: String| TraceError::new(path, reason);
+        let mut file = host::open(path, *links).map_err(|error| TraceError::new(path, error))?;
+        let mut start = [0; 2];
+        file.read_exact(&mut start).map_err(|_| fail("is shorter than the start of a recording".into()))?;
+        let input: Input = Box::new(file);
+        let memory = if *apitrace { Memory::default() } else { memory_of(path, reading)? };
+        import(Opened { path, input, start, apitrace: *apitrace, memory }, reading, frames.clone(), keep)
+    }
+}
+
+impl Stream for Recording {
+    fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
+        self.import(Keep::Parts { part: (self.in_memory() / PARTS).max(1 << 10), take }).map(|_| ())
+    }
+}
+
+/// What becomes of commands.
+enum Keep<'a> {
+    /// They are kept, unless they take more bytes than this: then none is, and only the report is made.
+    All {
+        /// Bytes.
+        most: u64,
+    },
+    /// They are handed over.
+    Parts {
+        /// Bytes of a part, about.
+        part: u64,
+        /// What takes it.
+        take: &'a mut dyn FnMut(Part) -> ControlFlow<()>,
+    },
 }
 
 /// Imports a recording that is in memory; `path` is what messages call it. `memory` has the two files beside a text recording.
@@ -150,19 +201,27 @@ pub fn import_frames(
     let apitrace = start != *b"GL";
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
     let input = Box::new(std::io::Cursor::new(rest.to_vec()));
-    import(path, input, start, apitrace, memory, reading, frames)
+    let (trace, report) = import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX })?;
+    Ok((trace.expect("all is kept"), report))
 }
 
-/// Imports a recording from a stream whose first two bytes have been read.
-fn import(
-    path: &Path,
+/// A recording whose first two bytes have been read.
+struct Opened<'a> {
+    path: &'a Path,
     input: Input,
     start: [u8; 2],
     apitrace: bool,
     memory: Memory,
+}
+
+/// Imports a recording; gives the trace, if it is kept.
+fn import(
+    opened: Opened<'_>,
     reading: &Reading,
     frames: Range<u64>,
-) -> Result<(Trace, Report), TraceError> {
+    mut keep: Keep<'_>,
+) -> Result<(Option<Trace>, Report), TraceError> {
+    let Opened { path, input, start, apitrace, memory } = opened;
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
         |broken: Broken| TraceError::new(path, format!("call {}, {unit} {}: {}", broken.call, broken.place, broken.reason));
@@ -174,6 +233,7 @@ fn import(
     let mut gl = Gl::new(path, &reading.limits);
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
+    let mut kept = true;
     while gl.card.frames < frames.end {
         let Some(call) = reader.next().map_err(broken)? else { break };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));
@@ -184,6 +244,18 @@ fn import(
             return Err(wrong(reason));
         }
         gl.call(&call).map_err(wrong)?;
+        match &mut keep {
+            Keep::All { most } if gl.card.recorder.bytes() > *most => {
+                drop(gl.card.drain());
+                (kept, *most, gl.survey) = (false, *most / PARTS, true);
+            }
+            Keep::Parts { part, take } if gl.card.recorder.bytes() > *part => {
+                if take(gl.card.drain()).is_break() {
+                    return Ok((None, Report::default()));
+                }
+            }
+            _ => {}
+        }
     }
     gl.finish_counts();
     let mut report = Report { calls: std::mem::take(&mut gl.calls), frames: gl.card.frames, ..Report::default() };
@@ -194,8 +266,14 @@ fn import(
     report.shaders = std::mem::take(&mut gl.texts);
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);
+    if let Keep::Parts { take, .. } = keep {
+        gl.card.end_pass();
+        // Nothing comes behind.
+        let _ = take(gl.card.drain());
+        return Ok((None, report));
+    }
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
-    Ok((trace.with_limits(reading.limits), report))
+    Ok((kept.then(|| trace.with_limits(reading.limits)), report))
 }
 
 /// The memory file beside a text recording, if there is one.

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use import::gl::{Report, import_bytes};
 use proptest::prelude::*;
-use trace::command::Command;
-use trace::{Reading, Trace, check};
+use trace::command::{Command, ShaderSource};
+use trace::{Reading, Trace, TraceError, check};
 
 /// A value of a call.
 #[derive(Clone, Debug)]
@@ -193,7 +193,7 @@ fn imported(bytes: Vec<u8>) -> Result<(Trace, Report), String> {
 
 fn draws(trace: &Trace) -> usize {
     let mut draws = 0;
-    let counted: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+    let counted: Result<(), TraceError> = trace.for_each_command(|_, command| {
         draws += usize::from(matches!(command, Command::DrawIndexed { .. }));
         Ok(())
     });
@@ -263,7 +263,7 @@ fn written(choose: &str, first: usize, list: &[f32]) -> Vec<u8> {
     w.call(choose, &args);
     let (trace, _) = imported(program_after(w).file(1 << 20)).expect("a recording");
     let mut masks = Vec::new();
-    let read: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+    let read: Result<(), TraceError> = trace.for_each_command(|_, command| {
         if let Command::CreateRenderPipeline { desc, .. } = command {
             masks.extend(desc.targets.iter().flatten().map(|target| target.write_mask));
         }
@@ -391,6 +391,54 @@ fn the_recording_of_features_is_whole() {
     assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
 }
 
+/// Commands with the contents of their blobs in the place of names.
+fn with_contents(trace: &Trace) -> Vec<(Command, Vec<u8>)> {
+    let mut list = Vec::new();
+    trace
+        .for_each_command(|_, command| -> Result<(), TraceError> {
+            let mut command = command.clone();
+            let contents = match &mut command {
+                Command::WriteBuffer { data, .. } | Command::WriteTexture { data, .. } => {
+                    let bytes = trace.data(data)?.to_vec();
+                    data.blob.clear();
+                    bytes
+                }
+                Command::CreateShader { source: ShaderSource::Wgsl(name), .. } => trace.text(&std::mem::take(name))?.into_bytes(),
+                _ => Vec::new(),
+            };
+            list.push((command, contents));
+            Ok(())
+        })
+        .expect("all commands");
+    list
+}
+
+#[test]
+fn a_stream_has_the_commands_of_the_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [descriptors, regions] = memory();
+    std::fs::write(folder.path().join("BufferDescriptors.dat"), descriptors).expect("a file");
+    std::fs::write(folder.path().join("MemoryRegions.dat"), regions).expect("a file");
+    let path = folder.path().join("features.txt");
+    std::fs::write(&path, FEATURES).expect("a file");
+    let open = |in_memory| import::open_with(&path, &Reading { in_memory, lenient: true, ..Reading::default() }).expect("a recording");
+    let (whole, stream) = (open(Some(u64::MAX)), open(Some(0)));
+    assert!(!whole.is_stream() && !open(None).is_stream() && stream.is_stream());
+    let commands = with_contents(&whole);
+    assert!(commands.len() > 100 && commands == with_contents(&stream));
+    // Readers beside each other and one after the other, and one that stops early.
+    std::thread::scope(|scope| {
+        let readers: Vec<_> = (0..3).map(|_| scope.spawn(|| with_contents(&stream))).collect();
+        assert!(stream.presents(1) && !stream.presents(100));
+        assert!(readers.into_iter().all(|reader| reader.join().expect("a reader") == commands));
+    });
+    // What has been read is gone.
+    let name = whole.blob_names().next().expect("a blob").to_owned();
+    assert!(whole.blob(&name).is_ok() && stream.blob(&name).is_err());
+    let error = trace::write(&stream, folder.path().join("out")).expect_err("a stream");
+    assert!(error.to_string().contains("read as a stream"), "{error}");
+}
+
 #[test]
 fn wrong_calls_of_features_raise_errors_or_name_their_call() {
     let of = |calls: &str| imported_text(format!("GLI0.t\n#! RES 8x8\n{calls}\nwglSwapBuffers(1)\n").as_bytes(), &memory());
@@ -439,7 +487,7 @@ fn a_text_is_read_with_its_memory_file() {
     assert_eq!((summary.frames, draws(&trace)), (1, 1));
     assert!(report.unsupported.is_empty(), "{:?}", report.unsupported);
     let mut clears = Vec::new();
-    let seen: Result<(), trace::TraceError> = trace.for_each_command(|_, command| {
+    let seen: Result<(), TraceError> = trace.for_each_command(|_, command| {
         if let Command::BeginRenderPass { color, .. } = command {
             clears.extend(color.iter().flatten().filter_map(|color| color.clear));
         }

@@ -9,10 +9,13 @@ use trace::command::{Command, ShaderSource, Stage};
 use trace::{Trace, TraceError};
 
 fn load(trace: &Trace, source: &ShaderSource) -> Module {
-    let (name, source) = match source {
-        ShaderSource::Wgsl(name) => (name, Source::Wgsl(trace.text(name).unwrap())),
-        ShaderSource::SpirV(name) => (name, Source::SpirV(trace.blob(name).unwrap())),
-        ShaderSource::NagaIr(name) => (name, Source::NagaIr(trace.text(name).unwrap())),
+    let (ShaderSource::Wgsl(name) | ShaderSource::SpirV(name) | ShaderSource::NagaIr(name)) = source;
+    let bytes = trace.blob(name).unwrap();
+    let text = || std::str::from_utf8(&bytes).unwrap();
+    let source = match source {
+        ShaderSource::Wgsl(_) => Source::Wgsl(text()),
+        ShaderSource::SpirV(_) => Source::SpirV(&bytes),
+        ShaderSource::NagaIr(_) => Source::NagaIr(text()),
     };
     Module::new(name, source).unwrap_or_else(|error| panic!("{}: {error}", trace.file().display()))
 }

@@ -103,9 +103,7 @@ impl Checker<'_> {
 
     fn use_data(&mut self, data: &Data) -> Outcome {
         self.trace.data(data)?;
-        if !self.used_blobs.contains(&data.blob) {
-            self.used_blobs.insert(data.blob.clone());
-        }
+        self.use_blob(&data.blob);
         Ok(())
     }
 

@@ -165,8 +165,17 @@ impl<'a> Checker<'a> {
             let reason = format!("the trace ends inside a {open}");
             return Err(self.trace.error_at(self.next.saturating_sub(1), reason));
         }
-        self.summary.finish(self.used_blobs.iter().filter_map(|name| self.trace.blob_size(name)));
+        self.summary.finish();
         Ok(self.summary)
+    }
+
+    /// Counts a blob when it is used first.
+    fn use_blob(&mut self, name: &str) {
+        if !self.used_blobs.contains(name) {
+            self.used_blobs.insert(name.to_owned());
+            self.summary.blobs += 1;
+            self.summary.blob_bytes += self.trace.blob_size(name).unwrap_or(0);
+        }
     }
 
     fn rule(&mut self, command: &Command) -> Outcome {

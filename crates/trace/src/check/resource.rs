@@ -156,7 +156,7 @@ impl Checker<'_> {
                 self.trace.text(name)?;
             }
         }
-        self.used_blobs.insert(name.clone());
+        self.use_blob(name);
         Ok(self.shaders.create(id.0, ())?)
     }
 

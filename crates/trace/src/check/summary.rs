@@ -47,11 +47,7 @@ impl Summary {
         *self.by_name.entry(command.name()).or_default() += 1;
     }
 
-    pub(super) fn finish(&mut self, blobs: impl Iterator<Item = u64>) {
-        for bytes in blobs {
-            self.blobs += 1;
-            self.blob_bytes += bytes;
-        }
+    pub(super) fn finish(&mut self) {
         self.frames = self.commands_named("Present").max(1);
     }
 

@@ -37,7 +37,7 @@ use gfx::state::{Aspect, SamplerDesc};
 use num::*;
 
 use super::command::*;
-use super::{Builder, Packing, Trace, TraceError};
+use super::{Builder, Packing, Part, Trace, TraceError};
 
 pub use desc::*;
 pub use pass::{BundleEncoder, ComputePass, RenderPass};
@@ -47,6 +47,10 @@ pub struct Recorder {
     builder: Builder,
     /// Blobs by contents: the name under which they are kept.
     by_hash: BTreeMap<[u8; 32], String>,
+    /// Numbers of the names that have been given, by stem.
+    numbers: BTreeMap<String, u32>,
+    /// Bytes of the blobs.
+    bytes: u64,
     textures: Vec<TextureDesc>,
     next: NextIds,
 }
@@ -79,7 +83,26 @@ fn some_label(label: &str) -> Option<String> {
 impl Recorder {
     /// An empty recording; `name` is what messages call it.
     pub fn new(name: impl AsRef<Path>) -> Recorder {
-        Recorder { builder: Builder::new(name), by_hash: BTreeMap::new(), textures: Vec::new(), next: NextIds::default() }
+        Recorder {
+            builder: Builder::new(name),
+            by_hash: BTreeMap::new(),
+            numbers: BTreeMap::new(),
+            bytes: 0,
+            textures: Vec::new(),
+            next: NextIds::default(),
+        }
+    }
+
+    /// Bytes that commands and blobs take, about.
+    pub fn bytes(&self) -> u64 {
+        self.bytes + self.builder.len() * size_of::<Command>() as u64
+    }
+
+    /// Takes what has been recorded so far; the recording goes on behind it.
+    pub fn drain(&mut self) -> Part {
+        self.by_hash.clear();
+        self.bytes = 0;
+        self.builder.drain()
     }
 
     /// Appends any command as it is.
@@ -101,13 +124,17 @@ impl Recorder {
         if stem.is_empty() {
             stem.push_str("data");
         }
-        let mut name = format!("{stem}.{extension}");
-        for number in 1.. {
+        // Names are not given twice, also where blobs have been taken out.
+        let number = self.numbers.entry(format!("{stem}.{extension}")).or_insert(0);
+        let mut name;
+        loop {
+            name = if *number == 0 { format!("{stem}.{extension}") } else { format!("{stem}-{number}.{extension}") };
+            *number += 1;
             if !self.builder.has_blob(&name) {
                 break;
             }
-            name = format!("{stem}-{number}.{extension}");
         }
+        self.bytes += bytes.len() as u64;
         self.builder.add_blob(&name, bytes.to_vec()).expect("the name is plain and free");
         self.by_hash.insert(hash, name.clone());
         name

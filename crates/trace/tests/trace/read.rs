@@ -57,7 +57,7 @@ fn a_folder_gives_its_commands_and_blobs() {
                 Command::PushDebugGroup("x".into()),
             ]
         );
-        assert_eq!(trace.data(&data).unwrap(), b"23456789");
+        assert_eq!(*trace.data(&data).unwrap(), *b"23456789");
         assert_eq!(trace.place(0), Some(Place { line: 8, column: 9 }));
         assert_eq!(trace.place(1), Some(Place { line: 9, column: 20 }));
         assert_eq!(trace.place(2), Some(Place { line: 10, column: 9 }));
@@ -97,7 +97,7 @@ fn a_built_trace_uses_foreign_files_where_they_are() {
     assert!(builder.add_blob("own.wgsl", Vec::new()).is_err());
     assert!(builder.add_blob("../x", Vec::new()).is_err());
     let trace = builder.finish();
-    assert!(trace.shared("data0.bin").unwrap().is_mapped());
+    assert!(trace.blob("data0.bin").unwrap().is_mapped());
     assert_eq!(trace.blob("data0.bin").unwrap().len(), 1 << 20);
     assert_eq!(trace.text("own.wgsl").unwrap(), "text");
     assert_eq!(commands(&trace).unwrap().len(), 3);
