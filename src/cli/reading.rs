@@ -85,6 +85,12 @@ impl Reading {
         for assignment in &self.limits {
             limits.set(assignment).map_err(|reason| anyhow!("--limit {reason}"))?;
         }
-        Ok(trace::Reading { limits, follow_links: self.follow_links, lenient: self.lenient, keep_draws: self.keep_draws, in_memory: None })
+        Ok(trace::Reading {
+            limits,
+            follow_links: self.follow_links,
+            lenient: self.lenient,
+            keep_draws: self.keep_draws,
+            in_memory: None,
+        })
     }
 }

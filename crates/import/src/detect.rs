@@ -100,9 +100,7 @@ fn kind_of_file(file: &Path, links: Links) -> io::Result<Option<Kind>> {
         Some(Kind::Native)
     } else if start.starts_with(b"GLI0.") || (start.starts_with(b"\x1f\x8b") && name.ends_with(".txt.gz")) {
         Some(Kind::GlInterceptor)
-    } else if (start.starts_with(b"at") || start.starts_with(b"\x1f\x8b")) && name.ends_with(".trace") {
-        Some(Kind::Apitrace)
-    } else if name.ends_with(".trace") && is_brotli(&start) {
+    } else if name.ends_with(".trace") && (start.starts_with(b"at") || start.starts_with(b"\x1f\x8b") || is_brotli(&start)) {
         Some(Kind::Apitrace)
     } else if name.ends_with(".ron") {
         // A wgpu trace is a list of actions, a native one a single struct. What is neither gets the native reader's message.

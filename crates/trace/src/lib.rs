@@ -49,9 +49,9 @@ pub use geometry::{LinearExtent, copy_block_bytes};
 use host::Links;
 use num::Limits;
 use store::Store;
-pub use stream::{Part, Stream};
 pub use store::check_name;
 pub use store::{Bytes, NAME_MAX};
+pub use stream::{Part, Stream};
 pub use write::{Packing, write, write_archive, write_zip};
 
 /// The version of the format that is written and read.

@@ -226,7 +226,7 @@ impl Gl {
     }
 
     fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
-        let mut vertex = self.state.current;
+        let mut vertex = self.state.current.clone();
         for array in ready {
             let at = (index as usize).saturating_mul(array.stride).saturating_add(array.start);
             let Some(element) = array.data.get(at..at.saturating_add(array.size * array.bytes)) else {
@@ -247,8 +247,8 @@ impl Gl {
                 4 => vertex.fog = plain[0],
                 5 => vertex.edge = values[0] != 0.0,
                 GENERIC => vertex.position = if array.normalized { normalized } else { plain },
-                slot if slot > GENERIC => vertex.generic[slot - GENERIC] = if array.normalized { normalized } else { plain },
-                slot => vertex.texture[slot - 8] = plain,
+                slot if slot > GENERIC => vertex.set_generic(slot - GENERIC, if array.normalized { normalized } else { plain }),
+                slot => vertex.set_texture(slot - 8, plain),
             }
         }
         Ok(vertex)
@@ -264,7 +264,7 @@ impl Gl {
         if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
             return Ok(());
         }
-        let indices: Vec<u32> = indices.collect();
+        let indices: Vec<u32> = indices.take(self.vertices_read(usize::MAX)).collect();
         let vertices = indices.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
         if self.keep_draws && self.compiling.is_none() {
             let mut named = indices.clone();
@@ -345,7 +345,8 @@ pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;
-    gl.state.current = Vertex { position: gl.state.current.position, ..vertex };
+    let position = std::mem::replace(&mut gl.state.current, vertex.clone()).position;
+    gl.state.current.position = position;
     if let (Some((_, vertices)), true) = (&mut gl.begun, bits & (1 | 1 << GENERIC) != 0) {
         vertices.push(vertex);
     }

@@ -253,7 +253,7 @@ impl Gl {
         bound.extend(self.pixels.map(|pixels| pixels.bound));
         // What textures needed may have been drawn meanwhile.
         self.card.aim(Some(target));
-        let constant = batch.vertices[batch.indices[0] as usize];
+        let constant = batch.vertices[batch.indices[0] as usize].clone();
         if !self.survey {
             key.varying = varying(&batch, &constant, &key);
         }
@@ -382,7 +382,7 @@ impl Gl {
     fn key(&self, batch: &Batch, mut units: Vec<UnitKey>) -> Outcome<ShaderKey> {
         let state = &self.state;
         for unit in units.iter_mut().filter(|unit| !unit.projective && !unit.sprite) {
-            unit.projective = batch.vertices.iter().any(|vertex| vertex.texture[unit.unit][3] != 1.0);
+            unit.projective = batch.vertices.iter().any(|vertex| vertex.texture(unit.unit)[3] != 1.0);
         }
         let back = batch.polygon == Some(true) && state.two_side;
         let lighting = state.is(e::LIGHTING).then(|| {
@@ -565,12 +565,16 @@ fn varying(batch: &Batch, first: &Vertex, key: &ShaderKey) -> Varying {
         varying.normal |= vertex.normal != first.normal;
         varying.secondary |= vertex.secondary != first.secondary;
         varying.fog |= vertex.fog != first.fog;
-        for unit in 0..UNITS {
-            varying.texture[unit] |= vertex.texture[unit] != first.texture[unit];
+        varying.texture[0] |= vertex.texture(0) != first.texture(0);
+        if vertex.shares(first) {
+            continue;
+        }
+        for unit in 1..UNITS {
+            varying.texture[unit] |= vertex.texture(unit) != first.texture(unit);
         }
         if key.vertex.is_some() {
             for k in 1..GENERICS {
-                varying.generic |= u16::from(vertex.generic[k] != first.generic[k]) << k;
+                varying.generic |= u16::from(vertex.generic(k) != first.generic(k)) << k;
             }
         }
     }

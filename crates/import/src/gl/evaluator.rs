@@ -136,8 +136,8 @@ impl Gl {
         let first = if surface { e::MAP2_COLOR_4 } else { e::MAP1_COLOR_4 };
         let on = |index: usize| capability(first + index as u32).is_some_and(|bit| self.state.enabled & bit != 0);
         let map = |index: usize| self.maps.maps[usize::from(surface)][index].as_ref().filter(|_| on(index));
-        let saved = self.state.current;
-        let mut vertex = saved;
+        let saved = self.state.current.clone();
+        let mut vertex = saved.clone();
         if let Some(map) = map(COLOR) {
             vertex.color = map.at(u, v)[0];
         }
@@ -147,7 +147,7 @@ impl Gl {
         }
         // Of several texture maps the one of most coordinates counts.
         if let Some(map) = (TEXTURE..TEXTURE + 4).rev().find_map(map) {
-            vertex.texture[0] = map.at(u, v)[0];
+            vertex.set_texture(0, map.at(u, v)[0]);
         }
         let Some(map) = map(VERTEX_4).or_else(|| map(VERTEX_3)) else { return Ok(()) };
         let [p, du, dv] = map.at(u, v);

@@ -43,7 +43,7 @@ pub(super) fn vertex(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 impl Gl {
     /// A vertex at a position, with the current attributes. Outside of Begin and End it does nothing.
     pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
-        let mut vertex = self.state.current;
+        let mut vertex = self.state.current.clone();
         vertex.position = position;
         if let Some((_, color)) = self.tracked {
             vertex.color = color;
@@ -90,7 +90,8 @@ pub(super) fn edge_flag(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    gl.state.current.texture[0] = position(call, shape)?;
+    let value = position(call, shape)?;
+    gl.state.current.set_texture(0, value);
     Ok(())
 }
 
@@ -99,7 +100,7 @@ pub(super) fn multi_texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     if unit >= UNITS {
         return Err(INVALID_ENUM);
     }
-    gl.state.current.texture[unit] = components(call, shape, 1)?.0.map(|value| value as f32);
+    gl.state.current.set_texture(unit, components(call, shape, 1)?.0.map(|value| value as f32));
     Ok(())
 }
 
@@ -111,7 +112,7 @@ pub(super) fn rectangle(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
         [call.f64(0)?, call.f64(1)?, call.f64(2)?, call.f64(3)?]
     };
     let corners = [[x1, y1], [x2, y1], [x2, y2], [x1, y2]].map(|[x, y]| {
-        let mut vertex = gl.state.current;
+        let mut vertex = gl.state.current.clone();
         (vertex.position, vertex.edge) = ([x as f32, y as f32, 0.0, 1.0], true);
         vertex
     });

@@ -2,11 +2,12 @@
 
 use std::rc::Rc;
 
+use super::arb::GENERICS;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::image::PixelStore;
 use super::machine::Gl;
-use super::state::Vertex;
+use super::state::{UNITS, Vertex};
 use super::table::Entry;
 
 /// Calls of all lists, and lists in each other (the standard's least maximum).
@@ -84,8 +85,9 @@ impl Gl {
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
                 Step::Vertices(mode, vertices, arrays) => {
-                    let current = self.state.current;
-                    let filled: Vec<Vertex> = vertices.iter().map(|vertex| vertex.over(&current, *arrays)).collect();
+                    let current = self.state.current.clone();
+                    let few = self.vertices_read(vertices.len());
+                    let filled: Vec<Vertex> = vertices[..few].iter().map(|vertex| vertex.over(&current, *arrays)).collect();
                     self.primitive(*mode, &filled)?;
                 }
             }
@@ -94,10 +96,13 @@ impl Gl {
     }
 }
 
+/// Bits of the attributes that vertices share.
+const MORE: u32 = ((1 << UNITS) - 2) << 8 | ((1 << GENERICS) - 2) << 16;
+
 impl Vertex {
     /// This vertex, with attributes that are not in `arrays` from another one.
     pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
-        let mut vertex = *self;
+        let mut vertex = self.clone();
         let has = |bit: u32| arrays & 1 << bit != 0;
         if !has(1) {
             vertex.normal = current.normal;
@@ -114,14 +119,17 @@ impl Vertex {
         if !has(5) {
             vertex.edge = current.edge;
         }
-        for unit in 0..vertex.texture.len() {
-            if !has(8 + unit as u32) {
-                vertex.texture[unit] = current.texture[unit];
-            }
+        if !has(8) {
+            vertex.set_texture(0, current.texture(0));
         }
-        for k in 1..vertex.generic.len() {
-            if !has(16 + k as u32) {
-                vertex.generic[k] = current.generic[k];
+        if arrays & MORE == 0 {
+            vertex.share(current);
+        } else {
+            for unit in (1..UNITS).filter(|&unit| !has(8 + unit as u32)) {
+                vertex.set_texture(unit, current.texture(unit));
+            }
+            for k in (1..GENERICS).filter(|&k| !has(16 + k as u32)) {
+                vertex.set_generic(k, current.generic(k));
             }
         }
         vertex

@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn a_raster_colour_is_lit_as_a_vertex() {
         let mut state = State::default();
-        let mut vertex = state.current;
+        let mut vertex = state.current.clone();
         vertex.color = [0.25, 2.0, -1.0, 0.5];
         assert_eq!(colors(&state, &IDENTITY, &vertex).0, [0.25, 1.0, 0.0, 0.5]);
         state.enabled |= capability(e::LIGHTING).unwrap_or(0) | capability(e::LIGHT0).unwrap_or(0);

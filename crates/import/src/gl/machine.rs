@@ -204,6 +204,11 @@ impl Gl {
         }
     }
 
+    /// How many of so many vertices of a primitive are looked at: a survey needs one primitive to know what a draw asks for.
+    pub fn vertices_read(&self, count: usize) -> usize {
+        if self.survey { count.min(4) } else { count }
+    }
+
     /// Notes that something is not supported.
     pub fn refuse(&mut self, what: String) {
         let count = self.unsupported.entry(what).or_insert(Count { times: 0, first: self.number });

@@ -201,7 +201,8 @@ pub fn import_frames(
     let apitrace = start != *b"GL";
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
     let input = Box::new(std::io::Cursor::new(rest.to_vec()));
-    let (trace, report) = import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX })?;
+    let (trace, report) =
+        import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX })?;
     Ok((trace.expect("all is kept"), report))
 }
 
@@ -244,17 +245,19 @@ fn import(
             return Err(wrong(reason));
         }
         gl.call(&call).map_err(wrong)?;
+        let bytes = gl.card.recorder.bytes();
         match &mut keep {
-            Keep::All { most } if gl.card.recorder.bytes() > *most => {
-                drop(gl.card.drain());
-                (kept, *most, gl.survey) = (false, *most / PARTS, true);
+            Keep::All { most } => {
+                if bytes > *most {
+                    drop(gl.card.drain());
+                    (kept, *most, gl.survey) = (false, *most / PARTS, true);
+                }
             }
-            Keep::Parts { part, take } if gl.card.recorder.bytes() > *part => {
-                if take(gl.card.drain()).is_break() {
+            Keep::Parts { part, take } => {
+                if bytes > *part && take(gl.card.drain()).is_break() {
                     return Ok((None, Report::default()));
                 }
             }
-            _ => {}
         }
     }
     gl.finish_counts();

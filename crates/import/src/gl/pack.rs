@@ -62,12 +62,12 @@ fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
         list.push((location::ALONG, 1, |v, _| [v.along; 4]));
     }
     for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit)) {
-        let count = components(vertices.iter().map(|vertex| vertex.texture[unit]), 2);
-        list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture[(at - location::TEXTURE) as usize]));
+        let count = components(vertices.iter().map(|vertex| vertex.texture(unit)), 2);
+        list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture((at - location::TEXTURE) as usize)));
     }
     for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0) {
-        let count = components(vertices.iter().map(|vertex| vertex.generic[k]), 2);
-        list.push((location::GENERIC + k as u32, count, |v, at| v.generic[(at - location::GENERIC) as usize]));
+        let count = components(vertices.iter().map(|vertex| vertex.generic(k)), 2);
+        list.push((location::GENERIC + k as u32, count, |v, at| v.generic((at - location::GENERIC) as usize)));
     }
     list
 }
@@ -100,7 +100,7 @@ pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Pack
     }
     let (mut bytes, mut indices, mut count) = (Vec::new(), Vec::new(), 0_u32);
     for primitive in batch.indices.chunks_exact(if lines { 2 } else { 1 }) {
-        let mut ends: Vec<Vertex> = primitive.iter().map(|&i| batch.vertices[i as usize]).collect();
+        let mut ends: Vec<Vertex> = primitive.iter().map(|&i| batch.vertices[i as usize].clone()).collect();
         if lines && !cut(&mut ends, clip, flat, smooth) {
             continue;
         }
@@ -134,7 +134,7 @@ fn cut(ends: &mut [Vertex], clip: &Matrix, flat: bool, whole: bool) -> bool {
     }
     let [a, b] = [0, 1].map(|k| matrix::transform(clip, ends[k].position));
     let Some([from, to]) = visible(a, b, if whole { &VIEW_VOLUME } else { &VIEW_VOLUME[..1] }) else { return false };
-    let both = [ends[0], ends[1]];
+    let both = [ends[0].clone(), ends[1].clone()];
     (ends[0], ends[1]) = (between(&both, from), between(&both, to));
     true
 }

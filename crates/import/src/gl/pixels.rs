@@ -4,7 +4,7 @@ use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components, parameters};
 use super::matrix;
-use super::state::{PLANES, UNITS, Vertex};
+use super::state::{PLANES, UNITS};
 
 pub(super) fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (name, value) = (call.u32(0)?, call.f64(1)?);
@@ -94,7 +94,7 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     let depth = near + (z / w + 1.0) * 0.5 * (far - near);
     let window = [vx + (x / w + 1.0) * 0.5 * width, vy + (y / w + 1.0) * 0.5 * height, depth, w];
     gl.state.raster = inside.then_some(window);
-    let mut vertex = gl.state.current;
+    let mut vertex = gl.state.current.clone();
     vertex.position = position;
     (vertex.color, vertex.secondary) = super::lit::colors(&gl.state, &gl.modelview.top, &vertex);
     if !gl.state.fog_from_coordinate {
@@ -102,17 +102,18 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     }
     for unit in 0..UNITS {
         let state = &gl.state.units[unit];
+        let mut coordinates = vertex.texture(unit);
         for k in (0..4).filter(|k| state.generated & 1 << k != 0) {
             let generation = state.generation[k];
             let dot = |plane: [f32; 4], of: [f32; 4]| (0..4).map(|i| plane[i] * of[i]).sum();
-            vertex.texture[unit][k] = match generation.mode {
+            coordinates[k] = match generation.mode {
                 e::OBJECT_LINEAR => dot(generation.object, position),
                 e::EYE_LINEAR => dot(generation.eye, eye),
                 _ if state.enabled == 0 => 0.0,
                 _ => return Err(Fault::Unsupported("raster positions with coordinates of sphere and cube maps".into())),
             };
         }
-        vertex.texture[unit] = matrix::transform(&gl.texture_matrices[unit].top, vertex.texture[unit]);
+        vertex.set_texture(unit, matrix::transform(&gl.texture_matrices[unit].top, coordinates));
     }
     gl.state.raster_vertex = vertex;
     Ok(())
@@ -122,9 +123,10 @@ pub(super) fn window_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     let [x, y, z, _] = components(call, shape, 0)?.0.map(|value| value as f32);
     let [near, far] = gl.state.depth_range;
     gl.state.raster = Some([x, y, near + z.clamp(0.0, 1.0) * (far - near), 1.0]);
-    let vertex = gl.state.current;
+    let mut vertex = gl.state.current.clone();
     let fog = if gl.state.fog_from_coordinate { vertex.fog } else { 0.0 };
-    gl.state.raster_vertex = Vertex { fog, color: vertex.color.map(|value| value.clamp(0.0, 1.0)), ..vertex };
+    (vertex.fog, vertex.color) = (fog, vertex.color.map(|value| value.clamp(0.0, 1.0)));
+    gl.state.raster_vertex = vertex;
     Ok(())
 }
 

@@ -133,7 +133,7 @@ impl Gl {
         };
         if alone && indices.len() > each {
             return indices.chunks(each).try_for_each(|one| {
-                let used: Vec<Vertex> = one.iter().map(|&index| vertices[index as usize]).collect();
+                let used: Vec<Vertex> = one.iter().map(|&index| vertices[index as usize].clone()).collect();
                 self.append(class, polygon, &used, &[0, 1, 2][..one.len()])
             });
         }
@@ -279,7 +279,7 @@ impl Gl {
                 self.add(class, polygon, vertices, &indices)?;
                 continue;
             }
-            let used: Vec<Vertex> = indices.iter().map(|&i| vertices[i as usize]).collect();
+            let used: Vec<Vertex> = indices.iter().map(|&i| vertices[i as usize].clone()).collect();
             let all: Vec<u32> = (0..used.len() as u32).collect();
             self.add(class, polygon, &used, &all)?;
         }

@@ -59,7 +59,7 @@ impl Gl {
         let state = self.state.clone();
         let (modelview, projection) = (self.modelview.top, self.projection.top);
         let textures: [matrix::Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
-        let mut vertex = state.raster_vertex;
+        let mut vertex = state.raster_vertex.clone();
         let off = [e::LIGHTING, e::CULL_FACE, e::POLYGON_STIPPLE, e::POLYGON_SMOOTH, e::POLYGON_OFFSET_FILL];
         let bits = |caps: &mut dyn Iterator<Item = u32>| caps.filter_map(capability).fold(0, |all, bit| all | bit);
         self.state.enabled &= !bits(&mut off.into_iter().chain((0..6).map(|k| e::CLIP_PLANE0 + k)));
@@ -203,7 +203,7 @@ impl Gl {
 
 /// A vertex at a place in the window.
 fn placed(vertex: &Vertex, [x, y]: [f32; 2]) -> Vertex {
-    let mut moved = *vertex;
+    let mut moved = vertex.clone();
     (moved.position[0], moved.position[1]) = (x, y);
     moved
 }

@@ -1,5 +1,7 @@
 //! The server's state: what `glPushAttrib` saves.
 
+use std::rc::Rc;
+
 use super::arb::GENERICS;
 use super::consts as e;
 use super::matrix::IDENTITY;
@@ -16,8 +18,17 @@ pub const PLANES: usize = 6;
 /// Texture targets of a unit, in order of rising precedence.
 pub const TARGETS: [u32; 5] = [e::TEXTURE_1D, e::TEXTURE_2D, e::TEXTURE_RECTANGLE, e::TEXTURE_3D, e::TEXTURE_CUBE_MAP];
 
-/// The attributes of a vertex.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Attributes that most programs leave as they are. Vertices share them.
+#[derive(Clone, Debug, PartialEq)]
+struct More {
+    /// Texture coordinates of all units but the first.
+    texture: [[f32; 4]; UNITS - 1],
+    /// Generic attributes.
+    generic: [[f32; 4]; GENERICS],
+}
+
+/// A vertex with all its attributes.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Vertex {
     /// Position in object space.
     pub position: [f32; 4],
@@ -29,14 +40,52 @@ pub struct Vertex {
     pub secondary: [f32; 3],
     /// Fog coordinate.
     pub fog: f32,
-    /// Texture coordinates.
-    pub texture: [[f32; 4]; UNITS],
-    /// Generic attributes; 0 is the position.
-    pub generic: [[f32; 4]; GENERICS],
+    /// Texture coordinates of the first unit.
+    first: [f32; 4],
+    more: Rc<More>,
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
     /// Pixels along a stippled line up to here.
     pub along: f32,
+}
+
+impl Vertex {
+    /// Texture coordinates of a unit.
+    pub fn texture(&self, unit: usize) -> [f32; 4] {
+        if unit == 0 { self.first } else { self.more.texture[unit - 1] }
+    }
+
+    /// Sets texture coordinates of a unit.
+    pub fn set_texture(&mut self, unit: usize, value: [f32; 4]) {
+        if unit == 0 {
+            self.first = value;
+        } else if self.more.texture[unit - 1] != value {
+            Rc::make_mut(&mut self.more).texture[unit - 1] = value;
+        }
+    }
+
+    /// A generic attribute; 0 is the position, and not here.
+    pub fn generic(&self, k: usize) -> [f32; 4] {
+        self.more.generic[k]
+    }
+
+    /// Sets a generic attribute.
+    pub fn set_generic(&mut self, k: usize, value: [f32; 4]) {
+        if self.more.generic[k] != value {
+            Rc::make_mut(&mut self.more).generic[k] = value;
+        }
+    }
+
+    /// Takes generic attributes and texture coordinates of all units but the first from another vertex.
+    pub fn share(&mut self, other: &Vertex) {
+        self.more = other.more.clone();
+    }
+
+    /// Whether generic attributes and texture coordinates of all units but the first are those of another vertex, as far as that is known
+    /// without a look at them.
+    pub fn shares(&self, other: &Vertex) -> bool {
+        Rc::ptr_eq(&self.more, &other.more)
+    }
 }
 
 /// A light; positions and directions are in eye space.
@@ -292,13 +341,13 @@ impl Default for State {
             color: white,
             secondary: [0.0; 3],
             fog: 0.0,
-            texture: [black; UNITS],
-            generic: [black; GENERICS],
+            first: black,
+            more: Rc::new(More { texture: [black; UNITS - 1], generic: [black; GENERICS] }),
             edge: true,
             along: 0.0,
         };
         State {
-            current: first,
+            current: first.clone(),
             enabled: capability(e::DITHER).unwrap_or(0) | capability(e::MULTISAMPLE).unwrap_or(0),
             programs: 0,
             viewport: [0; 4],
@@ -348,7 +397,7 @@ impl Default for State {
             list_base: 0,
             grids: [(1, 0.0, 1.0); 2],
             raster: Some([0.0, 0.0, 0.0, 1.0]),
-            raster_vertex: first,
+            raster_vertex: first.clone(),
             zoom: [1.0; 2],
             transfer: Transfer::default(),
         }

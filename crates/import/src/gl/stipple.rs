@@ -21,12 +21,12 @@ impl Gl {
         let [_, _, width, height] = self.state.viewport.map(|value| value as f32);
         let (mut out, mut along, mut last) = (Vec::new(), 0.0, None);
         for line in indices.chunks_exact(2) {
-            let ends = [vertices[line[0] as usize], vertices[line[1] as usize]];
+            let ends = [0, 1].map(|k| vertices[line[k] as usize].clone());
             if last != Some(line[0]) {
                 along = 0.0;
             }
             last = Some(line[1]);
-            let [a, b] = ends.map(|vertex| matrix::transform(&clip, vertex.position));
+            let [a, b] = ends.each_ref().map(|vertex| matrix::transform(&clip, vertex.position));
             let Some([from, to]) = visible(a, b, &VIEW_VOLUME) else { continue };
             let at = |t: f32| {
                 let [x, y, _, w]: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t);
@@ -73,24 +73,24 @@ pub fn visible(a: [f32; 4], b: [f32; 4], planes: &[fn([f32; 4]) -> f32]) -> Opti
 /// The vertex at a part of a line.
 pub fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
     if t == 0.0 {
-        return *a;
+        return a.clone();
     }
     if t == 1.0 {
-        return *b;
+        return b.clone();
     }
     let mix = |x: f32, y: f32| x + (y - x) * t;
     let mix4 = |x: [f32; 4], y: [f32; 4]| std::array::from_fn(|k| mix(x[k], y[k]));
-    let mut cut = *a;
+    let mut cut = a.clone();
     cut.position = mix4(a.position, b.position);
     cut.color = mix4(a.color, b.color);
     cut.normal = std::array::from_fn(|k| mix(a.normal[k], b.normal[k]));
     cut.secondary = std::array::from_fn(|k| mix(a.secondary[k], b.secondary[k]));
     (cut.fog, cut.along) = (mix(a.fog, b.fog), mix(a.along, b.along));
     for k in 1..GENERICS {
-        cut.generic[k] = mix4(a.generic[k], b.generic[k]);
+        cut.set_generic(k, mix4(a.generic(k), b.generic(k)));
     }
     for unit in 0..UNITS {
-        cut.texture[unit] = mix4(a.texture[unit], b.texture[unit]);
+        cut.set_texture(unit, mix4(a.texture(unit), b.texture(unit)));
     }
     cut
 }
@@ -103,9 +103,9 @@ mod tests {
     fn a_pattern_goes_on_along_a_strip_and_starts_again_at_each_line() {
         let mut gl = Gl::new(std::path::Path::new("x"), &num::Limits::default());
         gl.state.viewport = [0, 0, 20, 10];
-        let current = gl.state.current;
+        let current = gl.state.current.clone();
         let vertex = |x: f32, y: f32| {
-            let mut vertex = current;
+            let mut vertex = current.clone();
             vertex.position = [x, y, 0.0, 1.0];
             vertex
         };

@@ -93,10 +93,10 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
         field("fog_coordinate", None, &[[constant.fog; 4]]);
     }
     for k in (0..UNITS).filter(|&k| key.vertex_texture(k) && !key.varying.texture[k]) {
-        field("texture", Some(k), &[constant.texture[k]]);
+        field("texture", Some(k), &[constant.texture(k)]);
     }
     for k in (1..GENERICS).filter(|&k| key.reads(input::GENERIC + k as u32) && key.varying.generic & 1 << k == 0) {
-        field("generic", Some(k), &[constant.generic[k]]);
+        field("generic", Some(k), &[constant.generic(k)]);
     }
     if key.vertex.is_some_and(|vertex| !vertex.invariant) {
         field("upward", None, &[[if source.upward { -1.0 } else { 1.0 }; 4]]);

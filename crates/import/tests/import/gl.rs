@@ -403,7 +403,9 @@ fn with_contents(trace: &Trace) -> Vec<(Command, Vec<u8>)> {
                     data.blob.clear();
                     bytes
                 }
-                Command::CreateShader { source: ShaderSource::Wgsl(name), .. } => trace.text(&std::mem::take(name))?.into_bytes(),
+                Command::CreateShader { source: ShaderSource::Wgsl(name), .. } => {
+                    trace.text(&std::mem::take(name))?.into_bytes()
+                }
                 _ => Vec::new(),
             };
             list.push((command, contents));
@@ -421,7 +423,8 @@ fn a_stream_has_the_commands_of_the_whole() {
     std::fs::write(folder.path().join("MemoryRegions.dat"), regions).expect("a file");
     let path = folder.path().join("features.txt");
     std::fs::write(&path, FEATURES).expect("a file");
-    let open = |in_memory| import::open_with(&path, &Reading { in_memory, lenient: true, ..Reading::default() }).expect("a recording");
+    let open =
+        |in_memory| import::open_with(&path, &Reading { in_memory, lenient: true, ..Reading::default() }).expect("a recording");
     let (whole, stream) = (open(Some(u64::MAX)), open(Some(0)));
     assert!(!whole.is_stream() && !open(None).is_stream() && stream.is_stream());
     let commands = with_contents(&whole);

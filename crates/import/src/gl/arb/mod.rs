@@ -250,7 +250,7 @@ fn attribute_at(gl: &mut Gl, index: u32, value: [f32; 4]) -> Outcome {
     match index as usize {
         0 => gl.vertex_at(value),
         k if k < GENERICS => {
-            gl.state.current.generic[k] = value;
+            gl.state.current.set_generic(k, value);
             Ok(())
         }
         _ => Err(INVALID_VALUE),
