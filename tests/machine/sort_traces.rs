@@ -1,5 +1,5 @@
-//! Whole traces on every sort class: the scenes kept in `traces/`, and the visible wgpu traces, which are not part of the repository
-//! (`FILLRATE_PEERS` names the folder that holds `wgpu/`). A machine that keeps API order draws what `render` draws, bit for bit; a
+//! Whole traces on every sort class: the scenes kept in `traces/`, the visible wgpu traces and two recorded OpenGL programs, which are not
+//! part of the repository (`FILLRATE_PEERS` names the folder that holds `wgpu/` and `gl/`). A machine that keeps API order draws what `render` draws, bit for bit; a
 //! machine that does not names the passes that need it.
 
 use std::path::{Path, PathBuf};
@@ -100,8 +100,9 @@ fn every_visible_trace_is_drawn_by_every_class() {
         eprintln!("left out: FILLRATE_PEERS is not set, so there are no recorded wgpu traces to draw");
         return;
     };
-    let traces: Vec<PathBuf> = entries(&Path::new(&root).join("wgpu")).into_iter().filter(|path| path.is_dir()).collect();
+    let mut traces: Vec<PathBuf> = entries(&Path::new(&root).join("wgpu")).into_iter().filter(|path| path.is_dir()).collect();
     assert!(!traces.is_empty(), "no traces in FILLRATE_PEERS/wgpu");
+    traces.extend(["glxgears", "atlantis"].map(|name| Path::new(&root).join("gl").join(name)));
     let unordered = drawn(&traces);
     // Blended and stencilled passes, and no others.
     for (name, passes, wrong) in &unordered {

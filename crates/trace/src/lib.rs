@@ -83,7 +83,7 @@ pub struct Reading {
     /// Whether draws of a recorded OpenGL program stay as it called them: each for itself, with all components of the attributes that it sends,
     /// and vertices by their indices. Else draws of one state are joined, and only what differs between vertices is kept.
     pub keep_draws: bool,
-    /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 64 MiB. The
+    /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 16 MiB. The
     /// commands of a longer one are made while they are read ([`Trace::is_stream`]).
     pub in_memory: Option<u64>,
 }

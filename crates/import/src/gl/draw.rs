@@ -55,8 +55,15 @@ impl Gl {
         if self.batch.indices.is_empty() {
             return Ok(());
         }
-        let batch = std::mem::take(&mut self.batch);
-        match self.draw(batch) {
+        let mut batch = std::mem::take(&mut self.batch);
+        let outcome = self.draw(&mut batch);
+        if self.batch.indices.is_empty() {
+            // The room is used again.
+            batch.vertices.clear();
+            batch.indices.clear();
+            self.batch = Batch { vertices: batch.vertices, indices: batch.indices, ..Batch::default() };
+        }
+        match outcome {
             // The call that ends the batch is not the one that cannot be drawn.
             Err(Fault::Unsupported(what)) => {
                 self.refuse(what);
@@ -165,7 +172,7 @@ impl Gl {
     }
 
     /// Draws a batch.
-    fn draw(&mut self, mut batch: Batch) -> Outcome {
+    fn draw(&mut self, batch: &mut Batch) -> Outcome {
         let Some(target) = self.aim()? else {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
         };
@@ -232,9 +239,9 @@ impl Gl {
                 units.push(key);
             }
         }
-        let mut key = self.key(&batch, units)?;
-        self.programmed(&mut key, &batch, vertex.as_ref(), fragment.as_ref())?;
-        if self.cuts_fog(&key, &batch) {
+        let mut key = self.key(batch, units)?;
+        self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
+        if self.cuts_fog(&key, batch) {
             // The distance of an end that is cut off is known here alone.
             let modelview = self.modelview.top;
             for vertex in &mut batch.vertices {
@@ -255,7 +262,7 @@ impl Gl {
         self.card.aim(Some(target));
         let constant = batch.vertices[batch.indices[0] as usize].clone();
         if !self.survey {
-            key.varying = varying(&batch, &constant, &key);
+            key.varying = varying(batch, &constant, &key);
         }
         let mut blob = Vec::new();
         let textures: [Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
@@ -291,10 +298,10 @@ impl Gl {
         let (attributes, bytes, indices) = if self.survey {
             (Vec::new(), Vec::new(), vec![0])
         } else if key.expand == Expand::No {
-            pack(&key, &batch)
+            pack(&key, batch)
         } else {
             let clip = to_clip(&self.projection.top, &self.modelview.top);
-            expand(&key, &batch, &clip, self.state.flat)
+            expand(&key, batch, &clip, self.state.flat)
         };
         if indices.is_empty() {
             return Ok(());

@@ -104,7 +104,7 @@ impl Report {
 }
 
 /// Bytes of commands and payload up to which a recording is held in memory, where nothing else is asked for.
-const IN_MEMORY: u64 = 64 << 20;
+const IN_MEMORY: u64 = 16 << 20;
 /// Parts of a stream in what would be held in memory.
 const PARTS: u64 = 16;
 
@@ -235,6 +235,9 @@ fn import(
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
     let mut kept = true;
+    if let Keep::Parts { .. } = keep {
+        gl.card.recorder.keep_each();
+    }
     while gl.card.frames < frames.end {
         let Some(call) = reader.next().map_err(broken)? else { break };
         let wrong = |reason: String| TraceError::new(path, format!("call {}, {unit} {}: {reason}", call.number, call.place));

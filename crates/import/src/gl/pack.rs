@@ -75,7 +75,8 @@ fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
 /// Vertices as the card reads them.
 pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
     let layout = layout(key, batch);
-    let mut bytes = Vec::new();
+    let components: usize = layout.iter().map(|&(_, count, _)| count).sum();
+    let mut bytes = Vec::with_capacity(4 * components * batch.vertices.len());
     for vertex in &batch.vertices {
         for &(location, count, of) in &layout {
             for value in &of(vertex, location)[..count] {

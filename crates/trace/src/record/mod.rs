@@ -47,6 +47,8 @@ pub struct Recorder {
     builder: Builder,
     /// Blobs by contents: the name under which they are kept.
     by_hash: BTreeMap<[u8; 32], String>,
+    /// Whether contents that are given twice are kept once.
+    joins: bool,
     /// Numbers of the names that have been given, by stem.
     numbers: BTreeMap<String, u32>,
     /// Bytes of the blobs.
@@ -86,11 +88,17 @@ impl Recorder {
         Recorder {
             builder: Builder::new(name),
             by_hash: BTreeMap::new(),
+            joins: true,
             numbers: BTreeMap::new(),
             bytes: 0,
             textures: Vec::new(),
             next: NextIds::default(),
         }
+    }
+
+    /// Keeps contents as often as they are given from now on: what is soon drained need not be compared.
+    pub fn keep_each(&mut self) {
+        self.joins = false;
     }
 
     /// Bytes that commands and blobs take, about.
@@ -112,8 +120,8 @@ impl Recorder {
 
     /// Keeps bytes as a blob called after `label`, or finds the blob that has these contents already.
     fn keep(&mut self, label: &str, extension: &str, bytes: &[u8]) -> String {
-        let hash = *blake3::hash(bytes).as_bytes();
-        if let Some(name) = self.by_hash.get(&hash) {
+        let hash = self.joins.then(|| *blake3::hash(bytes).as_bytes());
+        if let Some(name) = hash.and_then(|hash| self.by_hash.get(&hash)) {
             return name.clone();
         }
         let mut stem: String = label
@@ -136,7 +144,9 @@ impl Recorder {
         }
         self.bytes += bytes.len() as u64;
         self.builder.add_blob(&name, bytes.to_vec()).expect("the name is plain and free");
-        self.by_hash.insert(hash, name.clone());
+        if let Some(hash) = hash {
+            self.by_hash.insert(hash, name.clone());
+        }
         name
     }
 
