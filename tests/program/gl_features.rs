@@ -248,6 +248,26 @@ fn depths_of_a_texture_are_compared_with_the_third_coordinate() {
          glVertex2f(1,-1)\nglTexCoord3f(1,1,0.7)\nglVertex2f(1,1)\nglTexCoord3f(0,1,0.7)\nglVertex2f(-1,1)\nglEnd()";
     let image = shown(calls, &[]);
     assert_eq!([image.at(2, 5), image.at(13, 5)], [BLACK, [255; 3]]);
+    // By programs in assembly and in GLSL, of both dialects.
+    let text =
+        "!!ARBfp1.0\nOPTION ARB_fragment_program_shadow;\nTEX result.color, fragment.texcoord[0], texture[0], SHADOW2D;\nEND";
+    let assembly = format!(
+        "glEnable(GL_FRAGMENT_PROGRAM_ARB)\nglProgramStringARB(GL_FRAGMENT_PROGRAM_ARB,GL_PROGRAM_FORMAT_ASCII_ARB,{},\"{text}\")",
+        text.len()
+    );
+    let glsl = |text: &str| {
+        format!(
+            "glCreateShader(GL_FRAGMENT_SHADER)=7\nglShaderSource(7,1,\"{text}\",0)\nglCompileShader(7)\nglCreateProgram()=8\n\
+             glAttachShader(8,7)\nglLinkProgram(8)\nglUseProgram(8)"
+        )
+    };
+    let old = glsl("uniform sampler2DShadow t; void main() { gl_FragColor = shadow2D(t, gl_TexCoord[0].xyz); }");
+    let new =
+        glsl("#version 130\nuniform sampler2DShadow t; out vec4 c; void main() { c = vec4(texture(t, gl_TexCoord[0].xyz)); }");
+    for program in [assembly, old, new] {
+        let image = shown(&calls.replace("glEnable(GL_TEXTURE_2D)", &program), &[]);
+        assert_eq!([image.at(2, 5), image.at(13, 5)], [BLACK, [255; 3]], "{program}");
+    }
     // As they are: half and one.
     let plain = calls.replace("GL_COMPARE_R_TO_TEXTURE", "GL_NONE");
     let image = shown(&plain, &[]);

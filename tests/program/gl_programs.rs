@@ -261,7 +261,11 @@ fn wrong_programs_are_named_with_line_column_and_call() {
         ("VERTEX", "!!ARBfp1.0\nEND", "line 1, column 1: a program of the other stage"),
         ("VERTEX", "!!VP1.0\nEND", "line 1, column 1: begins with \"!!VP1.0\""),
         ("FRAGMENT", "!!ARBfp1.0\nTEMP r;\nEXP r, r.x;\nEND", "line 3, column 1: EXP is no instruction of this stage"),
-        ("FRAGMENT", "!!ARBfp1.0\nTEMP r;\nTEX r, r, texture[0], SHADOW2D;\nEND", "line 3, column 23: texture target SHADOW2D"),
+        (
+            "FRAGMENT",
+            "!!ARBfp1.0\nTEMP r;\nTEX r, r, texture[0], SHADOW2D;\nEND",
+            "line 3, column 23: texture target SHADOW2D needs OPTION ARB_fragment_program_shadow",
+        ),
         ("FRAGMENT", "!!ARBfp1.0\nOPTION NV_fragment_program;\nEND", "line 2, column 8: option NV_fragment_program is not"),
         ("FRAGMENT", "!!ARBfp1.0\nTEMP r, r;\nEND", "line 2, column 9: r is declared twice"),
         ("FRAGMENT", "!!ARBfp1.0\nMOV result.color.yx, 1.0;\nEND", "line 2, column 18: yx is no write mask"),

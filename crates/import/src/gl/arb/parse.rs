@@ -61,6 +61,8 @@ pub(super) struct Parser {
     pub(super) at: usize,
     pub(super) names: BTreeMap<String, Named>,
     pub(super) program: Program,
+    /// Whether textures of depths may be compared.
+    shadow: bool,
 }
 
 type Outcome<T = ()> = Result<T, Wrong>;
@@ -96,7 +98,7 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
         fog: None,
         code: None,
     };
-    let mut parser = Parser { words: words(&body)?, at: 0, names: BTreeMap::new(), program };
+    let mut parser = Parser { words: words(&body)?, at: 0, names: BTreeMap::new(), program, shadow: false };
     parser.whole()?;
     Ok(parser.program)
 }
@@ -266,6 +268,7 @@ impl Parser {
         };
         match (name.as_str(), self.program.stage) {
             ("ARB_precision_hint_nicest" | "ARB_precision_hint_fastest", Stage::Fragment) => {}
+            ("ARB_fragment_program_shadow", Stage::Fragment) => self.shadow = true,
             ("ARB_position_invariant", Stage::Vertex) => self.program.invariant = true,
             ("ARB_fog_linear", Stage::Fragment) => fog(self, e::LINEAR),
             ("ARB_fog_exp", Stage::Fragment) => fog(self, e::EXP),
@@ -419,6 +422,13 @@ impl Parser {
             "3D" => e::TEXTURE_3D,
             "CUBE" => e::TEXTURE_CUBE_MAP,
             "RECT" => e::TEXTURE_RECTANGLE,
+            // Whether depths are compared is the texture's affair: where its mode and this name differ, the result is undefined.
+            "SHADOW1D" if self.shadow => e::TEXTURE_1D,
+            "SHADOW2D" if self.shadow => e::TEXTURE_2D,
+            "SHADOWRECT" if self.shadow => e::TEXTURE_RECTANGLE,
+            _ if name.starts_with("SHADOW") => {
+                return self.fail_at(place, format!("texture target {name:.40} needs OPTION ARB_fragment_program_shadow"));
+            }
             _ => return self.fail_at(place, format!("texture target {name:.40} is not supported")),
         };
         let target = TARGETS.iter().position(|&known| known == target);
