@@ -84,20 +84,7 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
     }
     // The header is replaced by blanks, so that columns stay.
     let body = format!("{}{}", " ".repeat(header), &text[header..]);
-    let program = Program {
-        stage,
-        instructions: Vec::new(),
-        temps: Vec::new(),
-        addresses: Vec::new(),
-        params: Vec::new(),
-        inputs: 0,
-        outputs: Vec::new(),
-        targets: [None; UNITS],
-        biased: 0,
-        invariant: false,
-        fog: None,
-        code: None,
-    };
+    let program = Program::new(stage);
     let mut parser = Parser { words: words(&body)?, at: 0, names: BTreeMap::new(), program, shadow: false };
     parser.whole()?;
     Ok(parser.program)

@@ -227,3 +227,23 @@ pub struct Program {
     /// A stage of GLSL in the place of instructions.
     pub code: Option<Code>,
 }
+
+impl Program {
+    /// A program without contents.
+    pub fn new(stage: Stage) -> Program {
+        Program {
+            stage,
+            instructions: Vec::new(),
+            temps: Vec::new(),
+            addresses: Vec::new(),
+            params: Vec::new(),
+            inputs: 0,
+            outputs: Vec::new(),
+            targets: [None; UNITS],
+            biased: 0,
+            invariant: false,
+            fog: None,
+            code: None,
+        }
+    }
+}

@@ -118,6 +118,9 @@ const RESERVED: [&str; 27] = [
     "texture2DArray",
 ];
 
+/// The same of versions before 1.30.
+const LATER: [&str; 8] = ["smooth", "flat", "noperspective", "switch", "case", "default", "layout", "uint"];
+
 /// The factor of derivatives along y: rows of the card go down in a window.
 pub const FLIP: &str = "glx_flip";
 
@@ -386,13 +389,10 @@ impl Rewriter {
         Ok(at + 1)
     }
 
+    /// A name that version 4.50 does not keep for itself.
     fn rename(&self, name: &str) -> String {
-        let new = matches!(
-            name,
-            "smooth" | "flat" | "noperspective" | "switch" | "case" | "default" | "layout" | "uint" | "in" | "out"
-        ) && self.dialect.version < 130
-            && !matches!(name, "in" | "out");
-        if RESERVED.contains(&name) || new { format!("{name}_") } else { name.to_owned() }
+        let later = self.dialect.version < 130 && LATER.contains(&name);
+        if later || RESERVED.contains(&name) { format!("{name}_") } else { name.to_owned() }
     }
 
     /// Tokens as the dialect of naga has them.

@@ -124,20 +124,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
         clip: None,
         ways: [0; UNITS],
     };
-    let mut program = Program {
-        stage,
-        instructions: Vec::new(),
-        temps: Vec::new(),
-        addresses: Vec::new(),
-        params: Vec::new(),
-        inputs: 0,
-        outputs: Vec::new(),
-        targets: [None; UNITS],
-        biased: 0,
-        invariant: of.invariant,
-        fog: None,
-        code: None,
-    };
+    let mut program = Program { invariant: of.invariant, ..Program::new(stage) };
     for named in &of.named {
         builtin(named, &mut code, &mut program);
     }
