@@ -343,3 +343,31 @@ fn clip_planes_cut_at_the_clip_vertex() {
     frame(&mut recording, 3, &vertex("-1.0"), "", "");
     near(&recording, &[("kept", [0.5; 3]), ("cut", [0.0; 3])]);
 }
+
+#[test]
+fn a_location_is_no_neighbour_of_a_uniform_that_is_no_array() {
+    // An explicit location behind one that was asked for, and a location behind a sampler.
+    let fragment = "#version 430\nlayout(location = 6) uniform float b; uniform float a; uniform sampler2D t; out vec4 c;\n\
+                    void main() { c = vec4(a, b, 0.0, 1.0) + texture(t, vec2(0.0)) * 0.0; }";
+    let asked = "glGetUniformLocation(@,\"a\")=5\nglUniform1f(5,0.5)\nglUniform1f(6,0.25)";
+    let mut recording = Recording::new();
+    frame(&mut recording, 1, PASS, fragment, asked);
+    near(&recording, &[("both", [0.5, 0.25, 0.0])]);
+    let mut recording = Recording::new();
+    frame(&mut recording, 1, PASS, fragment, "glGetUniformLocation(@,\"t\")=7\nglUniform1i(8,3)");
+    let refused = recording.import().expect("a recording").1.refusal().unwrap_or_default();
+    assert!(refused.contains("uniforms at locations that the recording does not name"), "{refused}");
+}
+
+#[test]
+fn a_program_that_was_never_linked_is_not_used() {
+    let mut recording = Recording::new();
+    recording.add("glCreateProgram()=5\nglUseProgram(5)\nglColor3f(0.5,0.25,1)\nglRectf(-1,-1,1,1)").end_frame();
+    let (_, report) = recording.import().expect("a recording");
+    assert!(
+        report.refusal().is_none() && report.errors.contains_key("glUseProgram: GL_INVALID_OPERATION"),
+        "{:?}",
+        report.errors
+    );
+    assert_eq!(report.shaders.len(), 1, "the fixed functions draw");
+}

@@ -9,7 +9,8 @@ use naga::{AddressSpace, Expression, Handle, Literal, Module, ShaderStage, TypeI
 
 use super::access::{Layout, Roots, Substitution};
 use super::builtins::Role;
-use super::rewrite::{FLIP, Global, Read, Sampler, Source, Storage};
+use super::rewrite::{FLIP, Global, Source, Storage};
+use super::sampler::{Read, Sampler};
 use super::{Outcome, Wrong};
 use crate::gl::arb::Stage;
 use crate::gl::arb::program::Param;

@@ -7,7 +7,8 @@ use naga::ScalarKind;
 use super::access::{Layout, vector_name};
 use super::builtins::Role;
 use super::emit::{Call, Named, Translated, Variable};
-use super::rewrite::{Read, Storage};
+use super::rewrite::Storage;
+use super::sampler::{Read, Sampler};
 use crate::gl::arb::GENERICS;
 use crate::gl::arb::program::{Output, Program, Stage, input};
 use crate::gl::arb::wgsl::{input_name, output_name};
@@ -236,7 +237,7 @@ fn attributes(of: &Translated, joints: &Joints, code: &mut Code, program: &mut P
 }
 
 /// Writes the function of a call; gives the way that it reads.
-fn read(call: &Call, unit: usize, sampler: &super::rewrite::Sampler, stage: Stage, out: &mut String) -> u8 {
+fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut String) -> u8 {
     let kind = |layout: &Layout| match layout {
         Layout::Vector(n, kind) => (*n, vector_name(*n, *kind)),
         _ => (4, "vec4f".into()),

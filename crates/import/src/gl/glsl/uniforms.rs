@@ -1,0 +1,145 @@
+//! Values that a program gives to uniforms.
+
+use naga::ScalarKind;
+
+use super::access::Layout;
+use super::emit::Translated;
+use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use crate::gl::machine::Gl;
+
+/// Where a part of a uniform is: its layout, its first vector, and how many elements of an array begin there.
+fn part(layout: &Layout, path: &str, first: usize) -> Option<(Layout, usize, usize)> {
+    if path.is_empty() {
+        return Some(match layout {
+            Layout::Array(element, count) => (Layout::clone(element), first, *count),
+            other => (other.clone(), first, 1),
+        });
+    }
+    match layout {
+        Layout::Array(element, count) => {
+            let (index, rest) = path.strip_prefix('[')?.split_once(']')?;
+            let index: usize = index.parse().ok().filter(|index| index < count)?;
+            let at = first + index * element.slots();
+            match rest {
+                "" => Some((Layout::clone(element), at, count - index)),
+                rest => part(element, rest, at),
+            }
+        }
+        Layout::Struct(_, members) => {
+            let rest = path.strip_prefix('.')?;
+            let end = rest.find(['.', '[']).unwrap_or(rest.len());
+            let mut at = first;
+            for (name, member) in members {
+                if *name == rest[..end] {
+                    return part(member, &rest[end..], at);
+                }
+                at += member.slots();
+            }
+            None
+        }
+        _ => None,
+    }
+}
+
+/// A name's root and the path behind it.
+fn root(name: &str) -> (&str, &str) {
+    name.split_at(name.find(['.', '[']).unwrap_or(name.len()))
+}
+
+/// Writes numbers to a uniform of the program `name`: `shape` is the columns and rows of each value.
+fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64], scalar: Scalar) -> Outcome {
+    if location < 0 {
+        return Ok(());
+    }
+    let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
+    let object = gl.glsl_object(name)?;
+    let Some(Ok(linked)) = object.linked.clone() else { return Err(INVALID_OPERATION) };
+    // A uniform has a location that the program has asked for, or that its declaration states, or lies in an array behind one.
+    let declared = |location: i64| {
+        let mut all = linked.stages.iter().flatten().flat_map(Translated::located);
+        all.find(|&(_, at)| i64::from(at) == location).map(|(name, _)| name.to_owned())
+    };
+    let asked = |at: i64| object.locations.get(&at).cloned();
+    let before = || object.locations.range(..location).next_back().map(|(&at, name)| (at, name.clone()));
+    let exact = asked(location).or_else(|| declared(location)).map(|name| (location, name));
+    let Some((at, path)) = exact.or_else(before) else {
+        return Err(unnamed());
+    };
+    let (root, rest) = root(&path);
+    let offset = (location - at) as usize;
+    if linked.stages.iter().flatten().any(|stage| stage.samplers.iter().any(|sampler| sampler.name == root)) {
+        if offset != 0 {
+            return Err(unnamed());
+        }
+        let unit = numbers.first().ok_or(INVALID_VALUE)?;
+        object.units.insert(root.to_owned(), *unit as u32);
+        return Ok(());
+    }
+    let [columns, rows] = shape;
+    for (values, stage) in object.values.iter_mut().zip(linked.stages()) {
+        let Some(uniform) = stage.and_then(|stage| stage.uniforms.iter().find(|uniform| uniform.name == root)) else {
+            continue;
+        };
+        let (element, first, count) = part(&uniform.layout, rest, uniform.first).ok_or(INVALID_OPERATION)?;
+        if offset >= count {
+            return Err(unnamed());
+        }
+        let kind = match element {
+            Layout::Vector(n, kind) if [1, n] == shape => kind,
+            Layout::Matrix(c, r) if [c, r] == shape => ScalarKind::Float,
+            _ => return Err(INVALID_OPERATION),
+        };
+        for (k, value) in numbers.chunks_exact(columns * rows).enumerate().take(count.saturating_sub(offset)) {
+            let to = first + (offset + k) * element.slots();
+            for (slot, column) in values[to..].iter_mut().zip(value.chunks_exact(rows)) {
+                for (to, &number) in slot.iter_mut().zip(column) {
+                    *to = match kind {
+                        ScalarKind::Bool => f32::from(u8::from(number != 0.0)),
+                        ScalarKind::Sint | ScalarKind::Uint if scalar == Scalar::Float => return Err(INVALID_OPERATION),
+                        ScalarKind::Sint | ScalarKind::Uint => f32::from_bits(number as i64 as u32),
+                        _ => number as f32,
+                    };
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// `glUniform3f(location, x, y, z)`, `glUniform3fv(location, count, values)`
+pub fn uniform(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let n = if (1..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
+    let numbers: Vec<f64> = if shape.vector {
+        let count = call.size(1)? as usize;
+        call.numbers(2)?.iter().copied().take(count.saturating_mul(n)).collect()
+    } else {
+        (1..=n).map(|k| call.f64(k)).collect::<Outcome<_>>()?
+    };
+    set(gl, gl.glsl.current, i64::from(call.i32(0)?), [1, n], &numbers, shape.scalar)
+}
+
+/// `glUniformMatrix4fv(location, count, transpose, values)`
+fn matrices(gl: &mut Gl, call: &Call, columns: usize, rows: usize) -> Outcome {
+    let (count, transpose, numbers) = (call.size(1)? as usize, call.bool(2)?, call.numbers(3)?);
+    let mut values = Vec::new();
+    for matrix in numbers.chunks_exact(columns * rows).take(count) {
+        if transpose {
+            values.extend((0..columns * rows).map(|k| matrix[k % rows * columns + k / rows]));
+        } else {
+            values.extend_from_slice(matrix);
+        }
+    }
+    set(gl, gl.glsl.current, i64::from(call.i32(0)?), [columns, rows], &values, Scalar::Float)
+}
+
+pub fn uniform_matrix(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let n = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
+    matrices(gl, call, n, n)
+}
+
+/// `glUniformMatrix2x3fv`: the number of columns is in the stem of the name.
+pub fn uniform_matrix_of(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    let columns = ["2x", "3x", "4x"].iter().position(|part| call.function.name.contains(part)).ok_or(INVALID_ENUM)? + 2;
+    let rows = if (2..=4).contains(&shape.count) { shape.count } else { return Err(INVALID_ENUM) };
+    matrices(gl, call, columns, rows)
+}
