@@ -260,6 +260,7 @@ fn textures_are_read_in_all_ways() {
         ("texture(t, vec2(0.75))", texel(3.0)),
         ("texelFetch(t, ivec2(1, 0), 0)", texel(1.0)),
         ("vec4(vec2(textureSize(t, 0)) / 4.0, 0.0, 1.0)", [0.5, 0.5, 0.0]),
+        ("vec4(vec2(textureSize(other, 0)), 0.25, 1.0)", [0.0, 0.0, 0.25]),
         // A unit without a texture is black.
         ("textureCube(other, vec3(0.5)) + vec4(0.0, 0.5, 0.0, 0.0)", [0.0, 0.5, 0.0]),
     ];

@@ -161,6 +161,14 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
                 None => line!(out, "    return vec4f(0, 0, 0, 1);\n}}"),
             }
         }
+        if ways(k) & way::SIZE != 0 {
+            let size = match unit.map(|unit| unit.kind) {
+                Some(Kind::D3) => format!("vec3i(textureDimensions(image{k}, level))"),
+                Some(_) => format!("vec3i(vec2i(textureDimensions(image{k}, level)), 1)"),
+                None => "vec3i()".to_owned(),
+            };
+            line!(out, "fn texel{k}_size(level: i32) -> vec3i {{\n    return {size};\n}}");
+        }
         if ways(k) & way::FETCH != 0 {
             line!(out, "fn texel{k}_fetch(at: vec3i, level: i32) -> vec4f {{");
             match unit {

@@ -32,6 +32,8 @@ pub mod way {
     pub const GRADIENT: u8 = 8;
     /// One texel.
     pub const FETCH: u8 = 16;
+    /// Its size.
+    pub const SIZE: u8 = 32;
 }
 
 /// A value that goes from the vertex stage to the fragment stage.
@@ -254,14 +256,9 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
     };
     let (value, way) = match call.read {
         Read::Size => {
-            let level = if arguments.is_empty() { "" } else { ", a0" };
-            let size = format!("textureDimensions(image{unit}{level})");
-            let value = match sampler.target {
-                0 => format!("i32({size}.x)"),
-                3 => format!("vec3i({size})"),
-                _ => format!("vec2i({size})"),
-            };
-            (value, 0)
+            let level = if arguments.is_empty() { "0" } else { "a0" };
+            let part = ["x", "xy", "xy", "xyz", "xy"][sampler.target];
+            (format!("texel{unit}_size({level}).{part}"), way::SIZE)
         }
         Read::Fetch => {
             let level = if arguments.len() > 1 { "a1" } else { "0" };
