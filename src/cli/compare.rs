@@ -237,7 +237,7 @@ fn difference(a: &Path, b: &Path) -> Result<ImageDifference> {
     let open = |path: &Path| {
         let fail = || format!("cannot read {}", path.display());
         let file = BufReader::new(host::open(path, Links::Follow).with_context(fail)?);
-        anyhow::Ok(ImageReader::with_format(file, ImageFormat::Png).decode().with_context(fail)?.into_rgba8())
+        anyhow::Ok(ImageReader::new(file).with_guessed_format()?.decode().with_context(fail)?.into_rgba8())
     };
     let images = (open(a)?, open(b)?);
     compare::images(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))

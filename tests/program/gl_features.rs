@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use fillrate::gfx::state::Topology;
 use fillrate::import::gl::{Report, import_frames};
 use fillrate::machine::Config;
 use fillrate::report::picture::picture;
@@ -11,6 +12,10 @@ use fillrate::trace::{Reading, Trace, TraceError, check};
 
 /// Imports calls, one a line, in a window of 16 x 16. `*1` is the first of `buffers`.
 fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>) -> (Trace, Report) {
+    imported_with(calls, buffers, frames, &Reading::default())
+}
+
+fn imported_with(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>, reading: &Reading) -> (Trace, Report) {
     let text = format!("GLI0.t\n#! RES 16x16\n{}\nwglSwapBuffers(1)\n", calls.trim());
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     let (mut descriptors, mut regions) = (Vec::new(), Vec::new());
@@ -21,7 +26,7 @@ fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>) -> (Tr
         regions.extend_from_slice(bytes);
     }
     let memory = [descriptors.as_slice(), regions.as_slice()];
-    let imported = import_frames(Path::new("x.txt"), text.into_bytes(), memory, &Reading::default(), frames);
+    let imported = import_frames(Path::new("x.txt"), text.into_bytes(), memory, reading, frames);
     let (trace, report) = imported.unwrap_or_else(|error| panic!("{error}"));
     assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
     check(&trace).unwrap_or_else(|error| panic!("{error}"));
@@ -62,6 +67,47 @@ const BLACK: [u8; 3] = [0; 3];
 
 fn near(a: [u8; 3], b: [u8; 3]) -> bool {
     (0..3).all(|k| a[k].abs_diff(b[k]) <= 1)
+}
+
+#[test]
+fn kept_draws_are_those_of_the_program() {
+    let corners = [[1, 1], [1, 15], [15, 1], [15, 15]];
+    let kinds: [(&str, &[usize], Topology); 6] = [
+        ("GL_TRIANGLES", &[0, 2, 1, 1, 2, 3], Topology::TriangleList),
+        ("GL_TRIANGLE_STRIP", &[0, 2, 1, 3], Topology::TriangleStrip),
+        ("GL_TRIANGLE_FAN", &[0, 2, 3, 1], Topology::TriangleFan),
+        ("GL_QUADS", &[0, 2, 3, 1], Topology::QuadList),
+        ("GL_QUAD_STRIP", &[1, 0, 3, 2], Topology::TriangleStrip),
+        ("GL_POLYGON", &[0, 2, 3, 1], Topology::TriangleFan),
+    ];
+    for (kind, order, topology) in kinds {
+        // The colours are not those of a plane: the picture shows the diagonal.
+        let corner = |&k: &usize| {
+            let [x, y] = corners[k];
+            format!("glColor3f({},0.25,{})\nglVertex2f({x},{y})\n", [0.1, 0.9, 0.4, 0.2][k], [1.0, 0.5, 0.9, 0.7][k])
+        };
+        let vertices: String = order.iter().map(corner).collect();
+        let calls = format!(
+            "glOrtho(0,16,0,16,-1,1)\nglRotatef(0.5,0,0,1)\nglEnable(GL_CULL_FACE)\nglBegin({kind})\n{vertices}glEnd()\n"
+        );
+        let joined = shown(&calls, &[]);
+        let (trace, _) = imported_with(&calls, &[], 0..u64::MAX, &Reading { keep_draws: true, ..Reading::default() });
+        let kept = last_of(&trace);
+        assert!(joined.0.iter().zip(&kept.0).all(|(&a, &b)| near(a, b)), "{kind}: the same picture");
+        assert!(kept.lit().len() > 150, "{kind}");
+        let (mut topologies, mut draws) = (Vec::new(), Vec::new());
+        let seen: Result<(), TraceError> = trace.for_each_command(|_, command| {
+            match command {
+                Command::CreateRenderPipeline { desc, .. } => topologies.push(desc.primitive.topology),
+                Command::Draw { vertices, .. } => draws.push(*vertices as usize),
+                Command::DrawIndexed { .. } => panic!("{kind}: the program sends no indices"),
+                _ => {}
+            }
+            Ok(())
+        });
+        seen.expect("a trace");
+        assert_eq!((topologies, draws), (vec![topology], vec![order.len()]), "{kind}");
+    }
 }
 
 #[test]

@@ -33,14 +33,15 @@ impl Clears {
         }
     }
 
-    /// Clears the aspects of a depth attachment that the pass clears. Only where nothing of what was there is left can flags say so.
+    /// Clears the aspects of a depth attachment that the pass clears. Flags can say so where nothing of what was there is left, or stencil
+    /// values that are all the same.
     pub fn depth(&mut self, store: &mut Store, attachment: &Attachment) {
         let format = attachment.surface.format;
         let depth = match attachment.load {
             Load::Clear(value) if format.has_depth() => Some(texel::depth_code(format, f32::from_bits(value[0]))),
             _ => None,
         };
-        let stencil = match attachment.stencil_load {
+        let mut stencil = match attachment.stencil_load {
             Load::Clear(value) if format.has_stencil() => Some(value[1] & 0xff),
             _ => None,
         };
@@ -59,6 +60,15 @@ impl Clears {
         if let Some(stencil) = stencil {
             code[stencil_word] |= stencil << shift;
             mask[stencil_word] |= 0xff << shift;
+        }
+        if depth.is_some()
+            && stencil.is_none()
+            && let Some(value) = store.uniform(stencil_word as u32, 0xff << shift).filter(|_| format.has_stencil())
+        {
+            // All stencil values are the same: the flag can stand for them, too.
+            code[stencil_word] |= value;
+            mask[stencil_word] |= 0xff << shift;
+            stencil = Some(value);
         }
         let whole = (depth.is_some() || !format.has_depth()) && (stencil.is_some() || !format.has_stencil());
         if whole {
@@ -82,5 +92,35 @@ impl Clears {
             store.blocks.fill(BlockState::Stored(raw as u16));
             self.writes.push_back((store.surface.address, blocks as u64 * u64::from(raw)));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BlockState, Clears, Store};
+    use crate::tests::scenery::{attachment, surface};
+    use gfx::format::Format;
+    use work::{Attachment, Load};
+
+    #[test]
+    fn a_clear_of_depths_is_by_flag_where_all_stencil_values_are_the_same() {
+        let surface = surface(1, Format::Depth24PlusStencil8, 4, 1);
+        let attachment =
+            Attachment { load: Load::Clear([1.0_f32.to_bits(), 0, 0, 0]), stencil_load: Load::Load, ..attachment(surface) };
+        let cleared = |last: u32| {
+            let mut store = Store::new(surface);
+            store.clear([0x0500_0123, 0, 0, 0]);
+            *store.codes.last_mut().expect("a texel") = last;
+            let mut clears = Clears::new(true);
+            clears.depth(&mut store, &attachment);
+            (clears.flags, store.blocks[0], store.codes.to_vec())
+        };
+        let (flags, block, codes) = cleared(0x0500_0777);
+        assert_eq!((flags, block), (4, BlockState::Cleared));
+        assert!(codes.iter().all(|&code| code == 0x05ff_ffff));
+        // One stencil value is another.
+        let (flags, block, codes) = cleared(0x0600_0777);
+        assert_eq!((flags, block), (0, BlockState::Stored(256)));
+        assert_eq!((codes[0], codes[255]), (0x05ff_ffff, 0x06ff_ffff));
     }
 }

@@ -10,6 +10,8 @@ knob::choices! {
         Planes "planes",
         /// Lower bits behind the block's least or greatest code; codes of 32 bits only.
         References "references",
+        /// The same, but not to three quarters of the size: a quarter, half, or raw.
+        HalfReferences "half-references",
     }
 }
 
@@ -32,7 +34,8 @@ impl Compression {
         let (format, samples, codes) = (store.surface.format, store.surface.samples as usize, store.block(block));
         let bytes = match self.codec {
             Codec::Planes => codec::stored_bytes(format, samples, codes),
-            Codec::References => codec::stored_bytes_by_references(format, samples, codes),
+            Codec::References => codec::stored_bytes_by_references(format, samples, codes, full),
+            Codec::HalfReferences => codec::stored_bytes_by_references(format, samples, codes, full / 2),
         };
         bytes.min(full)
     }

@@ -167,6 +167,13 @@ impl Store {
         }
     }
 
+    /// The bits under `mask` of a word of the texels, if all texels have the same.
+    pub fn uniform(&self, word: u32, mask: u32) -> Option<u32> {
+        let words = || self.codes.chunks_exact(4).skip(word as usize).step_by(self.words as usize).flatten();
+        let first = words().next()? & mask;
+        words().all(|other| other & mask == first).then_some(first)
+    }
+
     /// Index in `codes` of word 0 of a texel.
     fn index(&self, x: u32, y: u32, sample: u32) -> usize {
         let block = (y / BLOCK) * self.across + x / BLOCK;

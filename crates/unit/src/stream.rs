@@ -39,6 +39,11 @@ impl Stream {
         read && written
     }
 
+    /// Whether all reads of this run are sent. Another run that only reads may begin then.
+    pub fn sent(&self) -> bool {
+        self.read == self.bytes
+    }
+
     /// Reads in flight.
     pub fn resident(&self) -> u64 {
         u64::from(self.misses.in_flight())

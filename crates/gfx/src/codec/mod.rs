@@ -43,14 +43,14 @@ pub fn stored_bytes(format: Format, samples: usize, codes: &[u32]) -> u32 {
     (lines as u32 * LINE).min(raw_bytes(format, samples))
 }
 
-/// As [`stored_bytes`], by two references of 32 bits: one, two or three lines, or the raw size. Codes of more than a word and of several samples
+/// As [`stored_bytes`], by two references of 32 bits: one, two or three lines, but at most `most` bytes, or the raw size. Codes of more than a word and of several samples
 /// are stored raw.
-pub fn stored_bytes_by_references(format: Format, samples: usize, codes: &[u32]) -> u32 {
+pub fn stored_bytes_by_references(format: Format, samples: usize, codes: &[u32], most: u32) -> u32 {
     let raw = raw_bytes(format, samples);
     if format.block_bytes() != 4 {
         return raw;
     }
-    references::bytes(codes).map_or(raw, |bytes| bytes.min(raw))
+    references::bytes(codes, most).map_or(raw, |bytes| bytes.min(raw))
 }
 
 /// Compresses a block; the arguments are those of [`stored_bytes`]. Not more than one byte longer than the raw block.

@@ -6,8 +6,8 @@ use super::PIXELS;
 /// Lower bits that are stored, and the bytes that a block then takes: two bits a code choose the reference.
 const LEVELS: [(u32, u32); 3] = [(5, 64), (13, 128), (21, 192)];
 
-/// Bytes that a block of 64 codes of 32 bits takes; none if no level fits.
-pub(super) fn bytes(codes: &[u32]) -> Option<u32> {
+/// Bytes that a block of 64 codes of 32 bits takes, of those up to `most`; none if no level fits.
+pub(super) fn bytes(codes: &[u32], most: u32) -> Option<u32> {
     if codes.len() != PIXELS {
         return None;
     }
@@ -19,12 +19,14 @@ pub(super) fn bytes(codes: &[u32]) -> Option<u32> {
             upper - low <= 1 || high - upper <= 1
         })
     };
-    LEVELS.iter().find(fits).map(|&(_, bytes)| bytes)
+    LEVELS.iter().filter(|&&(_, bytes)| bytes <= most).find(fits).map(|&(_, bytes)| bytes)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::bytes;
+    fn bytes(codes: &[u32]) -> Option<u32> {
+        super::bytes(codes, 192)
+    }
 
     #[test]
     fn a_block_takes_the_smallest_level_that_holds_its_codes() {
@@ -38,6 +40,7 @@ mod tests {
         assert_eq!(bytes(&three), Some(128));
         three[9] = 0x00ff_8000;
         assert_eq!(bytes(&three), Some(192));
+        assert_eq!(super::bytes(&three, 128), None, "no such level for colours");
         let spread: Vec<u32> = (0..64).map(|i| i << 26).collect();
         assert_eq!(bytes(&spread), None);
         assert_eq!(bytes(&[0; 128]), None, "codes of several words or samples");

@@ -255,7 +255,7 @@ impl Gl {
     }
 
     /// Draws elements of the arrays.
-    fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>) -> Outcome {
+    fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
@@ -275,7 +275,8 @@ impl Gl {
             self.elements = Some(Elements {
                 vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
                 numbers: indices.iter().map(number).collect(),
-                sent: Sent { position, normal: bits & 1 << 1 != 0, color: bits & 1 << 2 != 0 },
+                sent: Sent::Arrays { position, slots: bits },
+                indexed,
             });
         }
         let outcome = self.vertices(mode, vertices, bits);
@@ -289,7 +290,7 @@ pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if count > VERTICES_MAX {
         return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
     }
-    gl.elements(mode, first..first.saturating_add(count))
+    gl.elements(mode, first..first.saturating_add(count), false)
 }
 
 fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
@@ -318,12 +319,12 @@ fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
 
 pub(super) fn draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let indices = indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?;
-    gl.elements(call.u32(0)?, indices.into_iter())
+    gl.elements(call.u32(0)?, indices.into_iter(), true)
 }
 
 pub(super) fn draw_range_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let indices = indices(gl, call.size(3)?, call.u32(4)?, call.arg(5))?;
-    gl.elements(call.u32(0)?, indices.into_iter())
+    gl.elements(call.u32(0)?, indices.into_iter(), true)
 }
 
 pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -333,7 +334,7 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         if count > VERTICES_MAX {
             return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
         }
-        gl.elements(mode, first..first.saturating_add(count))?;
+        gl.elements(mode, first..first.saturating_add(count), false)?;
     }
     Ok(())
 }

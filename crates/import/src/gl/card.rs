@@ -266,18 +266,22 @@ impl Card {
     }
 
     /// Records a pass.
-    fn emit(&mut self, pass: Pass) {
+    fn emit(&mut self, mut pass: Pass) {
         let Some(target) = pass.target else { return };
         let mut buffers = Vec::new();
         let mut group = None;
         if !pass.draws.is_empty() {
-            let mut uniforms = pass.uniforms;
+            let mut uniforms = std::mem::take(&mut pass.uniforms);
             uniforms.resize(uniforms.len().next_multiple_of(BLOCK_ALIGN) + pass.block, 0);
             let indices: Vec<u8> = pass.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
             self.bytes += (pass.vertices.len() + indices.len() + uniforms.len()) as u64;
-            buffers = [("vertices", &pass.vertices), ("indices", &indices), ("uniforms", &uniforms)]
-                .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes))
-                .to_vec();
+            let vertices = self.recorder.create_buffer("vertices", pass.vertices.len() as u64);
+            for (at, bytes) in pass.uploads() {
+                self.recorder.write_buffer(vertices, at, "vertices", bytes);
+            }
+            let other = [("indices", &indices), ("uniforms", &uniforms)];
+            buffers = vec![vertices];
+            buffers.extend(other.map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes)));
             let layout = self.uniform_layout();
             let bound = BoundResource::Buffer { buffer: buffers[2], offset: 0, size: Some(pass.block as u64) };
             group = Some(self.recorder.create_bind_group(layout, [(0, bound)]));
@@ -299,7 +303,9 @@ impl Card {
         {
             let mut open = self.recorder.begin_render_pass_with(color, depth, set);
             if let (Some(group), [vertices, indices, _]) = (group, &buffers[..]) {
-                open.set_index_buffer(*indices, IndexFormat::Uint32);
+                if pass.draws.iter().any(|draw| draw.first.is_some()) {
+                    open.set_index_buffer(*indices, IndexFormat::Uint32);
+                }
                 let mut last: Option<&Draw> = None;
                 for draw in &pass.draws {
                     let query = last.and_then(|last| last.query);
@@ -331,8 +337,16 @@ impl Card {
                     if let Some(textures) = draw.textures.filter(|&group| new(&|d| d.textures != Some(group))) {
                         open.set_bind_group(1, textures);
                     }
-                    open.set_vertex_buffer_at(0, *vertices, draw.vertices);
-                    open.draw_indexed_from(draw.count, 1, draw.first, 0, 0);
+                    if draw.streams.is_empty() {
+                        open.set_vertex_buffer_at(0, *vertices, draw.vertices);
+                    }
+                    for (slot, stream) in (0..).zip(&draw.streams) {
+                        open.set_vertex_buffer_at(slot, *vertices, draw.vertices + stream);
+                    }
+                    match draw.first {
+                        Some(first) => open.draw_indexed_from(draw.count, 1, first, 0, 0),
+                        None => open.draw(draw.count, 1),
+                    }
                     last = Some(draw);
                 }
                 if last.is_some_and(|last| last.query.is_some()) {
@@ -404,9 +418,10 @@ impl Card {
             }
         };
         let target = |format| ColorTarget { format, blend: fixed.blend, write_mask: fixed.mask };
+        let each = if fixed.streams { 1 } else { fixed.attributes.len().max(1) };
         let desc = RenderPipelineDesc {
             layout: Some(layout),
-            buffers: vec![record::vertex_buffer(&fixed.attributes)],
+            buffers: fixed.attributes.chunks(each).map(record::vertex_buffer).collect(),
             primitive: fixed.primitive,
             depth_stencil: fixed.depth,
             targets: fixed.color.map(|format| Some(target(format))).into_iter().collect(),

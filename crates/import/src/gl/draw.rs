@@ -11,8 +11,8 @@ use super::image::Base;
 use super::key::*;
 use super::machine::Gl;
 use super::matrix::{IDENTITY, Matrix};
-use super::pack::{expand, pack};
-use super::primitive::{Batch, Class};
+use super::pack::{STREAM_ALIGN, STREAMS_MAX, expand, pack, streams};
+use super::primitive::{Batch, Class, Sent};
 use super::state::{PLANES, TARGETS, UNITS, Vertex};
 use super::texture::{Bound, Texture};
 use super::uniforms::{self, Source, to_clip};
@@ -126,6 +126,7 @@ impl Gl {
         let fixed = Fixed {
             shader: self.card.plain_shader("clear", CLEAR_TEXT),
             attributes: vec![(0, VertexFormat::Float32x2)],
+            streams: false,
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
             depth: target.depth.map(|surface| DepthStencil {
@@ -158,7 +159,8 @@ impl Gl {
             pipeline,
             uniforms,
             vertices,
-            first,
+            streams: Vec::new(),
+            first: Some(first),
             count: 3,
             textures: None,
             viewport,
@@ -306,7 +308,7 @@ impl Gl {
         if indices.is_empty() {
             return Ok(());
         }
-        let fixed = self.fixed(&target, shader, attributes, (batch.class, batch.strip), &key, bound.len())?;
+        let fixed = self.fixed(&target, shader, attributes, batch, &key, bound.len())?;
         let pipeline = self.card.pipeline(&fixed);
         let group = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
@@ -315,13 +317,42 @@ impl Gl {
         let stencil = self.state.stencil[0].reference as u32;
         let pass = &mut self.card.pass;
         pass.textures.extend(bound.iter().map(|&(texture, ..)| texture));
-        let (vertices, first, count) = (pass.vertices.len() as u64, pass.indices.len() as u32, indices.len() as u32);
+        let streams = if fixed.streams {
+            let (end, start) = (pass.vertices.len(), pass.vertices.len().next_multiple_of(STREAM_ALIGN));
+            pass.vertices.resize(start, 0);
+            let streams = streams(&fixed.attributes, batch.vertices.len());
+            pass.gaps.push([end, start]);
+            for (pair, (_, format)) in streams.windows(2).zip(&fixed.attributes) {
+                let [this, next] = [pair[0], pair[1]].map(|stream| start + stream as usize);
+                pass.gaps.push([this + batch.vertices.len() * format.bytes() as usize, next]);
+            }
+            streams
+        } else {
+            Vec::new()
+        };
+        let (vertices, count) = (pass.vertices.len() as u64, indices.len() as u32);
+        let first = (!batch.sequence).then_some(pass.indices.len() as u32);
         pass.vertices.extend_from_slice(&bytes);
-        pass.indices.extend_from_slice(&indices);
+        if first.is_some() {
+            pass.indices.extend_from_slice(&indices);
+        }
         let (writes, query) = (fixed.writes(), self.query);
         let textures = group;
-        let draw =
-            Draw { pipeline, uniforms, vertices, first, count, textures, viewport, scissor, blend, stencil, writes, query };
+        let draw = Draw {
+            pipeline,
+            uniforms,
+            vertices,
+            streams,
+            first,
+            count,
+            textures,
+            viewport,
+            scissor,
+            blend,
+            stencil,
+            writes,
+            query,
+        };
         self.card.draw(draw);
         Ok(())
     }
@@ -469,11 +500,12 @@ impl Gl {
         target: &Target,
         shader: num::ShaderId,
         attributes: Vec<(u32, VertexFormat)>,
-        (class, strip): (Class, bool),
+        batch: &Batch,
         key: &ShaderKey,
         textures: usize,
     ) -> Outcome<Fixed> {
         let state = &self.state;
+        let (class, topology) = (batch.class, batch.topology);
         let triangles = class == Class::Triangles;
         let cull_mode = match state.cull {
             _ if !triangles || !state.is(e::CULL_FACE) => CullMode::None,
@@ -484,12 +516,11 @@ impl Gl {
             _ if key.expand != Expand::No => Topology::TriangleList,
             Class::Points => Topology::PointList,
             Class::Lines => Topology::LineList,
-            Class::Triangles if strip => Topology::TriangleStrip,
-            Class::Triangles => Topology::TriangleList,
+            Class::Triangles => topology.unwrap_or(Topology::TriangleList),
         };
         let primitive = Primitive {
             topology,
-            front_face: if (state.front == e::CW) != target.upward { FrontFace::Cw } else { FrontFace::Ccw },
+            front_face: if (state.front == e::CW) ^ target.upward ^ batch.turned { FrontFace::Cw } else { FrontFace::Ccw },
             cull_mode,
             provoking_last: true,
             ..Primitive::default()
@@ -560,13 +591,17 @@ impl Gl {
         };
         let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
         let mask = if noop { 0 } else { self.mask() };
-        Ok(Fixed { shader, attributes, primitive, color, depth, blend, mask, textures })
+        let streams = batch.sent.is_some() && attributes.len() <= STREAMS_MAX;
+        Ok(Fixed { shader, attributes, streams, primitive, color, depth, blend, mask, textures })
     }
 }
 
 /// Attributes that differ between vertices.
 fn varying(batch: &Batch, first: &Vertex, key: &ShaderKey) -> Varying {
     let mut varying = Varying::default();
+    if batch.sent == Some(Sent::Read) {
+        varying = Varying { color: true, normal: true, secondary: true, fog: true, texture: [true; UNITS], generic: u16::MAX };
+    }
     for vertex in &batch.vertices {
         varying.color |= vertex.color != first.color;
         varying.normal |= vertex.normal != first.normal;

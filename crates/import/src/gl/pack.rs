@@ -16,6 +16,12 @@ const QUAD: [u32; 6] = [0, 1, 2, 0, 2, 3];
 /// Those of a smooth line: its coverage is interpolated with perspective, so that the diagonal shows. It is Mesa's.
 const SMOOTH_QUAD: [u32; 6] = [0, 1, 3, 1, 2, 3];
 
+/// Where arrays of attributes may begin, in bytes. By ATTILA's counts of lines they begin at lines of its cache.
+pub const STREAM_ALIGN: usize = 256;
+
+/// Vertex buffers that a draw can have.
+pub const STREAMS_MAX: usize = 8;
+
 /// A packed batch: attributes, bytes, indices.
 pub type Packed = (Vec<(u32, VertexFormat)>, Vec<u8>, Vec<u32>);
 
@@ -43,40 +49,63 @@ type Attribute = (u32, usize, fn(&Vertex, u32) -> [f32; 4]);
 fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
     let (vertices, sent) = (&batch.vertices, batch.sent);
     let mut list: Vec<Attribute> = Vec::new();
-    let position = components(vertices.iter().map(|vertex| vertex.position), sent.map_or(2, |sent| sent.position.max(2)));
+    let least = |slot: usize| sent.map_or(2, |sent| sent.least(slot));
+    let has = |slot: usize| sent.is_some_and(|sent| sent.has(slot));
+    let position = components(vertices.iter().map(|vertex| vertex.position), least(0));
     list.push((location::POSITION, position, |v, _| v.position));
-    if key.varying.color || sent.is_some_and(|sent| sent.color) {
+    if key.varying.color || has(2) {
         let opaque = sent.is_none() && vertices.iter().all(|vertex| vertex.color[3] == 1.0);
         list.push((location::COLOR, if opaque { 3 } else { 4 }, |v, _| v.color));
     }
-    if key.varying.normal || sent.is_some_and(|sent| sent.normal) {
+    if key.varying.normal || has(1) {
         list.push((location::NORMAL, 3, |v, _| [v.normal[0], v.normal[1], v.normal[2], 0.0]));
     }
-    if key.varying.secondary {
+    if key.varying.secondary || has(3) {
         list.push((location::SECONDARY, 3, |v, _| [v.secondary[0], v.secondary[1], v.secondary[2], 0.0]));
     }
-    if key.varying.fog {
+    if key.varying.fog || has(4) {
         list.push((location::FOG, 1, |v, _| [v.fog; 4]));
     }
     if key.line_stipple {
         list.push((location::ALONG, 1, |v, _| [v.along; 4]));
     }
-    for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit)) {
-        let count = components(vertices.iter().map(|vertex| vertex.texture(unit)), 2);
+    for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit) || has(8 + unit)) {
+        let count = components(vertices.iter().map(|vertex| vertex.texture(unit)), least(8 + unit));
         list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture((at - location::TEXTURE) as usize)));
     }
-    for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0) {
-        let count = components(vertices.iter().map(|vertex| vertex.generic(k)), 2);
+    for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0 || (k > 0 && has(16 + k))) {
+        let count = components(vertices.iter().map(|vertex| vertex.generic(k)), least(16 + k));
         list.push((location::GENERIC + k as u32, count, |v, at| v.generic((at - location::GENERIC) as usize)));
     }
     list
 }
 
-/// Vertices as the card reads them.
+/// Where the arrays of attributes begin that lie one behind another, each for so many vertices.
+pub fn streams(attributes: &[(u32, VertexFormat)], vertices: usize) -> Vec<u64> {
+    let mut end = 0;
+    let place = |&(_, format): &(u32, VertexFormat)| {
+        let start = usize::next_multiple_of(end, STREAM_ALIGN);
+        end = start + vertices * format.bytes() as usize;
+        start as u64
+    };
+    attributes.iter().map(place).collect()
+}
+
+/// Vertices as the card reads them: one behind another; of draws that are kept, an array for each attribute.
 pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
     let layout = layout(key, batch);
     let components: usize = layout.iter().map(|&(_, count, _)| count).sum();
+    let attributes = layout.iter().map(|&(location, count, _)| (location, float_format(count))).collect();
     let mut bytes = Vec::with_capacity(4 * components * batch.vertices.len());
+    if batch.sent.is_some() && layout.len() <= STREAMS_MAX {
+        for &(location, count, of) in &layout {
+            bytes.resize(bytes.len().next_multiple_of(STREAM_ALIGN), 0);
+            for vertex in &batch.vertices {
+                bytes.extend(of(vertex, location)[..count].iter().flat_map(|value| value.to_le_bytes()));
+            }
+        }
+        return (attributes, bytes, batch.indices.clone());
+    }
     for vertex in &batch.vertices {
         for &(location, count, of) in &layout {
             for value in &of(vertex, location)[..count] {
@@ -84,7 +113,6 @@ pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
             }
         }
     }
-    let attributes = layout.iter().map(|&(location, count, _)| (location, float_format(count))).collect();
     (attributes, bytes, batch.indices.clone())
 }
 

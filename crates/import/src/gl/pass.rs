@@ -15,9 +15,11 @@ pub struct Draw {
     pub uniforms: u32,
     /// Its first vertex byte in the pass.
     pub vertices: u64,
-    /// Its first index in the pass.
-    pub first: u32,
-    /// Number of indices.
+    /// Where the arrays of its attributes begin behind that; empty where all attributes of a vertex lie together.
+    pub streams: Vec<u64>,
+    /// Its first index in the pass; none: its vertices in order.
+    pub first: Option<u32>,
+    /// Number of indices, or of vertices.
     pub count: u32,
     /// Textures.
     pub textures: Option<BindGroupId>,
@@ -103,6 +105,8 @@ pub struct Pass {
     pub draws: Vec<Draw>,
     /// Vertices of all draws.
     pub vertices: Vec<u8>,
+    /// What in them lies between arrays and is not uploaded: begin and end.
+    pub gaps: Vec<[usize; 2]>,
     /// Indices of all draws.
     pub indices: Vec<u32>,
     /// Blocks of uniforms.
@@ -116,6 +120,13 @@ pub struct Pass {
 }
 
 impl Pass {
+    /// The vertices that are uploaded: where they begin, and their bytes.
+    pub fn uploads(&self) -> impl Iterator<Item = (u64, &[u8])> {
+        let ends = self.gaps.iter().map(|gap| gap[0]).chain([self.vertices.len()]);
+        let starts = [0].into_iter().chain(self.gaps.iter().map(|gap| gap[1]));
+        starts.zip(ends).filter(|(start, end)| start < end).map(|(start, end)| (start as u64, &self.vertices[start..end]))
+    }
+
     /// Whether it does nothing.
     pub fn is_empty(&self) -> bool {
         self.draws.is_empty() && self.clears() == 0
@@ -143,6 +154,8 @@ pub struct Fixed {
     pub shader: ShaderId,
     /// Attributes: location and format.
     pub attributes: Vec<(u32, VertexFormat)>,
+    /// Whether each attribute has an array of its own.
+    pub streams: bool,
     /// Primitive.
     pub primitive: Primitive,
     /// Format of colours.

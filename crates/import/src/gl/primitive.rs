@@ -1,5 +1,7 @@
 //! Primitives become lists of points, lines or triangles, which wait for one draw as long as the state stays.
 
+use gfx::state::Topology;
+
 use super::call::Outcome;
 use super::consts as e;
 use super::machine::Gl;
@@ -23,7 +25,6 @@ pub enum Class {
 }
 
 /// What the arrays of a draw that is kept send.
-#[derive(Default)]
 pub struct Elements {
     /// The vertices that its indices name, once each, in the order of their indices.
     pub vertices: Vec<Vertex>,
@@ -31,23 +32,37 @@ pub struct Elements {
     pub numbers: Vec<u32>,
     /// Components of attributes.
     pub sent: Sent,
+    /// Whether the program sends indices.
+    pub indexed: bool,
 }
 
-/// Attributes that a program sends whether or not they differ between vertices or are read.
+/// Attributes that a draw sends whether or not they differ between vertices, each in an array of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sent {
-    /// Components of positions.
-    pub position: usize,
-    /// Whether normals are sent.
-    pub normal: bool,
-    /// Whether colours are sent.
-    pub color: bool,
+pub enum Sent {
+    /// Vertices between Begin and End: all that is read, in full. ATTILA's driver does that.
+    Read,
+    /// Arrays of the program, read or not.
+    Arrays {
+        /// Components of positions.
+        position: usize,
+        /// The enabled arrays: bits of [`Vertex::over`].
+        slots: u32,
+    },
 }
 
-impl Default for Sent {
-    /// Of vertices between Begin and End: positions have four components.
-    fn default() -> Sent {
-        Sent { position: 4, normal: false, color: false }
+impl Sent {
+    /// Whether the program has an array at a slot.
+    pub fn has(self, slot: usize) -> bool {
+        matches!(self, Sent::Arrays { slots, .. } if slots & 1 << slot != 0)
+    }
+
+    /// The least number of components of an attribute with up to four.
+    pub fn least(self, slot: usize) -> usize {
+        match self {
+            Sent::Read => 4,
+            Sent::Arrays { position, .. } if slot == 0 => position.max(2),
+            Sent::Arrays { .. } => 2,
+        }
     }
 }
 
@@ -62,8 +77,12 @@ pub struct Batch {
     pub vertices: Vec<Vertex>,
     /// Indices: of triangles, lines or points; the last vertex of each gives flat colours.
     pub indices: Vec<u32>,
-    /// Whether the indices are those of one strip of triangles.
-    pub strip: bool,
+    /// How the card assembles triangles; none: a list.
+    pub topology: Option<Topology>,
+    /// Whether the vertices are drawn in their order: no indices are sent.
+    pub sequence: bool,
+    /// Whether the triangles that the card assembles are turned round.
+    pub turned: bool,
     /// What is sent of each vertex; none: what differs between them.
     pub sent: Option<Sent>,
 }
@@ -143,7 +162,7 @@ impl Gl {
         }
         if self.keep_draws && class == Class::Triangles && polygon.is_none() {
             self.flush()?;
-            self.keep(vertices, indices.iter().copied(), false);
+            self.keep(vertices, indices.iter().copied(), None);
             return Ok(());
         }
         let batch = &mut self.batch;
@@ -154,21 +173,53 @@ impl Gl {
         Ok(())
     }
 
-    /// Triangles that are a draw by themselves.
-    fn keep(&mut self, vertices: &[Vertex], indices: impl Iterator<Item = u32>, strip: bool) {
-        let (vertices, indices, sent) = match self.elements.take() {
+    /// Triangles that are a draw by themselves. Those that the card assembles from all vertices in order need no indices where the
+    /// program sends none.
+    fn keep(&mut self, vertices: &[Vertex], indices: impl Iterator<Item = u32>, topology: Option<Topology>) {
+        let elements = self.elements.take();
+        let sequence = topology.is_some() && elements.as_ref().is_none_or(|of| !of.indexed);
+        let (vertices, indices, sent) = match elements {
             // The draw's own vertices, and not what became of them.
             Some(of) if of.numbers.len() == vertices.len() => {
                 (of.vertices, indices.map(|index| of.numbers[index as usize]).collect(), of.sent)
             }
-            _ => (vertices.to_vec(), indices.collect(), Sent::default()),
+            _ => (vertices.to_vec(), indices.collect::<Vec<u32>>(), Sent::Read),
         };
-        self.batch = Batch { class: Class::Triangles, polygon: None, vertices, indices, strip, sent: Some(sent) };
+        let vertices =
+            if sequence { indices.iter().map(|&index| vertices[index as usize].clone()).collect() } else { vertices };
+        let indices = if sequence { (0..vertices.len() as u32).collect() } else { indices };
+        let batch = Batch { class: Class::Triangles, polygon: None, sent: Some(sent), ..Batch::default() };
+        self.batch = Batch { vertices, indices, topology, sequence, ..batch };
+    }
+
+    /// How the card assembles the vertices of a draw that is kept, and how many of them.
+    fn assembled(&self, mode: u32, n: u32) -> Option<(Topology, u32)> {
+        if !self.keep_draws || n < 3 || self.state.polygon_modes != [e::FILL; 2] || self.state.is(e::COLOR_LOGIC_OP) {
+            return None;
+        }
+        match mode {
+            e::TRIANGLES => Some((Topology::TriangleList, n / 3 * 3)),
+            e::TRIANGLE_STRIP => Some((Topology::TriangleStrip, n)),
+            e::TRIANGLE_FAN => Some((Topology::TriangleFan, n)),
+            e::QUADS if n > 3 => Some((Topology::QuadList, n / 4 * 4)),
+            // The vertex that gives the flat colour is another one than that of a fan or a strip.
+            e::POLYGON if !self.state.flat => Some((Topology::TriangleFan, n)),
+            e::QUAD_STRIP if n > 3 && !self.state.flat => Some((Topology::TriangleStrip, n / 2 * 2)),
+            _ => None,
+        }
     }
 
     /// Triangles, quadrilaterals and polygons.
     fn polygons(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
         let n = vertices.len() as u32;
+        if let Some((topology, count)) = self.assembled(mode, n) {
+            self.flush()?;
+            // A strip of triangles has the other diagonal, but where each pair of vertices is exchanged.
+            let turned = mode == e::QUAD_STRIP;
+            self.keep(vertices, (0..count).map(|i| if turned { i ^ 1 } else { i }), Some(topology));
+            self.batch.turned = turned;
+            return Ok(());
+        }
         // Corners of each polygon; the last one of a triangle gives its flat colour.
         let mut triangles: Vec<[u32; 3]> = Vec::new();
         // Which diagonal parts a quadrilateral is left open. As llvmpipe does it: its last vertex gives its flat colour and stands in both
@@ -200,12 +251,6 @@ impl Gl {
             _ => return Err(super::call::INVALID_ENUM),
         }
         let modes = self.state.polygon_modes;
-        let whole_strip = self.keep_draws && mode == e::TRIANGLE_STRIP && n > 2 && !self.state.is(e::COLOR_LOGIC_OP);
-        if whole_strip && modes == [e::FILL; 2] {
-            self.flush()?;
-            self.keep(vertices, 0..n, true);
-            return Ok(());
-        }
         if modes == [e::FILL; 2] || (self.state.is(e::CULL_FACE) && self.filled_only()) {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }

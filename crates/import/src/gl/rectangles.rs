@@ -153,7 +153,8 @@ impl Gl {
             pipeline,
             uniforms,
             vertices,
-            first,
+            streams: Vec::new(),
+            first: Some(first),
             count: 6,
             textures: Some(group),
             viewport,
@@ -187,6 +188,7 @@ impl Gl {
         Ok(Fixed {
             shader,
             attributes: vec![(0, VertexFormat::Float32x2)],
+            streams: false,
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
             depth: target.depth.map(|surface| DepthStencil {

@@ -3,6 +3,7 @@
 use super::Config;
 use mem::MemoryConfig;
 use unit::scanout::{ScanoutMode, Swap};
+use unit::traverse::Walk;
 use unit::warp::MAX_WIDTH;
 
 /// Rules between knobs.
@@ -18,6 +19,13 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             ));
         }
     }
+    if config.traverse.triangles > 1 && config.traverse.walk != Walk::Blocks {
+        return Err(format!(
+            "traverse.triangles is {}, and must be 1 where traverse.walk is {}: single pixels are tested of one triangle at a time",
+            config.traverse.triangles,
+            config.traverse.walk.name()
+        ));
+    }
     let (lines, ways) = (config.texture.cache_lines, config.texture.cache_ways);
     if lines > ways && !lines.is_multiple_of(ways) {
         return Err(format!("texture.cache_lines is {lines}, and must be a multiple of texture.cache_ways, which is {ways}"));
@@ -32,6 +40,9 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
     if scanout.mode == ScanoutMode::FreeRunning {
         if !scanout.enabled {
             return Err("scanout.enabled is false, and must be true where scanout.mode is free-running".into());
+        }
+        if scanout.compressed {
+            return Err("scanout.compressed is true, and must be false where scanout.mode is free-running".into());
         }
         if scanout.swap == Swap::Copy && scanout.buffers == 1 {
             return Err(

@@ -4,6 +4,7 @@ mod display;
 mod sprites;
 
 use super::card::Card;
+use super::frame::BlockState;
 use super::stream::Stream;
 use super::token::{Ack, Kind, Piece};
 use display::Display;
@@ -44,6 +45,9 @@ knob::knobs! {
         enabled: bool ["", Allowed::Switch, "ATTILA bGPU.ini DAC RefreshFrame = TRUE"],
         /// Requests to memory in flight.
         misses: u32 ["requests", Allowed::Range(1, 1024), "ATTILA bGPU.ini DAC BlockRequestQueueSize = 32"],
+        /// Whether frames are read as the ROPs have stored them: compressed blocks compressed, and blocks that were cleared by flag not at
+        /// all. After frames only.
+        compressed: bool ["", Allowed::Switch, "ATTILA's DAC reads so; most displays had to have frames decompressed"],
         /// When frames are read for the screen.
         mode: ScanoutMode ["", Allowed::Choice(ScanoutMode::NAMES), "ATTILA reads a frame when it has been drawn; displays run free"],
         /// Free-running: cycles of a line.
@@ -66,6 +70,9 @@ pub struct Scanout {
     output: Out<Ack>,
     memory: MemoryPort,
     stream: Stream,
+    /// Whether blocks are read as they are stored, and the next one.
+    compressed: bool,
+    block: usize,
     active: bool,
     items: u64,
     /// A display that runs free.
@@ -78,13 +85,15 @@ pub struct Scanout {
 impl Scanout {
     /// An idle one, whose port to memory brings so many bytes a cycle.
     pub fn new(config: ScanoutConfig, port_width: u32, input: In<Piece>, output: Out<Ack>, memory: MemoryPort) -> Scanout {
-        let stream = Stream::new(config.misses);
+        let (stream, compressed) = (Stream::new(config.misses), config.compressed);
         let display = (config.mode == ScanoutMode::FreeRunning).then(|| Display::new(config, port_width));
         Scanout {
             input,
             output,
             memory,
             stream,
+            compressed,
+            block: 0,
             active: false,
             items: 0,
             display,
@@ -153,7 +162,9 @@ impl Unit<Card> for Scanout {
         if !self.active {
             let surface = &card.frame.stores[usize::from(piece.slot)].surface;
             let texel = u64::from(surface.format.block_bytes()) * u64::from(surface.samples);
-            self.stream.begin(Some(surface.address), None, u64::from(surface.width) * u64::from(surface.height) * texel);
+            let bytes = u64::from(surface.width) * u64::from(surface.height) * texel;
+            self.stream.begin(Some(surface.address), None, if self.compressed { 0 } else { bytes });
+            self.block = 0;
             self.active = true;
             if let Some(frame) = card.presented.pop_front() {
                 // Each of these frames is one picture, under its own number.
@@ -164,8 +175,18 @@ impl Unit<Card> for Scanout {
         }
 
         // 2. Read it.
-        let did = self.stream.step(wires, &self.memory);
-        if !self.stream.done() {
+        let mut did = self.stream.step(wires, &self.memory);
+        if self.compressed {
+            let store = &card.frame.stores[usize::from(piece.slot)];
+            while self.stream.sent() && self.block < store.blocks.len() {
+                if let BlockState::Stored(bytes) | BlockState::Shared(bytes) = store.blocks[self.block] {
+                    self.stream.begin(Some(store.address(self.block as u32)), None, bytes.into());
+                    did = self.stream.step(wires, &self.memory).or(did);
+                }
+                self.block += 1;
+            }
+        }
+        if !self.stream.done() || self.compressed && self.block < card.frame.stores[usize::from(piece.slot)].blocks.len() {
             return did;
         }
 

@@ -3,6 +3,7 @@
 use super::kit::{FREE, Sink, Source, memory, port, settle};
 use super::scenery::{card, surface};
 use crate::Card;
+use crate::frame::{BlockState, Store};
 use crate::scanout::{DisplayCounts, Presented, Scanout, ScanoutConfig, ScanoutMode, Swap};
 use crate::token::{Ack, Kind, Piece};
 use gfx::format::Format;
@@ -25,6 +26,7 @@ const LINE_BYTES: u64 = 512;
 
 fn config() -> ScanoutConfig {
     ScanoutConfig {
+        compressed: false,
         enabled: true,
         misses: 32,
         mode: ScanoutMode::FreeRunning,
@@ -96,6 +98,34 @@ fn seen(config: &ScanoutConfig, times: &[Cycle]) -> Seen {
             }
         },
     )
+}
+
+#[test]
+fn a_compressed_frame_is_read_as_it_is_stored() {
+    // Four blocks of 256 bytes: raw, cleared by flag, a quarter, half. And the same frame raw.
+    let states = [BlockState::Stored(256), BlockState::Cleared, BlockState::Stored(64), BlockState::Stored(128)];
+    for (compressed, bytes) in [(true, 256 + 64 + 128), (false, 4 * 256)] {
+        let config = ScanoutConfig { enabled: true, misses: 2, compressed, ..ScanoutConfig::default() };
+        let run = || {
+            let mut wiring = Wiring::new();
+            let ids = ["source", "scanout", "sink"].map(|name| wiring.unit(name, 0));
+            let mut plan = memory(&mut wiring);
+            let (output, input) = wiring.channel("in", 0, FREE, ids[0], ids[1]);
+            let (out, got) = wiring.channel("out", 0, FREE, ids[1], ids[2]);
+            let mut card = card(1);
+            let mut store = Store::new(surface(1, Format::Rgba8Unorm, 4, 1));
+            store.blocks.copy_from_slice(&states);
+            card.frame.stores.push(store);
+            let memory = port(&mut plan, &mut wiring, ids[1]);
+            let ideal = plan.build(&mut wiring).ideal;
+            let unit = One(Scanout::new(config.clone(), 64, input, out, memory));
+            let pieces = vec![(0, Piece { slot: 0, kind: Kind::DATA }), (0, Piece { slot: 0, kind: Kind::DATA })];
+            (DisplayCircuit::new(wiring, One(Source::new(pieces, output)), unit, One(Sink::new(got)), ideal), card)
+        };
+        let read =
+            settle(run, |c, _| c.sink.got.len() == 2, |c, _| c.ideal.as_ref().expect("ideal memory").counts()[0].read_bytes);
+        assert_eq!(read, 2 * bytes, "{compressed}");
+    }
 }
 
 /// Cycles of a refresh.

@@ -19,7 +19,7 @@ mod fetch;
 mod interpolate;
 mod kit;
 mod resolve;
-mod scenery;
+pub mod scenery;
 mod setup;
 mod texture;
 mod traverse;

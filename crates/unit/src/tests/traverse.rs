@@ -48,6 +48,20 @@ pub fn traversed(
     updates: &[(Cycle, DepthBounds)],
     prepare: impl Fn(&mut Card),
 ) -> (Vec<(Cycle, Kind)>, Funnel, TraverseCounts) {
+    traverse_with(config, segment, updates, prepare, |c, card| {
+        assert_eq!(c.traverse.items(), card.funnel.total().quads_rasterized);
+        (c.sink.log(|token| token.kind), card.funnel.total(), c.traverse.counts())
+    })
+}
+
+/// The same, with what is asked of the circuit at the end.
+fn traverse_with<R: PartialEq + std::fmt::Debug>(
+    config: &TraverseConfig,
+    segment: &Segment,
+    updates: &[(Cycle, DepthBounds)],
+    prepare: impl Fn(&mut Card),
+    result: impl Fn(&TraverseCircuit, &Card) -> R,
+) -> R {
     settle(
         || {
             let mut wiring = Wiring::new();
@@ -75,10 +89,7 @@ pub fn traversed(
             (circuit, card)
         },
         |c, _| c.sink.got.last().is_some_and(|(_, token)| token.kind == Kind::SEGMENT),
-        |c, card| {
-            assert_eq!(c.traverse.items(), card.funnel.total().quads_rasterized);
-            (c.sink.log(|token| token.kind), card.funnel.total(), c.traverse.counts())
-        },
+        result,
     )
 }
 
@@ -99,6 +110,48 @@ pub fn triangles(count: usize, blocks: u32, quads: u8, empty: u16) -> Segment {
     assert!(blocks as u16 + empty <= 8 && row.visits == 1);
     segment.triangles = vec![segment.triangles[0]; count];
     segment
+}
+
+#[test]
+fn triangles_together_are_traversed_block_by_block() {
+    // Three triangles of 4 blocks of 6 quads, two groups each, and one over the last two of these blocks alone.
+    let mut segment = triangles(4, 4, 6, 0);
+    segment.visits.push(work::Visit { tile: 0, first_block: 2, blocks: 2 });
+    segment.triangles[1].first_visit = 1;
+    let order = |triangles: u32| {
+        let config = TraverseConfig { triangles, ..config() };
+        traverse_with(
+            &config,
+            &segment,
+            &[],
+            |_| {},
+            |c, card| {
+                let groups = c.sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA);
+                let of = |token: &GroupToken| {
+                    let group = &card.groups[0][token.group];
+                    (group.block, group.triangle, group.first)
+                };
+                (groups.map(|(_, token)| of(token)).collect::<Vec<_>>(), card.funnel.total())
+            },
+        )
+    };
+    let (alone, funnel) = order(1);
+    assert_eq!(alone.len(), 2 * (3 * 4 + 2));
+    assert!(alone.is_sorted_by_key(|&(block, triangle, first)| (triangle, block, first)));
+    // All four wait from the first cycle on, but the first is taken before the others come.
+    for together in [2, 3, 4, 64] {
+        let (mut groups, same) = order(together);
+        assert_eq!(same, funnel, "{together}");
+        assert_ne!(groups, alone, "{together}");
+        for block in 0..4 {
+            let in_block: Vec<_> = groups.iter().filter(|group| group.0 == block).collect();
+            assert!(in_block.is_sorted_by_key(|&&(_, triangle, first)| (triangle, first)), "API order in block {block}");
+        }
+        groups.sort_unstable();
+        let mut all = alone.clone();
+        all.sort_unstable();
+        assert_eq!(groups, all, "each group once");
+    }
 }
 
 #[test]

@@ -32,6 +32,9 @@ knob::knobs! {
         /// Blocks of bounding boxes tested a cycle, those without coverage included; a triangle takes at least one test. Blocks
         /// of a 64x64 tile that the triangle does not touch are thrown away with the tile.
         tests_per_cycle: u32 ["blocks/cycle", Allowed::Range(1, 64), "ATTILA bGPU.ini ScanWidth x ScanHeight = 16 x 16 pixels of scan tile"],
+        /// Triangles that are traversed together, if so many wait: block by block, and in each block triangle by triangle. More keep blocks
+        /// longer in the ROP caches. Walk by blocks only.
+        triangles: u32 ["triangles", Allowed::Range(1, 64), "ATTILA bGPU.ini RasterizationBatchSize = 4 where RecursiveMode = TRUE"],
         /// What of a triangle is tested for coverage. Walks other than by blocks test single pixels.
         walk: Walk ["", Allowed::Choice(Walk::NAMES), "ATTILA scans tiles"],
         /// Rows and pixels tested a cycle by walks other than by blocks; a triangle takes at least one test.
@@ -135,6 +138,8 @@ pub struct Traverse {
     updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
     place: Place,
+    /// Triangles that are traversed together with the one at hand, in their order.
+    together: Vec<Place>,
     pace: Pace,
     hierarchical: HierarchicalZ,
     /// The pass that `hierarchical` belongs to.
@@ -171,6 +176,7 @@ impl Traverse {
             updates,
             output,
             place: Place::default(),
+            together: Vec::new(),
             hierarchical: HierarchicalZ::default(),
             pass: u32::MAX,
             counts: TraverseCounts::default(),
@@ -313,6 +319,65 @@ impl Traverse {
         }
     }
 
+    /// Takes the triangles that wait and may be traversed together with the one at hand.
+    fn join(&mut self, wires: &mut Wires, card: &Card) {
+        let first = self.place;
+        while (self.together.len() as u32) + 1 < self.config.triangles {
+            let same = |token: &TriangleToken| {
+                token.kind == Kind::DATA && (token.slot, token.sequence) == (first.slot, first.sequence)
+            };
+            let Some(token) = wires.front(&self.input).filter(same) else { break };
+            wires.pop(&self.input);
+            self.begin(card, token);
+            self.together.push(self.place);
+        }
+        self.place = first;
+    }
+
+    /// Of the triangles that are traversed together, takes the one in hand whose next block is the first on the screen; of several that
+    /// have it, the first one. A triangle without more blocks ends before any other goes on.
+    fn choose(&mut self, card: &Card) {
+        let mut all = std::mem::take(&mut self.together);
+        all.push(self.place);
+        all.sort_unstable_by_key(|place| place.triangle);
+        let mut best = (None, 0);
+        for (i, place) in all.iter_mut().enumerate() {
+            self.place = *place;
+            let next = self.skip_foreign(card);
+            *place = self.place;
+            if i == 0 || next < best.0 {
+                best = (next, i);
+            }
+        }
+        self.place = all.remove(best.1);
+        self.together = all;
+    }
+
+    /// Goes on to the next block of the triangle at hand that is this unit's; where it is: tile, row and column.
+    fn skip_foreign(&mut self, card: &Card) -> Option<(u32, u16, u16)> {
+        let work = card.work(self.place.slot);
+        let triangle = &work.segment.triangles[self.place.triangle as usize];
+        let bins = matches!(self.territory, Territory::Bins(_));
+        loop {
+            if bins && self.past_bin(card, work, triangle) {
+                return None;
+            }
+            let visit = work.visits(triangle).get(self.place.visit as usize)?;
+            let whole = work.owners.get(visit.tile as usize).filter(|_| !bins);
+            if self.place.block == visit.blocks || whole.is_some_and(|&owner| !self.enters(owner)) {
+                self.place.visit += 1;
+                self.place.block = 0;
+                continue;
+            }
+            let block = &work.segment.tiles[visit.tile as usize].blocks[(visit.first_block + self.place.block) as usize];
+            let (x, y) = (u32::from(block.x), u32::from(block.y));
+            if whole.is_some() || self.in_bin(card, x, y) && (bins || self.enters(card.interleave.owner(x, y))) {
+                return Some((visit.tile, block.y, block.x));
+            }
+            self.place.block += 1;
+        }
+    }
+
     /// Blocks of this pipeline in the bounding box of a triangle that covers no sample; with none at all, one.
     fn blocks_in_vain(&self, card: &Card, triangle: &Triangle) -> u32 {
         let [x0, y0, x1, y1] = triangle.bounds.map(u32::from);
@@ -420,6 +485,11 @@ impl Unit<Card> for Traverse {
         let mut spare = if paced { 0 } else { tests.saturating_sub(blocks) };
         loop {
             // 2. The next triangle.
+            if !self.place.active
+                && let Some(place) = self.together.pop()
+            {
+                self.place = place;
+            }
             if !self.place.active {
                 let Some(token) = wires.front(&self.input) else { return Tick::moved_or(moved, Tick::Starved) };
                 if token.kind != Kind::DATA {
@@ -436,6 +506,12 @@ impl Unit<Card> for Traverse {
                 wires.pop(&self.input);
                 self.begin(card, token);
                 moved = true;
+                if self.config.triangles > 1 {
+                    self.join(wires, card);
+                }
+            }
+            if !self.together.is_empty() && !self.place.tested {
+                self.choose(card);
             }
             let ahead = self.place.empty.min(spare).min(tests);
             self.place.empty -= ahead;
@@ -460,7 +536,7 @@ impl Unit<Card> for Traverse {
                 if self.place.empty > 0 {
                     return Tick::Moved;
                 }
-                self.place.active = false;
+                self.place = Place::default();
                 continue;
             };
             let bins = matches!(self.territory, Territory::Bins(_));
@@ -570,7 +646,7 @@ impl Unit<Card> for Traverse {
     }
 
     fn resident(&self) -> u64 {
-        u64::from(self.place.active)
+        u64::from(self.place.active) + self.together.len() as u64
     }
 
     fn counted(groups: &mut Counted<Self>) {
