@@ -13,6 +13,7 @@ use crate::machine::Config;
 use crate::report::files::{About, json_frame, json_head};
 use crate::report::html::data::{Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
+use crate::report::html::series::COLUMNS;
 use crate::report::html::{plots, word};
 use crate::report::picture::picture;
 use crate::run::maps::{Look, look};
@@ -28,18 +29,18 @@ use crate::why::why;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  fillrate report out\n  \
 fillrate report out --trace traces/torus-knot.zip --why\n  fillrate report out --plots\n\n\
-The page opens from the disk without a network. Of a replay with several frames it shows the one that costs most. With --trace that frame is \
-rendered once more, for heat maps and for what limits each pass.")]
+The page opens from the disk without a network. Of a replay with several frames it shows the one that costs most. That frame is rendered once \
+more, for heat maps and for what limits each pass: from the trace that the replay names, if it is still there, or from --trace.")]
 pub struct Arguments {
     /// What `replay --out` or `sweep --out` left
     dir: PathBuf,
-    /// The trace of the replay: adds heat maps, and what limits each pass
+    /// The trace of the replay [default: the one that its statistics name, if it is there]
     #[arg(long, value_name = "TRACE")]
     trace: Option<PathBuf>,
     #[command(flatten)]
     reading: super::reading::Reading,
     /// Prove what holds the frame back, by timing it on some 60 machines (as `fillrate why` does)
-    #[arg(long, requires = "trace")]
+    #[arg(long)]
     why: bool,
     /// The page [default: report.html in DIR]
     #[arg(long, value_name = "FILE.html")]
@@ -140,7 +141,7 @@ impl Subject {
     fn look(&self, trace: Option<&Trace>) -> Result<Option<Look>> {
         let (Some(trace), Some(config)) = (trace, &self.config) else { return Ok(None) };
         let number = self.statistics.number();
-        let look = look(trace, config, number)?;
+        let mut look = look(trace, config, number, self.statistics.text("fidelity") == "cycle")?;
         let [here, there] = [Some(look.maps.funnel.primitives_in as f64), self.statistics.own("funnel.primitives_in")];
         if there.is_some() && here != there {
             bail!(
@@ -149,6 +150,9 @@ impl Subject {
                 here.unwrap_or(0.0),
                 there.unwrap_or(0.0)
             );
+        }
+        if let Some(timeline) = &mut look.timeline {
+            timeline.reduce(COLUMNS);
         }
         Ok(Some(look))
     }
@@ -185,6 +189,7 @@ impl Subject {
             limits: &limits,
             why: why.as_ref(),
             maps: look.as_ref().map(|look| &look.maps),
+            timeline: look.as_ref().and_then(|look| look.timeline.as_ref()),
         });
         host::write_file(path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }
@@ -246,11 +251,27 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         return sweep(arguments, &out);
     }
     let subject = Subject::open(folder)?;
-    let trace = arguments.trace.as_deref().map(|path| arguments.reading.open(path)).transpose()?;
-    if trace.is_some() && subject.config.is_none() {
+    if arguments.trace.is_some() && subject.config.is_none() {
         bail!("{} is missing: it says which machine the trace was replayed on", folder.join("config.ron").display());
     }
-    subject.write(&out, trace.as_ref(), arguments.why)?;
+    let stated = Path::new(subject.statistics.text("trace"));
+    match &arguments.trace {
+        Some(path) => subject.write(&out, Some(&arguments.reading.open(path)?), arguments.why)?,
+        None if subject.config.is_some() && stated.exists() => {
+            let written = arguments.reading.open(stated).and_then(|trace| subject.write(&out, Some(&trace), arguments.why));
+            if let Err(reason) = written {
+                if arguments.why {
+                    return Err(reason);
+                }
+                eprintln!("note: the page has no heat maps and no limits of passes: {reason:#}");
+                subject.write(&out, None, false)?;
+            }
+        }
+        None if arguments.why => {
+            bail!("--why renders the trace again, and {} is not there: name it by --trace", stated.display());
+        }
+        None => subject.write(&out, None, false)?,
+    }
     if arguments.plots {
         write_plots(folder, &plots::replay(&subject.statistics, subject.config.as_ref()))?;
     }

@@ -1,7 +1,7 @@
-//! Maps of a frame: what is drawn at each pixel, counted from the work of a rendering in the order of the trace.
+//! Maps of a frame: what is drawn at each pixel, counted from the work of a rendering in the order of the trace. Every machine has the same.
 //!
-//! No machine takes part, so every machine has the same maps. What only a machine knows is not in them: which of the hidden quads hierarchical Z
-//! rejects and which early Z, when a pixel is drawn, and which lines miss.
+//! What only a machine knows is noted by one that draws the frame beside that: which of the hidden quads hierarchical Z rejects and which early
+//! Z, which lines miss, and when a block is drawn. Its caches are empty when the frame begins.
 
 use std::sync::Arc;
 
@@ -10,9 +10,11 @@ use anyhow::Result;
 use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
-use crate::machine::Config;
+use super::timeline::Timeline;
 use crate::machine::config::SortClass;
+use crate::machine::{BlockNotes, Config, Machine, PassNotes};
 use crate::render::{self, FrameSet, Held};
+use crate::sim::Clock;
 use crate::trace::Trace;
 use crate::work::{self, BLOCK, Draw, EndFrame, Event, Funnel, Pass, QUAD_SHADED, RenderKey, Segment, SurfaceKey, TileWork};
 
@@ -43,11 +45,22 @@ pub enum Kind {
     Lines,
     /// The draw that was last.
     Draw,
+    /// Quads that hierarchical Z rejects.
+    HierarchicalZ,
+    /// Quads that the early test rejects.
+    EarlyZ,
+    /// Lines that miss.
+    Misses,
+    /// When it was drawn.
+    When,
 }
 
 impl Kind {
-    /// All of them, in the order of [`Surface::maps`].
-    pub const ALL: [Kind; 6] = [Kind::Overdraw, Kind::Cost, Kind::Waste, Kind::Hidden, Kind::Lines, Kind::Draw];
+    /// Those that are counted from the work, in the order of [`Surface::maps`].
+    pub const COUNTED: [Kind; 6] = [Kind::Overdraw, Kind::Cost, Kind::Waste, Kind::Hidden, Kind::Lines, Kind::Draw];
+
+    /// Those that a machine notes.
+    pub const NOTED: [Kind; 4] = [Kind::HierarchicalZ, Kind::EarlyZ, Kind::Misses, Kind::When];
 
     /// The name.
     pub fn name(self) -> &'static str {
@@ -58,6 +71,10 @@ impl Kind {
             Kind::Hidden => "hidden before shading",
             Kind::Lines => "memory lines",
             Kind::Draw => "last draw",
+            Kind::HierarchicalZ => "hierarchical Z rejects",
+            Kind::EarlyZ => "early Z rejects",
+            Kind::Misses => "texture misses",
+            Kind::When => "when",
         }
     }
 
@@ -71,6 +88,14 @@ impl Kind {
             Kind::Lines => {
                 "Lines of 64 bytes that the shaders of the pixel's quads ask of textures and buffers; each counts for all four pixels."
             }
+            Kind::HierarchicalZ => {
+                "Quads of the block of 8x8 pixels that hierarchical Z rejects on this machine, before they are tested."
+            }
+            Kind::EarlyZ => "Quads of the block of 8x8 pixels that the early depth and stencil test rejects on this machine.",
+            Kind::Misses => {
+                "Lines that the shaders of the block of 8x8 pixels ask for and that miss the texture cache of this machine."
+            }
+            Kind::When => "The cycle of the frame in which the block of 8x8 pixels was written last on this machine.",
             Kind::Draw => {
                 "The draw whose fragment was shaded last, in the order of the trace. In a quad that is hidden in part, and behind a late depth test, it need not be the one that is seen."
             }
@@ -111,7 +136,7 @@ pub struct Surface {
     pub rows: u32,
     /// Passes that draw to it, by their numbers in the trace.
     pub passes: Vec<u32>,
-    /// Maps, by [`Kind::ALL`].
+    /// Maps, by [`Kind::COUNTED`]; behind them those of [`Kind::NOTED`], where a machine has drawn the frame.
     pub maps: Vec<Map>,
 }
 
@@ -216,8 +241,35 @@ impl Surface {
         let cell = cell(width, height);
         let (columns, rows) = (width.div_ceil(cell), height.div_ceil(cell));
         let cells = columns as usize * rows as usize;
-        let maps = Kind::ALL.map(|kind| Map { kind, values: vec![0; cells] }).to_vec();
+        let maps = Kind::COUNTED.map(|kind| Map { kind, values: vec![0; cells] }).to_vec();
         Surface { name, shown: false, width, height, cell, columns, rows, passes: Vec::new(), maps }
+    }
+
+    /// Adds the maps of what a machine has noted. Cells have the value of their block, larger ones that of all their blocks.
+    fn add_notes(&mut self, notes: &[PassNotes]) {
+        let own: Vec<&PassNotes> = notes.iter().filter(|of| self.passes.contains(&of.pass)).collect();
+        for kind in Kind::NOTED {
+            let value = |of: &BlockNotes| match kind {
+                Kind::HierarchicalZ => of.hierarchical.into(),
+                Kind::EarlyZ => of.early.into(),
+                Kind::Misses => of.misses.into(),
+                _ => of.drawn,
+            };
+            let join = |a: u64, b: u64| if kind == Kind::When { a.max(b) } else { a + b };
+            let side = self.cell.div_ceil(BLOCK);
+            let at = |cell: u32| {
+                let [column, row] = [cell % self.columns, cell / self.columns].map(|at| at * self.cell / BLOCK);
+                let blocks = (row..row + side).flat_map(|y| (column..column + side).map(move |x| (x, y)));
+                let of = |notes: &PassNotes, (x, y): (u32, u32)| {
+                    let inside = x < notes.across;
+                    notes.blocks.get((y * notes.across + x) as usize).filter(|_| inside).map_or(0, value)
+                };
+                let all = blocks.flat_map(|at| own.iter().map(move |notes| of(notes, at)));
+                all.fold(0, join).min(u32::MAX.into()) as u32
+            };
+            let values = (0..self.columns * self.rows).map(at).collect();
+            self.maps.push(Map { kind, values });
+        }
     }
 
     /// Counts the quads of a draw in a screen tile.
@@ -265,6 +317,20 @@ impl Surface {
     }
 }
 
+/// Has a machine draw the frame, and takes what it notes.
+fn noting<'c>(config: &Config, out: &'c mut (Vec<PassNotes>, Option<Timeline>)) -> Result<Consumer<'c>> {
+    let mut machine = Machine::new(config)?;
+    let mut timeline = Timeline::new(config, None)?;
+    machine.watch_blocks();
+    let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
+    let run = move |work: Work| {
+        machine.run_watched(work, Clock::default(), |_| (), Some(&mut timeline))?;
+        *out = (machine.take_notes(), Some(timeline));
+        Ok(())
+    };
+    Ok(Consumer { held, recorded: true, run: Box::new(run) })
+}
+
 /// Counts the maps of the frame that the events are of.
 fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
     let run = move |work: Work| {
@@ -297,18 +363,23 @@ pub struct Look {
     /// The time of its phases by counts and rates; none where the machine is of a class that no rates are known of. What earlier frames have
     /// left in caches is not in it.
     pub estimate: Option<FrameEstimate>,
+    /// What units and channels did meanwhile, where a machine has drawn the frame.
+    pub timeline: Option<Timeline>,
 }
 
-/// Renders one frame for its maps and its estimate.
+/// Renders one frame for its maps and its estimate; `timed`: has a machine draw it, too, which notes what only it knows.
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn look(trace: &Trace, config: &Config, frame: u32) -> Result<Look> {
-    let mut look = Look::default();
+pub fn look(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<Look> {
+    let (mut look, mut notes) = (Look::default(), (Vec::new(), None));
     let options = render::Options { frames: FrameSet::from(frame..frame.saturating_add(1)), ..render::Options::default() };
     let mut rendering = Rendering::new(trace, options);
     let key: RenderKey = config.render_key();
     rendering.consume(key, counting(&mut look.maps));
+    if timed {
+        rendering.consume(key, noting(config, &mut notes)?);
+    }
     if config.card.sort == SortClass::Middle
         && let Ok(mut bound) = Bound::new(config)
     {
@@ -322,6 +393,10 @@ pub fn look(trace: &Trace, config: &Config, frame: u32) -> Result<Look> {
         rendering.profile(key, Reader { keeps: false, read: Box::new(read) });
     }
     rendering.run()?;
+    if timed {
+        look.maps.surfaces.iter_mut().for_each(|surface| surface.add_notes(&notes.0));
+        look.timeline = notes.1;
+    }
     Ok(look)
 }
 

@@ -95,6 +95,13 @@ impl Timeline {
         })
     }
 
+    /// Joins samples until there are at most so many.
+    pub fn reduce(&mut self, most: usize) {
+        while self.samples.len() > most.max(1) {
+            self.halve();
+        }
+    }
+
     /// The interval at the end, in cycles.
     pub fn interval(&self) -> Cycle {
         self.interval

@@ -65,6 +65,16 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
         let own = embedded(&page, "statistics");
         assert_eq!(own["frames"][0], statistics["frames"][0], "{name}");
         assert_eq!(own["total"], statistics["total"], "{name}");
+        // What is drawn over time adds up to the accounts.
+        let units = embedded(&page, "estimates")["timeline"]["units"].as_array().expect("a timeline").clone();
+        assert!(units.len() > 10, "{name}");
+        for unit in units {
+            let bank = unit["unit"].as_str().expect("a name");
+            for state in ["busy", "blocked", "memory"] {
+                let sum: u64 = unit[state].as_array().expect("cycles").iter().filter_map(Value::as_u64).sum();
+                assert_eq!(Some(sum as f64), number(&own["frames"][0], &format!("units.{bank}[*].{state}")), "{name}: {bank}");
+            }
+        }
         let cells = cells(&page);
         assert!(cells.len() > 100, "{name}: {} numbers", cells.len());
         for (path, value, text) in cells {
@@ -243,7 +253,7 @@ fn maps_add_up_to_the_funnel() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
         let config = Config::built_in("baseline").expect("it is built in");
-        let found = look(&trace, &config, 0).expect("it renders");
+        let found = look(&trace, &config, 0, true).expect("it renders");
         let (maps, estimate) = (found.maps, found.estimate.expect("an estimate"));
         assert_eq!(maps.left_out, 0);
         let sum = |kind: Kind| maps.surfaces.iter().map(|surface| values(surface, kind)).sum::<u64>();
@@ -254,6 +264,32 @@ fn maps_add_up_to_the_funnel() {
         assert_eq!(shaded + sum(Kind::Waste), maps.funnel.fragments_shaded + maps.funnel.helper_fragments, "{name}");
         assert_eq!(maps.surfaces.iter().map(|surface| surface.passes.len()).sum::<usize>(), passes, "{name}");
         assert!(estimate.phases.iter().any(|phase| phase.cycles > 0.0));
+        // What the machine has noted, a block each, is what it counts.
+        let home = replayed(&format!("traces/{name}"), &["--frames", "0"]);
+        let json = json_of(&home.path().join("stats.json"));
+        let counted = |path: &str| number(&json["total"], path).unwrap_or(0.0) as u64;
+        let noted = |kind: Kind| {
+            let map = |surface: &Surface| {
+                let map = surface.maps.iter().find(|map| map.kind == kind).expect("a map");
+                let first = |at: &usize| {
+                    surface.cell == 1
+                        && (at % surface.columns as usize).is_multiple_of(8)
+                        && (at / surface.columns as usize).is_multiple_of(8)
+                };
+                (0..map.values.len()).filter(first).map(|at| u64::from(map.values[at])).collect::<Vec<_>>()
+            };
+            maps.surfaces.iter().flat_map(map).collect::<Vec<u64>>()
+        };
+        let total = |kind: Kind| noted(kind).iter().sum::<u64>();
+        assert_eq!(total(Kind::HierarchicalZ) + total(Kind::EarlyZ), counted("funnel.quads_early_culled"), "{name}");
+        // What vertex shaders miss belongs to no block.
+        let (noted_misses, all) = (total(Kind::Misses), counted("caches.texture[*].misses"));
+        assert!(
+            noted_misses <= all && (name == "particles" || all - noted_misses <= all / 100),
+            "{name}: {noted_misses} of {all}"
+        );
+        let when = noted(Kind::When);
+        assert!(when.iter().any(|&at| at > 0) && when.iter().all(|&at| at < counted("cycles")), "{name}");
         let draws: Vec<u32> = maps.draws.iter().map(|draw| draw.number).collect();
         for surface in &maps.surfaces {
             let last = &surface.maps[Kind::Draw as usize].values;
@@ -494,7 +530,7 @@ fn pages_work_in_a_browser() {
         assert_eq!([&told["first"][0], &told["second"][0]], ["descending", "ascending"]);
         if page.ends_with("replay.html") {
             let readout = told["readout"].as_array().expect("a read-out");
-            assert!(readout.len() == 7 && readout[0].as_str().is_some_and(|text| text.starts_with("pixel 6")), "{told}");
+            assert!(readout.len() == 11 && readout[0].as_str().is_some_and(|text| text.starts_with("pixel 6")), "{told}");
             assert_eq!(told["pressed"], "last draw");
         } else {
             assert_eq!(told["filtered"], "1 of 3");

@@ -22,6 +22,7 @@ pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
 pub use report::{FrameReport, MachineReport, Picture, Totals};
 pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
+pub use unit::notes::{BlockNotes, PassNotes};
 pub use unit::scanout::{Refresh, Shown};
 pub use watch::Watcher;
 
@@ -41,6 +42,7 @@ use unit::apply::{Keepers, apply};
 use unit::card::{Card, Pool};
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
+use unit::notes::Notes;
 use unit::phase::Phases;
 use unit::scanout::ScanoutMode;
 use unit::sorting::{EarlyTest, Keep};
@@ -102,6 +104,16 @@ impl Machine {
     /// From now on, each draw of a pass is reported. No result depends on it.
     pub fn watch_draws(&mut self) {
         self.card.phases = Phases::new(true);
+    }
+
+    /// Has what happens to blocks noted from here on, for maps. To be asked before the first event.
+    pub fn watch_blocks(&mut self) {
+        self.card.notes = Some(Box::default());
+    }
+
+    /// What was noted of the blocks of each pass since, in their order; empty where nobody asked.
+    pub fn take_notes(&mut self) -> Notes {
+        self.card.notes.as_mut().map(|notes| std::mem::take(&mut **notes)).unwrap_or_default()
     }
 
     /// What memory's clients have counted, in the order of their ports.

@@ -10,6 +10,7 @@ use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::depth::mark;
 use super::frame::FrameBuffers;
+use super::notes::note;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
 use super::touch::Touching;
@@ -296,7 +297,7 @@ impl Color {
             let from = wires.now() + Cycle::from(self.config.latency);
             let mut entry = Entry { token, target: self.target, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
-                let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
+                let Card { groups, work, pass, frame, apart: Apart { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -323,6 +324,9 @@ impl Color {
                         group.live[..usize::from(group.count)].iter().filter(|live| **live != 0).count() as u64;
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
+                if let Some(notes) = notes {
+                    note(notes, pass.as_ref(), group.block, |block| block.drawn = from);
+                }
             }
             self.fifo.push_back(entry);
             did = Tick::Moved;

@@ -33,6 +33,7 @@ use super::apart::Apart;
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
 use super::depth::test_ahead;
+use super::notes::note;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;
 use mem::CACHES;
@@ -274,12 +275,12 @@ impl Early {
 
     /// Tests a group, or takes note of what the owner has found; gives the quads still alive.
     fn test(&mut self, card: &mut Card, token: GroupToken, wait: Wait) -> u8 {
-        let Card { groups, work, pass, apart: Apart { seen, .. }, funnel, .. } = card;
+        let Card { groups, work, pass, apart: Apart { seen, .. }, funnel, notes, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];
         if let (Known::Copy(cache), Wait::Block(place)) = (&mut self.known, wait)
-            && let (Some(state), Some(pass)) = (&work.ahead, pass)
+            && let (Some(state), Some(pass)) = (&work.ahead, &*pass)
             && let Some(surface) = pass.depth
         {
             let store = &mut seen[usize::from(self.pipeline)].stores[surface];
@@ -294,6 +295,9 @@ impl Early {
         self.counts.culled += u64::from(token.quads - alive);
         self.counts.culled_fragments += u64::from(before - after);
         funnel[group.slot].quads_early_culled += u64::from(token.quads - alive);
+        if let Some(notes) = notes {
+            note(notes, pass.as_ref(), group.block, |block| block.early += u32::from(token.quads - alive));
+        }
         alive
     }
 }

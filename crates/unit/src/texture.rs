@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 
 use super::card::Card;
 use super::misses::Misses;
+use super::notes::{block_of, note};
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::touch::{Touch, Touching};
@@ -60,6 +61,8 @@ struct Place {
     item: usize,
     line: u32,
     needs: Option<u32>,
+    /// Lines of the request at hand that missed.
+    missed: u32,
 }
 
 stats::counters! {
@@ -178,6 +181,17 @@ impl Texture {
         (request, &lines[(request.first_line + line) as usize..(request.first_line + u32::from(request.lines)) as usize])
     }
 
+    /// Notes the misses of a quad's request.
+    #[cold]
+    fn note_misses(&self, card: &mut Card, slot: u16, item: &Item) {
+        let Card { work, pass, notes: Some(notes), .. } = card else { return };
+        let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
+        let tile = &work.segment.tiles[item.source as usize];
+        if let Some(block) = block_of(tile, item.request, pass.blocks_across) {
+            note(notes, Some(pass), block, |of| of.misses += self.place.missed);
+        }
+    }
+
     /// Filters entries whose lines are there, in order.
     #[inline(always)]
     fn filter(&mut self, wires: &mut Wires) -> Tick {
@@ -271,6 +285,7 @@ impl Texture {
                                 self.place.needs = Some(self.misses.issued());
                                 let place = self.tags.victim(u64::from(line), |_| true).expect("any line may go");
                                 self.tags.replace(place, u64::from(line), self.misses.issued());
+                                self.place.missed += 1;
                             }
                         }
                         RequestKind::Store => {
@@ -309,6 +324,10 @@ impl Texture {
                 };
                 self.items += 1;
                 let (needs, place) = (self.place.needs, warp.place);
+                if self.place.missed > 0 && card.notes.is_some() && warp.program == Program::Fragment {
+                    let slot = warp.slot;
+                    self.note_misses(card, slot, &item);
+                }
                 // The part goes on to its next request, for the step after this one.
                 card.warps[self.user.cluster][token.warp].items[self.place.item].request += 1;
                 self.enter(wires.now(), needs, operations, last.then_some(place));
@@ -326,7 +345,7 @@ impl Texture {
     fn enter(&mut self, now: Cycle, needs: Option<u32>, operations: u32, answer: Option<u32>) {
         let needs = needs.unwrap_or(self.misses.frontier());
         self.fifo.push_back(Entry { needs, from: now + Cycle::from(self.config.latency), operations, answer });
-        self.place = Place { item: self.place.item + 1, line: 0, needs: None };
+        self.place = Place { item: self.place.item + 1, line: 0, needs: None, missed: 0 };
     }
 }
 

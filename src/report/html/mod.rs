@@ -11,6 +11,7 @@ pub mod maps;
 mod passes;
 pub mod plots;
 pub mod replay;
+pub mod series;
 mod tables;
 
 use base64::Engine;

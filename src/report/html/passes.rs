@@ -8,7 +8,7 @@ use super::replay::{Input, Limit};
 use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
 
 /// Kinds of phases in which something is drawn or computed; the others move data.
-fn draws(phase: &Value) -> bool {
+pub fn draws(phase: &Value) -> bool {
     matches!(phase["kind"].as_str(), Some("pass" | "dispatch"))
 }
 

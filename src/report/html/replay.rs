@@ -4,11 +4,12 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::data::{Statistics, number};
-use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, share, tables, word};
+use super::{Part, advice, inline, machine, maps, page, part, passes, percent, readable, series, share, tables, word};
 use crate::machine::{Config, PhaseReport};
 use crate::report::summary::bytes;
 use crate::run::bound::{FrameEstimate, PhaseEstimate};
 use crate::run::maps::Maps;
+use crate::run::timeline::Timeline;
 
 /// What a page of a replay is made from.
 pub struct Input<'i> {
@@ -26,6 +27,8 @@ pub struct Input<'i> {
     pub why: Option<&'i Value>,
     /// Heat maps of the frame that is shown.
     pub maps: Option<&'i Maps>,
+    /// What units and channels did over time in the frame that is shown.
+    pub timeline: Option<&'i Timeline>,
 }
 
 /// What limits a phase, by counts and rates.
@@ -221,7 +224,7 @@ pub fn replay(input: &Input<'_>) -> String {
         p.sub { "Frame " (statistics.number()) @if statistics.frames().len() > 1 { " of " (statistics.frames().len()) " frames: the one that costs most" } ". What was drawn, how long it took, and what held it back." }
         (tiles(statistics))
     };
-    let missing = "The trace is not at hand. This command adds maps: fillrate report DIR --trace TRACE, or fillrate replay TRACE --report FILE.html.";
+    let missing = "The trace is not at hand. This command adds maps and what units did over time: fillrate report DIR --trace TRACE.";
     let heat = input.maps.map_or_else(|| html! { p.note { (missing) } }, |maps| maps::section(maps, picture.as_deref()));
     let parts: Vec<Part> = [
         part("run", "What was run", Some(run(input, picture.as_deref()))),
@@ -229,6 +232,7 @@ pub fn replay(input: &Input<'_>) -> String {
         part("time", "Where the time goes", passes::time(input)),
         part("tables", "Passes and draws", passes::tables(input)),
         part("units", "Units and channels", machine::units(input)),
+        part("timeline", "Over time", series::section(input)),
         part("maps", "Heat maps", Some(heat)),
         part("funnel", "Funnel", tables::funnel(input)),
         part("caches", "Caches", tables::caches(input)),
@@ -247,6 +251,6 @@ pub fn replay(input: &Input<'_>) -> String {
         .iter()
         .map(|limit| json!({ "phase": limit.name, "limit": limit.unit, "work_cycles": limit.work, "cycles": limit.cycles }))
         .collect();
-    let more = json!({ "limits": estimates, "why": input.why });
+    let more = json!({ "limits": estimates, "why": input.why, "timeline": input.timeline.map(series::json) });
     page(&title, &head, &parts, &[("statistics", statistics.json()), ("estimates", &more)])
 }

@@ -23,6 +23,7 @@ use std::sync::Arc;
 use super::apart::Apart;
 use super::frame::FrameBuffers;
 use super::interleave::Interleave;
+use super::notes::Notes;
 use super::phase::Phases;
 use super::scanout::Presented;
 use super::stamps::{MAX_PRIMITIVES, Marks};
@@ -72,6 +73,8 @@ pub struct Card {
     pub presented: VecDeque<Presented>,
     /// Why the run must stop.
     pub fault: Option<Fault>,
+    /// What is noted of blocks, where a user asks for maps.
+    pub notes: Option<Box<Notes>>,
 }
 
 impl Card {
@@ -103,6 +106,7 @@ impl Card {
             segments: 0,
             presented: VecDeque::new(),
             fault: None,
+            notes: None,
         }
     }
 

@@ -13,6 +13,7 @@ use super::card::{Ahead, Card, Group, Work};
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::frame::FrameBuffers;
+use super::notes::note;
 use super::stamps::Stamps;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
@@ -321,6 +322,9 @@ impl Depth {
             let group = card.groups[pipeline][token.group];
             if entry.line.is_some() {
                 card.funnel[group.slot].quads_early_culled += u64::from(before - token.quads);
+                if let Some(notes) = &mut card.notes {
+                    note(notes, card.pass.as_ref(), group.block, |block| block.early += u32::from(before - token.quads));
+                }
             }
             let work = card.work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
             if work.draw.fragment.is_none() {

@@ -4,6 +4,7 @@
 mod walk;
 
 use super::card::{Ahead, Card, Group, PassState, Work};
+use super::notes::note;
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
 use knob::Allowed;
@@ -585,6 +586,9 @@ impl Unit<Card> for Traverse {
                 if hidden {
                     funnel.tiles_hiz_culled += 1;
                     funnel.quads_early_culled += u64::from(block.quads);
+                    if let Some(notes) = &mut card.notes {
+                        note(notes, card.pass.as_ref(), number, |of| of.hierarchical += u32::from(block.quads));
+                    }
                     self.place.block += 1;
                     continue;
                 }

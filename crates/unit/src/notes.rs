@@ -1,0 +1,60 @@
+//! What only a machine knows of the blocks of a frame: where quads are rejected, where lines miss, when a block is drawn. It is noted where a
+//! user asks for maps, and changes nothing that is counted.
+
+use super::card::PassState;
+use num::Cycle;
+use work::{QUAD_SHADED, TileWork};
+
+/// Of one block of 8x8 pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockNotes {
+    /// Quads that hierarchical Z rejects.
+    pub hierarchical: u32,
+    /// Quads that the early depth and stencil test rejects.
+    pub early: u32,
+    /// Lines that the shaders of its quads ask for, and that miss the first cache.
+    pub misses: u32,
+    /// The cycle of the run in which quads of it reached a colour unit last; 0: none did.
+    pub drawn: Cycle,
+}
+
+/// Of the blocks of a pass.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PassNotes {
+    /// Number of the pass in the trace.
+    pub pass: u32,
+    /// Blocks across.
+    pub across: u32,
+    /// Its blocks, row by row.
+    pub blocks: Vec<BlockNotes>,
+    /// Its number on the machine.
+    number: u32,
+}
+
+/// Of the passes of a run, in their order.
+pub type Notes = Vec<PassNotes>;
+
+/// Notes something of a block of the pass at hand.
+#[cold]
+#[inline(never)]
+pub(super) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what: impl FnOnce(&mut BlockNotes)) {
+    let Some(state) = pass else { return };
+    if notes.last().is_none_or(|last| last.number != state.number) {
+        let blocks = vec![BlockNotes::default(); state.blocks];
+        notes.push(PassNotes { pass: state.pass.number, across: state.blocks_across, blocks, number: state.number });
+    }
+    let last = notes.last_mut().expect("it was pushed");
+    if let Some(block) = last.blocks.get_mut(block as usize) {
+        what(block);
+    }
+}
+
+/// The block that a request of a screen tile is made for, in a pass of so many blocks across.
+pub(super) fn block_of(tile: &TileWork, request: u32, across: u32) -> Option<u32> {
+    // Requests of a quad lie together.
+    let own = tile.quads.iter().enumerate().filter(|(_, quad)| quad.flags & QUAD_SHADED != 0 && quad.first_request <= request);
+    let (quad, _) = own.max_by_key(|(at, quad)| (quad.first_request, *at))?;
+    let after = tile.blocks.partition_point(|block| block.first_quad as usize <= quad);
+    let block = tile.blocks.get(after.checked_sub(1)?)?;
+    Some(u32::from(block.y) * across + u32::from(block.x))
+}
