@@ -1,5 +1,6 @@
 //! The texts of `stats.json` and `stats.csv`, frame by frame.
 
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::compare::KnobDifference;
@@ -51,21 +52,32 @@ pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
     Ok(head)
 }
 
+/// A frame as it stands in `stats.json`.
+struct Whole<'f>(&'f Frame);
+
+impl Serialize for Whole<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Frame { number, tree, phases, .. } = self.0;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("frame", number)?;
+        if let Value::Object(tree) = tree.json() {
+            tree.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
+        }
+        if !phases.is_empty() {
+            map.serialize_entry("phases", &phases.iter().map(phases::Json).collect::<Vec<_>>())?;
+        }
+        map.end()
+    }
+}
+
 /// A frame in `stats.json`.
 ///
 /// # Errors
 /// If it cannot be written as JSON.
 pub fn json_frame(frame: &Frame, first: bool) -> serde_json::Result<String> {
-    let mut value = frame.tree.json();
-    if let Value::Object(map) = &mut value {
-        map.shift_insert(0, "frame".into(), json!(frame.number));
-        if !frame.phases.is_empty() {
-            map.insert("phases".into(), frame.phases.iter().map(phases::json).collect());
-        }
-    }
     let mut text = String::from(if first { "" } else { "," });
     // A string has no end of a line in it: every line is one of the layout.
-    for line in serde_json::to_string_pretty(&value)?.lines() {
+    for line in serde_json::to_string_pretty(&Whole(frame))?.lines() {
         text.push_str("\n    ");
         text.push_str(line);
     }

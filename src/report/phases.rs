@@ -1,12 +1,13 @@
 //! Phases of frames, and the draws of passes: in `stats.json`, and as tables of their own.
 
-use std::fmt::Write;
+use std::ops::Range;
 
-use serde_json::{Map, Value};
+use serde::ser::{Serialize, SerializeMap, Serializer};
 
-use crate::machine::{DrawReport, PhaseReport, Tally};
+use crate::machine::{DrawReport, PhaseReport, Place, Tally};
 use crate::num::Cycle;
 use crate::run::replay::Frame;
+use crate::stats::Declaration;
 use crate::unit::phase::PhaseKind;
 use crate::work::Funnel;
 
@@ -16,60 +17,119 @@ pub const PASSES: &str = "passes.csv";
 /// The table of draws: a row a draw, and one for the end of its pass.
 pub const DRAWS: &str = "draws.csv";
 
-/// A phase in `stats.json`.
-pub fn json(report: &PhaseReport) -> Value {
-    let PhaseReport { phase, cycles, counts, draws } = report;
-    let mut map = Map::new();
-    map.insert("kind".into(), phase.kind.name().into());
-    map.insert("number".into(), phase.number.into());
-    map.insert("label".into(), phase.label.as_str().into());
-    map.insert("cycles".into(), (*cycles).into());
-    if !phase.limit.is_empty() {
-        map.insert("limit".into(), phase.limit.into());
+/// A phase as it stands in `stats.json`.
+pub struct Json<'r>(pub &'r PhaseReport);
+
+impl Serialize for Json<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let PhaseReport { phase, cycles, counts, draws } = self.0;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("kind", phase.kind.name())?;
+        map.serialize_entry("number", &phase.number)?;
+        map.serialize_entry("label", &phase.label)?;
+        map.serialize_entry("cycles", cycles)?;
+        if !phase.limit.is_empty() {
+            map.serialize_entry("limit", phase.limit)?;
+        }
+        if let Some(counts) = counts {
+            told(&mut map, counts, phase.kind == PhaseKind::Pass)?;
+        }
+        if !draws.is_empty() {
+            map.serialize_entry("draws", &draws.iter().map(Drawn).collect::<Vec<_>>())?;
+        }
+        map.end()
     }
-    if let Some(counts) = counts {
-        told(&mut map, counts, phase.kind == PhaseKind::Pass);
-    }
-    if !draws.is_empty() {
-        map.insert("draws".into(), draws.iter().map(draw).collect());
-    }
-    map.into()
 }
 
-fn draw(report: &DrawReport) -> Value {
-    let DrawReport { number, label, group, cycles, counts } = report;
-    let mut map = Map::new();
-    map.insert("number".into(), (*number).into());
-    map.insert("label".into(), label.as_str().into());
-    map.insert("group".into(), group.as_str().into());
-    map.insert("cycles".into(), (*cycles).into());
-    told(&mut map, counts, number.is_some());
-    map.into()
+/// A draw as it stands there.
+struct Drawn<'r>(&'r DrawReport);
+
+impl Serialize for Drawn<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let DrawReport { number, label, group, cycles, counts } = self.0;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("number", number)?;
+        map.serialize_entry("label", label)?;
+        map.serialize_entry("group", group)?;
+        map.serialize_entry("cycles", cycles)?;
+        told(&mut map, counts, number.is_some())?;
+        map.end()
+    }
+}
+
+/// Counters that are not 0.
+struct Counters<I>(I);
+
+impl<I: Iterator<Item = (&'static str, u64)> + Clone> Serialize for Counters<I> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for (name, value) in self.0.clone().filter(|(_, value)| *value > 0) {
+            map.serialize_entry(name, &value)?;
+        }
+        map.end()
+    }
+}
+
+/// A group of counters that did something: its place, and where its values are among all.
+struct Group {
+    place: Place,
+    declarations: &'static [Declaration],
+    values: Range<usize>,
+}
+
+impl Group {
+    /// The step of its path at a depth; none behind the last.
+    fn step(&self, depth: usize) -> Option<&'static str> {
+        let (steps, of) = self.place;
+        steps.get(depth).copied().or(if depth == steps.len() { of } else { None })
+    }
+}
+
+/// Groups whose paths are the same down to a depth. Those that share the next step stand together.
+struct Level<'g> {
+    groups: &'g [Group],
+    values: &'g [u64],
+    depth: usize,
+}
+
+impl Level<'_> {
+    fn put<M: SerializeMap>(&self, map: &mut M) -> Result<(), M::Error> {
+        let Level { values, depth, .. } = *self;
+        for run in self.groups.chunk_by(|a, b| a.step(depth) == b.step(depth)) {
+            let Some(name) = run[0].step(depth) else { continue };
+            if run[0].step(depth + 1).is_some() {
+                map.serialize_entry(name, &Level { groups: run, values, depth: depth + 1 })?;
+            } else {
+                let names = run[0].declarations.iter().map(|declaration| declaration.name);
+                map.serialize_entry(name, &Counters(names.zip(values[run[0].values.clone()].iter().copied())))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Serialize for Level<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        self.put(&mut map)?;
+        map.end()
+    }
 }
 
 /// What was counted and is not 0; of units those that did something, not only waited for input.
-fn told(map: &mut Map<String, Value>, counts: &Tally, draws: bool) {
-    let object = |names: &mut dyn Iterator<Item = (&'static str, u64)>| -> Map<String, Value> {
-        names.filter(|(_, value)| *value > 0).map(|(name, value)| (name.to_owned(), value.into())).collect()
-    };
+fn told<M: SerializeMap>(map: &mut M, counts: &Tally, draws: bool) -> Result<(), M::Error> {
     if draws {
-        let funnel = object(&mut Funnel::NAMES.iter().copied().zip(counts.funnel.values()));
-        map.insert("funnel".into(), funnel.into());
+        map.serialize_entry("funnel", &Counters(Funnel::NAMES.iter().copied().zip(counts.funnel.values())))?;
     }
-    counts.groups(|((steps, of), worked), declarations, values| {
-        if !worked {
-            return;
+    let (mut groups, mut values) = (Vec::with_capacity(64), Vec::with_capacity(256));
+    counts.groups(|(place, worked), declarations, own| {
+        if worked {
+            let first = values.len();
+            values.extend_from_slice(own);
+            groups.push(Group { place, declarations, values: first..values.len() });
         }
-        let own = object(&mut declarations.iter().map(|declaration| declaration.name).zip(values.iter().copied()));
-        let mut at = &mut *map;
-        let path = steps.iter().copied().chain(of);
-        for step in path {
-            let entry = at.entry(step).or_insert_with(|| Value::Object(Map::new()));
-            let Value::Object(inner) = entry else { return };
-            at = inner;
-        }
-        *at = own;
     });
+    Level { groups: &groups, values: &values, depth: 0 }.put(map)
 }
 
 /// The rows of a frame in `passes.csv`, behind the header if they are the first. Empty where nothing was simulated.
@@ -117,14 +177,27 @@ fn header(text: &mut String, start: &str, counts: &Tally) {
 
 fn row(text: &mut String, start: &[&str], cycles: Cycle, counts: &Tally) {
     text.push_str(&start.join(","));
-    let mut add = |value: u64| {
-        // A text takes all that is written to it.
-        let _ = write!(text, ",{value}");
-    };
+    let mut add = |value: u64| digits(text, value);
     add(cycles);
     counts.funnel.values().into_iter().for_each(&mut add);
     counts.each(|_, _, value| add(value));
     text.push('\n');
+}
+
+/// Appends a comma and a number. A row has hundreds of them, most of them 0.
+fn digits(text: &mut String, mut value: u64) {
+    if value < 10 {
+        text.extend([',', (b'0' + value as u8).into()]);
+        return;
+    }
+    let (mut digits, mut at) = ([0; 20], 20);
+    while value > 0 {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+    }
+    text.push(',');
+    text.extend(digits[at..].iter().map(|&digit| char::from(digit)));
 }
 
 /// A label as one field of a row, quoted where it must be.
@@ -137,6 +210,20 @@ mod tests {
     use super::*;
     use crate::machine::{Moved, Spent};
     use crate::unit::phase::Phase;
+    use serde_json::Value;
+
+    fn json(report: &PhaseReport) -> Value {
+        serde_json::to_value(Json(report)).expect("JSON")
+    }
+
+    #[test]
+    fn numbers_are_written_as_they_are() {
+        for value in [0, 7, 10, 99, 100, 12_345_678_901, u64::MAX] {
+            let mut text = String::new();
+            digits(&mut text, value);
+            assert_eq!(text, format!(",{value}"));
+        }
+    }
 
     fn frame() -> Frame {
         let counts = |busy, read_bytes| Tally {

@@ -224,7 +224,8 @@ pub fn replay(input: &Input<'_>) -> String {
         p.sub { "Frame " (statistics.number()) @if statistics.frames().len() > 1 { " of " (statistics.frames().len()) " frames: the one that costs most" } ". What was drawn, how long it took, and what held it back." }
         (tiles(statistics))
     };
-    let missing = "The trace is not at hand. This command adds maps and what units did over time: fillrate report DIR --trace TRACE.";
+    let missing =
+        "The trace is not at hand. This command adds maps and what units did over time: fillrate report DIR --trace TRACE.";
     let heat = input.maps.map_or_else(|| html! { p.note { (missing) } }, |maps| maps::section(maps, picture.as_deref()));
     let parts: Vec<Part> = [
         part("run", "What was run", Some(run(input, picture.as_deref()))),
