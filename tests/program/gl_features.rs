@@ -111,6 +111,88 @@ fn kept_draws_are_those_of_the_program() {
 }
 
 #[test]
+fn interleaved_arrays_have_their_parts_where_the_standard_says() {
+    // Of each format: components and place of colours, whether these are bytes, and of positions; bytes of a vertex (OpenGL 1.5, table 2.5).
+    type Format = (&'static str, Option<(usize, bool)>, (usize, usize), usize);
+    const FORMATS: [Format; 14] = [
+        ("GL_V2F", None, (2, 0), 8),
+        ("GL_V3F", None, (3, 0), 12),
+        ("GL_C4UB_V2F", Some((0, true)), (2, 4), 12),
+        ("GL_C4UB_V3F", Some((0, true)), (3, 4), 16),
+        ("GL_C3F_V3F", Some((0, false)), (3, 12), 24),
+        ("GL_N3F_V3F", None, (3, 12), 24),
+        ("GL_C4F_N3F_V3F", Some((0, false)), (3, 28), 40),
+        ("GL_T2F_V3F", None, (3, 8), 20),
+        ("GL_T4F_V4F", None, (4, 16), 32),
+        ("GL_T2F_C4UB_V3F", Some((8, true)), (3, 12), 24),
+        ("GL_T2F_C3F_V3F", Some((8, false)), (3, 20), 32),
+        ("GL_T2F_N3F_V3F", None, (3, 20), 32),
+        ("GL_T2F_C4F_N3F_V3F", Some((8, false)), (3, 36), 48),
+        ("GL_T4F_C4F_N3F_V4F", Some((16, false)), (4, 44), 60),
+    ];
+    for (format, color, (components, position), vertex) in FORMATS {
+        for gap in [0, 4] {
+            // Behind four bytes that are skipped, the left half of the window in red, where there are colours.
+            let stride = vertex + gap;
+            let mut bytes = vec![0x55; 4 + 4 * stride];
+            for (n, [x, y]) in [[-1.0_f32, -1.0], [0.0, -1.0], [0.0, 1.0], [-1.0, 1.0]].into_iter().enumerate() {
+                let start = 4 + n * stride;
+                for (k, value) in [x, y, 0.0, 1.0][..components].iter().enumerate() {
+                    bytes[start + position + 4 * k..][..4].copy_from_slice(&value.to_le_bytes());
+                }
+                match color {
+                    Some((at, true)) => bytes[start + at..][..4].copy_from_slice(&[255, 0, 0, 255]),
+                    Some((at, false)) => {
+                        for (k, value) in [1.0_f32, 0.0, 0.0].iter().enumerate() {
+                            bytes[start + at + 4 * k..][..4].copy_from_slice(&value.to_le_bytes());
+                        }
+                    }
+                    None => {}
+                }
+            }
+            let given = if gap == 0 { 0 } else { stride };
+            let draw = "glDrawArrays(GL_QUADS,0,4)";
+            let memory = shown(&format!("glColor3f(0,1,0)\nglInterleavedArrays({format},{given},*1)\n{draw}"), &[&bytes[4..]]);
+            let object = shown(
+                &format!(
+                    "glColor3f(0,1,0)\nglEnableClientState(GL_EDGE_FLAG_ARRAY)\nglBindBufferARB(34962,1)\n\
+                     glBufferDataARB(34962,{},*1,35044)\nglInterleavedArrays({format},{given},4)\n{draw}",
+                    bytes.len()
+                ),
+                &[&bytes],
+            );
+            let wanted = if color.is_some() { RED } else { GREEN };
+            for (of, shown) in [("memory", memory), ("object", object)] {
+                assert_eq!(
+                    [shown.at(3, 3), shown.at(7, 12), shown.at(8, 12)],
+                    [wanted, wanted, BLACK],
+                    "{format}, {gap}, {of}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn srgb_is_decoded_from_textures_and_encoded_to_the_window() {
+    let texel = [188, 188, 188, 128_u8].repeat(4);
+    let draw = |set: &str| {
+        let calls = format!(
+            "glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,9728)\nglTexImage2D(GL_TEXTURE_2D,0,35907,2,2,0,GL_RGBA,GL_UNSIGNED_BYTE,*1)\n\
+             glTexEnvi(8960,8704,7681)\nglEnable(GL_TEXTURE_2D)\n{set}\nglClearColor(0.5,0,0,1)\nglClear(16384)\nglRectf(0,0,1,1)"
+        );
+        shown(&calls, &[&texel])
+    };
+    // 188 stands for 0.503 of white.
+    let linear = draw("");
+    assert!(near(linear.at(12, 12), [128; 3]) && near(linear.at(2, 2), [128, 0, 0]), "{:?}", linear.at(12, 12));
+    let encoded = draw("glEnable(36281)");
+    assert!(near(encoded.at(12, 12), [188; 3]) && near(encoded.at(2, 2), [188, 0, 0]), "{:?}", encoded.at(12, 12));
+    let off = draw("glEnable(36281)\nglDisable(36281)");
+    assert_eq!(off.0, linear.0);
+}
+
+#[test]
 fn a_bitmap_colours_its_set_bits_and_moves_the_raster_position() {
     // Rows of four bytes each; the second bitmap is one pixel, at the moved position.
     let bits = [0b1010_0000, 0, 0, 0, 0b0000_0001, 0, 0, 0];

@@ -168,6 +168,61 @@ pub(super) fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     point(gl, 5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
 }
 
+/// An array of an interleaved format: components, and where they begin.
+type Part = Option<(usize, usize)>;
+
+/// An interleaved format: where texture coordinates, colours, normals and positions are, and bytes of a vertex.
+struct Interleaving(u32, [Part; 4], usize);
+
+/// OpenGL 1.5, table 2.5.
+const INTERLEAVINGS: [Interleaving; 14] = [
+    Interleaving(e::V2F, [None, None, None, Some((2, 0))], 8),
+    Interleaving(e::V3F, [None, None, None, Some((3, 0))], 12),
+    Interleaving(e::C4UB_V2F, [None, Some((4, 0)), None, Some((2, 4))], 12),
+    Interleaving(e::C4UB_V3F, [None, Some((4, 0)), None, Some((3, 4))], 16),
+    Interleaving(e::C3F_V3F, [None, Some((3, 0)), None, Some((3, 12))], 24),
+    Interleaving(e::N3F_V3F, [None, None, Some((3, 0)), Some((3, 12))], 24),
+    Interleaving(e::C4F_N3F_V3F, [None, Some((4, 0)), Some((3, 16)), Some((3, 28))], 40),
+    Interleaving(e::T2F_V3F, [Some((2, 0)), None, None, Some((3, 8))], 20),
+    Interleaving(e::T4F_V4F, [Some((4, 0)), None, None, Some((4, 16))], 32),
+    Interleaving(e::T2F_C4UB_V3F, [Some((2, 0)), Some((4, 8)), None, Some((3, 12))], 24),
+    Interleaving(e::T2F_C3F_V3F, [Some((2, 0)), Some((3, 8)), None, Some((3, 20))], 32),
+    Interleaving(e::T2F_N3F_V3F, [Some((2, 0)), None, Some((3, 8)), Some((3, 20))], 32),
+    Interleaving(e::T2F_C4F_N3F_V3F, [Some((2, 0)), Some((4, 8)), Some((3, 24)), Some((3, 36))], 48),
+    Interleaving(e::T4F_C4F_N3F_V4F, [Some((4, 0)), Some((4, 16)), Some((3, 32)), Some((4, 44))], 60),
+];
+
+/// `glInterleavedArrays(format, stride, pointer)`: the arrays of the format are enabled, the other ones are not.
+pub(super) fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let format = call.u32(0)?;
+    let Interleaving(_, parts, vertex) = INTERLEAVINGS.iter().find(|known| known.0 == format).ok_or(INVALID_ENUM)?;
+    let stride = match call.i32(1)? {
+        0 => *vertex as i32,
+        stride => stride,
+    };
+    let bytes = [e::C4UB_V2F, e::C4UB_V3F, e::T2F_C4UB_V3F].contains(&format);
+    let data = call.arg(2);
+    for (slot, part) in [8 + gl.arrays.active, 2, 1, 0].into_iter().zip(*parts) {
+        let kind = if slot == 2 && bytes { e::UNSIGNED_BYTE } else { e::FLOAT };
+        if let Some((size, at)) = part {
+            let data = match data {
+                Arg::Blob(bytes) => Arg::Blob(bytes.get(at..).unwrap_or_default().into()),
+                Arg::Pointer(start) => Arg::Pointer(start.saturating_add(at as u64)),
+                Arg::Num(start) => Arg::Num(start + at as f64),
+                Arg::Null if gl.arrays.bound[0] != 0 => Arg::Pointer(at as u64),
+                other => other.clone(),
+            };
+            point(gl, slot, size, kind, stride, &data)?;
+        }
+        gl.arrays.slots[slot].enabled = part.is_some();
+    }
+    // Secondary colours, fog coordinates and generic attributes are as they were.
+    for slot in [5, 6] {
+        gl.arrays.slots[slot].enabled = false;
+    }
+    Ok(())
+}
+
 fn generic_slot(call: &Call) -> Outcome<usize> {
     let index = call.u32(0)? as usize;
     if index < GENERICS { Ok(GENERIC + index) } else { Err(INVALID_VALUE) }

@@ -31,6 +31,8 @@ struct Window {
     depth: Surface,
     /// The front buffer, if anything has been drawn to it or read from it.
     front: Option<Surface>,
+    /// The back buffer as what is drawn is encoded in, if anything was drawn so.
+    encoded: Option<Surface>,
 }
 
 /// The card.
@@ -119,12 +121,15 @@ impl Card {
         self.end_pass();
         let at_window = self.target.is_none_or(|target| !target.upward);
         if let Some(old) = self.window.take() {
+            if let Some(encoded) = old.encoded {
+                self.recorder.push(Command::Destroy(Object::View(encoded.view)));
+            }
             for surface in [Some(old.back), Some(old.depth), old.front, self.accumulation.take()].into_iter().flatten() {
                 self.destroy_surface(surface);
             }
         }
         let (back, depth) = (self.create_surface("window", size, COLOR), self.create_surface("depth", size, DEPTH));
-        self.window = Some(Window { size, back, depth, front: None });
+        self.window = Some(Window { size, back, depth, front: None, encoded: None });
         if at_window {
             self.target = self.window_target(Buffer::Back);
             self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
@@ -149,6 +154,21 @@ impl Card {
         };
         let (color, depth) = (Some(color), Some(depth));
         Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: false, alpha: self.window_alpha })
+    }
+
+    /// The back buffer as a target that encodes linear colours as sRGB.
+    pub fn encoded_target(&mut self) -> Option<Target> {
+        let target = self.window_target(Buffer::Back)?;
+        let back = target.color?;
+        let encoded = match self.window.as_ref()?.encoded {
+            Some(encoded) => encoded,
+            None => {
+                let format = Format::Rgba8UnormSrgb;
+                let view = self.recorder.create_view_of(back.texture, ViewDesc { format: Some(format), ..ViewDesc::default() });
+                *self.window.as_mut()?.encoded.insert(Surface { view, format, ..back })
+            }
+        };
+        Some(Target { color: Some(encoded), ..target })
     }
 
     pub(super) fn copy_surface(&mut self, from: Surface, to: Surface, size: [u32; 2]) {

@@ -123,7 +123,11 @@ impl Gl {
     /// Chooses what draws go to, as the state has it now.
     pub fn aim(&mut self) -> Outcome<Option<Target>> {
         let target = match (self.draw_framebuffer, self.state.draw_buffer) {
+            (0, e::FRONT | e::FRONT_LEFT | e::LEFT) if self.state.is(e::FRAMEBUFFER_SRGB) => {
+                return Err(Fault::Unsupported("drawing to the front with GL_FRAMEBUFFER_SRGB".into()));
+            }
             (0, e::FRONT | e::FRONT_LEFT | e::LEFT) => self.card.window_target(Buffer::Front),
+            (0, _) if self.state.is(e::FRAMEBUFFER_SRGB) => self.card.encoded_target(),
             (0, _) => self.card.window_target(Buffer::Back),
             (name, _) => Some(self.target_of(name)?),
         };

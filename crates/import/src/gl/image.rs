@@ -3,6 +3,8 @@
 use super::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
 use super::names;
+use gfx::format::Format;
+use gfx::texel;
 
 /// Texels or pixels of a rectangle at most.
 const TEXELS_MAX: u64 = 1 << 28;
@@ -191,6 +193,10 @@ pub enum Base {
     Rgb,
     /// Colour and alpha.
     Rgba,
+    /// Colour, kept in the encoding of sRGB.
+    Srgb,
+    /// The same with alpha, which is linear.
+    SrgbAlpha,
     /// Depth; what the environment reads is chosen by the texture.
     Depth,
 }
@@ -209,6 +215,8 @@ impl Base {
             | e::RGBA2..=e::RGBA16
             | e::COMPRESSED_RGBA
             | e::COMPRESSED_RGBA_S3TC_DXT1_EXT..=e::COMPRESSED_RGBA_S3TC_DXT5_EXT => Base::Rgba,
+            e::SRGB | e::SRGB8 | e::COMPRESSED_SRGB => Base::Srgb,
+            e::SRGB_ALPHA | e::SRGB8_ALPHA8 | e::COMPRESSED_SRGB_ALPHA => Base::SrgbAlpha,
             e::ALPHA | e::ALPHA4..=e::ALPHA16 | e::COMPRESSED_ALPHA => Base::Alpha,
             e::INTENSITY..=e::INTENSITY16 | e::COMPRESSED_INTENSITY => Base::Intensity,
             e::DEPTH_COMPONENT | e::DEPTH_COMPONENT16..=e::DEPTH_COMPONENT32 | e::DEPTH_STENCIL | e::DEPTH24_STENCIL8 => {
@@ -220,11 +228,12 @@ impl Base {
     }
 
     /// The format in which texels are kept.
-    pub fn format(self) -> gfx::format::Format {
+    pub fn format(self) -> Format {
         match self {
-            Base::Alpha | Base::Luminance | Base::Intensity => gfx::format::Format::R8Unorm,
-            Base::LuminanceAlpha => gfx::format::Format::Rg8Unorm,
-            Base::Rgb | Base::Rgba => gfx::format::Format::Rgba8Unorm,
+            Base::Alpha | Base::Luminance | Base::Intensity => Format::R8Unorm,
+            Base::LuminanceAlpha => Format::Rg8Unorm,
+            Base::Rgb | Base::Rgba => Format::Rgba8Unorm,
+            Base::Srgb | Base::SrgbAlpha => Format::Rgba8UnormSrgb,
             Base::Depth => super::card::DEPTH,
         }
     }
@@ -235,8 +244,8 @@ impl Base {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
             Base::Luminance | Base::Intensity => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().flat_map(|t| [t[0], t[3]]).collect(),
-            Base::Rgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
-            Base::Rgba | Base::Depth => texels.as_flattened().to_vec(),
+            Base::Rgb | Base::Srgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
+            Base::Rgba | Base::SrgbAlpha | Base::Depth => texels.as_flattened().to_vec(),
         }
     }
 
@@ -247,8 +256,8 @@ impl Base {
             Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
             Base::LuminanceAlpha => "t.rrrg",
             Base::Intensity => "t.rrrr",
-            Base::Rgb => "vec4f(t.rgb, 1)",
-            Base::Rgba | Base::Depth => "t",
+            Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth => "t",
         }
     }
 
@@ -258,8 +267,8 @@ impl Base {
             Base::Alpha => "c.aaaa",
             Base::Luminance | Base::Intensity => "c.rrrr",
             Base::LuminanceAlpha => "c.raaa",
-            Base::Rgb => "vec4f(c.rgb, 1)",
-            Base::Rgba | Base::Depth => "c",
+            Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth => "c",
         }
     }
 }
@@ -268,7 +277,11 @@ impl Base {
 const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
 
 /// The next smaller level of an image of kept texels: each is the mean of the four (or two) below it.
-pub fn half(size: [u32; 2], channels: usize, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
+pub fn half(size: [u32; 2], base: Base, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
+    let channels = base.format().block_bytes() as usize;
+    if matches!(base, Base::Srgb | Base::SrgbAlpha) {
+        return half_linear(size, base.format(), texels);
+    }
     let smaller = size.map(|edge| (edge / 2).max(1));
     let mut out = Vec::with_capacity((smaller[0] * smaller[1]) as usize * channels);
     for y in 0..smaller[1] {
@@ -281,6 +294,24 @@ pub fn half(size: [u32; 2], channels: usize, texels: &[u8]) -> ([u32; 2], Vec<u8
                 out.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
             }
         }
+    }
+    (smaller, out)
+}
+
+/// The same, where channels are the mean of what their codes stand for.
+fn half_linear(size: [u32; 2], format: Format, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
+    let smaller = size.map(|edge| (edge / 2).max(1));
+    let bytes = format.block_bytes() as usize;
+    let at = |x: u32, y: u32| {
+        let [x, y] = [x.min(size[0] - 1), y.min(size[1] - 1)];
+        let texel = (y * size[0] + x) as usize * bytes;
+        texel::decode(format, &texels[texel..texel + bytes]).map(f32::from_bits)
+    };
+    let mut out = Vec::with_capacity((smaller[0] * smaller[1]) as usize * bytes);
+    for (x, y) in (0..smaller[1]).flat_map(|y| (0..smaller[0]).map(move |x| (2 * x, 2 * y))) {
+        let four = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
+        let mean: [f32; 4] = std::array::from_fn(|c| (four[0][c] + four[1][c] + four[2][c] + four[3][c]) / 4.0);
+        out.extend(&texel::encode(format, mean.map(f32::to_bits))[..bytes]);
     }
     (smaller, out)
 }
@@ -313,7 +344,10 @@ mod tests {
 
     #[test]
     fn levels_are_halved_by_means() {
-        assert_eq!(half([2, 2], 1, &[0, 4, 8, 12]), ([1, 1], vec![6]));
-        assert_eq!(half([4, 1], 1, &[0, 2, 10, 20]), ([2, 1], vec![1, 15]));
+        assert_eq!(half([2, 2], Base::Alpha, &[0, 4, 8, 12]), ([1, 1], vec![6]));
+        assert_eq!(half([4, 1], Base::Alpha, &[0, 2, 10, 20]), ([2, 1], vec![1, 15]));
+        // Half of white is 188 in the encoding of sRGB; alpha is linear.
+        let texels = [255, 0, 255, 0, 0, 0, 255, 200];
+        assert_eq!(half([2, 1], Base::SrgbAlpha, &texels), ([1, 1], vec![188, 0, 255, 100]));
     }
 }

@@ -416,6 +416,7 @@ const CAPABILITIES: &[(u32, u32)] = &[
     (e::DEPTH_TEST, e::DEPTH_BUFFER_BIT),
     (e::DITHER, e::COLOR_BUFFER_BIT),
     (e::FOG, e::FOG_BIT),
+    (e::FRAMEBUFFER_SRGB, e::COLOR_BUFFER_BIT),
     (e::LIGHTING, e::LIGHTING_BIT),
     (e::LINE_SMOOTH, e::LINE_BIT),
     (e::LINE_STIPPLE, e::LINE_BIT),

@@ -96,6 +96,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "TexCoordPointer" => (Client, arrays::texture_pointer),
         "FogCoordPointer" => (Client, arrays::fog_pointer),
         "EdgeFlagPointer" => (Client, arrays::edge_pointer),
+        "InterleavedArrays" => (Client, arrays::interleaved),
         "DrawArrays" => (Client, arrays::draw_arrays),
         "MultiDrawArrays" => (Client, arrays::multi_draw_arrays),
         "DrawElements" => (Client, arrays::draw_elements),

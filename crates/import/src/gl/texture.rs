@@ -405,7 +405,7 @@ impl Texture {
             self.native.as_ref().map(|native| native.base),
             Some(Base::Alpha | Base::LuminanceAlpha | Base::Intensity)
         );
-        let opaque = matches!(self.native.as_ref().map(|native| native.base), Some(Base::Rgb | Base::Luminance));
+        let opaque = matches!(self.native.as_ref().map(|native| native.base), Some(Base::Rgb | Base::Srgb | Base::Luminance));
         let border = match self.border.map(|value| value.clamp(0.0, 1.0)) {
             _ if !bordered => BorderColor::TransparentBlack,
             // These keep alpha in another channel than the card's border has it.

@@ -170,7 +170,7 @@ fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32
     let Some(base) = texture.levels.get(&(face, level)).map(|image| image.base) else { return };
     let (mut smaller, mut texels, mut at) = (size, texels, level);
     while smaller != [1, 1] {
-        (smaller, texels) = image::half(smaller, base.format().block_bytes() as usize, &texels);
+        (smaller, texels) = image::half(smaller, base, &texels);
         at += 1;
         let image = Level::plain([smaller[0], smaller[1], 1], base, Some(texels.clone()));
         texture.define(card, face, at, image);

@@ -557,7 +557,7 @@ fn environment(unit: &UnitKey, units: &[UnitKey], out: &mut String) {
     let alpha = format!("c.a * {t}.a");
     let (rgb, a) = match mode {
         e::REPLACE => {
-            let a = if matches!(base, Base::Luminance | Base::Rgb) { "c.a".into() } else { format!("{t}.a") };
+            let a = if matches!(base, Base::Luminance | Base::Rgb | Base::Srgb) { "c.a".into() } else { format!("{t}.a") };
             (if alone { "c.rgb".into() } else { format!("{t}.rgb") }, a)
         }
         e::DECAL => (format!("mix(c.rgb, {t}.rgb, {t}.a)"), "c.a".into()),
