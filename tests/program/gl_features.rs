@@ -174,6 +174,24 @@ fn interleaved_arrays_have_their_parts_where_the_standard_says() {
 }
 
 #[test]
+fn anisotropy_counts_without_mipmaps_too() {
+    // Four texels a pixel along x: black, white, white, black. The two in the middle are all that a bilinear filter reads.
+    let texels: Vec<u8> = [0, 255, 255, 0].repeat(16);
+    let draw = |more: &str| {
+        let calls = format!(
+            "glTexParameteri(3553,10241,9729)\nglTexParameteri(3553,10240,9729)\n{more}\nglPixelStorei(GL_UNPACK_ALIGNMENT,1)\n\
+             glTexImage2D(3553,0,6409,64,1,0,6409,GL_UNSIGNED_BYTE,*1)\nglTexEnvi(8960,8704,7681)\nglEnable(3553)\nglBegin(GL_QUADS)\n\
+             glTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(1,0)\nglVertex2f(1,-1)\nglTexCoord2f(1,1)\nglVertex2f(1,1)\n\
+             glTexCoord2f(0,1)\nglVertex2f(-1,1)\nglEnd()"
+        );
+        shown(&calls, &[&texels]).at(7, 7)
+    };
+    assert_eq!(draw(""), [255; 3]);
+    let [filtered, ..] = draw("glTexParameterf(3553,34046,8)");
+    assert!((100..200).contains(&filtered), "{filtered}");
+}
+
+#[test]
 fn srgb_is_decoded_from_textures_and_encoded_to_the_window() {
     let texel = [188, 188, 188, 128_u8].repeat(4);
     let draw = |set: &str| {

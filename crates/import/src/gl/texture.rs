@@ -419,15 +419,17 @@ impl Texture {
         };
         // Without mipmaps only the choice between the two filters depends on the level of detail.
         let lod = if self.mipmapped() { self.lod.map(|lod| lod.max(0.0)) } else { [0.0, 0.25] };
+        // The card's samplers are anisotropic between levels alone; of one level that changes nothing.
+        let ellipse = self.anisotropy > 1.0 && any && linear && self.mag == e::LINEAR && (between || !self.mipmapped());
         Ok(SamplerDesc {
             address,
             mag: filter(self.mag == e::LINEAR),
             min: filter(linear),
-            mipmap: filter(between),
+            mipmap: filter(between || ellipse),
             lod_min: lod[0],
             lod_max: lod[1].max(lod[0]),
             compare: self.compare.filter(|_| self.native.as_ref().is_some_and(|native| native.base == Base::Depth)),
-            anisotropy: if any && linear && between { (self.anisotropy as u16).clamp(1, 16) } else { 1 },
+            anisotropy: if ellipse { (self.anisotropy as u16).clamp(1, 16) } else { 1 },
             border,
         })
     }
