@@ -22,8 +22,8 @@ pub struct Reading {
     /// Take a recorded OpenGL program that asks for what is not supported, and leave that out
     #[arg(long)]
     lenient: bool,
-    /// Keep the draws of a recorded OpenGL program as it called them; else draws of one state are joined, and only attributes that differ
-    /// between vertices are uploaded
+    /// Keep the draws of a recorded OpenGL program as it called them, with all that they read; else draws of one state are joined, and only
+    /// attributes that differ between vertices and levels of textures that are read are uploaded
     #[arg(long)]
     keep_draws: bool,
 }

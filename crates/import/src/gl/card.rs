@@ -64,6 +64,8 @@ pub struct Card {
     pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
     /// The accumulation buffer.
     pub(super) accumulation: Option<Surface>,
+    /// Whether all levels of textures are uploaded, and not those alone that can be read.
+    pub all_levels: bool,
     /// Frames so far.
     pub frames: u64,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
@@ -92,6 +94,7 @@ impl Card {
             plain_shaders: BTreeMap::new(),
             frame_copy: None,
             accumulation: None,
+            all_levels: false,
             frames: 0,
             bytes: 0,
         }

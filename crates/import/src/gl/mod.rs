@@ -234,6 +234,7 @@ fn import(
     let mut gl = Gl::new(path, &reading.limits);
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
+    gl.card.all_levels = reading.keep_draws;
     let mut kept = true;
     if let Keep::Parts { .. } = keep {
         gl.card.recorder.keep_each();

@@ -221,6 +221,18 @@ impl Texture {
         upload(card, native, k, [origin[0], origin[1], layer], size, bytes);
     }
 
+    /// Levels from the base level on that are defined, each half as large as the one before.
+    fn chain(&self) -> u32 {
+        let base = self.range[0];
+        let Some(first) = self.levels.get(&(0, base)) else { return 0 };
+        let follows = |after: &u32| {
+            let half = first.size.map(|edge| (edge >> after).max(1));
+            let fits = |level: &Level| level.size == half && level.base == first.base && level.format == first.format;
+            self.levels.get(&(0, base.saturating_add(*after))).is_some_and(fits)
+        };
+        (1..Texture::full_levels(first.size)).take_while(follows).count() as u32 + 1
+    }
+
     /// Makes the card's texture have this many levels, with all that is known of them.
     fn install(&mut self, card: &mut Card, count: u32) -> Option<()> {
         let base_level = self.range[0];
@@ -331,7 +343,8 @@ impl Texture {
     pub fn bind(&mut self, card: &mut Card) -> Outcome<Option<Bound>> {
         let Some(count) = self.complete() else { return Ok(None) };
         let kind = self.kind;
-        if self.install(card, count).is_none() {
+        let kept = if card.all_levels { self.chain() } else { 0 };
+        if self.install(card, count.max(kept)).is_none() {
             return Ok(None);
         }
         let sampler = self.sampler()?;
