@@ -148,13 +148,15 @@ fn ends(allowed: Allowed) -> (Vec<String>, Vec<String>) {
 
 #[test]
 fn every_knob_takes_its_ends_and_refuses_what_is_beyond_by_key_value_and_range() {
+    // Read once: a configuration is a long text.
+    let baseline = Config::built_in("baseline").unwrap();
     let mut refused = 0;
     for (path, knob) in all() {
         let (taken, beyond) = ends(knob.allowed);
         for value in taken {
             // Rules between knobs may still forbid it; they are another matter.
             let assignment = format!("{path}={value}");
-            let mut config = Config::built_in("baseline").unwrap();
+            let mut config = baseline.clone();
             config.set(&assignment).unwrap_or_else(|error| panic!("{assignment}: {error}"));
             let (section, _) = path.rsplit_once('.').unwrap_or(("", &path));
             let (_, section) = config.sections().into_iter().find(|(known, _)| *known == section).unwrap();
@@ -168,10 +170,10 @@ fn every_knob_takes_its_ends_and_refuses_what_is_beyond_by_key_value_and_range()
             let text = value.starts_with('"') && !matches!(knob.allowed, Allowed::Choice(_));
             let told = if text { format!("the text {value}") } else { value.clone() };
             let rest = format!("{path} is {told}, and must be {}", knob.allowed);
-            let mut config = Config::built_in("baseline").unwrap();
+            let mut config = baseline.clone();
             let error = config.set(&format!("{path}={value}")).unwrap_err().to_string();
             assert_eq!(error, format!("--set: {rest}"));
-            assert_eq!(config, Config::built_in("baseline").unwrap(), "{path} has changed all the same");
+            assert_eq!(config, baseline, "{path} has changed all the same");
             let text = changing(&path, &value);
             let column = text.rfind(path.rsplit('.').next().unwrap_or(&path)).expect("the key") + 1;
             assert_eq!(message(&text), format!("mine.ron:1:{column}: {rest}"));
