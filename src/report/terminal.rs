@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::compare::KnobDifference;
 use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
+use crate::run::bound::STATED_ERRORS;
 use crate::run::functional::funnel_of;
 use crate::run::replay::{Fidelity, Frame, Options, Outcome, seconds};
 use crate::work::Surface;
@@ -106,11 +107,14 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     let rate = if time > 0.0 { frames / time } else { 0.0 };
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
     let cost = match options.fidelity {
-        Fidelity::Bound => format!(
-            "estimated from counts and rates: median error 3 %, at most 20 % on the baseline, larger on machines with short queues \
-             (docs/fidelity.md)\nhost: {:.3} ms for the estimates, {all:.3} s in all",
-            1e3 * host
-        ),
+        Fidelity::Bound => {
+            let [median, largest] = STATED_ERRORS;
+            format!(
+                "estimated from counts and rates: median error {median} %, at most {largest} % on the baseline, larger on machines with short \
+                 queues (docs/fidelity.md)\nhost: {:.3} ms for the estimates, {all:.3} s in all",
+                1e3 * host
+            )
+        }
         Fidelity::Sampled(_) => format!("host: {host:.2} s in the machine, {all:.2} s in all"),
         _ => {
             let shaded = funnel_of(&done.total).fragments_shaded as f64;

@@ -11,7 +11,6 @@ use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
 use super::timeline::Timeline;
-use crate::machine::config::SortClass;
 use crate::machine::{BlockNotes, Config, Machine, PassNotes};
 use crate::render::{self, FrameSet, Held};
 use crate::sim::Clock;
@@ -380,9 +379,7 @@ pub fn look(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<L
     if timed {
         rendering.consume(key, noting(config, &mut notes)?);
     }
-    if config.card.sort == SortClass::Middle
-        && let Ok(mut bound) = Bound::new(config)
-    {
+    if let Ok(mut bound) = Bound::new(config) {
         let out = &mut look.estimate;
         let read = move |frames: &[Profiled]| {
             if let Some(frame) = frames.last() {

@@ -7,6 +7,7 @@ use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine};
 use fillrate::report::diagram::Diagram;
 use fillrate::report::{limits, pages};
+use fillrate::run::bound::STATED_ERRORS;
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::trace::Trace;
 
@@ -74,4 +75,28 @@ fn every_statistic_of_a_replay_is_explained() {
     }
     // Of summed banks, too.
     assert_eq!(glossary.find("units.setup.busy").map(|of| of.unit), Some("cycles"));
+}
+
+/// What the terminal states of estimates is what the page of errors has, on the baseline: single frames, and sequences.
+#[test]
+fn stated_errors_of_estimates_are_those_of_the_page() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data/fidelity.md");
+    let page = fs::read_to_string(page).expect("the page is there");
+    let part = |from: &str, to: &str| {
+        let begin = page.find(from).unwrap_or_else(|| panic!("the page has no {from:?}"));
+        let length = page[begin..].find(to).unwrap_or_else(|| panic!("the page has no {to:?}"));
+        &page[begin..begin + length]
+    };
+    let rows = [part("On the baseline:", "With half of all caches:"), part("## Sequences", "With host times:")];
+    // | trace | frames | cycles | fidelity | error in cycles | ...
+    let error = |row: &str| {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let percent = (cells.get(4) == Some(&"bound")).then(|| cells[5].trim_end_matches(" %"))?;
+        Some(percent.parse::<f64>().expect("a percentage"))
+    };
+    let mut errors: Vec<f64> = rows.iter().flat_map(|part| part.lines().filter_map(error)).collect();
+    errors.sort_by(f64::total_cmp);
+    assert!(errors.len() >= 12, "{errors:?}");
+    let [median, largest] = STATED_ERRORS.map(f64::from);
+    assert!(errors[errors.len() / 2] <= median && errors[errors.len() - 1] <= largest, "{errors:?}");
 }

@@ -40,7 +40,7 @@ pub struct Class {
     pub in_place: bool,
     /// Whether all that is sorted comes to one place, where it stays until the pass is complete: then no pipeline waits for what the network
     /// cannot give to another.
-    pub(crate) one_place: bool,
+    pub one_place: bool,
     /// Which quads it shades.
     pub(crate) shade: Shade,
     /// Whether it looks at signatures of tiles.

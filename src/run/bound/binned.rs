@@ -204,10 +204,9 @@ impl Bound<'_> {
         roofs: &mut [Roofs; 2],
         lists: &Lists,
         rates: &[Rates],
-        owners: &[Option<u8>],
+        (owners, size): (&[Option<u8>], [u32; 2]),
         (windows, cells): (&[Window], &[Cell]),
         (color, depth): (&[AttachmentProfile], Option<&AttachmentProfile>),
-        size: [u32; 2],
         latency: f64,
     ) -> [f64; 2] {
         let grid = size.map(|pixels| pixels.div_ceil(TILE) as usize);

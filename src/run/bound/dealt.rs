@@ -3,7 +3,7 @@
 
 use super::flow::{Pipeline, Rates, UNITS, Work, later, work_of};
 use super::{Bound, Roofs};
-use crate::machine::config::SortClass;
+use crate::machine::class::Sorted;
 use crate::unit::assembly::Deal;
 use crate::unit::network::Topology;
 use crate::unit::sorting::Keep;
@@ -42,7 +42,7 @@ impl Bound<'_> {
     /// The part of the covered blocks of a pass that is not hidden whole where it is tested.
     pub(super) fn shown(&self, draws: &[DrawProfile]) -> f64 {
         let blocks = |draw: &DrawProfile| draw.apart.blocks as f64;
-        let known = if self.config.card.sort == SortClass::LastImage { self.pipelines } else { 1.0 };
+        let known = if self.sorted == Sorted::Images { self.pipelines } else { 1.0 };
         let open: f64 = draws.iter().map(|draw| visible(&draw.apart, known)[1] * blocks(draw)).sum();
         let all: f64 = draws.iter().map(blocks).sum();
         if all > 0.0 { open / all } else { 1.0 }
@@ -59,7 +59,7 @@ impl Bound<'_> {
     ) -> f64 {
         let c = self.config;
         let (pipelines, batch) = (c.card.pipelines as usize, f64::from(c.assembly.batch));
-        let fragments = c.card.sort == SortClass::LastFragment;
+        let fragments = self.sorted == Sorted::Fragments;
         let ordered = fragments && c.order.keep == Keep::Always;
         let waiting = [f64::from(c.setup.queue), self.waiting()[1]];
         // Quads that are shaded or being shaded, in order.

@@ -7,7 +7,8 @@ use super::shading::Requests;
 use super::texture::{Missed, Sharing, missed};
 use super::traffic::PassTraffic;
 use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
-use crate::machine::config::{MemoryKind, SortClass};
+use crate::machine::class::Sorted;
+use crate::machine::config::MemoryKind;
 use crate::mem::REQUEST_BYTES;
 use crate::unit::interleave::Interleave;
 use crate::unit::phase::PhaseKind;
@@ -42,11 +43,11 @@ impl Bound<'_> {
         let config = self.config;
         let owners = self.owners(*size, cells);
         let (textures, missed) = self.textures(draws, lines);
-        let binned = config.card.sort == SortClass::MiddleBinned;
+        let binned = self.binned;
         let lists = binned.then(|| self.lists(draws, windows, cells));
         let followed = lists.as_ref().map(|lists| self.followed(lists, windows, cells, *size));
         let shown = self.shown(draws);
-        let images = config.card.sort == SortClass::LastImage;
+        let images = self.sorted == Sorted::Images;
         let copies = if images { self.copies(copies) } else { 1.0 };
         // What is composed is all resolved, drawn or not.
         let all = f64::from(size[0].div_ceil(BLOCK) * size[1].div_ceil(BLOCK));
@@ -84,7 +85,7 @@ impl Bound<'_> {
         let meanwhile = if binned { &traffic.binned } else { &traffic.all };
         let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
         let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
-        let index = if config.card.sort == SortClass::Middle { self.hit_latency } else { waits };
+        let index = if self.sorted == Sorted::Triangles && !binned { self.hit_latency } else { waits };
         let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
         let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
         rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
@@ -99,16 +100,16 @@ impl Bound<'_> {
         let (mut geometry, mut roofs) = if lists.is_some() { (roofs, Roofs::default()) } else { (Roofs::default(), roofs) };
         let mut binning = 0.0;
         let fluid = match &lists {
-            None if matches!(config.card.sort, SortClass::LastFragment | SortClass::LastImage) => {
+            None if matches!(self.sorted, Sorted::Fragments | Sorted::Images) => {
                 self.dealt(&mut roofs, (draws, &rates), &owners, (windows, cells))
             }
-            None if config.card.sort == SortClass::First => self.routed(&mut roofs, &rates, &owners, (windows, cells)),
+            None if self.sorted == Sorted::Primitives => self.routed(&mut roofs, &rates, &owners, (windows, cells)),
             None => self.fluid(&mut roofs, &rates, &owners, windows, cells),
             Some(lists) => {
                 let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
                 let mut both = [geometry, roofs];
                 let read = self.latency(&traffic.listed);
-                let [first, drawn] = self.tiles(&mut both, lists, &rates, &owners, work, attachments, *size, read);
+                let [first, drawn] = self.tiles(&mut both, lists, &rates, (&owners, *size), work, attachments, read);
                 [geometry, roofs] = both;
                 geometry.add("dram", self.dram(&traffic.binned));
                 binning = first.max(geometry.slowest().1);
@@ -166,7 +167,7 @@ impl Bound<'_> {
     /// What a pass leaves of an attachment in memory, of its raw size.
     pub(super) fn left(&self, attachment: &AttachmentProfile) -> f64 {
         let c = self.config;
-        let composed = c.card.sort == SortClass::LastImage && c.card.pipelines > 1;
+        let composed = self.sorted == Sorted::Images && c.card.pipelines > 1;
         let compression = if composed { c.compose.compression } else { c.color.compression };
         if compression { compressed(attachment) } else { 1.0 }
     }
@@ -279,7 +280,7 @@ impl Bound<'_> {
         let c = self.config;
         let per = |n: u64, rate: u32| n as f64 / f64::from(rate);
         // Fronts that fetch and assemble, and units that clip, for all primitives or for those of one pipeline.
-        let own = c.card.sort.class().sorted.own_geometry();
+        let own = self.sorted.own_geometry();
         let units = if own { 1.0 } else { f64::from(c.card.geometry_units) };
         let fronts = if own { self.pipelines } else { 1.0 };
 
@@ -300,7 +301,7 @@ impl Bound<'_> {
         // A batch is in flight from its indices to the assembly of its last primitive.
         let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
         // The last batch of a segment is half full on average.
-        let full = f64::from(c.core.warp_width).min(if c.card.sort == SortClass::First { ROUTED } else { f64::INFINITY });
+        let full = f64::from(c.core.warp_width).min(if self.sorted == Sorted::Primitives { ROUTED } else { f64::INFINITY });
         let batches = vertices / full + 0.5 * draw.segments as f64;
         let invocations = batches * f64::from(c.core.warp_width);
         // Lanes that are empty ask nothing.
@@ -328,7 +329,7 @@ impl Bound<'_> {
             ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) / units),
         ];
         // Where primitives are routed it is not known here how many come to which.
-        let shares = if c.card.sort == SortClass::First { 0.0 } else { 1.0 / fronts };
+        let shares = if self.sorted == Sorted::Primitives { 0.0 } else { 1.0 / fronts };
         geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles * shares));
         roofs.add("command", if own { held } else { 0.0 });
         let slowest = geometry.iter().map(|unit| unit.1).fold(0.0, f64::max);

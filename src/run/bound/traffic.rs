@@ -5,7 +5,7 @@ use super::images::copy;
 use super::memory::Traffic;
 use super::texture::Missed;
 use super::{Bound, Touched, compressed};
-use crate::machine::config::SortClass;
+use crate::machine::class::Sorted;
 use crate::work::LINE;
 use crate::work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, FLAT, Touch, Toucher};
 
@@ -167,7 +167,7 @@ impl Bound<'_> {
         let flat = compression && touch.step & FLAT != 0;
         let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
         // Each of its copies is touched for a first time.
-        let apart = self.config.card.sort == SortClass::LastImage && self.pipelines > 1.0;
+        let apart = self.sorted == Sorted::Images && self.pipelines > 1.0;
         let mut copies = 1.0;
         if touch.near == FIRST {
             due[2] += blocks.copies - 1.0;
