@@ -8,6 +8,7 @@ use crate::run::bound::frames::{Estimated, estimate};
 use crate::run::cycle::{Simulated, simulate};
 use crate::run::exit::Exit;
 use crate::run::replay::Options;
+use crate::run::sample::survey::Count;
 use crate::trace::Trace;
 
 /// Bytes of DRAM from which on their error is told: of fewer most stay in the second level, and what does not is a matter of chance.
@@ -42,8 +43,7 @@ pub fn errors(name: &str, trace: &Trace, options: &Options) -> Result<Errors> {
     }
     rendering.run()?;
     let own = |(&class, (simulated, estimated)): (&&'static str, &(Simulated, Estimated))| {
-        let bytes = ["read", "write"].map(|way| simulated.total.number(&format!("memory.dram.{way}_bytes")).unwrap_or(0.0));
-        let bytes = bytes.iter().sum::<f64>();
+        let bytes = Count::DramBytes.of(&simulated.total);
         let told = (estimated.memory.read + estimated.memory.written) / bytes - 1.0;
         let cycles = estimated.cycles / simulated.cycles as f64 - 1.0;
         (class, [Some(cycles), (bytes >= TOLD).then_some(told)])

@@ -14,6 +14,7 @@ mod draws;
 pub(crate) mod exact;
 pub mod gl;
 mod machine;
+mod measure;
 mod memory;
 mod page;
 pub mod pareto;

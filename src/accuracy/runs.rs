@@ -9,16 +9,23 @@ use anyhow::{Result, ensure};
 
 use crate::run::host::process_cpu_time;
 use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
+use crate::run::sample::survey::{CacheCount, Count};
 use crate::trace::Trace;
 use crate::work::Surface;
 
 /// What is compared, in this order.
-const COUNTS: [(&str, &[&str]); 4] = [
-    ("cycles", &["cycles"]),
-    ("DRAM bytes", &["memory.dram.read_bytes", "memory.dram.write_bytes"]),
-    ("L2 misses", &["caches.l2"]),
-    ("texture misses", &["caches.texture"]),
-];
+fn counts() -> [(&'static str, Count); COUNTS] {
+    let misses = |cache: &str| Count::Cache(cache.to_owned(), CacheCount::Misses);
+    [
+        ("cycles", Count::Cycles),
+        ("DRAM bytes", Count::DramBytes),
+        ("L2 misses", misses("l2")),
+        ("texture misses", misses("texture")),
+    ]
+}
+
+/// How many that are.
+const COUNTS: usize = 4;
 
 /// A sequence, simulated both ways.
 #[derive(Clone, Debug)]
@@ -30,7 +37,7 @@ pub struct Compared {
     /// Cycles on one machine.
     pub cycles: f64,
     /// By how much the sums over all runs differ from one machine's, as shares; none where there is nothing.
-    pub off: [Option<f64>; COUNTS.len()],
+    pub off: [Option<f64>; COUNTS],
     /// Mean and greatest difference of a frame's cycles, as shares.
     pub frame: [f64; 2],
     /// Frames that show other bytes.
@@ -72,7 +79,7 @@ fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spen
     let (mut frames, before) = (Frames::new(), process_cpu_time());
     let outcome = replay_to(trace, options, &|_| (), &mut |frame| {
         let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));
-        frames.insert(frame.number, (frame.tree.number("cycles").unwrap_or(0.0), picture));
+        frames.insert(frame.number, (Count::Cycles.of(&frame.tree), picture));
         Ok(())
     })?;
     let spent = process_cpu_time().zip(before).map(|(now, before)| Spent {
@@ -81,16 +88,6 @@ fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spen
         machines: outcome.machine_time.saturating_sub(outcome.warming_time),
     });
     Ok((frames, outcome, spent))
-}
-
-/// A counter's sum; of a kind of caches, the misses of all.
-fn sum(outcome: &Outcome, paths: &[&str]) -> f64 {
-    let number = |path: &str| outcome.total.number(path);
-    let all = |path: &&str| match number(path) {
-        Some(value) => value,
-        None => (0..).map_while(|at| number(&format!("{path}[{at}].misses"))).sum(),
-    };
-    paths.iter().map(all).sum()
 }
 
 /// Simulates a sequence on one machine and in runs of so many frames, one after the other, so many times.
@@ -106,8 +103,8 @@ pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: Non
     for _ in 1..pairs {
         times.push([run(trace, &one)?.1.clock_time, run(trace, &cut)?.1.clock_time]);
     }
-    let off = COUNTS.map(|(_, paths)| {
-        let (one, runs) = (sum(&whole, paths), sum(&runs, paths));
+    let off = counts().map(|(_, count)| {
+        let (one, runs) = (count.of(&whole.total), count.of(&runs.total));
         (one > 0.0).then(|| runs / one - 1.0)
     });
     let (mut mean, mut greatest, mut other_pictures) = (0.0, 0.0_f64, 0);
@@ -118,7 +115,7 @@ pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: Non
         greatest = greatest.max(off);
         other_pictures += usize::from(picture != shown);
     }
-    let cycles = sum(&whole, COUNTS[0].1);
+    let cycles = Count::Cycles.of(&whole.total);
     let (name, frames, frame) = (name.to_owned(), frames.len(), [mean, greatest]);
     let spent = spent.zip(spent_in_runs).map(|(one, runs)| [one, runs]);
     Ok(Compared { name, frames, cycles, off, frame, other_pictures, times, spent })
@@ -126,11 +123,11 @@ pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: Non
 
 /// What differs, as a table in Markdown: the same on every host.
 pub fn table(compared: &[Compared]) -> String {
-    let names = COUNTS.map(|(name, _)| format!("in {name}")).join(" | ");
+    let names = counts().map(|(name, _)| format!("in {name}")).join(" | ");
     let mut out = format!(
         "| sequence | frames | cycles on one machine | {names} | of a frame's cycles: mean, greatest | frames that look different |\n\
          |---|--:|--:|{}--:|--:|\n",
-        "--:|".repeat(COUNTS.len())
+        "--:|".repeat(COUNTS)
     );
     for Compared { name, frames, cycles, off, frame: [mean, greatest], other_pictures, .. } in compared {
         let off = off.map(|off| off.map_or("-".into(), |off| format!("{:+.3} %", 100.0 * off))).join(" | ");

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use serde_json::{Value, json};
 
-use super::skips::sum;
+use super::measure::{self, Measure};
 use crate::gfx::format::Format;
 use crate::machine::Config;
 use crate::run::machines::{self, Ran};
@@ -26,15 +26,9 @@ pub struct Shortcut {
     /// Settings of the exact run on top.
     on_top: &'static [&'static str],
     clock: Clock,
-    /// What of the statistics it is about: a name, and paths that are summed up (`[*]` for all units of a kind).
-    work: (&'static str, &'static [&'static str]),
+    /// What it is about, beside cycles.
+    work: Option<Measure>,
 }
-
-/// Instructions of warps.
-const INSTRUCTIONS: (&str, &[&str]) = (
-    "instructions",
-    &["shading.core[*].float", "shading.core[*].integer", "shading.core[*].special", "shading.core[*].control"],
-);
 
 /// All shortcuts that can be measured.
 pub const SHORTCUTS: &[Shortcut] = &[
@@ -46,7 +40,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         both: &[],
         on_top: &["core.execution=lockstep"],
         clock: Clock::SkipIdle,
-        work: INSTRUCTIONS,
+        work: Some(measure::INSTRUCTIONS),
     },
     Shortcut {
         name: "order of issue",
@@ -55,7 +49,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         both: &["core.execution=lockstep"],
         on_top: &["core.execution=in-order"],
         clock: Clock::SkipIdle,
-        work: INSTRUCTIONS,
+        work: Some(measure::INSTRUCTIONS),
     },
     Shortcut {
         name: "composed blocks",
@@ -64,7 +58,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         both: &["sort=sort-last-image"],
         on_top: &["compose.compression=true"],
         clock: Clock::SkipIdle,
-        work: ("bytes written", &["memory.clients.compose.write_bytes"]),
+        work: Some(measure::COMPOSED),
     },
     Shortcut {
         name: "idle cycles",
@@ -73,7 +67,7 @@ pub const SHORTCUTS: &[Shortcut] = &[
         both: &[],
         on_top: &[],
         clock: Clock::EveryCycle,
-        work: ("cycles", &["cycles"]),
+        work: None,
     },
 ];
 
@@ -143,7 +137,7 @@ pub struct Taken {
     pub shortcut: &'static Shortcut,
     /// Cycles with the shortcut, and the exact way.
     pub cycles: [f64; 2],
-    /// What it is about, with it and the exact way.
+    /// What it is about, with it and the exact way: cycles, where it is about nothing else.
     pub work: [f64; 2],
     /// Whether both show the same pictures: shortcuts are about time.
     pub same_pictures: bool,
@@ -195,11 +189,11 @@ pub fn shortcuts(trace: &Trace, config: &Config) -> Result<Vec<Taken>> {
     let ran = machines::run(trace, &machines)?;
     let taken = |(shortcut, places): (&'static Shortcut, [usize; 2])| {
         let runs: [&Ran; 2] = places.map(|at| &ran[at]);
-        let pair = |paths: &[&str]| runs.map(|run| sum(&run.total, paths));
+        let cycles = runs.map(|run| run.cycles as f64);
         Taken {
             shortcut,
-            cycles: runs.map(|run| run.cycles as f64),
-            work: pair(shortcut.work.1),
+            cycles,
+            work: shortcut.work.map_or(cycles, |measure| runs.map(|run| (measure.read)(&run.total) as f64)),
             same_pictures: runs[0].shown == runs[1].shown,
         }
     };
@@ -222,8 +216,8 @@ pub fn table(traces: &[(String, Vec<Taken>)]) -> String {
             out.push_str(&row([format!("{}: {what}", shortcut.name)].into_iter().chain(cells).collect()));
         };
         put("cycles", Taken::error);
-        if shortcut.work.0 != "cycles" {
-            put(shortcut.work.0, Taken::work_error);
+        if let Some(measure) = shortcut.work {
+            put(measure.name, Taken::work_error);
         }
     }
     out
@@ -236,7 +230,7 @@ pub fn json(traces: &[(String, Vec<Taken>)]) -> Value {
             "shortcut": taken.shortcut.name,
             "cycles": { "shortcut": taken.cycles[0], "exact": taken.cycles[1], "error": taken.error() },
             "work": {
-                "of": taken.shortcut.work.0,
+                "of": taken.shortcut.work.map_or("cycles", |measure| measure.name),
                 "shortcut": taken.work[0],
                 "exact": taken.work[1],
                 "error": taken.work_error(),

@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use anyhow::Result;
 
+use super::measure::{self, Measure};
 use crate::machine::Config;
 use crate::render::{self, Skips};
+use crate::run::functional::funnel_of;
 use crate::run::host::Stopwatch;
 use crate::run::machines::{self, Ran};
 use crate::sim::Clock;
-use crate::stats::Tree;
 use crate::trace::Trace;
 use crate::work::{Event, Funnel, RenderKey};
 
@@ -34,11 +35,41 @@ pub struct Skip {
     /// The switch, as a user turns it.
     pub switch: &'static str,
     how: Switch,
-    /// Counters that it changes by what it is.
-    changes: &'static [&'static str],
-    /// What of the statistics it saves: a name, and paths that are summed up (`[*]` for all units of a kind).
-    work: (&'static str, &'static [&'static str]),
+    /// Makes equal what it changes by what it is: in the counters of a machine with it, and in those of one without.
+    changes: fn(&mut Funnel),
+    /// What it saves.
+    work: Work,
 }
+
+/// What a skip saves, beside host time.
+#[derive(Clone, Copy, Debug)]
+enum Work {
+    /// What nothing counts.
+    Uncounted,
+    /// Colours that the renderer computes.
+    Colors,
+    /// What a machine counts.
+    Machine(Measure),
+}
+
+impl Skip {
+    /// What it saves, as a machine counts it.
+    fn measure(&self) -> Option<Measure> {
+        if let Work::Machine(measure) = self.work { Some(measure) } else { None }
+    }
+
+    /// What it saves, in words; empty where nothing counts it.
+    fn saves(&self) -> &'static str {
+        match self.work {
+            Work::Uncounted => "",
+            Work::Colors => "colours computed",
+            Work::Machine(measure) => measure.name,
+        }
+    }
+}
+
+/// No counter of the funnel changes.
+fn nothing(_: &mut Funnel) {}
 
 /// A cull of geometry: without it triangles go on that end in setup or traversal.
 const fn culled(name: &'static str, what: &'static str, switch: &'static str, off: &'static [&'static str]) -> Skip {
@@ -47,8 +78,8 @@ const fn culled(name: &'static str, what: &'static str, switch: &'static str, of
         what,
         switch,
         how: Switch::Machine { base: &[], off },
-        changes: &["funnel.triangles_setup"],
-        work: ("triangles set up", &["units.setup[*].items"]),
+        changes: |funnel| funnel.triangles_setup = 0,
+        work: Work::Machine(measure::TRIANGLES_SET_UP),
     }
 }
 
@@ -60,35 +91,32 @@ pub const SKIPS: &[Skip] = &[
         switch: "--set depth.early=false",
         how: Switch::Machine { base: &[], off: &["depth.early=false"] },
         // Hidden fragments are discarded, too, where they are shaded.
-        changes: &["funnel.fragments_discarded"],
-        work: ("fragments shaded", &["funnel.fragments_shaded"]),
+        changes: |funnel| funnel.fragments_discarded = 0,
+        work: Work::Machine(measure::FRAGMENTS_SHADED),
     },
     Skip {
         name: "hierarchical Z",
         what: "hidden blocks are not cut into quads",
         switch: "--set traverse.hierarchical_z=false",
         how: Switch::Machine { base: &[], off: &["traverse.hierarchical_z=false"] },
-        changes: &[],
-        work: ("quads tested", &["units.depth[*].items"]),
+        changes: nothing,
+        work: Work::Machine(measure::QUADS_TESTED),
     },
     Skip {
         name: "acceptance",
         what: "depths of blocks are not read where all samples are certain to pass (hierarchical Z with both bounds)",
         switch: "--set traverse.hierarchical_accept=true",
         how: Switch::Machine { base: &["traverse.hierarchical_accept=true"], off: &["traverse.hierarchical_accept=false"] },
-        changes: &[],
-        work: ("bytes of depth read", &["memory.clients.depth.read_bytes"]),
+        changes: nothing,
+        work: Work::Machine(measure::DEPTH_READ),
     },
     Skip {
         name: "fast clear",
         what: "clears set flags instead of memory",
         switch: "--set color.fast_clear=false",
         how: Switch::Machine { base: &[], off: &["color.fast_clear=false"] },
-        changes: &[],
-        work: (
-            "bytes to memory",
-            &["memory.clients.command.write_bytes", "memory.clients.color.read_bytes", "memory.clients.depth.read_bytes"],
-        ),
+        changes: nothing,
+        work: Work::Machine(measure::CLEARED),
     },
     Skip {
         name: "hidden surfaces",
@@ -96,8 +124,8 @@ pub const SKIPS: &[Skip] = &[
         switch: "--config sort-middle-binned --set bin.hide=true",
         how: Switch::Machine { base: &["sort=sort-middle-binned", "bin.hide=true"], off: &["bin.hide=false"] },
         // What is overwritten is not written.
-        changes: &["funnel.fragments_discarded", "funnel.fragments_written"],
-        work: ("fragments shaded", &["funnel.fragments_shaded"]),
+        changes: |funnel| (funnel.fragments_discarded, funnel.fragments_written) = (0, 0),
+        work: Work::Machine(measure::FRAGMENTS_SHADED),
     },
     Skip {
         name: "rendering elimination",
@@ -108,24 +136,24 @@ pub const SKIPS: &[Skip] = &[
             off: &["bin.skip_same_tiles=false"],
         },
         // Nothing of such a tile is set up, tested or written.
-        changes: &["funnel.fragments_covered", "funnel.fragments_discarded", "funnel.fragments_written"],
-        work: ("tiles drawn", &["binning.tiles"]),
+        changes: |funnel| (funnel.fragments_covered, funnel.fragments_discarded, funnel.fragments_written) = (0, 0, 0),
+        work: Work::Machine(measure::TILES_DRAWN),
     },
     Skip {
         name: "empty passes",
         what: "a pass without draws only clears, and no pipeline hears of it",
         switch: "--set command.skip_empty_passes=false",
         how: Switch::Machine { base: &[], off: &["command.skip_empty_passes=false"] },
-        changes: &[],
-        work: ("passes drawn", &["command.passes"]),
+        changes: nothing,
+        work: Work::Machine(measure::PASSES_DRAWN),
     },
     Skip {
         name: "overwritten blocks",
         what: "colours of a block that is overwritten whole are not read before",
         switch: "--set color.skip_reads=true turns it on",
         how: Switch::Machine { base: &["color.skip_reads=true"], off: &["color.skip_reads=false"] },
-        changes: &[],
-        work: ("bytes read for blending", &["memory.clients.color.read_bytes"]),
+        changes: nothing,
+        work: Work::Machine(measure::COLOR_READ),
     },
     culled("facing", "triangles that face away are not set up", "--set clip.cull_facing=false", &["clip.cull_facing=false"]),
     culled(
@@ -151,27 +179,24 @@ pub const SKIPS: &[Skip] = &[
         what: "attributes of vertex buffers that the vertex stage does not read are not fetched",
         switch: "--set fetch.skip_attributes=false",
         how: Switch::Machine { base: &[], off: &["fetch.skip_attributes=false"] },
-        changes: &[],
-        work: ("lines of attributes looked up", &["caches.vertex[*].accesses"]),
+        changes: nothing,
+        work: Work::Machine(measure::ATTRIBUTE_LOOKUPS),
     },
     Skip {
         name: "unread varyings",
         what: "what the fragment stage does not read is neither computed nor interpolated",
         switch: "--set interpolate.skip_varyings=false",
         how: Switch::Machine { base: &[], off: &["interpolate.skip_varyings=false"] },
-        changes: &[],
-        work: (
-            "instructions",
-            &["shading.core[*].float", "shading.core[*].integer", "shading.core[*].special", "shading.core[*].control"],
-        ),
+        changes: nothing,
+        work: Work::Machine(measure::INSTRUCTIONS),
     },
     Skip {
         name: "unread levels",
         what: "texels of a level that has no weight are not read",
         switch: "--set texture.skip_levels=false",
         how: Switch::Machine { base: &[], off: &["texture.skip_levels=false"] },
-        changes: &[],
-        work: ("lines of textures looked up", &["caches.texture[*].accesses"]),
+        changes: nothing,
+        work: Work::Machine(measure::TEXTURE_LOOKUPS),
     },
     Skip {
         name: "draws out of view",
@@ -179,40 +204,40 @@ pub const SKIPS: &[Skip] = &[
         switch: "--set command.cull=draws turns it on",
         how: Switch::Machine { base: &["command.cull=draws"], off: &["command.cull=none"] },
         // What is left out is not assembled, and so not found outside (`command.primitives_culled` has it).
-        changes: &["funnel.primitives_in", "funnel.culled_frustum"],
-        work: ("vertices shaded", &["funnel.vertices_shaded"]),
+        changes: |funnel| (funnel.primitives_in, funnel.culled_frustum) = (0, 0),
+        work: Work::Machine(measure::VERTICES_SHADED),
     },
     Skip {
         name: "instances out of view",
         what: "the same for each instance of a draw, beside whole draws",
         switch: "--set command.cull=instances turns it on",
         how: Switch::Machine { base: &["command.cull=instances"], off: &["command.cull=draws"] },
-        changes: &["funnel.primitives_in", "funnel.culled_frustum"],
-        work: ("vertices shaded", &["funnel.vertices_shaded"]),
+        changes: |funnel| (funnel.primitives_in, funnel.culled_frustum) = (0, 0),
+        work: Work::Machine(measure::VERTICES_SHADED),
     },
     Skip {
         name: "idle cycles",
         what: "cycles in which nothing can move",
         switch: "--clock every-cycle",
         how: Switch::Clock,
-        changes: &[],
-        work: ("cycles", &["cycles"]),
+        changes: nothing,
+        work: Work::Uncounted,
     },
     Skip {
         name: "full blocks",
         what: "samples of blocks that lie inside of all edges are not tested",
         switch: "Skips::full_blocks",
         how: Switch::Renderer(|skips| skips.full_blocks = false),
-        changes: &[],
-        work: ("", &[]),
+        changes: nothing,
+        work: Work::Uncounted,
     },
     Skip {
         name: "overwritten colours",
         what: "colours of a tile that a later opaque triangle covers whole are not computed",
         switch: "Skips::overwritten",
         how: Switch::Renderer(|skips| skips.overwritten = false),
-        changes: &[],
-        work: ("colours computed", &[]),
+        changes: nothing,
+        work: Work::Colors,
     },
 ];
 
@@ -231,19 +256,24 @@ pub struct Saving {
     pub differs: Option<String>,
 }
 
-/// Counters that no skip may change.
-const KEPT: [&str; 10] = [
-    "funnel.primitives_in",
-    "funnel.culled_degenerate",
-    "funnel.culled_backface",
-    "funnel.culled_frustum",
-    "funnel.culled_scissor",
-    "funnel.culled_no_sample",
-    "funnel.triangles_setup",
-    "funnel.fragments_covered",
-    "funnel.fragments_discarded",
-    "funnel.fragments_written",
-];
+/// The counters that no skip may change, but those of which it says so.
+fn kept(skip: &Skip, funnel: Funnel) -> Funnel {
+    let mut kept = Funnel {
+        primitives_in: funnel.primitives_in,
+        culled_degenerate: funnel.culled_degenerate,
+        culled_backface: funnel.culled_backface,
+        culled_frustum: funnel.culled_frustum,
+        culled_scissor: funnel.culled_scissor,
+        culled_no_sample: funnel.culled_no_sample,
+        triangles_setup: funnel.triangles_setup,
+        fragments_covered: funnel.fragments_covered,
+        fragments_discarded: funnel.fragments_discarded,
+        fragments_written: funnel.fragments_written,
+        ..Funnel::default()
+    };
+    (skip.changes)(&mut kept);
+    kept
+}
 
 /// How long both sides of a skip are run by turns to tell their host times apart.
 #[derive(Clone, Copy, Debug)]
@@ -291,19 +321,10 @@ impl HostTimes {
     }
 }
 
-/// The first counter of a renderer's that differs: none may.
+/// The first counter that differs: none may.
 fn differing(on: &Funnel, off: &Funnel) -> Option<String> {
     let mut counts = Funnel::NAMES.iter().zip(on.values().into_iter().zip(off.values()));
     counts.find(|(_, (on, off))| on != off).map(|(name, _)| format!("funnel.{name}"))
-}
-
-/// A sum of statistics; `[*]` stands for all units of a kind.
-pub(super) fn sum(tree: &Tree, paths: &[&str]) -> f64 {
-    let one = |path: &&str| match path.split_once("[*]") {
-        Some((before, after)) => (0..).map_while(|i| tree.number(&format!("{before}[{i}]{after}"))).sum::<f64>(),
-        None => tree.number(path).unwrap_or(0.0),
-    };
-    paths.iter().map(one).sum()
 }
 
 /// What differs between two replays that must be the same, beside what the skip is about.
@@ -314,9 +335,8 @@ fn differs(skip: &Skip, on: &Ran, off: &Ran) -> Option<String> {
     if let Some((frame, _)) = on.shown.iter().zip(&off.shown).find(|(a, b)| a != b) {
         return Some(format!("picture of frame {}", frame.number));
     }
-    let free = |path: &str| skip.changes.contains(&path) || skip.work.1.contains(&path);
-    let changed = KEPT.iter().find(|path| !free(path) && on.total.number(path) != off.total.number(path));
-    changed.map(|path| (*path).to_owned())
+    let [on, off] = [on, off].map(|ran| kept(skip, funnel_of(&ran.total)));
+    differing(&on, &off)
 }
 
 /// What the renderer leaves where it does not record.
@@ -416,8 +436,7 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
                 let same = on.pictures == off.pictures;
                 let differs = if same { differing(&on.funnel, &off.funnel) } else { Some("picture".to_owned()) };
                 let host = HostTimes::take(turns, [on.time, off.time], |side| Ok(rendered(trace, skips[side])?.time))?;
-                // What full blocks save nothing counts.
-                let work = (!skip.work.0.is_empty()).then_some([on.colors, off.colors]);
+                let work = matches!(skip.work, Work::Colors).then_some([on.colors, off.colors]);
                 Saving { skip, cycles: None, host, work, differs }
             }
             (how, Some(places)) => {
@@ -428,8 +447,8 @@ pub fn savings(trace: &Trace, config: &Config, turns: Turns) -> Result<Vec<Savin
                     let other = || (pair[0].total != pair[1].total).then(|| "statistics".to_owned());
                     Saving { skip, cycles: None, host, work: None, differs: differs.or_else(other) }
                 } else {
-                    let work = pair.map(|run| sum(&run.total, skip.work.1));
-                    Saving { skip, cycles: Some(pair.map(|run| run.cycles as f64)), host, work: Some(work), differs }
+                    let work = skip.measure().map(|measure| pair.map(|run| (measure.read)(&run.total) as f64));
+                    Saving { skip, cycles: Some(pair.map(|run| run.cycles as f64)), host, work, differs }
                 }
             }
             (_, None) => continue,
@@ -502,7 +521,7 @@ pub fn table(name: &str, savings: &[Saving]) -> String {
         out.push_str(&format!(
             "| {} | {} | {} | {} | {} | {} |\n",
             saving.skip.name,
-            if saving.work.is_some() { saving.skip.work.0 } else { "" },
+            saving.skip.saves(),
             saved(saving.work),
             saved(saving.cycles),
             format_args!("{:.1} ± {:.1} %", 100.0 * host, 100.0 * error),

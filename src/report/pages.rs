@@ -6,7 +6,7 @@ use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
 use crate::machine::{Config, ConfigError, LossCounts};
 use crate::mem::{ClientCounts, DramCounts};
-use crate::sim::{ChannelCounts, Description};
+use crate::sim::{ChannelCounts, Description, UnitCounts};
 use crate::stats::{Cycles, Declaration, Group, page};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::Funnel;
@@ -56,9 +56,6 @@ const DRAW: &[Declaration] = &[
     one("group", "", "Label of the innermost debug group that it is in."),
     one("cycles", "cycles", "From the retirement before it to its own; together those of the pass."),
 ];
-
-const UNIT: &[Declaration] =
-    &[one("items", "items", "What went through: vertices, primitives, triangles, quads, warps, requests or bursts.")];
 
 const CHANNEL: &[Declaration] = &[
     one(
@@ -161,7 +158,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             "With `--per-draw`, of a pass: its draws in order, in `stats.json` and `draws.csv`, with the counters of phases. The funnel is the draw's own; the others count the cycles from the retirement before it to its own, in which later draws are in the machine too. A machine that bins retires draws when their tiles are drawn.",
             DRAW.to_vec(),
         ),
-        ("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.", all(Cycles::DECLARATIONS, UNIT)),
+        (
+            "units.NAME[i]",
+            "One entry a unit. The five kinds of cycles add up to `cycles`.",
+            all(Cycles::DECLARATIONS, UnitCounts::DECLARATIONS),
+        ),
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
         ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
         ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),

@@ -69,7 +69,7 @@ pub use clock::{Cause, Clock, Stuck, run};
 pub use sheet::{Counted, Description, Heading, Sheet, Sum};
 pub use stall_probe::{STATES, StallProbe, StallProbeCounts};
 pub use unit::{Tick, Unit};
-pub use wires::{In, Out, Reading, Token, UnitId, Wire, Wires};
+pub use wires::{In, Out, Reading, Token, UnitCounts, UnitId, Wire, Wires};
 pub use wiring::Wiring;
 
 #[cfg(test)]

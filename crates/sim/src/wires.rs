@@ -476,10 +476,18 @@ impl Wires {
         let mut tree = Tree::new();
         for ((account, label), items) in self.accounts().zip(&self.units).zip(items) {
             let leaves = tree.element(label.name, label.index);
-            leaves.count("items", *items);
+            leaves.extend(UnitCounts { items: *items }.tree());
             leaves.extend(account.tree());
         }
         tree
+    }
+}
+
+stats::counters! {
+    /// What every unit counts, beside the account of its cycles.
+    pub struct UnitCounts {
+        /// What went through: vertices, primitives, triangles, quads, warps, requests or bursts.
+        items: "items",
     }
 }
 
