@@ -11,7 +11,7 @@ use crate::run::exit::{Exit, Frame};
 use crate::run::replay::{Fidelity, Options, Outcome, replay_to};
 use crate::run::sample::clusters::{Clusters, random};
 use crate::run::sample::survey::{CacheCount, Count, Survey};
-use crate::run::sample::{Quantity, Sampling, surveyed};
+use crate::run::sample::{Quantity, Sampler, Sampling};
 use crate::stats::Tree;
 use crate::trace::Trace;
 
@@ -129,8 +129,8 @@ pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: us
 
 /// Runs all fidelities on a trace, with so many frames sampled each time, as far as it has frames enough.
 ///
-/// The trace is rendered once for `cycle` and `bound`; their time in all is that of rendering and of their own, one after the other. `sampled` and
-/// `functional` are run each for itself, as a replay runs them, and their time in all is that on the clock.
+/// The trace is rendered once for `cycle` and `bound`; their time in all is that of rendering and of their own, one after the other. It is
+/// surveyed once for all numbers of samples, whose times in all include the survey. `functional` is run as a replay runs it.
 ///
 /// # Errors
 /// If the trace cannot be rendered, a fidelity does not know the configuration, or the machine stops.
@@ -151,16 +151,19 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let truth = values(&simulated.total);
     let times = [simulated.machine_time, rendered.time + simulated.machine_time];
     let mut points = vec![point("cycle".into(), times, &truth, &truth)];
-    for &samples in samples.iter().rev().filter(|&&samples| (samples as usize) + 1 < frames.len()) {
-        let sampling = Sampling { samples, seed, ..Sampling::default() };
-        let (run, survey) = surveyed(trace, options, &sampling, Exit::new(|_| Ok(())))?;
-        let measured = values(&run.total);
-        let times = [run.machine_time, run.clock_time];
-        points.push(Point {
-            margins: margins(&run, &measured),
-            resampled: resample(&survey, &frames, samples as usize),
-            ..point(format!("sampled, {samples} frames"), times, &measured, &truth)
-        });
+    let numbers: Vec<u32> = samples.iter().rev().copied().filter(|&samples| (samples as usize) + 1 < frames.len()).collect();
+    if !numbers.is_empty() {
+        let sampler = Sampler::new(trace, options)?;
+        for samples in numbers {
+            let run = sampler.run(&Sampling { samples, seed, ..Sampling::default() }, Exit::new(|_| Ok(())))?;
+            let measured = values(&run.total);
+            let times = [run.machine_time, run.clock_time];
+            points.push(Point {
+                margins: margins(&run, &measured),
+                resampled: resample(sampler.survey(), &frames, samples as usize),
+                ..point(format!("sampled, {samples} frames"), times, &measured, &truth)
+            });
+        }
     }
     points.push(point("bound".into(), [bound.time, recorded + bound.time], &estimates(&bound), &truth));
     let functional =

@@ -114,42 +114,77 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
-    let (outcome, _) = surveyed(trace, options, sampling, exit)?;
-    Ok(outcome)
-}
-
-/// The same, with the survey by which the frames were chosen.
-///
-/// # Errors
-/// If the trace cannot be rendered, has too few frames, or the machine stops.
-pub fn surveyed(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<(Outcome, Survey)> {
-    if options.config.scanout.mode == ScanoutMode::FreeRunning {
-        bail!(
-            "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
-             they show depends on all frames before; use cycle"
-        );
-    }
     let watch = Stopwatch::start();
-    let dependencies = Dependencies::of(trace, options.frames.end)?;
-    let survey = survey::survey(trace, options, &dependencies)?;
-    let all = survey.numbers.len() as u32;
+    let sampler = Sampler::new(trace, options)?;
     let samples = match sampling.time_limit {
-        Some(limit) if all > 3 => {
-            let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
-            of_survey(&survey, &dependencies, trace, options, &two, Exit::new(|_| Ok(())))?;
-            let left = limit.saturating_sub(watch.clock()).as_secs_f64();
-            let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
-            (more as u32).clamp(2, all - 2)
-        }
-        _ => sampling.samples,
+        Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
+        None => sampling.samples,
     };
-    let sampling = &Sampling { samples, ..*sampling };
-    let outcome = of_survey(&survey, &dependencies, trace, options, sampling, exit)?;
-    let outcome = Outcome { machine_time: outcome.machine_time + survey.time, clock_time: watch.clock(), ..outcome };
-    Ok((outcome, survey))
+    let outcome = sampler.run(&Sampling { samples, ..*sampling }, exit)?;
+    Ok(Outcome { clock_time: watch.clock(), ..outcome })
 }
 
-/// The same for frames whose estimates are known.
+/// A sequence that has been surveyed: any number of its frames can be drawn and simulated, again and again.
+pub struct Sampler<'t> {
+    trace: &'t Trace,
+    options: &'t Options,
+    dependencies: Dependencies,
+    survey: Survey,
+    /// Host time of the survey.
+    time: Duration,
+}
+
+impl<'t> Sampler<'t> {
+    /// Surveys all frames.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered, or the configuration's display does not let frames be taken apart.
+    pub fn new(trace: &'t Trace, options: &'t Options) -> Result<Sampler<'t>> {
+        if options.config.scanout.mode == ScanoutMode::FreeRunning {
+            bail!(
+                "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
+                 they show depends on all frames before; use cycle"
+            );
+        }
+        let watch = Stopwatch::start();
+        let dependencies = Dependencies::of(trace, options.frames.end)?;
+        let survey = survey::survey(trace, options, &dependencies)?;
+        Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
+    }
+
+    /// What is known of all frames.
+    pub fn survey(&self) -> &Survey {
+        &self.survey
+    }
+
+    /// As many samples as the rest of a time limit allows, by the time that the first two take.
+    fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
+        let all = self.survey.numbers.len() as u32;
+        if all <= 3 {
+            return Ok(sampling.samples);
+        }
+        let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
+        self.run(&two, Exit::new(|_| Ok(())))?;
+        let left = limit.saturating_sub(watch.clock()).as_secs_f64();
+        let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
+        Ok((more as u32).clamp(2, all - 2))
+    }
+
+    /// Simulates some frames for all. The times of what comes out include the survey.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered, has too few frames, or the machine stops.
+    pub fn run(&self, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+        let outcome = of_survey(&self.survey, &self.dependencies, self.trace, self.options, sampling, exit)?;
+        Ok(Outcome {
+            machine_time: outcome.machine_time + self.survey.time,
+            clock_time: outcome.clock_time + self.time,
+            ..outcome
+        })
+    }
+}
+
+/// Simulates some frames for all, by a survey of them.
 fn of_survey(
     survey: &Survey,
     dependencies: &Dependencies,
