@@ -244,6 +244,7 @@ impl ColorState {
 
     /// Blends a run of quads at distinct places, four 8-bit channels: all are read before any is written.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "a kernel over register lanes takes as many operands as the operation has")]
     fn blend_run(
         &self,
         sample: usize,

@@ -12,7 +12,7 @@ use super::view::Texels;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
-use num::{LANES, Lanes, Mask};
+use num::{LANES, Lanes, Mask, QUADS};
 
 /// Samples where the view, sampler and operands allow; says whether they did.
 #[inline]
@@ -91,72 +91,118 @@ wide! {
 
 #[inline(always)]
 fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) {
-    let (mut first, mut weight) = ([0_u32; LANES], [0.0_f32; LANES]);
+    let (mut level, mut weight) = ([0_u32; LANES], [0.0_f32; LANES]);
     let both = out.takes_both(view, sampler);
-    let blend = choose(view, sampler, args, &mut first, &mut weight) || both;
+    let blend = choose(view, sampler, args, &mut level, &mut weight) || both;
     let quads = matches!(args.lod, Lod::Auto);
-    let mut at = [Corners::ZERO; 2];
-    find_corners(sampler, args, &Geometry::new(view, args, &first, quads), &mut at[0]);
-    let mut second = first;
+    let mut lines = [[[0_u32; 4]; LANES]; 2];
+    let mut single = [find_lines(view, sampler, args, &level, quads, &mut lines[0]), 0];
+    // Lanes that read two levels.
+    let mut two = 0;
     if blend {
+        level.iter_mut().for_each(|level| *level = following(view, *level));
+        single[1] = find_lines(view, sampler, args, &level, quads, &mut lines[1]);
         for i in 0..LANES {
-            second[i] = following(view, first[i]);
+            two |= Mask::from(weight[i] > 0.0 || both) << i;
         }
-        find_corners(sampler, args, &Geometry::new(view, args, &second, quads), &mut at[1]);
     }
-    let mut lines = [[[0_u32; LANES]; 4]; 2];
-    find_lines(view, args, &first, quads, &at[0], &mut lines[0]);
-    if blend {
-        find_lines(view, args, &second, quads, &at[1], &mut lines[1]);
-    }
-    let square = |level: usize, lane: usize| std::array::from_fn::<_, 4, _>(|corner| lines[level][corner][lane]);
-    // Neighbours mostly read the same lines: what the lane before has added is not looked for again.
-    let mut before = [None; 2];
-    out.fill(mask, |lane, quad| {
-        if quad.is_new() {
-            before = [None; 2];
-        }
-        for level in 0..if weight[lane] > 0.0 || both { 2 } else { 1 } {
-            let corners = square(level, lane);
-            match before[level].replace(corners) == Some(corners) {
-                true => quad.again(),
-                false => quad.square(corners),
-            }
-        }
-    });
+    out.squares(mask, two, single, &lines);
 }
 
-/// The lines of each lane's four texels, row by row.
+/// The lines of each lane's four texels, row by row. Returns the quads whose lanes all read one and the same line.
 #[inline(always)]
-fn find_lines(view: &View, args: &Sample<'_>, level: &[u32; LANES], quads: bool, at: &Corners, out: &mut [[u32; LANES]; 4]) {
+fn find_lines(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    level: &[u32; LANES],
+    quads: bool,
+    out: &mut [[u32; 4]; LANES],
+) -> u16 {
+    let size = |level: u32| view.levels[level as usize].size;
+    let [width, height] = [size(level[0])[0], size(level[0])[1]];
+    let (first, lines) = view.rows(level[0] as usize, 0);
+    let (mut width, mut height) = ([width as f32; LANES], [height as f32; LANES]);
+    let (mut base, mut row) = ([first; LANES], [lines; LANES]);
     let mut different = 0;
     for i in 0..LANES {
         different |= level[i] ^ level[0];
     }
-    let (first, lines) = view.rows(level[0] as usize, 0);
-    let (mut base, mut row) = ([first; LANES], [lines; LANES]);
+    // Most batches lie in one level.
+    if different != 0 {
+        let step = if quads { 4 } else { 1 };
+        for i in (0..LANES).step_by(step) {
+            let [w, h] = [size(level[i])[0], size(level[i])[1]];
+            let (first, lines) = view.rows(level[i] as usize, 0);
+            width[i..i + step].fill(w as f32);
+            height[i..i + step].fill(h as f32);
+            base[i..i + step].fill(first);
+            row[i..i + step].fill(lines);
+        }
+    }
     if let Some(layer) = args.layer {
         let last = view.layers() as i32 - 1;
         for i in 0..LANES {
             (base[i], row[i]) = view.rows(level[i] as usize, layer.i32()[i].clamp(0, last) as u32);
         }
-    } else if different != 0 {
-        let step = if quads { 4 } else { 1 };
-        for i in (0..LANES).step_by(step) {
-            let (first, lines) = view.rows(level[i] as usize, 0);
-            base[i..i + step].fill(first);
-            row[i..i + step].fill(lines);
-        }
     }
+    let mut x = [[0_u32; LANES]; 2];
+    let mut y = [[0_u32; LANES]; 2];
+    neighbours(sampler.address[0], args.coords[0].f32(), &width, &mut x);
+    neighbours(sampler.address[1], args.coords[1].f32(), &height, &mut y);
     let ((across, down), tile) = view.tiled(0).micro_tile();
     for i in 0..LANES {
-        let x = at.x[i].map(|x| (x >> across).wrapping_mul(tile));
-        let y = at.y[i].map(|y| base[i].wrapping_add((y >> down).wrapping_mul(row[i])));
-        out[0][i] = y[0].wrapping_add(x[0]);
-        out[1][i] = y[0].wrapping_add(x[1]);
-        out[2][i] = y[1].wrapping_add(x[0]);
-        out[3][i] = y[1].wrapping_add(x[1]);
+        (x[0][i], x[1][i]) = ((x[0][i] >> across).wrapping_mul(tile), (x[1][i] >> across).wrapping_mul(tile));
+        y[0][i] = base[i].wrapping_add((y[0][i] >> down).wrapping_mul(row[i]));
+        y[1][i] = base[i].wrapping_add((y[1][i] >> down).wrapping_mul(row[i]));
     }
+    let [[left, right], [upper, lower]] = [x, y];
+    for i in 0..LANES {
+        let (above, below) = (upper[i], lower[i]);
+        out[i] = [above, above, below, below];
+        for (line, column) in out[i].iter_mut().zip([left[i], right[i], left[i], right[i]]) {
+            *line = line.wrapping_add(column);
+        }
+    }
+    let mut single = 0;
+    for q in 0..QUADS {
+        let first = 4 * q;
+        let mut different = 0;
+        for i in first..first + 4 {
+            different |= left[i] ^ right[i] | upper[i] ^ lower[i] | left[i] ^ left[first] | upper[i] ^ upper[first];
+        }
+        single |= u16::from(different == 0) << q;
+    }
+    single
+}
+
+/// The two texels that each lane filters along an axis: as [`find_corners`] has them.
+#[inline(always)]
+fn neighbours(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [[u32; LANES]; 2]) {
+    // One loop a mode: the compiler makes vectors of what it knows.
+    match mode {
+        AddressMode::Repeat => neighbours_of(AddressMode::Repeat, u, size, out),
+        AddressMode::MirrorRepeat => neighbours_of(AddressMode::MirrorRepeat, u, size, out),
+        AddressMode::ClampToEdge | AddressMode::ClampToBorder => neighbours_of(AddressMode::ClampToEdge, u, size, out),
+    }
+}
+
+#[inline(always)]
+fn neighbours_of(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [[u32; LANES]; 2]) {
+    for i in 0..LANES {
+        let (texel, _) = place(mode, fold(mode, u[i]), size[i]);
+        let [_, second] = pair(mode, texel, size[i]);
+        (out[0][i], out[1][i]) = (texel as u32, second);
+    }
+}
+
+/// A texel and its neighbour to the right (below), which is the first again where the address repeats, else the same.
+#[inline(always)]
+fn pair(mode: AddressMode, texel: i32, size: f32) -> [u32; 2] {
+    let repeats = if mode == AddressMode::Repeat { 0 } else { !0 };
+    let next = texel + 1;
+    let next = if next < integer(size) { next } else { texel & repeats };
+    [texel as u32, next as u32]
 }
 
 /// The first level of every lane and the weight of the following one; says whether any weight is not 0.
@@ -274,11 +320,8 @@ fn find_corners(sampler: &Sampler, args: &Sample<'_>, at: &Geometry, out: &mut C
     let mut index = [0_i32; LANES];
     for (c, size, pairs) in [(0, &at.width, &mut out.x), (1, &at.height, &mut out.y)] {
         axis(sampler.address[c], args.coords[c].f32(), size, &mut index, &mut out.weight[c]);
-        let repeats = if sampler.address[c] == AddressMode::Repeat { 0 } else { !0 };
         for i in 0..LANES {
-            let next = index[i] + 1;
-            let next = if next < integer(size[i]) { next } else { index[i] & repeats };
-            pairs[i] = [index[i] as u32, next as u32];
+            pairs[i] = pair(sampler.address[c], index[i], size[i]);
         }
     }
 }

@@ -5,7 +5,7 @@ use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, gather_taps, taps};
 use super::{Sample, Sampler, View, ellipse};
-use num::{Lanes, Mask, QUADS};
+use num::{LANES, Lanes, Mask, QUADS};
 
 /// Lines and operations of one texture instruction of a batch.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +40,43 @@ impl Footprint {
             let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
             for p in lanes_of(mask >> (4 * q) & 15) {
                 one(4 * q + p, &mut quad);
+            }
+            self.operations[q] = quad.operations;
+            self.ends[q] = self.lines.len() as u32;
+        }
+    }
+
+    /// Records quads in order from the lines of each lane's four texels in two levels. The lanes of `two` read both. In the quads of
+    /// `single` all lanes read one and the same line of a level.
+    #[inline(always)]
+    pub(super) fn squares(&mut self, mask: Mask, two: Mask, single: [u16; 2], lines: &[[[u32; 4]; LANES]; 2]) {
+        self.lines.clear();
+        for q in 0..QUADS {
+            let live = mask >> (4 * q) & 15;
+            let twice = live & two >> (4 * q);
+            let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
+            if single[0] >> q & 1 != 0 && (twice == 0 || single[1] >> q & 1 != 0) {
+                if live != 0 {
+                    quad.lines.push(lines[0][4 * q][0]);
+                }
+                if twice != 0 {
+                    quad.line(lines[1][4 * q][0]);
+                }
+                quad.operations = (live.count_ones() + twice.count_ones()) as u16;
+            } else {
+                // Neighbours mostly read the same lines: what the lane before has added is not looked for again.
+                let (mut before, mut known) = ([[0; 4]; 2], [false; 2]);
+                for p in lanes_of(live) {
+                    for level in 0..1 + (twice >> p & 1) as usize {
+                        let corners = lines[level][4 * q + p];
+                        if known[level] && before[level] == corners {
+                            quad.operations += 1;
+                        } else {
+                            quad.square(corners);
+                            (before[level], known[level]) = (corners, true);
+                        }
+                    }
+                }
             }
             self.operations[q] = quad.operations;
             self.ends[q] = self.lines.len() as u32;
@@ -136,7 +173,7 @@ impl Quad<'_> {
 
     /// Adds the lines of the four texels in two columns and two rows, row by row: one filter operation.
     #[inline(always)]
-    pub(super) fn square(&mut self, [first, right, below, last]: [u32; 4]) {
+    fn square(&mut self, [first, right, below, last]: [u32; 4]) {
         self.operations += 1;
         self.line(first);
         // Equal lines at opposite corners are the common case: all four texels are there.
@@ -145,18 +182,6 @@ impl Quad<'_> {
             self.line(below);
             self.line(last);
         }
-    }
-
-    /// Whether nothing was added yet.
-    #[inline(always)]
-    pub(super) fn is_new(&self) -> bool {
-        self.operations == 0
-    }
-
-    /// A filter operation whose lines are there already.
-    #[inline(always)]
-    pub(super) fn again(&mut self) {
-        self.operations += 1;
     }
 
     #[inline(always)]

@@ -77,17 +77,29 @@ impl TileRun<'_, '_, '_> {
         let written = if unchanged { self.pending.active } else { lanes(&kept[..n]) }.count_ones();
         self.counts.fragments_written += u64::from(written);
         self.samples_passed += if S == 1 { u64::from(written) } else { kept.iter().map(|k| u64::from(k.count_ones())).sum() };
-        self.write::<S>(n, &kept);
+        self.write::<S, RECORD>(n, &kept);
         self.pending.clear();
     }
 
     /// Blends the outputs into the colour attachments.
     #[inline(always)]
-    fn write<const S: usize>(&mut self, n: usize, kept: &[u16; QUADS]) {
+    fn write<const S: usize, const RECORD: bool>(&mut self, n: usize, kept: &[u16; QUADS]) {
         let Some(bound) = &self.bound else { return };
+        let pending = &*self.pending;
         for (target, tile) in self.frame.targets.iter().zip(&mut self.job.colors) {
             let Some(tile) = tile else { continue };
             tile.materialise(target.words);
+            if RECORD && target.packed {
+                // The ROPs' payload has the codes already.
+                let work = &self.job.record.work;
+                let size = 4 * S * target.words;
+                for q in (0..n).filter(|&q| kept[q] != 0) {
+                    let first = work.quads[pending.record[q] as usize].payload as usize + 4 * target.payload;
+                    let packed = &work.payload[first..][..4 * target.payload_words];
+                    target.state.put_quad(S, kept[q], packed, &mut tile.codes[pending.at[q] as usize * size..][..size]);
+                }
+                continue;
+            }
             let color = colors(bound, target.output);
             let at = &self.pending.at;
             match target.second {
