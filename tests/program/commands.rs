@@ -10,6 +10,7 @@
 //! * ` ```console slow ` or `<!-- slow $ COMMAND -->` runs only where `FILLRATE_SLOW` is set.
 //! * ` ```console host ` or `<!-- host $ COMMAND -->` prints what depends on the host, such as times. It runs only where `FILLRATE_HOST` is
 //!   set. Nothing is compared: the output is written with the host and the date.
+//! * `slow host` runs where both are set.
 //!
 //! `FILLRATE_ONLY=TEXT` runs only blocks with a command that holds the text, as in `FILLRATE_ONLY="accuracy pareto"`.
 
@@ -30,6 +31,7 @@ enum When {
     Always,
     Slow,
     Host,
+    SlowHost,
 }
 
 impl When {
@@ -38,8 +40,18 @@ impl When {
             "" => When::Always,
             "slow" => When::Slow,
             "host" => When::Host,
+            "slow host" => When::SlowHost,
             other => panic!("a command that is `{other}`: slow and host are known"),
         }
+    }
+
+    fn is_slow(self) -> bool {
+        matches!(self, When::Slow | When::SlowHost)
+    }
+
+    /// Whether what is printed depends on the host.
+    fn is_host(self) -> bool {
+        matches!(self, When::Host | When::SlowHost)
     }
 }
 
@@ -179,18 +191,18 @@ fn commands_on_pages_print_what_the_pages_say() {
                 continue;
             }
             match when {
-                When::Slow if !slow_too => left_out[0] += steps.len(),
-                When::Host if !host_too => left_out[1] += steps.len(),
+                when if when.is_slow() && !slow_too => left_out[0] += steps.len(),
+                when if when.is_host() && !host_too => left_out[1] += steps.len(),
                 _ => {
                     for step in &mut *steps {
                         let output = run(&step.command, room.path());
-                        if output != step.output && *when != When::Host {
+                        if output != step.output && !when.is_host() {
                             stale.push(format!("{}: $ {}\n{output}", page.display(), step.command));
                         }
                         step.output = output;
                         ran += 1;
                     }
-                    if let (When::Host, Some(last)) = (&when, steps.last_mut()) {
+                    if let (true, Some(last)) = (when.is_host(), steps.last_mut()) {
                         let between = if *fenced { "" } else { "\n" };
                         last.output.push_str(&format!("{between}{}", measured(room.path())));
                     }
@@ -211,12 +223,12 @@ fn commands_on_pages_print_what_the_pages_say() {
 
 #[test]
 fn a_page_is_read_and_written_back() {
-    let page = "Text.\n\n```console slow\n$ a | b\n1\n2\n$ c\n```\nMore.\n<!-- A remark. -->\n<!-- host $ d $ e -->\n| 1 |\n<!-- end -->\nLast.\n";
+    let page = "Text.\n\n```console slow\n$ a | b\n1\n2\n$ c\n```\nMore.\n<!-- A remark. -->\n<!-- slow host $ d $ e -->\n| 1 |\n<!-- end -->\nLast.\n";
     let parts = pieces(page);
     let Piece::Block { when: When::Slow, fenced: true, steps, .. } = &parts[1] else { panic!("a slow block") };
     assert_eq!(steps.len(), 2);
     assert_eq!((steps[0].command.as_str(), steps[0].output.as_str()), ("a | b", "1\n2\n"));
-    let Piece::Block { when: When::Host, fenced: false, steps, .. } = &parts[3] else { panic!("a block of the host") };
+    let Piece::Block { when: When::SlowHost, fenced: false, steps, .. } = &parts[3] else { panic!("a block of the host") };
     assert_eq!((steps[0].command.as_str(), steps[0].output.as_str()), ("d $ e", "| 1 |\n"));
     assert_eq!(written(&parts), page);
 }
