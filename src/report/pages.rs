@@ -150,7 +150,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ),
         (
             "phases[i]",
-            "Of a frame: what is done one after another, in `stats.json` and `passes.csv`. Where it is simulated, each has `funnel` (passes only), `units.NAME`, `caches.NAME`, `memory.clients.NAME` and `memory.dram` of its own cycles, banks summed; `starved` includes `idle`. `stats.json` leaves out what is 0, and units that only starved. Lines that stay in a cache are written back in a later phase.",
+            "Of a frame: what is done one after another, in `stats.json` and `passes.csv`. Where it is simulated, each has `funnel` (passes only), `units.NAME`, `caches.NAME`, `shading.NAME`, `memory.clients.NAME` and `memory.dram` of its own cycles, banks summed; `starved` includes `idle`. `stats.json` leaves out what is 0, and units that only starved. Lines that stay in a cache are written back in a later phase.",
             PHASE.to_vec(),
         ),
         (

@@ -32,7 +32,7 @@ impl Frames {
 const TRACKS: [(u32, &str); 4] = [
     (1, "frames and phases"),
     (2, "units: what most cycles went to"),
-    (3, "units: busy cycles in %"),
+    (3, "units: busy cycles"),
     (4, "channels: items inside"),
 ];
 
@@ -74,9 +74,10 @@ impl Events<'_> {
         self.put(&json!({ "ph": "X", "pid": pid, "tid": tid, "name": name, "ts": ts, "dur": dur, "args": { "cycle": begin, "cycles": end - begin } }))
     }
 
-    fn counter(&mut self, pid: u32, name: &str, at: Cycle, value: f64) -> Result<()> {
+    /// Perfetto names the track by the counter and by what is measured.
+    fn counter(&mut self, (pid, measure): (u32, &str), name: &str, at: Cycle, value: f64) -> Result<()> {
         let ts = self.time(at);
-        self.put(&json!({ "ph": "C", "pid": pid, "name": name, "ts": ts, "args": { "value": value } }))
+        self.put(&json!({ "ph": "C", "pid": pid, "name": name, "ts": ts, "args": { measure: value } }))
     }
 
     fn named(&mut self, kind: &str, pid: u32, tid: u32, name: &str) -> Result<()> {
@@ -146,21 +147,27 @@ fn events(out: &mut dyn Write, frames: &Frames, timeline: &Timeline, mhz: u32) -
             events.slice(track, name, begin, end)?;
         }
         let busy = |cycles: &Cycles| thousandths(100.0 * cycles.busy as f64 / cycles.total().max(1) as f64);
-        counters(&mut events, 3, &times(unit), timeline, |at| busy(&timeline.samples[at].units[bank]))?;
+        counters(&mut events, (3, "% busy"), &times(unit), timeline, |at| busy(&timeline.samples[at].units[bank]))?;
     }
     for (bank, channel) in timeline.channels.iter().enumerate() {
         let inside = |at: usize| {
             let sample = &timeline.samples[at];
             thousandths(sample.occupancy[bank] as f64 / (sample.end - sample.begin) as f64)
         };
-        counters(&mut events, 4, &times(channel), timeline, inside)?;
+        counters(&mut events, (4, "items"), &times(channel), timeline, inside)?;
     }
     out.write_all(b"\n]}\n")?;
     Ok(())
 }
 
 /// Writes a counter where it changes; none that stays 0.
-fn counters(events: &mut Events<'_>, pid: u32, name: &str, timeline: &Timeline, value: impl Fn(usize) -> f64) -> Result<()> {
+fn counters(
+    events: &mut Events<'_>,
+    track: (u32, &str),
+    name: &str,
+    timeline: &Timeline,
+    value: impl Fn(usize) -> f64,
+) -> Result<()> {
     if (0..timeline.samples.len()).all(|at| value(at) == 0.0) {
         return Ok(());
     }
@@ -168,12 +175,12 @@ fn counters(events: &mut Events<'_>, pid: u32, name: &str, timeline: &Timeline, 
     for (at, sample) in timeline.samples.iter().enumerate() {
         let now = value(at);
         if last != Some(now) {
-            events.counter(pid, name, sample.begin, now)?;
+            events.counter(track, name, sample.begin, now)?;
             last = Some(now);
         }
     }
     match timeline.samples.last() {
-        Some(sample) => events.counter(pid, name, sample.end, 0.0),
+        Some(sample) => events.counter(track, name, sample.end, 0.0),
         None => Ok(()),
     }
 }

@@ -359,8 +359,8 @@ fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
 pub struct Look {
     /// The maps.
     pub maps: Maps,
-    /// The time of its phases by counts and rates; none where the machine is of a class that no rates are known of. What earlier frames have
-    /// left in caches is not in it.
+    /// The time of its phases by counts and rates; none where the machine has a knob whose effect is not estimated. What earlier frames have left
+    /// in caches is not in it.
     pub estimate: Option<FrameEstimate>,
     /// What units and channels did meanwhile, where a machine has drawn the frame.
     pub timeline: Option<Timeline>,

@@ -18,5 +18,6 @@ mod recorded_scenes;
 mod report;
 mod scenes;
 mod sweep;
+mod timeline;
 mod why;
 mod workloads;

@@ -7,7 +7,7 @@ use std::process::Command;
 use crate::cli::run;
 
 /// The interpreter: `FILLRATE_PYTHON`, else `python3`.
-fn python() -> String {
+pub fn python() -> String {
     std::env::var("FILLRATE_PYTHON").unwrap_or_else(|_| "python3".into())
 }
 

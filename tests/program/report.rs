@@ -1,4 +1,4 @@
-//! Pages of replays and sweeps, and timelines: their numbers are those of the files, what is written in a trace stays text, and bad input is
+//! Pages of replays and sweeps: their numbers are those of the files, what is written in a trace stays text, and bad input is
 //! told.
 
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::cli::{refused, run};
 
 /// A folder with a replay of a trace in it.
-fn replayed(trace: &str, more: &[&str]) -> tempfile::TempDir {
+pub fn replayed(trace: &str, more: &[&str]) -> tempfile::TempDir {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().display().to_string();
     let (code, _, message) = run(&[&["replay", trace, "--out", &out], more].concat());
@@ -22,7 +22,7 @@ fn replayed(trace: &str, more: &[&str]) -> tempfile::TempDir {
     home
 }
 
-fn json_of(path: &Path) -> Value {
+pub fn json_of(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).expect("a file")).expect("JSON")
 }
 
@@ -353,77 +353,6 @@ fn a_sweeps_page_has_what_its_tables_have() {
     let elsewhere = home.path().join("x").display().to_string();
     let message = refused(&["sweep", "traces/cube", "--vary", "core.warps=2", "--cost", "core.wraps", "--out", &elsewhere]);
     assert!(message.contains("core.warps is the nearest"), "{message}");
-}
-
-#[test]
-fn a_timeline_is_the_same_under_every_clock_and_changes_nothing() {
-    let home = tempfile::tempdir().expect("a folder");
-    let file = |name: &str| home.path().join(name).display().to_string();
-    for (name, clock) in [("a.json", "skip-idle"), ("b.json", "every-cycle")] {
-        let (code, _, message) = run(&[
-            "replay",
-            "traces/particles",
-            "--per-draw",
-            "--clock",
-            clock,
-            "--timeline",
-            &file(name),
-            "--timeline-interval",
-            "100",
-            "--out",
-            &file(clock),
-        ]);
-        assert_eq!(code, 0, "{message}");
-    }
-    assert!(fs::read(file("a.json")).expect("a file") == fs::read(file("b.json")).expect("a file"), "the clocks differ");
-    let plain = replayed("traces/particles", &["--per-draw"]);
-    let read = |folder: &Path| fs::read(folder.join("stats.json")).expect("statistics");
-    assert!(read(plain.path()) == read(&home.path().join("skip-idle")), "a timeline changes the statistics");
-
-    let statistics = json_of(&plain.path().join("stats.json"));
-    let timeline = json_of(Path::new(&file("a.json")));
-    let events = timeline["traceEvents"].as_array().expect("events");
-    let of = |pid: u64, tid: u64| {
-        events.iter().filter(move |event| event["ph"] == "X" && event["pid"] == pid && event["tid"] == tid)
-    };
-    let cycles = |event: &Value| event["args"]["cycles"].as_u64().expect("cycles");
-    let all = statistics["total"]["cycles"].as_u64().expect("cycles");
-    for tid in [1, 2] {
-        assert_eq!(of(1, tid).map(cycles).sum::<u64>(), all, "frames and phases fill the run");
-    }
-    assert!(of(1, 3).count() > 0, "draws");
-    // The slices of a bank follow each other without gaps.
-    let names = events.iter().filter(|event| event["ph"] == "M" && event["pid"] == 2 && event["name"] == "thread_name");
-    let mut banks = 0;
-    for name in names {
-        let mut at = 0;
-        for slice in of(2, name["tid"].as_u64().expect("a number")) {
-            assert_eq!(slice["args"]["cycle"].as_u64(), Some(at), "{name}");
-            at += cycles(slice);
-        }
-        assert_eq!(at, all, "{name}");
-        banks += 1;
-    }
-    assert_eq!(banks, statistics["total"]["units"].as_object().expect("units").len());
-    // A counter of busy shares is, over time, what the statistics say.
-    let core = statistics["total"]["units"]["core"].as_array().expect("cores");
-    let busy: u64 = core.iter().map(|unit| unit["busy"].as_u64().expect("busy")).sum();
-    let points: Vec<(f64, f64)> = events
-        .iter()
-        .filter(|event| event["ph"] == "C" && event["pid"] == 3 && event["name"] == "core x4")
-        .map(|event| (event["ts"].as_f64().expect("a time"), event["args"]["value"].as_f64().expect("a share")))
-        .collect();
-    let integral: f64 = points.windows(2).map(|pair| (pair[1].0 - pair[0].0) * pair[0].1 / 100.0).sum();
-    let share = busy as f64 / (all * core.len() as u64) as f64;
-    let measured = integral / (all as f64 / 1000.0);
-    assert!((measured - share).abs() < 1e-4, "{measured} of the time, {share} of the cycles");
-
-    for (more, told) in
-        [(&["--fidelity", "bound"][..], "--timeline is about"), (&["--timeline-interval", "0"], "timeline-interval")]
-    {
-        let (code, _, message) = run(&[&["replay", "traces/triangle", "--timeline", &file("c.json")], more].concat());
-        assert!(code == 2 && message.contains(told), "{message}");
-    }
 }
 
 /// A browser that runs without a screen.

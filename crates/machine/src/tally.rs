@@ -47,6 +47,8 @@ pub struct Tally {
     pub units: Vec<(&'static str, Spent)>,
     /// The caches, by name.
     pub caches: Vec<Sum>,
+    /// What cores have issued and texture units filtered.
+    pub shading: Vec<Sum>,
     /// Memory's clients, by name.
     pub clients: Vec<(&'static str, ClientCounts)>,
     /// What DRAM moved.
@@ -69,21 +71,25 @@ impl Tally {
             Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
             None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
         };
-        Tally { funnel: machine.card.funnel.total(), units, caches: circuit.sums("caches"), clients, dram }
+        Tally { funnel: machine.card.funnel.total(), units, caches: circuit.sums("caches"), shading: circuit.sums("shading"), clients, dram }
     }
 
     /// What was counted since an earlier reading of the same machine.
     fn since(&self, earlier: &Tally) -> Tally {
         let units = self.units.iter().zip(&earlier.units).map(|((name, now), (_, then))| (*name, now.since(then)));
         let clients = self.clients.iter().zip(&earlier.clients).map(|((name, now), (_, then))| (*name, now.since(then)));
-        let caches = self.caches.iter().zip(&earlier.caches).map(|(now, then)| Sum {
-            values: now.values.iter().zip(&then.values).map(|(now, then)| now - then).collect(),
-            ..now.clone()
-        });
+        let sums = |now: &[Sum], then: &[Sum]| -> Vec<Sum> {
+            let since = |(now, then): (&Sum, &Sum)| Sum {
+                values: now.values.iter().zip(&then.values).map(|(now, then)| now - then).collect(),
+                ..now.clone()
+            };
+            now.iter().zip(then).map(since).collect()
+        };
         Tally {
             funnel: self.funnel - earlier.funnel,
             units: units.collect(),
-            caches: caches.collect(),
+            caches: sums(&self.caches, &earlier.caches),
+            shading: sums(&self.shading, &earlier.shading),
             clients: clients.collect(),
             dram: self.dram.since(&earlier.dram),
         }
@@ -91,7 +97,7 @@ impl Tally {
 
     /// Each group of counters beside the funnel, in order: its place, whether it was at work (a unit that only starved was not), its
     /// counters, and their values. Groups are `units.NAME`, `caches.NAME`,
-    /// `memory.clients.NAME` and `memory.dram`; banks are summed.
+    /// `shading.NAME`, `memory.clients.NAME` and `memory.dram`; banks are summed.
     pub fn groups(&self, mut to: impl FnMut((Place, bool), &'static [Declaration], &[u64])) {
         let mut values = Vec::with_capacity(8);
         let mut group =
@@ -104,8 +110,10 @@ impl Tally {
         for (name, spent) in &self.units {
             group((&["units"], Some(name)), spent.starved, Spent::DECLARATIONS, &mut spent.values());
         }
-        for cache in &self.caches {
-            group((&["caches"], Some(cache.name)), 0, cache.declarations, &mut cache.values.iter().copied());
+        for (top, sums) in [(&["caches"], &self.caches), (&["shading"], &self.shading)] {
+            for sum in sums {
+                group((top, Some(sum.name)), 0, sum.declarations, &mut sum.values.iter().copied());
+            }
         }
         for (name, counts) in &self.clients {
             group((&["memory", "clients"], Some(name)), 0, ClientCounts::DECLARATIONS, &mut counts.values());

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::data::number;
 use super::replay::Input;
-use super::{Column, bar, cell, cell_share, heads, key, percent, readable, share};
+use super::{Column, bar, cell, cell_share, heads, key, passes, percent, readable, share};
 use crate::machine::config::MemoryKind;
 use crate::machine::{Config, Machine};
 use crate::report::diagram::Diagram;
@@ -142,49 +142,67 @@ pub fn bandwidth(config: &Config) -> f64 {
     f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick)
 }
 
-/// What the cores did by what memory moved, under the roofs of the machine.
+/// Passes that have a point of their own in the roofline: those that take most cycles.
+const POINTS: usize = 7;
+
+/// What the cores did by what memory moved, under the roofs of the machine: the frame, and the passes and dispatches that take most of it.
 pub fn roofs(frame: &Value, config: &Config) -> Option<Roofline> {
-    let count = |class: &str| number(frame, &format!("shading.core[*].{class}")).unwrap_or(0.0);
     let width = f64::from(config.core.warp_width);
-    let instructions = ["float", "integer", "special", "control"].map(count).iter().sum::<f64>() * width;
-    let bytes = number(frame, "memory.dram.read_bytes")? + number(frame, "memory.dram.write_bytes")?;
-    let cycles = number(frame, "cycles")?;
-    let cores = number_of(frame, "core");
-    if instructions == 0.0 || bytes == 0.0 || cycles == 0.0 || cores == 0.0 {
-        return None;
-    }
+    let point = |name: String, of: &Value, cores: &str| {
+        let count = |class: &str| number(of, &format!("{cores}.{class}")).unwrap_or(0.0);
+        let instructions = ["float", "integer", "special", "control"].map(count).iter().sum::<f64>() * width;
+        let moved = |way: &str| number(of, &format!("memory.dram.{way}_bytes")).unwrap_or(0.0);
+        let (bytes, cycles) = (moved("read") + moved("write"), number(of, "cycles").unwrap_or(0.0));
+        (instructions > 0.0 && bytes > 0.0 && cycles > 0.0).then(|| (name, instructions / bytes, instructions / cycles))
+    };
+    let cores = frame["units"]["core"].as_array().map_or(0, Vec::len) as f64;
+    let whole = point("frame".into(), frame, "shading.core[*]").filter(|_| cores > 0.0)?;
+    // What counters of a phase leave out is 0.
+    let mut phases: Vec<&Value> = passes::list(frame, "phases").iter().filter(|phase| passes::draws(phase)).collect();
+    phases.sort_by(|a, b| passes::cycles(b).total_cmp(&passes::cycles(a)));
+    let own = phases.into_iter().filter_map(|phase| point(passes::name(phase), phase, "shading.core")).take(POINTS);
     let peak = f64::from(config.core.issue) * width * cores;
     let lanes = f64::from(config.core.float_lanes) * cores;
     Some(Roofline {
         bandwidth: bandwidth(config),
         peak: peak.min(lanes),
-        points: vec![("frame".into(), instructions / bytes, instructions / cycles)],
+        points: std::iter::once(whole).chain(own).collect(),
     })
-}
-
-fn number_of(frame: &Value, bank: &str) -> f64 {
-    frame["units"][bank].as_array().map_or(0, Vec::len) as f64
 }
 
 /// The roofline, with the figures in words.
 pub fn roofline(input: &Input<'_>) -> Option<Markup> {
     let config = input.config?;
     let roofs = roofs(input.statistics.frame(), config)?;
-    let (_, intensity, rate) = roofs.points.first()?;
-    let roof = roofs.peak.min(intensity * roofs.bandwidth);
-    let side = if intensity * roofs.bandwidth < roofs.peak {
-        "left of the knee: memory bandwidth is the lower roof"
-    } else {
-        "right of the knee: the cores are the lower roof"
-    };
+    let columns = [
+        Column("", false, ""),
+        Column("a byte", true, "Instructions for each byte of DRAM traffic."),
+        Column("a cycle", true, "Instructions a cycle."),
+        Column("of the roof", true, "Of the lower one of both roofs at this place."),
+        Column("the lower roof", false, ""),
+    ];
     Some(html! {
         figure.two {
             (PreEscaped(draw_roofline(&roofs)))
-            figcaption {
-                "The frame executes " (format!("{intensity:.2}")) " instructions for each byte of DRAM traffic and " (format!("{rate:.1}"))
-                " a cycle: " (percent(share(*rate, roof))) " of the roof, which is " (format!("{roof:.1}")) " (" (side) "). "
-                "Roofs: " (format!("{:.0}", roofs.peak)) " instructions and " (format!("{:.1}", roofs.bandwidth)) " bytes a cycle. "
-                "An instruction counts once for each invocation of its warp."
+            div {
+                div.scroll { table.sortable {
+                    (heads(&columns))
+                    tbody { @for (name, intensity, rate) in &roofs.points {
+                        @let memory = intensity * roofs.bandwidth;
+                        tr {
+                            td.name { (name) }
+                            td.n data-value=(intensity) { (format!("{intensity:.2}")) }
+                            td.n data-value=(rate) { (format!("{rate:.1}")) }
+                            (cell_share(share(*rate, memory.min(roofs.peak))))
+                            td { @if memory < roofs.peak { "bandwidth" } @else { "cores" } }
+                        }
+                    } }
+                } }
+                figcaption {
+                    "Roofs: " (format!("{:.0}", roofs.peak)) " instructions and " (format!("{:.1}", roofs.bandwidth)) " bytes a cycle. "
+                    "An instruction counts once for each invocation of its warp. Uploads and scan-out move bytes of the frame that belong to no pass. "
+                    "A point far below both roofs waits for something else: latency, another unit, or the pipelines for each other."
+                }
             }
         }
     })

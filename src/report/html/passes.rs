@@ -20,11 +20,13 @@ pub fn name(phase: &Value) -> String {
     format!("{kind}{number}{gap}{label}")
 }
 
-fn cycles(phase: &Value) -> f64 {
+/// The cycles of a phase or a draw.
+pub fn cycles(phase: &Value) -> f64 {
     phase["cycles"].as_f64().unwrap_or(0.0)
 }
 
-fn list<'v>(frame: &'v Value, name: &str) -> &'v [Value] {
+/// A list of a frame; empty where there is none.
+pub fn list<'v>(frame: &'v Value, name: &str) -> &'v [Value] {
     frame[name].as_array().map_or(&[], Vec::as_slice)
 }
 
