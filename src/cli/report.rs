@@ -21,6 +21,7 @@ use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::sweep::folder::{Results, hash, read_inputs};
 use crate::sweep::html;
+use crate::sweep::outcome::Outcome;
 use crate::sweep::plan::Plan;
 use crate::trace::Trace;
 use crate::why::why;
@@ -235,7 +236,7 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     let plan = Plan::new(Config::parse(&base, &text)?, &inputs.experiment, u64::from(u32::MAX))
         .with_context(|| folder.join("inputs.json").display().to_string())?;
     let mut results = Results::open(std::slice::from_ref(folder), inputs.shards)?;
-    let sweep = html::Sweep::read(&inputs, &plan, &mut results)?;
+    let sweep = Outcome::read(&inputs, &plan, &mut results)?;
     host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     if arguments.plots {
         write_plots(folder, &html::plots(&sweep))?;

@@ -75,7 +75,7 @@ impl Keep {
     }
 
     /// Whether a statistic is kept.
-    fn keeps(&self, path: &str) -> bool {
+    pub fn keeps(&self, path: &str) -> bool {
         let below = |own: &String| path.strip_prefix(own.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
         self.0.is_empty() || self.0.iter().any(below)
     }

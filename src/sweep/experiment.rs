@@ -37,11 +37,31 @@ pub enum Design {
 
 /// What estimates a machine before it is simulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(into = "&str", try_from = "String")]
 pub enum Screener {
     /// The `bound` fidelity.
     #[default]
     Bound,
+}
+
+impl From<Screener> for &str {
+    fn from(by: Screener) -> &'static str {
+        match by {
+            Screener::Bound => "bound",
+        }
+    }
+}
+
+impl TryFrom<String> for Screener {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Screener, String> {
+        if text == "bound" {
+            Ok(Screener::Bound)
+        } else {
+            Err(format!("machines are screened by \"bound\", not by \"{text}\""))
+        }
+    }
 }
 
 /// A screen: all machines are estimated, and those with the fewest cycles are simulated.
@@ -88,6 +108,9 @@ pub struct Experiment {
     /// Statistics that are kept: paths, each with all below it. Empty: all.
     #[serde(default)]
     pub keep: Vec<String>,
+    /// What is told of machines beside cycles: formulae over statistics that are kept, banks, frames and traces summed.
+    #[serde(default)]
+    pub measures: Vec<String>,
     /// What a machine costs, a formula over its knobs as links have: the page sets it against cycles. Empty: the bytes of DRAM traffic are.
     #[serde(default)]
     pub cost: String,
@@ -142,7 +165,7 @@ mod tests {
 
     #[test]
     fn what_is_left_out_has_defaults() {
-        let text = "// Why?\n(traces: [\"a\"], vary: [\"pipelines=1..4\"], screen: (keep: 3), design: latin_hypercube(machines: 9, seed: 2))";
+        let text = "// Why?\n(traces: [\"a\"], vary: [\"pipelines=1..4\"], screen: (by: \"bound\", keep: 3), design: latin_hypercube(machines: 9, seed: 2))";
         let experiment = Experiment::parse("e.ron", text).expect("an experiment");
         assert_eq!((experiment.base.as_str(), experiment.frames.as_str()), ("baseline", ".."));
         assert_eq!(experiment.screen, Some(Screen { by: Screener::Bound, keep: 3 }));
@@ -155,7 +178,7 @@ mod tests {
             ("(traces: [\"a\"],\n varry: [])", "e.ron:2:"),
             ("(vary: [])", "traces"),
             ("(traces: [\"a\"], design: grit)", "e.ron:1:"),
-            ("(traces: [\"a\"], screen: (by: cycle, keep: 1))", "bound"),
+            ("(traces: [\"a\"], screen: (by: \"cycle\", keep: 1))", "by \"bound\""),
             ("# a page", "e.ron: this is not an experiment"),
         ] {
             let error = format!("{:#}", Experiment::parse("e.ron", text).unwrap_err());

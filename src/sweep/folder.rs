@@ -44,6 +44,7 @@ impl Inputs {
             ("design", e.0.design != e.1.design || self.machines != other.machines),
             ("screen", e.0.screen != e.1.screen),
             ("kept statistics", e.0.keep != e.1.keep),
+            ("measures", e.0.measures != e.1.measures),
             ("question", e.0.question != e.1.question),
             ("cost", e.0.cost != e.1.cost),
             ("number of shards", self.shards != other.shards),

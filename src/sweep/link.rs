@@ -13,23 +13,85 @@ pub struct Link {
     formula: Formula,
 }
 
-/// A whole-number formula over knobs.
+/// A formula over names: of knobs, in whole numbers, or of statistics.
 #[derive(Clone, Debug, PartialEq)]
-enum Formula {
+pub enum Formula {
+    /// A number.
     Number(u64),
-    Knob(String),
+    /// What is at a path.
+    Named(String),
+    /// Two, combined.
     Of(Operation, Box<Formula>, Box<Formula>),
 }
 
+/// What is done with two values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Operation {
+pub enum Operation {
+    /// The sum.
     Add,
+    /// The difference.
     Subtract,
+    /// The product.
     Multiply,
-    /// Without a remainder.
+    /// The quotient; of knobs without a remainder.
     Divide,
+    /// The smaller one.
     Least,
+    /// The larger one.
     Most,
+}
+
+impl Formula {
+    /// Reads a formula.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn parse(text: &str) -> Result<Formula, String> {
+        if text.len() > LENGTH {
+            return Err(format!("has more than {LENGTH} bytes"));
+        }
+        let mut reader = Reader { left: text, depth: 0 };
+        let formula = reader.sum()?;
+        let rest = reader.left.trim_start();
+        if rest.is_empty() { Ok(formula) } else { Err(format!("has `{rest}` where it should end")) }
+    }
+
+    /// The paths that it reads.
+    pub fn reads(&self) -> Vec<&str> {
+        fn walk<'f>(formula: &'f Formula, found: &mut Vec<&'f str>) {
+            match formula {
+                Formula::Number(_) => {}
+                Formula::Named(path) => found.push(path),
+                Formula::Of(_, a, b) => {
+                    walk(a, found);
+                    walk(b, found);
+                }
+            }
+        }
+        let mut found = Vec::new();
+        walk(self, &mut found);
+        found
+    }
+
+    /// Its value over numbers; none where one of these is not known, or something is divided by 0.
+    pub fn real(&self, read: &dyn Fn(&str) -> Option<f64>) -> Option<f64> {
+        Some(match self {
+            Formula::Number(number) => *number as f64,
+            Formula::Named(path) => read(path)?,
+            Formula::Of(operation, a, b) => {
+                let (a, b) = (a.real(read)?, b.real(read)?);
+                match operation {
+                    Operation::Add => a + b,
+                    Operation::Subtract => a - b,
+                    Operation::Multiply => a * b,
+                    Operation::Divide if b == 0.0 => return None,
+                    Operation::Divide => a / b,
+                    Operation::Least => a.min(b),
+                    Operation::Most => a.max(b),
+                }
+            }
+        })
+    }
 }
 
 impl Link {
@@ -38,33 +100,14 @@ impl Link {
     /// # Errors
     /// What is wrong with the text.
     pub fn parse(text: &str) -> Result<Link, String> {
-        if text.len() > LENGTH {
-            return Err(format!("has more than {LENGTH} bytes"));
-        }
-        let (path, formula) = text.split_once('=').ok_or("is no link: write it as PATH=FORMULA, with + - * / min() max()")?;
-        let mut reader = Reader { left: formula, depth: 0 };
-        let read = reader.sum().and_then(|formula| {
-            let rest = reader.left.trim_start();
-            if rest.is_empty() { Ok(formula) } else { Err(format!("has `{rest}` where it should end")) }
-        });
-        Ok(Link { path: Config::path(path).to_owned(), text: text.trim().to_owned(), formula: read? })
+        let wrong = || "is no link: write it as PATH=FORMULA, with + - * / min() max()".to_owned();
+        let (path, formula) = text.split_once('=').ok_or_else(wrong)?;
+        Ok(Link { path: Config::path(path).to_owned(), text: text.trim().to_owned(), formula: Formula::parse(formula)? })
     }
 
     /// The paths that it reads.
     pub fn reads(&self) -> Vec<&str> {
-        fn walk<'f>(formula: &'f Formula, found: &mut Vec<&'f str>) {
-            match formula {
-                Formula::Number(_) => {}
-                Formula::Knob(path) => found.push(path),
-                Formula::Of(_, a, b) => {
-                    walk(a, found);
-                    walk(b, found);
-                }
-            }
-        }
-        let mut found = Vec::new();
-        walk(&self.formula, &mut found);
-        found
+        self.formula.reads()
     }
 
     /// Its value for a configuration.
@@ -79,7 +122,7 @@ impl Link {
 fn value(formula: &Formula, config: &Config) -> Result<u64, String> {
     match formula {
         Formula::Number(number) => Ok(*number),
-        Formula::Knob(path) => match config.knob("the link", path).map_err(|error| error.to_string())? {
+        Formula::Named(path) => match config.knob("the link", path).map_err(|error| error.to_string())? {
             (_, Setting::Number(number)) => Ok(number),
             (_, other) => Err(format!("{path} is {other}, and no number")),
         },
@@ -181,7 +224,7 @@ impl Reader<'_> {
             word if word.starts_with(|c: char| c.is_ascii_digit()) => {
                 word.parse().map(Formula::Number).map_err(|_| format!("has `{word}`, which is no whole number"))
             }
-            word => Ok(Formula::Knob(Config::path(word).to_owned())),
+            word => Ok(Formula::Named(Config::path(word).to_owned())),
         }
     }
 
@@ -232,6 +275,18 @@ mod tests {
         assert!(of(&deep).unwrap_err().contains("brackets"));
         let long = format!("geometry_units=1{}", "+1".repeat(500_000));
         assert!(of(&long).unwrap_err().contains("more than 1000 bytes"));
+    }
+
+    #[test]
+    fn formulae_over_statistics() {
+        let read = |path: &str| {
+            [("hits", 3.0), ("all", 8.0), ("none", 0.0)].into_iter().find(|(name, _)| *name == path).map(|own| own.1)
+        };
+        let of = |text: &str| Formula::parse(text).expect("a formula").real(&read);
+        assert_eq!(
+            [of("1-hits/all"), of("max(hits, 2*all)"), of("hits/none"), of("hits+misses")],
+            [Some(0.625), Some(16.0), None, None]
+        );
     }
 
     proptest::proptest! {

@@ -5,11 +5,13 @@
 //! ended, the [`tables`] and the page ([`report`]) are made from their files alone, in the order of traces and machines: the same bytes
 //! for any number of threads, shards and interruptions.
 
+pub mod answer;
 pub mod entry;
 pub mod experiment;
 pub mod folder;
 pub mod html;
 pub mod link;
+pub mod outcome;
 pub mod plan;
 pub mod report;
 pub mod table;

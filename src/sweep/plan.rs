@@ -2,12 +2,14 @@
 
 use anyhow::{Result, anyhow, bail};
 
+use super::entry::Keep;
 use super::experiment::{Design, Experiment};
-use super::link::Link;
+use super::link::{Formula, Link};
 use super::values::values;
 use crate::knob::Setting;
 use crate::machine::Config;
 use crate::num::Random;
+use crate::report::pages::Glossary;
 
 /// Machines of a plan that is not asked to be larger.
 pub const MOST_MACHINES: u64 = 1_000_000;
@@ -40,6 +42,8 @@ pub struct Plan {
     links: Vec<Link>,
     /// What a machine costs; none: the experiment does not say.
     cost: Option<Link>,
+    /// What is told of machines beside cycles: the text, and what it says.
+    measures: Vec<(String, Formula)>,
     chosen: Chosen,
 }
 
@@ -98,7 +102,7 @@ impl Plan {
                 Some(link)
             }
         };
-        let plan = Plan { base, axes, links, cost, chosen };
+        let plan = Plan { base, axes, links, cost, measures: measures(experiment)?, chosen };
         // A link that gives no number or one that its knob does not take is found before anything runs.
         for number in 0..plan.len() {
             let (config, _) = plan.settings(number)?;
@@ -116,6 +120,11 @@ impl Plan {
             .as_ref()
             .map(|cost| cost.value(config).map_err(|reason| anyhow!(reason.replace("the link cost=", "the cost "))))
             .transpose()
+    }
+
+    /// What is told of machines beside cycles: each as written, and what it says.
+    pub fn measures(&self) -> &[(String, Formula)] {
+        &self.measures
     }
 
     /// The configuration that is varied.
@@ -197,6 +206,25 @@ impl Plan {
         };
         Ok(Planned { number, settings, config })
     }
+}
+
+/// The measures of an experiment, of statistics that there are and that it keeps.
+fn measures(experiment: &Experiment) -> Result<Vec<(String, Formula)>> {
+    let (glossary, keep) = (Glossary::default(), Keep::new(&experiment.keep));
+    let read = |text: &String| -> Result<(String, Formula)> {
+        let formula = Formula::parse(text).map_err(|reason| anyhow!("the measure `{text}` {reason}"))?;
+        for path in formula.reads() {
+            if glossary.find(path).is_none() {
+                bail!("the measure `{text}` reads {path}, which is no statistic; docs/data/statistics.md lists them");
+            }
+            // Both are kept whatever else is.
+            if !matches!(path, "cycles" | "seconds") && !keep.keeps(path) {
+                bail!("the measure `{text}` reads {path}, which the experiment does not keep: add it to `keep`");
+            }
+        }
+        Ok((text.trim().to_owned(), formula))
+    };
+    experiment.measures.iter().map(read).collect()
 }
 
 /// Settings as the command line takes them.

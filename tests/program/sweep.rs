@@ -90,6 +90,46 @@ fn a_sweep_is_the_replays_that_it_stands_for() {
 }
 
 #[test]
+fn the_answer_is_what_the_table_says() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let measure = "caches.color.misses/caches.color.accesses";
+    let asked = ["sweep", "traces/cube", "traces/triangle", "--config", "tiny", "--vary", "core.warps=1..8*2", "--vary"];
+    let more = ["depth.early=all", "--set", "scanout.enabled=false", "--measure", measure, "--out", &out];
+    let (code, text, message) = run(&[&asked[..], &more[..]].concat());
+    assert_eq!(code, 0, "{message}");
+    let rows = table(home.path(), "machines.csv");
+    assert_eq!(rows.len(), 16);
+    let number = |row: &BTreeMap<String, String>, column: &str| row[column].parse::<f64>().expect("a number");
+    // Cycles of each machine over both traces, with its settings, and the measure of the sums.
+    let mut machines: BTreeMap<&str, (f64, &str, [f64; 2])> = BTreeMap::new();
+    for row in &rows {
+        let own = machines.entry(&row["machine"]).or_insert((0.0, &row["core.warps"], [0.0; 2]));
+        own.0 += number(row, "cycles");
+        own.2[0] += number(row, "caches.color.misses");
+        own.2[1] += number(row, "caches.color.accesses");
+    }
+    let least = machines.values().map(|own| own.0).fold(f64::INFINITY, f64::min);
+    let best = fillrate::report::summary::grouped(least as u64);
+    assert!(text.contains("Of 8 machines number") && text.contains(&format!("is the fastest, with {best} cycles")), "{text}");
+    let mean = |warps: &str| {
+        let own: Vec<f64> = machines.values().filter(|own| own.1 == warps).map(|own| own.0.ln()).collect();
+        (own.iter().sum::<f64>() / own.len() as f64).exp()
+    };
+    let means = ["1", "2", "4", "8"].map(mean);
+    let ratio = means.iter().copied().fold(0.0, f64::max) / means.iter().copied().fold(f64::INFINITY, f64::min);
+    let told = text.lines().find(|line| line.starts_with("* `core.warps` is best at")).expect("a sentence");
+    assert!(told.contains(&format!("which takes {ratio:.2} times as many cycles")), "{told} {ratio}");
+    assert!(text.contains("By `trace`, worst by best: ") && text.contains("## By trace"), "{text}");
+    for (number, (_, _, [misses, accesses])) in &machines {
+        let row = text.lines().filter(|line| line.starts_with(&format!("| {number} | "))).next_back().expect("a row");
+        assert!(row.contains(&format!(" {:.4} |", misses / accesses)), "{row}");
+    }
+    let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
+    assert!(page.contains("is the fastest, with") && page.contains("<h2>By trace</h2>"), "the page has the same sentences");
+}
+
+#[test]
 fn threads_shards_and_interruptions_change_no_byte() {
     let home = tempfile::tempdir().expect("a folder");
     let whole = home.path().join("whole");
@@ -193,6 +233,12 @@ fn bad_input_is_refused_with_its_place() {
         (&["--vary", "pipelines=1", "--frames", "7"], "traces/cube has no frame in 7..8"),
         (&["--vary", "pipelines=1", "--shard", "3/2"], "I from 1 to N"),
         (&["--vary", "pipelines=1", "--design", "grit"], "one-at-a-time"),
+        (&["--vary", "pipelines=1", "--measure", "caches.texture.mises"], "caches.texture.mises, which is no statistic"),
+        (
+            &["--vary", "pipelines=1", "--keep", "funnel", "--measure", "cycles/funnel.quads_shaded"],
+            "reads cycles, which the experiment does not keep",
+        ),
+        (&["--vary", "pipelines=1", "--measure", "1+"], "the measure `1+` ends where"),
     ] {
         let message = cube(more);
         assert!(message.contains(told), "{more:?}: {message}");

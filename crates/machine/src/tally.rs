@@ -71,7 +71,14 @@ impl Tally {
             Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
             None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
         };
-        Tally { funnel: machine.card.funnel.total(), units, caches: circuit.sums("caches"), shading: circuit.sums("shading"), clients, dram }
+        Tally {
+            funnel: machine.card.funnel.total(),
+            units,
+            caches: circuit.sums("caches"),
+            shading: circuit.sums("shading"),
+            clients,
+            dram,
+        }
     }
 
     /// What was counted since an earlier reading of the same machine.

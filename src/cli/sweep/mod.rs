@@ -19,8 +19,9 @@ use crate::sweep::entry::Keep;
 use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
 use crate::sweep::folder::{Inputs, Results, Shard, begin, hash, hash_path, read_inputs};
 use crate::sweep::html;
+use crate::sweep::outcome::Outcome;
 use crate::sweep::plan::{MOST_MACHINES, Plan};
-use crate::sweep::report::Outcome;
+use crate::sweep::report;
 use crate::sweep::table::{Cell, Kind, write};
 use crate::sweep::tables;
 use crate::sweep::timing::{Screened, Step, Sweep, run as run_shard};
@@ -68,6 +69,9 @@ pub struct Arguments {
     /// Keep the statistics at this path and below; may be repeated [default: all]
     #[arg(long, value_name = "PATH")]
     keep: Vec<String>,
+    /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
+    #[arg(long, value_name = "FORMULA")]
+    measure: Vec<String>,
     /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
     #[arg(long, value_name = "A..B")]
     frames: Option<String>,
@@ -157,6 +161,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--design", arguments.design.is_some()),
             ("--screen", arguments.screen.is_some()),
             ("--keep", !arguments.keep.is_empty()),
+            ("--measure", !arguments.measure.is_empty()),
             ("--frames", arguments.frames.is_some()),
             ("--question", arguments.question.is_some()),
             ("--cost", arguments.cost.is_some()),
@@ -180,6 +185,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
         design: arguments.design.clone().map(|DesignName(design)| design).unwrap_or_default(),
         screen: arguments.screen.map(|keep| Screen { by: Screener::Bound, keep }),
         keep: arguments.keep.clone(),
+        measures: arguments.measure.clone(),
         cost: arguments.cost.clone().unwrap_or_default(),
     })
 }
@@ -349,16 +355,15 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
     if let Some(screened) = screened {
         screen_table(folder, plan, screened)?;
     }
-    let outcome = Outcome::read(plan, inputs.experiment.traces.len(), &mut results)?;
-    let page = outcome.page(inputs, plan, screened);
-    let path = folder.join("report.md");
-    host::write_file(&path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
-    let shown = html::page(&html::Sweep::read(inputs, plan, &mut results)?);
-    let path = folder.join("report.html");
-    host::write_file(&path, shown.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    let sweep = Outcome::read(inputs, plan, &mut results)?;
+    let page = report::page(&sweep, plan, screened);
+    for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
+        let path = folder.join(name);
+        host::write_file(&path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    }
     print!("\n{page}");
     println!("\nwritten to {}", folder.display());
-    Ok(if outcome.timed() > 0 { Verdict::Done } else { Verdict::Failed })
+    Ok(if sweep.timed().next().is_some() { Verdict::Done } else { Verdict::Failed })
 }
 
 /// Writes what the screen found.

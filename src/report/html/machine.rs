@@ -163,11 +163,7 @@ pub fn roofs(frame: &Value, config: &Config) -> Option<Roofline> {
     let own = phases.into_iter().filter_map(|phase| point(passes::name(phase), phase, "shading.core")).take(POINTS);
     let peak = f64::from(config.core.issue) * width * cores;
     let lanes = f64::from(config.core.float_lanes) * cores;
-    Some(Roofline {
-        bandwidth: bandwidth(config),
-        peak: peak.min(lanes),
-        points: std::iter::once(whole).chain(own).collect(),
-    })
+    Some(Roofline { bandwidth: bandwidth(config), peak: peak.min(lanes), points: std::iter::once(whole).chain(own).collect() })
 }
 
 /// The roofline, with the figures in words.

@@ -15,7 +15,7 @@ use crate::run::rendering::{Consumer, Rendering, Work};
 use crate::run::replay::seconds;
 use crate::stats::{Node, Tree};
 use crate::work::profile::Profiler;
-use crate::work::{Event, Funnel, Segment};
+use crate::work::{Event, Funnel};
 
 /// What estimates of phases add up to, over a frame or over all.
 #[derive(Clone, Debug, Default)]
@@ -68,42 +68,13 @@ impl Estimated {
 /// Frames of which it is estimated what limits their phases.
 const LIMITED: usize = 4;
 
-/// A segment of a pass in so many is profiled for that, by quads, and all up to the first quads of a pass: what limits a pass is a matter of
-/// shares, and the time that profiles take would slow the replay down.
-const ONE_IN: u64 = 8;
-const FIRST: u64 = 256;
-
-/// Which segments of a pass stand for all of it.
-#[derive(Default)]
-struct Part {
-    /// Quads of the pass so far, and those of them that are profiled.
-    quads: u64,
-    taken: u64,
-}
-
-impl Part {
-    fn takes(&mut self, segment: &Segment) -> bool {
-        // What draws nothing has vertices and primitives all the same.
-        let own = segment.funnel.quads_rasterized + segment.funnel.primitives_in;
-        let takes = self.taken < FIRST || ONE_IN * self.taken <= self.quads;
-        self.quads += own;
-        self.taken += if takes { own } else { 0 };
-        takes
-    }
-}
-
 /// Adds to a rendering that is simulated what limits the phases of its first frames by estimate. Nothing, where no rates are known of the
 /// configuration.
 pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mut Vec<Vec<PhaseReport>>) {
     let Ok(mut bound) = Bound::new(config) else { return };
     let run = move |work: Work| {
-        let (mut profiler, mut part) = (Profiler::default(), Part::default());
+        let mut profiler = Profiler::default();
         for event in work {
-            match &event {
-                Event::BeginPass(_) => part = Part::default(),
-                Event::Segment(segment) | Event::Applied(segment) if !part.takes(segment) => continue,
-                _ => {}
-            }
             let profile = profiler.event(&event);
             if let Event::EndFrame(_) = event {
                 out.push(bound.frame(&profile.unwrap_or_default()).phases());

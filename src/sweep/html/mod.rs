@@ -1,12 +1,9 @@
 //! The page of a sweep: the answer, what each axis does, two axes at once, the Pareto front, and all machines.
 
-mod data;
-
 use maud::{Markup, PreEscaped, html};
 
-pub use data::Sweep;
-use data::{Effect, Machine, front, plain};
-
+use super::answer;
+use super::outcome::{Effect, Machine, Outcome, Response, Within, front, plain, ratio};
 use crate::knob::Setting;
 use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable};
 use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
@@ -31,55 +28,95 @@ fn scale(places: &[f64]) -> Scale {
     if low > 0.0 && high / low >= 8.0 { Scale::Log } else { Scale::Linear }
 }
 
-/// Cycles by the values of an axis of numbers; of two axes, by the values of the other one.
-fn curve(sweep: &Sweep<'_>, effect: &Effect) -> Option<Markup> {
-    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
-    let places = places.filter(|places| places.len() > 1)?;
-    let other = (sweep.axes.len() == 2).then(|| 1 - effect.axis).filter(|&other| sweep.axes[other].values.len() <= CURVES);
-    let mut series: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
-    match other {
-        Some(other) => {
-            for second in &sweep.axes[other].values {
-                let point = |response: &data::Response| {
-                    let both = |machine: &Machine| {
-                        machine.settings[effect.axis] == response.value && machine.settings[other] == *second
-                    };
-                    Some((place(&response.value)?, sweep.mean(both)?.0))
-                };
-                let points: Vec<(f64, f64)> = effect.responses.iter().filter_map(point).collect();
-                series.push((format!("{}={}", sweep.axes[other].path, plain(second)), points));
-            }
-        }
-        None => {
-            let points = effect.responses.iter().zip(&places).map(|(own, &place)| (place, own.cycles)).collect();
-            series.push(("geometric mean".into(), points));
+/// What is drawn over an axis: cycles, or a measure by its place.
+#[derive(Clone, Copy, PartialEq)]
+enum Drawn {
+    Cycles,
+    Measure(usize),
+}
+
+impl Drawn {
+    fn mean(self, sweep: &Outcome<'_>, of: impl Fn(&Machine) -> bool) -> Option<f64> {
+        match self {
+            Drawn::Cycles => sweep.mean(of).map(|mean| mean.0),
+            Drawn::Measure(at) => sweep.mean_measure(at, of),
         }
     }
+}
+
+/// Cycles or a measure by the values of an axis of numbers, with a curve for each value of the other axis that does most.
+fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn) -> Option<Markup> {
+    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
+    let places = places.filter(|places| places.len() > 1)?;
+    let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len());
+    let other = effects.iter().find(few).filter(|other| other.ratio > 1.001 || drawn != Drawn::Cycles);
+    let points = |second: Option<(usize, &Setting)>| -> Vec<(f64, f64)> {
+        let point = |response: &Response| {
+            let own = |machine: &Machine| {
+                machine.settings[effect.axis] == response.value
+                    && second.is_none_or(|(axis, value)| machine.settings[axis] == *value)
+            };
+            Some((place(&response.value)?, drawn.mean(sweep, own)?))
+        };
+        effect.responses.iter().filter_map(point).collect()
+    };
+    let mut series: Vec<(String, Vec<(f64, f64)>)> = match other {
+        Some(other) => {
+            let own = other.responses.iter();
+            own.map(|own| (format!("{}={}", other.path, plain(&own.value)), points(Some((other.axis, &own.value))))).collect()
+        }
+        None => vec![("mean".into(), points(None))],
+    };
+    series.retain(|(_, points)| !points.is_empty());
     series.iter_mut().for_each(|(_, points)| points.sort_by(|a, b| a.0.total_cmp(&b.0)));
     let series: Vec<Series<'_>> =
         series.iter().map(|(name, points)| Series { name, points: points.clone(), line: true }).collect();
-    let cycles: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
-    // Where cycles differ by less than this, an axis from 0 shows how little that is.
-    let wide = scale(&cycles) == Scale::Log;
-    Some(chart(&effect.path, "cycles", scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series))
+    let values: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
+    if values.is_empty() {
+        return None;
+    }
+    let name = match drawn {
+        Drawn::Cycles => "cycles",
+        Drawn::Measure(at) => &sweep.measures[at],
+    };
+    // Where values differ by less than this, an axis from 0 shows how little that is.
+    let wide = scale(&values) == Scale::Log;
+    Some(chart(&effect.path, name, scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series))
 }
 
 /// The table of an axis: every value.
-fn table(effect: &Effect, best: f64) -> Markup {
+fn table(sweep: &Outcome<'_>, effect: &Effect, best: f64) -> Markup {
     let most = effect.responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
+    let mut columns = vec![
+        Column("value", place(&effect.responses[0].value).is_some(), ""),
+        Column("machines", true, ""),
+        Column("cycles", true, "Geometric mean."),
+        Column("by the fastest", true, "By the cycles of the fastest machine."),
+    ];
+    columns.extend(sweep.measures.iter().map(|name| Column(name, true, "Mean of the machines.")));
+    let measure = |own: &Response, at: usize| sweep.mean_measure(at, |machine| machine.settings[effect.axis] == own.value);
     html! { div.scroll { table.sortable {
-        (heads(&[Column("value", place(&effect.responses[0].value).is_some(), ""), Column("machines", true, ""), Column("cycles", true, "Geometric mean."), Column("by the fastest", true, "By the cycles of the fastest machine.")]))
+        (heads(&columns))
         tbody { @for own in &effect.responses { tr {
             @match place(&own.value) { Some(number) => td.n data-value=(number) { (readable(number)) }, None => td.name { (plain(&own.value)) } }
             td.n data-value=(own.machines) { (own.machines) }
             td.n data-value=(own.cycles) { (readable(own.cycles.round())) }
             td.n data-value=(own.cycles / best) { (format!("{:.3}", own.cycles / best)) }
+            @for at in 0..sweep.measures.len() { (measured(measure(own, at))) }
             td.wide { (bar("bar", &[("b-read", own.cycles / most, String::new())])) }
         } } }
     } } }
 }
 
-fn run(sweep: &Sweep<'_>) -> Markup {
+/// The cell of a measure.
+fn measured(value: Option<f64>) -> Markup {
+    html! { @match value {
+        Some(value) => td.n data-value=(value) { (if value.fract() == 0.0 { readable(value) } else { format!("{value:.4}") }) },
+        None => td.n data-value="" { "\u{2013}" },
+    } }
+}
+
+fn run(sweep: &Outcome<'_>) -> Markup {
     let experiment = &sweep.inputs.experiment;
     let mut base = experiment.base.clone();
     experiment.set.iter().for_each(|set| base.push_str(&format!(" --set {set}")));
@@ -100,31 +137,50 @@ fn run(sweep: &Sweep<'_>) -> Markup {
     }
 }
 
-fn answer(sweep: &Sweep<'_>, effects: &[Effect]) -> Markup {
-    let (first, last) = (sweep.timed().next(), sweep.timed().last());
-    let fewest = |effect: &Effect| {
-        effect.responses.iter().min_by(|a, b| a.cycles.total_cmp(&b.cycles)).map_or(String::new(), |own| plain(&own.value))
+fn answer(sweep: &Outcome<'_>) -> Markup {
+    // Code in sentences stands between backticks.
+    let told = |text: &str| -> Markup {
+        html! { @for (at, piece) in text.split('`').enumerate() { @if at % 2 == 1 { code { (piece) } } @else { (piece) } } }
     };
     html! {
-        @match (first, last) {
-            (Some((best, cycles)), Some((_, most))) => {
-                p.verdict {
-                    "Machine " (best.number) " is the fastest" @if !best.settings.is_empty() { ": " code { (sweep.described(best)) } } ", " (readable(cycles as f64)) " cycles. "
-                    "The slowest takes " (format!("{:.2}", most as f64 / cycles.max(1) as f64)) " times as many."
-                }
-                @if let Some(effect) = effects.first().filter(|effect| effect.ratio > 1.0) {
-                    p { "Most depends on " code { (effect.path) } ": its worst value takes " (format!("{:.2}", effect.ratio)) " times the cycles of its best, " (fewest(effect)) "." }
-                }
-            },
-            _ => p.verdict { "No machine has a result." },
-        }
+        p.verdict { (told(&answer::fastest(sweep))) }
+        ul { @for finding in answer::findings(sweep) { li {
+            (told(&finding.text))
+            @if let Some((name, parts)) = &finding.by {
+                " By " code { (name) } ", worst by best: "
+                @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
+                "."
+            }
+        } } }
     }
+}
+
+/// How much each axis does on each trace.
+fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
+    let traces = &sweep.inputs.experiment.traces;
+    (traces.len() > 1 && !effects.is_empty()).then(|| {
+        let mut columns = vec![Column("axis", false, "")];
+        columns.extend(traces.iter().map(|name| Column(name, true, "Cycles at the worst value by those at the best.")));
+        html! {
+            div.scroll { table.sortable {
+                (heads(&columns))
+                tbody { @for effect in effects { tr {
+                    td.name { code { (effect.path) } }
+                    @for trace in 0..traces.len() {
+                        @let own = ratio(&sweep.responses(effect.axis, Within::Trace(trace)));
+                        td.n data-value=(own) { (format!("{own:.3}")) }
+                    }
+                } } }
+            } }
+            p.note { "Cycles at an axis's worst value by those at its best, geometric means over the machines. Cycles elsewhere on this page are sums over the traces." }
+        }
+    })
 }
 
 fn sensitivities(effects: &[Effect]) -> Option<Markup> {
     let most = effects.iter().map(|effect| effect.ratio - 1.0).fold(0.0, f64::max);
     let end = |effect: &Effect, worst: bool| {
-        let order = |a: &&data::Response, b: &&data::Response| a.cycles.total_cmp(&b.cycles);
+        let order = |a: &&Response, b: &&Response| a.cycles.total_cmp(&b.cycles);
         let own = effect.responses.iter();
         if worst { own.max_by(order) } else { own.min_by(order) }.map_or(String::new(), |own| plain(&own.value))
     };
@@ -144,25 +200,28 @@ fn sensitivities(effects: &[Effect]) -> Option<Markup> {
     })
 }
 
-fn responses(sweep: &Sweep<'_>, effects: &[Effect]) -> Option<Markup> {
+fn responses(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
     let (_, best) = sweep.timed().next()?;
     Some(html! { @for effect in effects {
         h3 { code { (effect.path) } }
         div.two {
-            @if let Some(curve) = curve(sweep, effect) { figure { (curve) } }
-            div { (table(effect, best as f64)) }
+            @if let Some(curve) = curve(sweep, effects, effect, Drawn::Cycles) { figure { (curve) } }
+            @for at in 0..sweep.measures.len() {
+                @if let Some(curve) = curve(sweep, effects, effect, Drawn::Measure(at)) { figure { (curve) } }
+            }
+            div { (table(sweep, effect, best as f64)) }
         }
     } })
 }
 
 /// The two axes that do most as a table of cycles in colours.
-fn map(sweep: &Sweep<'_>, effects: &[Effect]) -> Option<String> {
+fn map(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<String> {
     let mut sides: Vec<&Effect> =
         effects.iter().filter(|effect| (2..=SIDE).contains(&effect.responses.len())).take(2).collect();
     sides.sort_by_key(|effect| effect.axis);
     let [rows, columns] = sides[..] else { return None };
     let names = |effect: &Effect| effect.responses.iter().map(|own| plain(&own.value)).collect::<Vec<_>>();
-    let cell = |row: &data::Response, column: &data::Response| {
+    let cell = |row: &Response, column: &Response| {
         let both =
             |machine: &Machine| machine.settings[rows.axis] == row.value && machine.settings[columns.axis] == column.value;
         sweep.mean(both).map(|(cycles, _)| cycles)
@@ -173,7 +232,7 @@ fn map(sweep: &Sweep<'_>, effects: &[Effect]) -> Option<String> {
 }
 
 /// Cycles against cost, with the machines that no other is better than.
-fn pareto(sweep: &Sweep<'_>) -> Option<(Markup, Markup)> {
+fn pareto(sweep: &Outcome<'_>) -> Option<(Markup, Markup)> {
     let (name, costs) = sweep.costs()?;
     let points: Vec<(u64, f64)> = sweep.timed().map(|(_, cycles)| cycles).zip(costs).collect();
     if points.len() < 2 {
@@ -207,7 +266,7 @@ fn pareto(sweep: &Sweep<'_>) -> Option<(Markup, Markup)> {
     Some((plot, table))
 }
 
-fn machines(sweep: &Sweep<'_>) -> Option<Markup> {
+fn machines(sweep: &Outcome<'_>) -> Option<Markup> {
     let (_, best) = sweep.timed().next()?;
     let (dram, cost) = (sweep.machines.iter().any(|machine| machine.dram.is_some()), !sweep.inputs.experiment.cost.is_empty());
     let numeric: Vec<bool> = (0..sweep.parameters.len())
@@ -216,6 +275,7 @@ fn machines(sweep: &Sweep<'_>) -> Option<Markup> {
     let mut columns = vec![Column("machine", true, "Its number in the plan.")];
     columns.extend(sweep.parameters.iter().zip(&numeric).map(|(path, numbers)| Column(path, *numbers, "")));
     columns.extend([Column("cycles", true, "Of all traces and frames."), Column("by the fastest", true, "")]);
+    columns.extend(sweep.measures.iter().map(|name| Column(name, true, "")));
     if dram {
         columns.push(Column("DRAM bytes", true, ""));
     }
@@ -246,6 +306,7 @@ fn machines(sweep: &Sweep<'_>) -> Option<Markup> {
                     Some(cycles) => { td.n data-value=(cycles) { (readable(cycles as f64)) } td.n data-value=(cycles as f64 / best as f64) { (format!("{:.3}", cycles as f64 / best as f64)) } },
                     None => { td.n data-value="" title=[machine.error.as_deref()] { "error" } td.n data-value="" { "\u{2013}" } },
                 }
+                @for value in &machine.measures { (measured(*value)) }
                 @if dram { @match machine.dram { Some(bytes) => td.n data-value=(bytes) { (readable(bytes)) }, None => td.n data-value="" { "\u{2013}" } } }
                 @if cost { @match machine.cost { Some(cost) => td.n data-value=(cost) { (readable(cost as f64)) }, None => td.n data-value="" { "\u{2013}" } } }
             } } }
@@ -259,7 +320,7 @@ fn shown(setting: &Setting) -> String {
     place(setting).map_or_else(|| plain(setting), readable)
 }
 
-fn errors(sweep: &Sweep<'_>) -> Option<Markup> {
+fn errors(sweep: &Outcome<'_>) -> Option<Markup> {
     let failed: Vec<(&Machine, &str)> =
         sweep.machines.iter().filter_map(|machine| Some((machine, machine.error.as_deref()?))).collect();
     (!failed.is_empty()).then(|| {
@@ -271,7 +332,7 @@ fn errors(sweep: &Sweep<'_>) -> Option<Markup> {
 }
 
 /// The page, as one file.
-pub fn page(sweep: &Sweep<'_>) -> String {
+pub fn page(sweep: &Outcome<'_>) -> String {
     let question = &sweep.inputs.experiment.question;
     let title = if question.is_empty() { "A sweep" } else { question.as_str() };
     let effects = sweep.effects();
@@ -286,10 +347,11 @@ pub fn page(sweep: &Sweep<'_>) -> String {
         }
     };
     let parts: Vec<Part> = [
-        part("answer", "Answer", Some(answer(sweep, &effects))),
+        part("answer", "Answer", Some(answer(sweep))),
         part("run", "What was run", Some(run(sweep))),
         part("sensitivities", "Sensitivities", sensitivities(&effects)),
         part("responses", "Response curves", responses(sweep, &effects)),
+        part("traces", "By trace", by_trace(sweep, &effects)),
         part("map", "Two axes", map),
         part("pareto", "Cycles against cost", Some(pareto)),
         part("machines-section", "All machines", machines(sweep)),
@@ -302,11 +364,16 @@ pub fn page(sweep: &Sweep<'_>) -> String {
 }
 
 /// The plots as files of their own, each with its name.
-pub fn plots(sweep: &Sweep<'_>) -> Vec<(String, String)> {
+pub fn plots(sweep: &Outcome<'_>) -> Vec<(String, String)> {
     let effects = sweep.effects();
-    let curves =
-        effects.iter().filter_map(|effect| Some((format!("response-{}", effect.path), curve(sweep, effect)?.into_string())));
-    let mut plots: Vec<(String, String)> = curves.collect();
+    let mut plots: Vec<(String, String)> = Vec::new();
+    for effect in &effects {
+        let mut put = |name: String, drawn: Drawn| {
+            plots.extend(curve(sweep, &effects, effect, drawn).map(|svg| (name, svg.into_string())));
+        };
+        put(format!("response-{}", effect.path), Drawn::Cycles);
+        (0..sweep.measures.len()).for_each(|at| put(format!("measure-{}-{}", at + 1, effect.path), Drawn::Measure(at)));
+    }
     plots.extend(map(sweep, &effects).map(|svg| ("two-axes".to_owned(), svg)));
     plots.extend(pareto(sweep).map(|(plot, _)| ("pareto".to_owned(), plot.into_string())));
     plots.into_iter().map(|(name, svg)| (name, alone(&svg))).collect()

@@ -1,11 +1,39 @@
 //! What caches of several sizes would miss, told without any machine: each forgets its oldest entry, and counts.
 
 use super::super::{BLOCK, Pass, Segment};
+use super::REUSE;
 use super::touch::FIRST;
 
 /// Sizes in blocks of first-in-first-out caches of colours and depths, those of all pipelines together, for which a profile knows
 /// misses.
 pub const BLOCK_CACHES: [usize; 6] = [8, 64, 256, 1024, 4096, 16384];
+
+/// When something was put in that was never in: so long before anything else that every cache has forgotten it.
+const NEVER_IN: i32 = i32::MIN / 2;
+
+/// Caches that forget the oldest, of several sizes side by side: two registers of any host hold them, and no branch tells them apart.
+const LANES: usize = 8;
+
+/// Sizes in lanes; a lane without a cache misses nothing.
+const fn lanes<const SIZES: usize>(sizes: [usize; SIZES]) -> [i32; LANES] {
+    let (mut lanes, mut at) = ([i32::MAX; LANES], 0);
+    while at < SIZES {
+        lanes[at] = sizes[at] as i32;
+        at += 1;
+    }
+    lanes
+}
+
+/// Something is asked of caches of these sizes that was put in when they had missed so often: each that has forgotten it misses once more.
+#[inline(always)]
+fn ask(misses: &mut [i32; LANES], put: &mut [i32; LANES], sizes: &[i32; LANES]) {
+    for lane in 0..LANES {
+        // All ones where it is gone.
+        let gone = -i32::from(misses[lane].wrapping_sub(put[lane]) >= sizes[lane]);
+        put[lane] = misses[lane] & gone | put[lane] & !gone;
+        misses[lane] = misses[lane].wrapping_sub(gone);
+    }
+}
 
 /// What caches of a pass hold.
 #[derive(Debug)]
@@ -26,8 +54,8 @@ impl Caches {
 pub(super) struct BlockCaches {
     across: usize,
     /// When each block was put in, counted in misses of that cache.
-    put: Vec<[u32; BLOCK_CACHES.len()]>,
-    pub misses: [u32; BLOCK_CACHES.len()],
+    put: Vec<[i32; LANES]>,
+    missed: [i32; LANES],
     pub distinct: u64,
 }
 
@@ -35,45 +63,39 @@ impl BlockCaches {
     pub fn new(pass: &Pass) -> BlockCaches {
         let across = pass.width.div_ceil(BLOCK) as usize;
         let blocks = across * pass.height.div_ceil(BLOCK) as usize;
-        let put = vec![[u32::MAX; BLOCK_CACHES.len()]; blocks];
-        BlockCaches { across, put, misses: [0; BLOCK_CACHES.len()], distinct: 0 }
+        BlockCaches { across, put: vec![[NEVER_IN; LANES]; blocks], missed: [0; LANES], distinct: 0 }
+    }
+
+    /// Misses of each.
+    pub fn misses(&self) -> [u64; BLOCK_CACHES.len()] {
+        std::array::from_fn(|at| self.missed[at] as u64)
     }
 
     /// Whether each block was touched.
     pub fn touched(&self) -> impl Iterator<Item = bool> {
-        self.put.iter().map(|put| put[0] != u32::MAX)
+        self.put.iter().map(|put| put[0] != NEVER_IN)
     }
 
     /// How many caches have lost a block since, [`FIRST`] if it was never in one.
     pub fn touch(&mut self, x: u16, y: u16) -> u8 {
         let put = &mut self.put[usize::from(y) * self.across + usize::from(x)];
-        let first = put[0] == u32::MAX;
+        let first = put[0] == NEVER_IN;
         self.distinct += u64::from(first);
-        let mut near = 0;
-        for ((put, misses), size) in put.iter_mut().zip(&mut self.misses).zip(BLOCK_CACHES) {
-            if *put == u32::MAX || *misses - *put >= size as u32 {
-                *put = *misses;
-                *misses += 1;
-                near += 1;
-            }
-        }
+        let before = self.missed;
+        ask(&mut self.missed, put, &const { lanes(BLOCK_CACHES) });
+        let near = self.missed.iter().zip(before).map(|(now, then)| (now - then) as u8).sum();
         if first { FIRST } else { near }
     }
 }
 
-/// Vertices that are shaded behind a cache that forgets the oldest of `size`; the stream begins anew with each segment.
-pub(super) fn shaded_vertices(segment: &Segment, size: usize) -> u64 {
-    // When each vertex was put in, counted in vertices put in.
-    let mut put = vec![u64::MAX; segment.vertices.len()];
-    let mut shaded = 0;
+/// Vertices that are shaded behind caches of [`REUSE`] vertices that forget the oldest; the stream begins anew with each segment.
+pub(super) fn shaded_vertices(segment: &Segment) -> [u64; REUSE.len()] {
+    let mut put = vec![[NEVER_IN; LANES]; segment.vertices.len()];
+    let mut shaded = [0; LANES];
     for &vertex in segment.stream.iter().filter(|vertex| **vertex != u32::MAX) {
-        let at = &mut put[vertex as usize];
-        if *at == u64::MAX || shaded - *at >= size as u64 {
-            *at = shaded;
-            shaded += 1;
-        }
+        ask(&mut shaded, &mut put[vertex as usize], &const { lanes(REUSE) });
     }
-    shaded
+    std::array::from_fn(|at| shaded[at] as u64)
 }
 
 /// Vertices that are shaded if each batch of so many primitives begins anew, and has none twice.
@@ -106,7 +128,7 @@ mod tests {
             (0..100).for_each(|x| near = caches.touch(x, 7));
         }
         assert_eq!(caches.distinct, 100);
-        assert_eq!(caches.misses, [300, 300, 100, 100, 100, 100]);
+        assert_eq!(caches.misses(), [300, 300, 100, 100, 100, 100]);
         assert_eq!((near, caches.touch(0, 8)), (2, FIRST));
     }
 
@@ -116,8 +138,7 @@ mod tests {
         let row = |y: u32| (0..8).flat_map(move |x| [9 * y + x, 9 * y + x + 1, 9 * y + 9 + x, 9 * y + 10 + x]);
         let vertices = vec![super::super::super::Vertex { index: 0, instance: 0, cost: 0, first_request: 0 }; 27];
         let segment = Segment { stream: row(0).chain([u32::MAX]).chain(row(1)).collect(), vertices, ..Segment::default() };
-        assert_eq!(shaded_vertices(&segment, 0), 64);
-        assert_eq!(shaded_vertices(&segment, 4), 36, "each row alone");
-        assert_eq!(shaded_vertices(&segment, 32), 27);
+        let [none, eight, .., most] = shaded_vertices(&segment);
+        assert_eq!([none, eight, most], [64, 36, 27], "without a cache, each row alone, each once");
     }
 }

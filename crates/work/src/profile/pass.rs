@@ -7,7 +7,7 @@ use super::caches::{BLOCK_CACHES, Caches, dealt_vertices, shaded_vertices};
 use super::lines::{Lines, Place};
 use super::shader::asking;
 use super::touch::{BUNDLE, FLAT, Touch, Toucher, Touches};
-use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, REUSE, WINDOW, Window};
+use super::{ApartProfile, AttachmentProfile, BINS, Cell, DrawProfile, PhaseProfile, WINDOW, Window};
 use crate::{
     Attachment, AttributeFetch, BLOCK, Block, Draw, LINE, Load, Pass, QUAD_SHADED, Quad, RequestKind, Segment, Surface, TILE,
     TileWork, Triangle, Vertex, Visit,
@@ -165,9 +165,7 @@ impl OpenPass {
         draw.segments += 1;
         draw.indices += segment.stream.len() as u64;
         draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
-        for (shaded, size) in draw.shaded_vertices.iter_mut().zip(REUSE) {
-            *shaded += shaded_vertices(segment, size);
-        }
+        draw.shaded_vertices.iter_mut().zip(shaded_vertices(segment)).for_each(|(sum, own)| *sum += own);
         draw.dealt_vertices += dealt_vertices(segment, DEALT);
         for vertex in &segment.vertices {
             draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
@@ -244,7 +242,7 @@ impl OpenPass {
             *copies = self.apart.as_ref().map_or([0; APART.len()], |apart| apart.copies);
             **lines = self.lines.end();
             for (at, caches) in self.caches.blocks.iter().enumerate() {
-                (blocks[at], block_misses[at]) = (caches.distinct, caches.misses.map(u64::from));
+                (blocks[at], block_misses[at]) = (caches.distinct, caches.misses());
             }
         }
         self.phase

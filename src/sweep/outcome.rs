@@ -1,13 +1,14 @@
-//! What the page of a sweep shows, read from the results: machines, what each axis does, and the Pareto front.
+//! What came of a sweep, read from its results: machines, what each axis does, by the values of another or by trace, and the Pareto front.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use anyhow::Result;
 use serde_json::{Value, json};
 
+use super::folder::{Inputs, Results};
+use super::link::Formula;
+use super::plan::{Axis, Plan, described};
 use crate::knob::Setting;
-use crate::sweep::folder::{Inputs, Results};
-use crate::sweep::plan::{Axis, Plan, described};
 
 /// Statistics that add up to the bytes that DRAM moves.
 const DRAM: [&str; 2] = ["memory.dram.read_bytes", "memory.dram.write_bytes"];
@@ -21,6 +22,10 @@ pub struct Machine {
     pub settings: Vec<Setting>,
     /// Cycles of all traces and frames; none: it has no result.
     pub cycles: Option<u64>,
+    /// Cycles of each trace, in the experiment's order; empty where it has no result.
+    pub traces: Vec<u64>,
+    /// The experiment's measures, in its order; none where a part of one was not counted on this machine, or is divided by nothing.
+    pub measures: Vec<Option<f64>>,
     /// Bytes that DRAM moved; none where the sweep did not keep them.
     pub dram: Option<f64>,
     /// What the experiment says that the machine costs.
@@ -40,6 +45,17 @@ pub struct Response {
     pub machines: usize,
 }
 
+/// Of which machines and traces something is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Within<'w> {
+    /// All.
+    All,
+    /// Those whose axis has a value.
+    Axis(usize, &'w Setting),
+    /// All machines, on one trace.
+    Trace(usize),
+}
+
 /// What an axis does.
 #[derive(Clone, Debug)]
 pub struct Effect {
@@ -54,13 +70,15 @@ pub struct Effect {
 }
 
 /// Everything that the page shows.
-pub struct Sweep<'s> {
+pub struct Outcome<'s> {
     /// What it was made from.
     pub inputs: &'s Inputs,
     /// The machines of the plan that were run, those that take fewest cycles first, those without a result last.
     pub machines: Vec<Machine>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
+    /// What is told of each beside its cycles, as written.
+    pub measures: Vec<String>,
     /// The axes.
     pub axes: Vec<Axis>,
     /// Machines of the plan.
@@ -81,19 +99,37 @@ fn mean(values: impl Iterator<Item = u64>) -> Option<(f64, usize)> {
     (!logs.is_empty()).then(|| (libm::exp(logs.iter().sum::<f64>() / logs.len() as f64), logs.len()))
 }
 
-impl<'s> Sweep<'s> {
+/// How many times the cycles of the best response the worst takes.
+pub fn ratio(responses: &[Response]) -> f64 {
+    let least = responses.iter().map(|own| own.cycles).fold(f64::INFINITY, f64::min);
+    let most = responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
+    most / least
+}
+
+/// What is read of a machine's results.
+#[derive(Default)]
+struct Sum {
+    traces: BTreeMap<u32, u64>,
+    /// Statistics that somebody asks for, by path, over all traces; with the number of those that have them.
+    statistics: HashMap<String, (usize, f64)>,
+    error: Option<String>,
+}
+
+impl Sum {
+    /// A statistic over so many traces, which all have it.
+    fn whole(&self, path: &str, traces: usize) -> Option<f64> {
+        self.statistics.get(path).filter(|(having, _)| *having == traces).map(|(_, sum)| *sum)
+    }
+}
+
+impl<'s> Outcome<'s> {
     /// Reads the results of a plan.
     ///
     /// # Errors
     /// If a result cannot be read.
-    pub fn read(inputs: &'s Inputs, plan: &Plan, results: &mut Results) -> Result<Sweep<'s>> {
-        #[derive(Default)]
-        struct Sum {
-            traces: usize,
-            cycles: u64,
-            dram: Option<f64>,
-            error: Option<String>,
-        }
+    pub fn read(inputs: &'s Inputs, plan: &Plan, results: &mut Results) -> Result<Outcome<'s>> {
+        let measures: Vec<&Formula> = plan.measures().iter().map(|(_, formula)| formula).collect();
+        let asked: Vec<&str> = DRAM.into_iter().chain(measures.iter().flat_map(|formula| formula.reads())).collect();
         let mut sums: BTreeMap<u32, Sum> = BTreeMap::new();
         results.each(|entry| {
             let sum = sums.entry(entry.machine).or_default();
@@ -101,25 +137,47 @@ impl<'s> Sweep<'s> {
                 sum.error.get_or_insert_with(|| entry.error.unwrap_or_default());
                 return Ok(());
             };
-            let places: Vec<usize> =
-                DRAM.iter().filter_map(|path| entry.paths.iter().position(|known| known == path)).collect();
-            let bytes = || entry.frames.iter().map(|row| places.iter().map(|&at| row.values[at]).sum::<f64>()).sum::<f64>();
-            let own = (places.len() == DRAM.len()).then(bytes);
-            sum.dram = if sum.traces == 0 { own } else { sum.dram.zip(own).map(|(sum, own)| sum + own) };
-            (sum.traces, sum.cycles) = (sum.traces + 1, sum.cycles + cycles);
+            let frames = |at: usize| entry.frames.iter().map(|row| row.values[at]).sum::<f64>();
+            let mut put = |path: &str, value: f64| {
+                let own = sum.statistics.entry(path.to_owned()).or_default();
+                *own = (own.0 + 1, own.1 + value);
+            };
+            put("cycles", cycles as f64);
+            put("seconds", entry.frames.iter().map(|row| row.seconds).sum());
+            for (at, path) in entry.paths.iter().enumerate().filter(|(_, path)| asked.contains(&path.as_str())) {
+                put(path, frames(at));
+            }
+            sum.traces.insert(entry.trace, cycles);
             Ok(())
         })?;
+        let traces = inputs.traces.len();
         let mut machines = Vec::with_capacity(sums.len());
-        for (number, sum) in sums {
+        for (number, mut sum) in sums {
             let planned = plan.machine(number)?;
             let cost = planned.config.as_ref().ok().map(|config| plan.cost(config)).transpose()?.flatten();
-            let whole = sum.error.is_none() && sum.traces == inputs.traces.len();
-            let (cycles, dram) = if whole { (Some(sum.cycles), sum.dram) } else { (None, None) };
-            machines.push(Machine { number, settings: planned.settings, cycles, dram, cost, error: sum.error });
+            let mut machine = Machine {
+                number,
+                settings: planned.settings,
+                cycles: None,
+                traces: Vec::new(),
+                measures: vec![None; measures.len()],
+                dram: None,
+                cost,
+                error: sum.error.take(),
+            };
+            if machine.error.is_none() && sum.traces.len() == traces {
+                machine.traces = sum.traces.values().copied().collect();
+                machine.cycles = Some(machine.traces.iter().sum());
+                machine.dram = DRAM.iter().map(|path| sum.whole(path, traces)).sum();
+                let value = |formula: &&Formula| formula.real(&|path: &str| sum.whole(path, traces));
+                machine.measures = measures.iter().map(value).collect();
+            }
+            machines.push(machine);
         }
         machines.sort_by_key(|machine| (machine.cycles.is_none(), machine.cycles, machine.number));
         let parameters = plan.parameters().iter().map(|path| (*path).to_owned()).collect();
-        Ok(Sweep { inputs, machines, parameters, axes: plan.axes().to_vec(), planned: plan.len() })
+        let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
+        Ok(Outcome { inputs, machines, parameters, measures, axes: plan.axes().to_vec(), planned: plan.len() })
     }
 
     /// Machines with a result, those that take fewest cycles first.
@@ -132,26 +190,42 @@ impl<'s> Sweep<'s> {
         mean(self.timed().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }
 
+    /// The mean of a measure over some machines; none where none of them has it.
+    pub fn mean_measure(&self, measure: usize, of: impl Fn(&Machine) -> bool) -> Option<f64> {
+        let own: Vec<f64> =
+            self.timed().filter(|(machine, _)| of(machine)).filter_map(|(machine, _)| machine.measures[measure]).collect();
+        (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
+    }
+
+    /// What each value of an axis does, those without a result left out.
+    pub fn responses(&self, axis: usize, within: Within<'_>) -> Vec<Response> {
+        let response = |value: &Setting| {
+            let own = self.timed().filter(|(machine, _)| machine.settings[axis] == *value);
+            let cycles = own.filter_map(|(machine, cycles)| match within {
+                Within::All => Some(cycles),
+                Within::Axis(other, wanted) => (machine.settings[other] == *wanted).then_some(cycles),
+                Within::Trace(trace) => machine.traces.get(trace).copied(),
+            });
+            let (cycles, machines) = mean(cycles)?;
+            Some(Response { value: value.clone(), cycles, machines })
+        };
+        self.axes[axis].values.iter().filter_map(response).collect()
+    }
+
     /// What each axis does, the one that does most first.
     pub fn effects(&self) -> Vec<Effect> {
         let mut effects: Vec<Effect> = Vec::new();
         for (at, axis) in self.axes.iter().enumerate() {
-            let response = |value: &Setting| {
-                let (cycles, machines) = self.mean(|machine| machine.settings[at] == *value)?;
-                Some(Response { value: value.clone(), cycles, machines })
-            };
-            let responses: Vec<Response> = axis.values.iter().filter_map(response).collect();
-            let least = responses.iter().map(|own| own.cycles).fold(f64::INFINITY, f64::min);
-            let most = responses.iter().map(|own| own.cycles).fold(0.0, f64::max);
+            let responses = self.responses(at, Within::All);
             if !responses.is_empty() {
-                effects.push(Effect { axis: at, path: axis.path.clone(), responses, ratio: most / least });
+                effects.push(Effect { axis: at, path: axis.path.clone(), ratio: ratio(&responses), responses });
             }
         }
         effects.sort_by(|a, b| b.ratio.total_cmp(&a.ratio).then(a.axis.cmp(&b.axis)));
         effects
     }
 
-    /// What machines cost beside cycles: the name of the measure, and each machine's, in the order of [`Sweep::timed`]. None where there is no
+    /// What machines cost beside cycles: the name of the measure, and each machine's, in the order of [`Outcome::timed`]. None where there is no
     /// measure that all have.
     pub fn costs(&self) -> Option<(String, Vec<f64>)> {
         let named = &self.inputs.experiment.cost;
@@ -177,7 +251,18 @@ impl<'s> Sweep<'s> {
                     (path.clone(), value)
                 })
                 .collect();
-            json!({ "machine": machine.number, "settings": settings, "cycles": machine.cycles, "dram_bytes": machine.dram, "cost": machine.cost, "error": machine.error })
+            let measures: serde_json::Map<String, Value> =
+                self.measures.iter().zip(&machine.measures).map(|(name, value)| (name.clone(), json!(value))).collect();
+            json!({
+                "machine": machine.number,
+                "settings": settings,
+                "cycles": machine.cycles,
+                "traces": machine.traces,
+                "measures": measures,
+                "dram_bytes": machine.dram,
+                "cost": machine.cost,
+                "error": machine.error,
+            })
         };
         json!({ "version": 1, "experiment": self.inputs.experiment, "planned": self.planned, "machines": self.machines.iter().map(machine).collect::<Vec<_>>() })
     }
