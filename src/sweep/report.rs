@@ -16,11 +16,6 @@ const LISTED: usize = 32;
 /// Values of an axis up to which two axes make a table.
 const SIDE: usize = 16;
 
-/// A measure for readers: four digits.
-fn measured(value: f64) -> String {
-    if value.fract() == 0.0 && value.abs() < 9e15 { format!("{value}") } else { format!("{value:.4}") }
-}
-
 /// The page, in Markdown.
 pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> String {
     let experiment = &sweep.inputs.experiment;
@@ -60,11 +55,14 @@ pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> 
 /// The answer in sentences.
 fn answered(out: &mut String, sweep: &Outcome<'_>) {
     let _ = writeln!(out, "{}\n", answer::fastest(sweep));
-    for answer::Finding { text, by, .. } in answer::findings(sweep) {
+    for answer::Finding { text, by, measures, .. } in answer::findings(sweep) {
         let _ = writeln!(out, "* {text}");
         if let Some((name, parts)) = by {
             let parts: Vec<String> = parts.iter().map(|(value, text)| format!("{value}: {text}")).collect();
-            let _ = writeln!(out, "  By `{name}`, worst by best: {}.", parts.join("; "));
+            let _ = writeln!(out, "  By `{name}`: {}.", parts.join("; "));
+        }
+        for measure in measures {
+            let _ = writeln!(out, "  {measure}");
         }
     }
 }
@@ -123,8 +121,9 @@ fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
         );
         for own in &effect.responses {
             let measure = |at: usize| sweep.mean_measure(at, |machine| machine.settings[effect.axis] == own.value);
-            let measures: String =
-                (0..sweep.measures.len()).map(|at| format!(" {} |", measure(at).map_or("-".into(), measured))).collect();
+            let measures: String = (0..sweep.measures.len())
+                .map(|at| format!(" {} |", measure(at).map_or("-".into(), answer::measured)))
+                .collect();
             let _ = writeln!(
                 out,
                 "| {} | {} | {} | {:.3} |{measures}",
@@ -166,7 +165,7 @@ fn listed(out: &mut String, sweep: &Outcome<'_>, best: f64) {
     );
     for (machine, cycles) in sweep.timed().take(LISTED) {
         let cells = machine.settings.iter().map(plain);
-        let measures = machine.measures.iter().map(|value| value.map_or("-".into(), measured));
+        let measures = machine.measures.iter().map(|value| value.map_or("-".into(), answer::measured));
         let cells: Vec<String> = cells.chain(measures).collect();
         let _ =
             writeln!(out, "| {} | {} | {} | {:.3} |", machine.number, cells.join(" | "), grouped(cycles), cycles as f64 / best);

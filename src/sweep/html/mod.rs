@@ -111,7 +111,7 @@ fn table(sweep: &Outcome<'_>, effect: &Effect, best: f64) -> Markup {
 /// The cell of a measure.
 fn measured(value: Option<f64>) -> Markup {
     html! { @match value {
-        Some(value) => td.n data-value=(value) { (if value.fract() == 0.0 { readable(value) } else { format!("{value:.4}") }) },
+        Some(value) => td.n data-value=(value) { (answer::measured(value)) },
         None => td.n data-value="" { "\u{2013}" },
     } }
 }
@@ -147,10 +147,11 @@ fn answer(sweep: &Outcome<'_>) -> Markup {
         ul { @for finding in answer::findings(sweep) { li {
             (told(&finding.text))
             @if let Some((name, parts)) = &finding.by {
-                " By " code { (name) } ", worst by best: "
+                " By " code { (name) } ": "
                 @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
                 "."
             }
+            @for measure in &finding.measures { " " (told(measure)) }
         } } }
     }
 }
