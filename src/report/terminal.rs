@@ -71,6 +71,9 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         let mut text = seen.phases.text(12);
         if seen.phases.limited() {
             text.push_str("  limit: the unit that takes longest by estimate; `fillrate why` proves what holds a frame back\n");
+            if seen.phases.limits("imbalance") {
+                text.push_str("  imbalance: units and pipelines take turns, and none of them works all the time\n");
+            }
         }
         section("Where the cycles went, one phase after another", &text);
     }

@@ -305,12 +305,22 @@ impl Results {
                 .with_context(|| format!("{}:{number}: no result of a machine", path.display()))?;
             let twice = self.lines.insert((key.trace, key.machine), (self.files.len(), begin, length));
             if twice.is_some() {
-                bail!("{}:{number}: machine {} has two results on trace {}", path.display(), key.machine, key.trace);
+                bail!(
+                    "{}:{number}: machine {} has two results on trace {}: shards disagree; remove this file and run its shard again",
+                    path.display(),
+                    key.machine,
+                    key.trace
+                );
             }
             begin += length as u64;
         }
         self.files.push((file, path.to_owned()));
         Ok(())
+    }
+
+    /// The first of some traces and machines that has no result.
+    pub fn missing(&self, mut wanted: impl Iterator<Item = (u32, u32)>) -> Option<(u32, u32)> {
+        wanted.find(|pair| !self.lines.contains_key(pair))
     }
 
     /// How many results there are.

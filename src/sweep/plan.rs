@@ -239,7 +239,9 @@ pub fn described(paths: &[&str], settings: &[Setting]) -> String {
 fn choose(axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
     let fits = |machines: u64| {
         if machines > most {
-            bail!("these are {machines} machines; more than {most} are run with --yes only")
+            bail!(
+                "these are {machines} machines; more than {most} are run with --yes only; a random or latin-hypercube design takes a part of them"
+            )
         }
         u32::try_from(machines).map_err(|_| anyhow!("these are {machines} machines, and a plan has at most {}", u32::MAX))
     };

@@ -122,7 +122,7 @@ fn the_answer_is_what_the_table_says() {
     assert!(told.contains(&format!("which takes {ratio:.2} times as many cycles")), "{told} {ratio}");
     assert!(text.contains("By `trace`: ") && text.contains("## By trace"), "{text}");
     for (number, (_, _, [misses, accesses])) in &machines {
-        let row = text.lines().filter(|line| line.starts_with(&format!("| {number} | "))).next_back().expect("a row");
+        let row = text.lines().rfind(|line| line.starts_with(&format!("| {number} | "))).expect("a row");
         assert!(row.contains(&format!(" {:.4} |", misses / accesses)), "{row}");
     }
     let page = fs::read_to_string(home.path().join("report.html")).expect("a page");
@@ -251,6 +251,21 @@ fn bad_input_is_refused_with_its_place() {
     assert!(files(&out) == before, "nothing is lost");
     let message = refused(&["sweep", "merge", "traces/cube"]);
     assert!(message.contains("no folder of a sweep"), "{message}");
+
+    // A shard that lacks a machine, one that has it twice, and one that has another's.
+    let (file, whole) =
+        (out.join("shard-1-of-1.jsonl"), String::from_utf8(before["shard-1-of-1.jsonl"].clone()).expect("text"));
+    let merged = |text: &str| {
+        fs::write(&file, text).expect("written");
+        refused(&["sweep", "merge", &out.display().to_string()])
+    };
+    let lines: Vec<&str> = whole.lines().collect();
+    let message = merged(&format!("{}\n", lines[1..].join("\n")));
+    assert!(message.contains("no result of machine 0 on trace 0") && message.contains("--shard 1/1"), "{message}");
+    let message = merged(&format!("{whole}{}\n", lines[2]));
+    assert!(message.contains("jsonl:7: machine 2 has two results on trace 0"), "{message}");
+    let message = merged(&format!("{whole}{}\n", lines[2].replacen("\"machine\":2", "\"machine\":9", 1)));
+    assert!(message.contains("has 7 results, and the experiment 6"), "{message}");
 }
 
 #[test]

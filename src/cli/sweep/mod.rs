@@ -318,7 +318,11 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
     let inputs = read_inputs(folder)?;
     for other in &folders[1..] {
         if let Some(parts) = inputs.differ(&read_inputs(other)?) {
-            bail!("{} and {} are of different sweeps, with other {parts}", folder.display(), other.display());
+            bail!(
+                "{} and {} are of different sweeps, with other {parts}; give the folders of one",
+                folder.display(),
+                other.display()
+            );
         }
     }
     let plan = plan(&inputs.experiment, true)?;
@@ -347,9 +351,25 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
 /// Makes the tables and the page from the results of all shards.
 fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, screened: Option<&[Screened]>) -> Result<Verdict> {
     let chosen = |machine: &u32| screened.is_none_or(|list| list[*machine as usize].kept);
-    let wanted = (0..plan.len()).filter(chosen).count() * inputs.experiment.traces.len();
+    let traces = inputs.experiment.traces.len();
+    let wanted = (0..plan.len()).filter(chosen).count() * traces;
+    let pairs = (0..traces as u32).flat_map(|trace| (0..plan.len()).filter(chosen).map(move |machine| (trace, machine)));
+    if let Some((trace, machine)) = results.missing(pairs) {
+        let shard = Shard { index: machine % inputs.shards + 1, of: inputs.shards };
+        bail!(
+            "{} has no result of machine {machine} on trace {trace}: shards disagree; remove {} and run it again with --shard {}/{}",
+            folder.display(),
+            shard.file(folder).display(),
+            shard.index,
+            shard.of
+        );
+    }
     if results.len() != wanted {
-        bail!("{} has {} results, and the experiment {wanted}: shards disagree", folder.display(), results.len());
+        bail!(
+            "{} has {} results, and the experiment {wanted}: shards disagree; merge only folders of this sweep",
+            folder.display(),
+            results.len()
+        );
     }
     tables::all(folder, inputs, plan, &mut results)?;
     if let Some(screened) = screened {

@@ -79,7 +79,7 @@ const COLUMNS: [(&str, &str); 13] = [
     ("funnel.vertices_shaded", "vertices shaded"),
     ("funnel.triangles_setup", "triangles set up"),
     ("funnel.quads_rasterized", "quads"),
-    ("funnel.quads_early_culled", "quads hidden (early Z)"),
+    ("funnel.quads_early_culled", "quads hidden early"),
     ("funnel.fragments_shaded", "fragments shaded"),
     ("funnel.helper_fragments", "helpers"),
     ("funnel.fragments_written", "fragments written"),
@@ -152,7 +152,11 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
         Column("order", true, "Its place in the frame."),
         Column("cycles", true, "From its beginning to that of the next."),
         Column("share", true, "Of the cycles of the frame."),
-        Column("limited by", false, "The unit whose work takes most time by counts and rates."),
+        Column(
+            "limited by",
+            false,
+            "The unit whose work takes most time by counts and rates; imbalance: units and pipelines take turns, and none works all the time.",
+        ),
     ];
     if counted {
         titles.push(Column("busiest unit", false, "And the share of the phase's cycles in which it is busy."));

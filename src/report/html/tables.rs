@@ -25,7 +25,7 @@ const FUNNEL: [(&str, &str, &str); 20] = [
     ("tiles_visited", "blocks of 8x8 visited", ""),
     ("tiles_hiz_culled", "\u{2212} hidden (hierarchical Z)", "tiles_visited"),
     ("quads_rasterized", "quads", ""),
-    ("quads_early_culled", "\u{2212} hidden (early Z)", "quads_rasterized"),
+    ("quads_early_culled", "\u{2212} hidden (early Z, those of hierarchical Z included)", "quads_rasterized"),
     ("quads_shaded", "quads shaded", "quads_rasterized"),
     ("fragments_covered", "fragments covered", ""),
     ("fragments_shaded", "fragments shaded", "fragments_covered"),

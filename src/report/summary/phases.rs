@@ -1,0 +1,139 @@
+//! Where the cycles of frames went: phases, and draws.
+
+use super::{bytes, grouped};
+use crate::host::one_line;
+use crate::machine::{DrawReport, PhaseReport};
+use crate::num::Cycle;
+use crate::unit::phase::{Phase, PhaseKind};
+
+/// Where the cycles of frames went: phases of the same kind, number in their frame and label are one line over all frames.
+#[derive(Default)]
+pub struct Phases {
+    lines: Vec<Line>,
+}
+
+struct Line {
+    phase: Phase,
+    frames: usize,
+    cycles: Cycle,
+    /// Fragments shaded.
+    shaded: u64,
+    /// Bytes of DRAM both ways.
+    bytes: u64,
+}
+
+impl Phases {
+    /// Adds those of a frame.
+    pub fn add(&mut self, phases: &[PhaseReport]) {
+        // The number of each line's kind and label so far in this frame.
+        let mut from = 0;
+        for PhaseReport { phase, cycles, counts, .. } in phases {
+            let counts = counts.as_deref();
+            let shaded = counts.map_or(0, |counts| counts.funnel.fragments_shaded);
+            let bytes = counts.map_or(0, |counts| counts.dram.read_bytes + counts.dram.write_bytes);
+            let same = |line: &Line| line.phase.kind == phase.kind && line.phase.label == phase.label;
+            match self.lines[from..].iter().position(same) {
+                Some(at) => {
+                    let line = &mut self.lines[from + at];
+                    (line.frames, line.cycles) = (line.frames + 1, line.cycles + cycles);
+                    (line.shaded, line.bytes) = (line.shaded + shaded, line.bytes + bytes);
+                    from += at + 1;
+                }
+                None => {
+                    self.lines.insert(from, Line { phase: phase.clone(), frames: 1, cycles: *cycles, shaded, bytes });
+                    from += 1;
+                }
+            }
+        }
+    }
+
+    /// Whether no frame had one.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Takes over what limits each phase, from estimates of some of the frames.
+    pub fn limit(&mut self, estimated: &Phases) {
+        let mut known = estimated.lines.iter();
+        for line in &mut self.lines {
+            let same = |of: &&Line| of.phase.kind == line.phase.kind && of.phase.label == line.phase.label;
+            if let Some(found) = known.clone().position(|of| same(&of)) {
+                line.phase.limit = known.nth(found).map_or("", |of| of.phase.limit);
+            }
+        }
+    }
+
+    /// Whether it is known of any what limits it.
+    pub fn limited(&self) -> bool {
+        self.lines.iter().any(|line| !line.phase.limit.is_empty())
+    }
+
+    /// Whether this limits any.
+    pub fn limits(&self, what: &str) -> bool {
+        self.lines.iter().any(|line| line.phase.limit == what)
+    }
+
+    /// Cycles of passes and dispatches.
+    pub fn drawing(&self) -> Cycle {
+        let draws = |line: &&Line| matches!(line.phase.kind, PhaseKind::Pass | PhaseKind::Dispatch);
+        self.lines.iter().filter(draws).map(|line| line.cycles).sum()
+    }
+
+    /// The phases in order, those that took least left out; at most `most` lines.
+    pub fn text(&self, most: usize) -> String {
+        let lines = &self.lines;
+        let total: Cycle = lines.iter().map(|line| line.cycles).sum();
+        let mut by_cycles: Vec<usize> = (0..lines.len()).collect();
+        by_cycles.sort_by_key(|&at| (std::cmp::Reverse(lines[at].cycles), at));
+        let left_out = by_cycles.split_off(most.min(lines.len()));
+        by_cycles.sort_unstable();
+        let mut out = String::new();
+        let share = |cycles: Cycle| 100.0 * cycles as f64 / total.max(1) as f64;
+        for Line { phase, frames, cycles, shaded, bytes } in by_cycles.into_iter().map(|at| &lines[at]) {
+            let number = match phase.kind {
+                PhaseKind::Pass | PhaseKind::Dispatch if *frames == 1 => format!(" {}", phase.number),
+                _ => String::new(),
+            };
+            let name = format!("{}{number} {}", phase.kind.name(), one_line(&phase.label));
+            let times = if *frames > 1 { format!("   {frames} times") } else { String::new() };
+            let row = format!("  {:<34} {:>12} {:>7.1} %{times}", clip(name.trim_end(), 34), grouped(*cycles), share(*cycles));
+            out.push_str(&row);
+            if *bytes > 0 {
+                out.push_str(&format!("   {:>10} of DRAM", super::bytes(*bytes as f64)));
+            }
+            if *shaded > 0 {
+                out.push_str(&format!("   {:>11} shaded", grouped(*shaded)));
+            }
+            if !phase.limit.is_empty() {
+                out.push_str(&format!("   limit: {}", phase.limit));
+            }
+            out.push('\n');
+        }
+        if !left_out.is_empty() {
+            let cycles: Cycle = left_out.iter().map(|&at| lines[at].cycles).sum();
+            let name = format!("{} more", left_out.len());
+            out.push_str(&format!("  {name:<34} {:>12} {:>7.1} %\n", grouped(cycles), share(cycles)));
+        }
+        out
+    }
+}
+
+/// A draw as a line: where it is, its cycles, what it shaded and moved.
+pub fn draw(frame: u32, phase: &Phase, draw: &DrawReport) -> String {
+    let name = match draw.number {
+        None => format!("end of {phase}"),
+        Some(number) => {
+            let names = [draw.group.as_str(), draw.label.as_str()].into_iter().filter(|name| !name.is_empty());
+            format!("draw {number} {}", names.collect::<Vec<_>>().join(": "))
+        }
+    };
+    let name = clip(one_line(name.trim_end()).to_string().as_str(), 34);
+    let moved = bytes((draw.counts.dram.read_bytes + draw.counts.dram.write_bytes) as f64);
+    let shaded = grouped(draw.counts.funnel.fragments_shaded);
+    format!("  {name:<34} {:>12}   {moved:>10} of DRAM   {shaded} fragments shaded   frame {frame}\n", grouped(draw.cycles))
+}
+
+/// The beginning of a text, of at most so many characters.
+fn clip(text: &str, most: usize) -> String {
+    if text.chars().count() <= most { text.to_owned() } else { text.chars().take(most - 1).chain(['…']).collect() }
+}
