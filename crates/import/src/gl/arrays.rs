@@ -309,6 +309,16 @@ impl Gl {
         Ok(vertex)
     }
 
+    /// Sets the attributes of an element's arrays, and sends a vertex if positions are among them.
+    pub fn send_element(&mut self, vertex: &Vertex, bits: u32) {
+        let current = vertex.over(&self.state.current, bits);
+        if let (Some((_, vertices)), true) = (&mut self.begun, bits & (1 | 1 << GENERIC) != 0) {
+            vertices.push(current.clone());
+        }
+        let position = std::mem::replace(&mut self.state.current, current).position;
+        self.state.current.position = position;
+    }
+
     /// Draws elements of the arrays.
     fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
         if mode > e::POLYGON {
@@ -395,18 +405,9 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    if gl.depth > 0 {
-        // A list keeps what the array has when the list is made.
-        return Err(Fault::Unsupported("glArrayElement in a display list".into()));
-    }
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;
-    let position = std::mem::replace(&mut gl.state.current, vertex.clone()).position;
-    gl.state.current.position = position;
-    if let (Some((_, vertices)), true) = (&mut gl.begun, bits & (1 | 1 << GENERIC) != 0) {
-        vertices.push(vertex);
-    }
-    Ok(())
+    gl.element(vertex, bits)
 }
 
 /// Vertex array objects at most.

@@ -70,6 +70,10 @@ pub struct Card {
     pub frames: u64,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
     pub bytes: u64,
+    /// Bytes of the primitives of display lists that stay on the card.
+    pub kept_bytes: u64,
+    /// Buffers that are freed as soon as no pass waits that may read them.
+    condemned: Vec<BufferId>,
 }
 
 impl Card {
@@ -97,6 +101,8 @@ impl Card {
             all_levels: false,
             frames: 0,
             bytes: 0,
+            kept_bytes: 0,
+            condemned: Vec::new(),
         }
     }
 
@@ -244,6 +250,21 @@ impl Card {
         for pass in std::mem::take(&mut self.held) {
             self.emit(pass);
         }
+        self.free_condemned();
+    }
+
+    /// Frees buffers when nothing that waits can read them any more.
+    pub fn condemn(&mut self, buffers: [BufferId; 2]) {
+        self.condemned.extend(buffers);
+        self.free_condemned();
+    }
+
+    fn free_condemned(&mut self) {
+        if self.held.is_empty() && self.pass.draws.is_empty() {
+            for buffer in self.condemned.drain(..) {
+                self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
+            }
+        }
     }
 
     /// Ends what waits if it reads or writes this texture.
@@ -298,16 +319,22 @@ impl Card {
             uniforms.resize(uniforms.len().next_multiple_of(BLOCK_ALIGN) + pass.block, 0);
             let indices: Vec<u8> = pass.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
             self.bytes += (pass.vertices.len() + indices.len() + uniforms.len()) as u64;
-            let vertices = self.recorder.create_buffer("vertices", pass.vertices.len() as u64);
-            for (at, bytes) in pass.uploads() {
-                self.recorder.write_buffer(vertices, at, "vertices", bytes);
+            let mut own = [None; 2];
+            if !pass.vertices.is_empty() {
+                let vertices = self.recorder.create_buffer("vertices", pass.vertices.len() as u64);
+                for (at, bytes) in pass.uploads() {
+                    self.recorder.write_buffer(vertices, at, "vertices", bytes);
+                }
+                own[0] = Some(vertices);
             }
-            let other = [("indices", &indices), ("uniforms", &uniforms)];
-            buffers = vec![vertices];
-            buffers.extend(other.map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes)));
+            if !indices.is_empty() {
+                own[1] = Some(self.recorder.create_buffer_init("indices", &indices));
+            }
+            let uniforms = self.recorder.create_buffer_init("uniforms", &uniforms);
+            buffers = own.into_iter().flatten().chain([uniforms]).collect();
             let layout = self.uniform_layout();
-            let bound = BoundResource::Buffer { buffer: buffers[2], offset: 0, size: Some(pass.block as u64) };
-            group = Some(self.recorder.create_bind_group(layout, [(0, bound)]));
+            let bound = BoundResource::Buffer { buffer: uniforms, offset: 0, size: Some(pass.block as u64) };
+            group = Some((self.recorder.create_bind_group(layout, [(0, bound)]), own));
         }
         let color = target.color.map(|color| ColorAttachment { clear: pass.color, ..record::load(color.view) });
         let depth = target.depth.map(|depth| DepthAttachment {
@@ -325,11 +352,9 @@ impl Card {
         let set = (!queries.is_empty()).then(|| self.recorder.create_query_set(QueryKind::Occlusion, queries.len() as u32));
         {
             let mut open = self.recorder.begin_render_pass_with(color, depth, set);
-            if let (Some(group), [vertices, indices, _]) = (group, &buffers[..]) {
-                if pass.draws.iter().any(|draw| draw.first.is_some()) {
-                    open.set_index_buffer(*indices, IndexFormat::Uint32);
-                }
+            if let Some((group, own)) = group {
                 let mut last: Option<&Draw> = None;
+                let mut bound_indices = None;
                 for draw in &pass.draws {
                     let query = last.and_then(|last| last.query);
                     if query != draw.query {
@@ -360,11 +385,18 @@ impl Card {
                     if let Some(textures) = draw.textures.filter(|&group| new(&|d| d.textures != Some(group))) {
                         open.set_bind_group(1, textures);
                     }
-                    if draw.streams.is_empty() {
-                        open.set_vertex_buffer_at(0, *vertices, draw.vertices);
+                    let [vertices, indices] = draw.buffers.map_or(own, |buffers| buffers.map(Some));
+                    if let Some(vertices) = vertices {
+                        if draw.streams.is_empty() {
+                            open.set_vertex_buffer_at(0, vertices, draw.vertices);
+                        }
+                        for (slot, stream) in (0..).zip(&draw.streams) {
+                            open.set_vertex_buffer_at(slot, vertices, draw.vertices + stream);
+                        }
                     }
-                    for (slot, stream) in (0..).zip(&draw.streams) {
-                        open.set_vertex_buffer_at(slot, *vertices, draw.vertices + stream);
+                    if let Some(indices) = indices.filter(|&indices| draw.first.is_some() && bound_indices != Some(indices)) {
+                        open.set_index_buffer(indices, IndexFormat::Uint32);
+                        bound_indices = Some(indices);
                     }
                     match draw.first {
                         Some(first) => open.draw_indexed_from(draw.count, 1, first, 0, 0),
@@ -380,7 +412,7 @@ impl Card {
         if let Some(set) = set {
             self.recorder.push(Command::Destroy(Object::QuerySet(set)));
         }
-        if let Some(group) = group {
+        if let Some((group, _)) = group {
             self.recorder.push(Command::Destroy(Object::BindGroup(group)));
         }
         for buffer in buffers {

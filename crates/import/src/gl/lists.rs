@@ -2,13 +2,13 @@
 
 use std::rc::Rc;
 
-use super::arb::GENERICS;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
+use super::geometry::Geometry;
 use super::image::PixelStore;
-use super::machine::Gl;
+use super::machine::{Count, Gl, components};
 use super::state::{UNITS, Vertex};
-use super::table::Entry;
+use super::table::{Entry, Part};
 
 /// Calls of all lists, and lists in each other (the standard's least maximum).
 const LIST_MAX: usize = 1 << 24;
@@ -20,8 +20,12 @@ enum Step {
     Call(Entry, Call),
     /// A call that has read pixels: how they lie in memory was settled when the list was made.
     Pixels(Entry, Call, PixelStore),
-    /// Vertices of client arrays as they were when the list was made, and which attributes are theirs.
-    Vertices(u32, Rc<[Vertex]>, u32),
+    /// A primitive: between Begin and End, or of client arrays as they were when the list was made.
+    Primitive(Geometry),
+    /// The attributes of these bits of [`Vertex::over`] become those of a vertex.
+    Attributes(Box<Vertex>, u32),
+    /// An element of client arrays as they were, and which attributes are theirs.
+    Element(Box<Vertex>, u32),
 }
 
 /// A list.
@@ -44,19 +48,136 @@ impl List {
         self.steps.push(step);
         Ok(())
     }
+
+    fn geometries(&self) -> impl Iterator<Item = &Geometry> {
+        self.steps.iter().filter_map(|step| match step {
+            Step::Primitive(geometry) => Some(geometry),
+            _ => None,
+        })
+    }
+}
+
+/// The bit of the attribute that a call sets, and no other one.
+fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
+    match entry.part {
+        Part::Attribute(bit) => Some(1 << bit),
+        Part::Unit => {
+            let unit = call.u32(0).ok()?.wrapping_sub(e::TEXTURE0);
+            (unit < UNITS as u32).then(|| 1 << (8 + unit))
+        }
+        _ => None,
+    }
 }
 
 impl Gl {
+    /// Calls between Begin and End become primitives, wherever the list says which attributes its vertices have and which are those at hand
+    /// when it is run.
+    fn gathered(&mut self, list: List) -> List {
+        let kept = self.state.current.clone();
+        // Of the attributes at hand in the list, these are known.
+        let mut known = 0;
+        let mut steps = list.steps.into_iter().peekable();
+        let mut out = Vec::new();
+        while let Some(step) = steps.next() {
+            let Step::Call(entry, call) = &step else {
+                if matches!(step, Step::Element(..)) {
+                    known = 0;
+                }
+                out.push(step);
+                continue;
+            };
+            match entry.part {
+                Part::Begin => {
+                    let mut inside = vec![step];
+                    while let Some(next) = steps.next_if(|next| matches!(next, Step::Call(..))) {
+                        let Step::Call(entry, _) = &next else { break };
+                        let last = !matches!(entry.part, Part::Vertex | Part::Attribute(_) | Part::Unit);
+                        inside.push(next);
+                        if last {
+                            break;
+                        }
+                    }
+                    match self.primitive_of(&inside, &mut known) {
+                        Some((geometry, set)) => {
+                            if let Some(geometry) = geometry {
+                                out.push(Step::Primitive(geometry));
+                            }
+                            if set != 0 {
+                                out.push(Step::Attributes(Box::new(self.state.current.clone()), set));
+                            }
+                        }
+                        None => {
+                            known = 0;
+                            out.extend(inside);
+                        }
+                    }
+                    continue;
+                }
+                Part::Attributes | Part::End | Part::Vertex => known = 0,
+                Part::Attribute(_) | Part::Unit => match attribute_of(entry, call) {
+                    Some(bit) if (entry.run)(self, call, entry.shape).is_ok() => known |= bit,
+                    _ => known = 0,
+                },
+                Part::Other => {}
+            }
+            out.push(step);
+        }
+        self.state.current = kept;
+        List { steps: out }
+    }
+
+    /// The primitive of calls from Begin to End, if all its vertices get the same attributes from the list, and the attributes that are set.
+    fn primitive_of(&mut self, inside: &[Step], known: &mut u32) -> Option<(Option<Geometry>, u32)> {
+        let calls = || inside.iter().filter_map(|step| if let Step::Call(entry, call) = step { Some((entry, call)) } else { None });
+        let mode = calls().next()?.1.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
+        if calls().last()?.0.part != Part::End || inside.len() < 2 {
+            return None;
+        }
+        let (mut set, mut own, mut vertices) = (0, None, Vec::new());
+        for (entry, call) in calls().skip(1).take(inside.len() - 2) {
+            if entry.part == Part::Vertex {
+                let (position, _) = components(call, entry.shape, 0).ok()?;
+                if *own.get_or_insert(*known) != *known {
+                    return None;
+                }
+                let mut vertex = self.state.current.clone();
+                vertex.position = position.map(|value| value as f32);
+                vertices.push(vertex);
+            } else {
+                let bit = attribute_of(entry, call)?;
+                (entry.run)(self, call, entry.shape).ok()?;
+                (*known, set) = (*known | bit, set | bit);
+            }
+        }
+        let geometry = (!vertices.is_empty()).then(|| Geometry::new(mode, vertices.into(), own.unwrap_or(0)));
+        Some((geometry, set))
+    }
+
     /// Draws vertices of client arrays, or keeps them in the list that is compiled. `arrays` has a bit for each attribute of theirs.
     pub fn vertices(&mut self, mode: u32, vertices: Vec<Vertex>, arrays: u32) -> Outcome {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
-            list.add(Step::Vertices(mode, vertices.clone().into(), arrays)).map_err(Fault::Limit)?;
+            if !vertices.is_empty() {
+                list.add(Step::Primitive(Geometry::new(mode, vertices.clone().into(), arrays))).map_err(Fault::Limit)?;
+            }
             if !execute {
                 return Ok(());
             }
         }
         self.primitive(mode, &vertices)
+    }
+
+    /// Sends an element of client arrays, or keeps it in the list that is compiled.
+    pub fn element(&mut self, vertex: Vertex, arrays: u32) -> Outcome {
+        if let Some((_, execute, list)) = &mut self.compiling {
+            let execute = *execute;
+            list.add(Step::Element(Box::new(vertex.clone()), arrays)).map_err(Fault::Limit)?;
+            if !execute {
+                return Ok(());
+            }
+        }
+        self.send_element(&vertex, arrays);
+        Ok(())
     }
 
     fn run_list(&mut self, name: u32) -> Outcome {
@@ -84,55 +205,35 @@ impl Gl {
                     self.unpack = now;
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
-                Step::Vertices(mode, vertices, arrays) => {
-                    let current = self.state.current.clone();
-                    let few = self.vertices_read(vertices.len());
-                    let filled: Vec<Vertex> = vertices[..few].iter().map(|vertex| vertex.over(&current, *arrays)).collect();
-                    self.primitive(*mode, &filled)?;
+                Step::Primitive(geometry) => {
+                    let outcome = self.run_primitive(geometry);
+                    self.settled(outcome)?;
                 }
+                Step::Attributes(vertex, bits) => {
+                    let current = vertex.over(&self.state.current, *bits);
+                    let position = std::mem::replace(&mut self.state.current, current).position;
+                    self.state.current.position = position;
+                }
+                Step::Element(vertex, bits) => self.send_element(vertex, *bits),
             }
+            self.steps += 1;
         }
         Ok(())
     }
-}
 
-/// Bits of the attributes that vertices share.
-const MORE: u32 = ((1 << UNITS) - 2) << 8 | ((1 << GENERICS) - 2) << 16;
+    /// Draws a primitive of a list. Where another one has begun, its Begin is an error, and its vertices belong to the other one, which ends.
+    fn run_primitive(&mut self, geometry: &Geometry) -> Outcome {
+        let Some((mode, mut vertices)) = self.begun.take() else { return self.geometry(geometry) };
+        self.errors.entry("glBegin: GL_INVALID_OPERATION".into()).or_insert(Count { times: 0, first: self.number }).times += 1;
+        vertices.extend(geometry.vertices.iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
+        self.primitive(mode, &vertices)
+    }
 
-impl Vertex {
-    /// This vertex, with attributes that are not in `arrays` from another one.
-    pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
-        let mut vertex = self.clone();
-        let has = |bit: u32| arrays & 1 << bit != 0;
-        if !has(1) {
-            vertex.normal = current.normal;
+    /// Forgets a list.
+    fn free_list(&mut self, name: u32) {
+        if let Some(list) = self.lists.remove(&name) {
+            list.geometries().for_each(|geometry| self.free_geometry(geometry));
         }
-        if !has(2) {
-            vertex.color = current.color;
-        }
-        if !has(3) {
-            vertex.secondary = current.secondary;
-        }
-        if !has(4) {
-            vertex.fog = current.fog;
-        }
-        if !has(5) {
-            vertex.edge = current.edge;
-        }
-        if !has(8) {
-            vertex.set_texture(0, current.texture(0));
-        }
-        if arrays & MORE == 0 {
-            vertex.share(current);
-        } else {
-            for unit in (1..UNITS).filter(|&unit| !has(8 + unit as u32)) {
-                vertex.set_texture(unit, current.texture(unit));
-            }
-            for k in (1..GENERICS).filter(|&k| !has(16 + k as u32)) {
-                vertex.set_generic(k, current.generic(k));
-            }
-        }
-        vertex
     }
 }
 
@@ -155,6 +256,8 @@ pub(super) fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (name, _, list) = gl.compiling.take().ok_or(INVALID_OPERATION)?;
+    let list = gl.gathered(list);
+    gl.free_list(name);
     gl.lists.insert(name, Rc::new(list));
     Ok(())
 }
@@ -209,7 +312,7 @@ pub(super) fn delete_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (first, count) = (call.u32(0)?, call.size(1)?);
     let gone: Vec<u32> = gl.lists.range(first..first.saturating_add(count)).map(|(&name, _)| name).collect();
     for name in gone {
-        gl.lists.remove(&name);
+        gl.free_list(name);
     }
     Ok(())
 }

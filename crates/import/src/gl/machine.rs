@@ -242,7 +242,7 @@ impl Gl {
     /// Runs a call, whether it was recorded or comes from a list.
     pub fn execute(&mut self, entry: Entry, call: &Call) -> Outcome {
         match entry.moment {
-            Moment::Vertex | Moment::Ignored => {}
+            Moment::Vertex | Moment::Element | Moment::Ignored => {}
             Moment::Server | Moment::Client if self.begun.is_some() => return Err(INVALID_OPERATION),
             Moment::Server => self.flush()?,
             Moment::Client => {}

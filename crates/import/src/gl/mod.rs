@@ -22,12 +22,16 @@ mod arrays;
 mod buffers;
 mod call;
 mod card;
+mod clear;
 mod consts;
 mod copies;
 mod draw;
+mod draw_key;
 mod evaluator;
+mod fixed;
 mod fragments;
 mod framebuffer;
+mod geometry;
 mod glsl;
 mod image;
 mod immediate;
@@ -48,6 +52,7 @@ mod rectangles;
 mod s3tc;
 mod state;
 mod stipple;
+mod summary;
 mod table;
 mod texture;
 mod texturing;
@@ -249,6 +254,7 @@ fn import(
             return Err(wrong(reason));
         }
         gl.call(&call).map_err(wrong)?;
+        reader.done(call);
         let bytes = gl.card.recorder.bytes();
         match &mut keep {
             Keep::All { most } => {

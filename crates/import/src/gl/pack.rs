@@ -5,9 +5,10 @@ use gfx::state::VertexFormat;
 use super::arb::GENERICS;
 use super::key::{Expand, ShaderKey};
 use super::matrix::{self, Matrix};
-use super::primitive::{Batch, Class};
+use super::primitive::{Class, Sent};
 use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
+use super::summary::Summary;
 use super::wgsl::{self, location};
 
 /// Corners of an expanded point or line, and the triangles between them.
@@ -22,22 +23,6 @@ pub const STREAM_ALIGN: usize = 256;
 /// Vertex buffers that a draw can have.
 pub const STREAMS_MAX: usize = 8;
 
-/// A packed batch: attributes, bytes, indices.
-pub type Packed = (Vec<(u32, VertexFormat)>, Vec<u8>, Vec<u32>);
-
-/// The components that are needed of an attribute whose missing ones are 0, 0, 1.
-fn components(values: impl Iterator<Item = [f32; 4]>, least: usize) -> usize {
-    values.fold(least, |most, [_, _, z, w]| {
-        most.max(if w != 1.0 {
-            4
-        } else if z != 0.0 {
-            3
-        } else {
-            2
-        })
-    })
-}
-
 fn float_format(components: usize) -> VertexFormat {
     [VertexFormat::Float32, VertexFormat::Float32x2, VertexFormat::Float32x3, VertexFormat::Float32x4][components - 1]
 }
@@ -46,15 +31,13 @@ fn float_format(components: usize) -> VertexFormat {
 type Attribute = (u32, usize, fn(&Vertex, u32) -> [f32; 4]);
 
 /// Attributes of a key: location, components, and where they are in a vertex.
-fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
-    let (vertices, sent) = (&batch.vertices, batch.sent);
+fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribute> {
     let mut list: Vec<Attribute> = Vec::new();
     let least = |slot: usize| sent.map_or(2, |sent| sent.least(slot));
     let has = |slot: usize| sent.is_some_and(|sent| sent.has(slot));
-    let position = components(vertices.iter().map(|vertex| vertex.position), least(0));
-    list.push((location::POSITION, position, |v, _| v.position));
+    list.push((location::POSITION, summary.position.max(least(0)), |v, _| v.position));
     if key.varying.color || has(2) {
-        let opaque = sent.is_none() && vertices.iter().all(|vertex| vertex.color[3] == 1.0);
+        let opaque = sent.is_none() && summary.opaque;
         list.push((location::COLOR, if opaque { 3 } else { 4 }, |v, _| v.color));
     }
     if key.varying.normal || has(1) {
@@ -70,11 +53,11 @@ fn layout(key: &ShaderKey, batch: &Batch) -> Vec<Attribute> {
         list.push((location::ALONG, 1, |v, _| [v.along; 4]));
     }
     for unit in (0..UNITS).filter(|&unit| wgsl::reads_coordinates(key, unit) || has(8 + unit)) {
-        let count = components(vertices.iter().map(|vertex| vertex.texture(unit)), least(8 + unit));
+        let count = summary.texture[unit].max(least(8 + unit));
         list.push((location::TEXTURE + unit as u32, count, |v, at| v.texture((at - location::TEXTURE) as usize)));
     }
     for k in (0..GENERICS).filter(|&k| key.varying.generic & 1 << k != 0 || (k > 0 && has(16 + k))) {
-        let count = components(vertices.iter().map(|vertex| vertex.generic(k)), least(16 + k));
+        let count = summary.generic[k].max(least(16 + k));
         list.push((location::GENERIC + k as u32, count, |v, at| v.generic((at - location::GENERIC) as usize)));
     }
     list
@@ -91,68 +74,115 @@ pub fn streams(attributes: &[(u32, VertexFormat)], vertices: usize) -> Vec<u64> 
     attributes.iter().map(place).collect()
 }
 
-/// Vertices as the card reads them: one behind another; of draws that are kept, an array for each attribute.
-pub fn pack(key: &ShaderKey, batch: &Batch) -> Packed {
-    let layout = layout(key, batch);
-    let components: usize = layout.iter().map(|&(_, count, _)| count).sum();
-    let attributes = layout.iter().map(|&(location, count, _)| (location, float_format(count))).collect();
-    let mut bytes = Vec::with_capacity(4 * components * batch.vertices.len());
-    if batch.sent.is_some() && layout.len() <= STREAMS_MAX {
-        for &(location, count, of) in &layout {
-            bytes.resize(bytes.len().next_multiple_of(STREAM_ALIGN), 0);
-            for vertex in &batch.vertices {
-                bytes.extend(of(vertex, location)[..count].iter().flat_map(|value| value.to_le_bytes()));
-            }
-        }
-        return (attributes, bytes, batch.indices.clone());
-    }
-    for vertex in &batch.vertices {
-        for &(location, count, of) in &layout {
-            for value in &of(vertex, location)[..count] {
-                bytes.extend_from_slice(&value.to_le_bytes());
-            }
-        }
-    }
-    (attributes, bytes, batch.indices.clone())
+/// How the vertices of a draw lie in its buffer.
+pub struct Packing {
+    /// Attributes: location and format.
+    pub attributes: Vec<(u32, VertexFormat)>,
+    layout: Vec<Attribute>,
+    expand: Expand,
+    class: Class,
+    /// Whether each attribute has an array of its own.
+    streams: bool,
 }
 
-/// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
-/// Smooth ones are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
-pub fn expand(key: &ShaderKey, batch: &Batch, clip: &Matrix, flat: bool) -> Packed {
-    let lines = batch.class == Class::Lines;
-    let smooth = key.expand == Expand::SmoothLine;
-    let layout = layout(key, batch);
-    let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
-    attributes.push((location::CORNER, VertexFormat::Float32x2));
-    if lines {
-        attributes.push((location::OTHER, VertexFormat::Float32x4));
-    }
-    let (mut bytes, mut indices, mut count) = (Vec::new(), Vec::new(), 0_u32);
-    for primitive in batch.indices.chunks_exact(if lines { 2 } else { 1 }) {
-        let mut ends: Vec<Vertex> = primitive.iter().map(|&i| batch.vertices[i as usize].clone()).collect();
-        if lines && !cut(&mut ends, clip, flat, smooth) {
-            continue;
+impl Packing {
+    /// That of draws of a key, whose vertices have this summary.
+    pub fn new(key: &ShaderKey, summary: &Summary, class: Class, sent: Option<Sent>) -> Packing {
+        let layout = layout(key, summary, sent);
+        let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
+        if key.expand != Expand::No {
+            attributes.push((location::CORNER, VertexFormat::Float32x2));
+            if class == Class::Lines {
+                attributes.push((location::OTHER, VertexFormat::Float32x4));
+            }
         }
-        for corner in CORNERS {
-            let (this, other) = match lines {
-                true if corner[1] > 0.0 => (&ends[1], &ends[0]),
-                true => (&ends[0], &ends[1]),
-                false => (&ends[0], &ends[0]),
-            };
-            for &(location, count, of) in &layout {
-                for value in &of(this, location)[..count] {
+        let streams = key.expand == Expand::No && sent.is_some() && layout.len() <= STREAMS_MAX;
+        Packing { attributes, layout, expand: key.expand, class, streams }
+    }
+
+    /// Whether what is written depends on the matrix: lines are cut.
+    pub fn cuts(&self) -> bool {
+        self.expand != Expand::No && self.class == Class::Lines
+    }
+
+    /// Whether another draw's vertices lie in the same way.
+    pub fn is_like(&self, other: &Packing) -> bool {
+        self.attributes == other.attributes && self.expand == other.expand
+    }
+
+    /// Appends vertices as the card reads them, one behind another; of draws that are kept, an array for each attribute. Indices count from
+    /// the first of them. `clip` is the matrix to clip space, `flat` says whether shading is flat: they cut lines that become triangles.
+    pub fn write(&self, of: Drawn<'_>, clip: &Matrix, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+        if self.expand != Expand::No {
+            return self.expand(of, clip, flat, bytes, indices);
+        }
+        indices.extend_from_slice(of.indices);
+        let components: usize = self.layout.iter().map(|&(_, count, _)| count).sum();
+        bytes.reserve(4 * components * of.vertices.len());
+        if self.streams {
+            let start = bytes.len();
+            for &(location, count, get) in &self.layout {
+                bytes.resize(start + (bytes.len() - start).next_multiple_of(STREAM_ALIGN), 0);
+                for vertex in of.vertices {
+                    bytes.extend(get(vertex, location)[..count].iter().flat_map(|value| value.to_le_bytes()));
+                }
+            }
+            return;
+        }
+        for vertex in of.vertices {
+            self.vertex(vertex, bytes);
+        }
+    }
+
+    /// Appends the attributes of a vertex.
+    fn vertex(&self, vertex: &Vertex, bytes: &mut Vec<u8>) {
+        for &(location, count, get) in &self.layout {
+            let value = get(vertex, location);
+            let [a, b, c, d] = value.map(f32::to_le_bytes);
+            let all = [a, b, c, d];
+            bytes.extend_from_slice(all[..count].as_flattened());
+        }
+    }
+
+    /// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
+    /// Smooth ones are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
+    fn expand(&self, of: Drawn<'_>, clip: &Matrix, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+        let smooth = self.expand == Expand::SmoothLine;
+        let mut count = 0;
+        let mut quad = |bytes: &mut Vec<u8>, corners: [(&Vertex, Option<&Vertex>); 4]| {
+            for (corner, (this, other)) in CORNERS.into_iter().zip(corners) {
+                self.vertex(this, bytes);
+                for value in corner.iter().chain(other.map_or(&[][..], |other| &other.position)) {
                     bytes.extend_from_slice(&value.to_le_bytes());
                 }
             }
-            let tail: &[f32] = if lines { &other.position } else { &[] };
-            for value in corner.iter().chain(tail) {
-                bytes.extend_from_slice(&value.to_le_bytes());
+            indices.extend(if smooth { SMOOTH_QUAD } else { QUAD }.map(|k| count + k));
+            count += 4;
+        };
+        if self.class != Class::Lines {
+            for &index in of.indices {
+                quad(bytes, [(&of.vertices[index as usize], None); 4]);
+            }
+            return;
+        }
+        for line in of.indices.chunks_exact(2) {
+            let mut ends = [0, 1].map(|k| of.vertices[line[k] as usize].clone());
+            if cut(&mut ends, clip, flat, smooth) {
+                let [a, b] = &ends;
+                // The first two corners are at the first end.
+                quad(bytes, [(a, Some(b)), (a, Some(b)), (b, Some(a)), (b, Some(a))]);
             }
         }
-        indices.extend(if smooth { SMOOTH_QUAD } else { QUAD }.map(|k| count + k));
-        count += 4;
     }
-    (attributes, bytes, indices)
+}
+
+/// Primitives of one draw.
+#[derive(Clone, Copy)]
+pub struct Drawn<'a> {
+    /// Vertices.
+    pub vertices: &'a [Vertex],
+    /// Indices of points, lines or triangles.
+    pub indices: &'a [u32],
 }
 
 /// Cuts a line at the near plane, or at the whole view volume; whether anything is left.

@@ -13,6 +13,8 @@ pub struct Draw {
     pub pipeline: RenderPipelineId,
     /// Its uniforms in the pass.
     pub uniforms: u32,
+    /// Buffers of its vertices and indices, if they are not the pass's.
+    pub buffers: Option<[BufferId; 2]>,
     /// Its first vertex byte in the pass.
     pub vertices: u64,
     /// Where the arrays of its attributes begin behind that; empty where all attributes of a vertex lie together.

@@ -99,30 +99,14 @@ impl Gl {
         if self.render_mode != e::RENDER || vertices.is_empty() {
             return Ok(());
         }
-        let n = vertices.len() as u32;
-        let mut indices: Vec<u32> = Vec::new();
-        let class = match mode {
-            e::POINTS => {
-                indices.extend(0..n);
-                Class::Points
-            }
-            e::LINES => {
-                indices.extend(0..n / 2 * 2);
-                Class::Lines
-            }
-            e::LINE_STRIP | e::LINE_LOOP => {
-                if n < 2 {
-                    return Ok(());
-                }
-                indices.extend((1..n).flat_map(|i| [i - 1, i]));
-                if mode == e::LINE_LOOP {
-                    indices.extend([n - 1, 0]);
-                }
-                Class::Lines
-            }
-            _ => return self.polygons(mode, vertices),
-        };
-        self.add(class, None, vertices, &indices)
+        if mode > e::POLYGON {
+            return Err(super::call::INVALID_ENUM);
+        }
+        let class = class_of(mode);
+        if class == Class::Triangles {
+            return self.polygons(mode, vertices);
+        }
+        self.add(class, None, vertices, &points_and_lines(mode, vertices.len() as u32))
     }
 
     /// Appends primitives to the batch.
@@ -220,56 +204,31 @@ impl Gl {
             self.batch.turned = turned;
             return Ok(());
         }
-        // Corners of each polygon; the last one of a triangle gives its flat colour.
-        let mut triangles: Vec<[u32; 3]> = Vec::new();
-        // Which diagonal parts a quadrilateral is left open. As llvmpipe does it: its last vertex gives its flat colour and stands in both
-        // triangles, but an upright rectangle that faces the screen is drawn from its first three.
         let upright = self.keeps_upright();
-        let quads = |first: u32, step: u32, corners: [u32; 4], out: &mut Vec<[u32; 3]>| {
-            let count = if n < 4 { 0 } else { (n - 4) / step + 1 };
-            for k in 0..count {
-                let [a, b, c, d] = corners.map(|corner| first + k * step + corner);
-                let rectangle = upright && is_upright([a, b, c, d].map(|corner| vertices[corner as usize].position));
-                out.extend(if rectangle { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
-            }
-        };
-        match mode {
-            e::TRIANGLES => triangles.extend((0..n / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2])),
-            e::TRIANGLE_STRIP => {
-                triangles.extend((2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] }))
-            }
-            e::TRIANGLE_FAN => triangles.extend((2..n).map(|i| [0, i - 1, i])),
-            // The first vertex of a polygon gives its flat colour.
-            e::POLYGON => triangles.extend((2..n).map(|i| [i - 1, i, 0])),
-            e::QUADS => quads(0, 4, [0, 1, 2, 3], &mut triangles),
-            e::QUAD_STRIP => {
-                for k in 0..n.saturating_sub(2) / 2 {
-                    let i = 2 * k;
-                    triangles.extend([[i + 2, i, i + 3], [i, i + 1, i + 3]]);
-                }
-            }
-            _ => return Err(super::call::INVALID_ENUM),
-        }
-        let modes = self.state.polygon_modes;
-        if modes == [e::FILL; 2] || (self.state.is(e::CULL_FACE) && self.filled_only()) {
+        let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| vertices[corner as usize].position));
+        let triangles = triangles(mode, n, rectangle);
+        if self.fills() {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }
         self.outlines(mode, vertices, &triangles)
     }
 
     /// Whether shading is smooth, and the matrices only move and scale, without perspective.
-    fn keeps_upright(&self) -> bool {
+    pub fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
         !self.state.flat && [1, 2, 3, 4, 6, 7, 8, 9, 11].iter().all(|&k| m[k] == 0.0)
     }
 
     /// Whether the faces that are not culled are filled.
-    fn filled_only(&self) -> bool {
-        match self.state.cull {
-            e::FRONT => self.state.polygon_modes[1] == e::FILL,
-            e::BACK => self.state.polygon_modes[0] == e::FILL,
-            _ => true,
-        }
+    pub fn fills(&self) -> bool {
+        let modes = self.state.polygon_modes;
+        modes == [e::FILL; 2]
+            || self.state.is(e::CULL_FACE)
+                && match self.state.cull {
+                    e::FRONT => modes[1] == e::FILL,
+                    e::BACK => modes[0] == e::FILL,
+                    _ => true,
+                }
     }
 
     /// Polygons of which some are drawn as lines or points. Facing is found here, since the card knows it of triangles only.
@@ -349,8 +308,55 @@ impl Gl {
     }
 }
 
+/// What the vertices of a mode become.
+pub fn class_of(mode: u32) -> Class {
+    match mode {
+        e::POINTS => Class::Points,
+        e::LINES | e::LINE_STRIP | e::LINE_LOOP => Class::Lines,
+        _ => Class::Triangles,
+    }
+}
+
+/// Points or lines of `n` vertices.
+pub fn points_and_lines(mode: u32, n: u32) -> Vec<u32> {
+    match mode {
+        e::POINTS => (0..n).collect(),
+        e::LINES => (0..n / 2 * 2).collect(),
+        _ if n < 2 => Vec::new(),
+        _ => {
+            let closing = if mode == e::LINE_LOOP { vec![n - 1, 0] } else { Vec::new() };
+            (1..n).flat_map(|i| [i - 1, i]).chain(closing).collect()
+        }
+    }
+}
+
+/// The corners of a quadrilateral, by the numbers of their vertices.
+pub type Corners = [u32; 4];
+
+/// Triangles of `n` vertices; the last corner of each gives its flat colour. Which diagonal parts a quadrilateral is left open. As llvmpipe
+/// does it: its last vertex gives its flat colour and stands in both triangles, but what `rectangle` says is an upright rectangle that faces
+/// the screen is drawn from its first three.
+pub fn triangles(mode: u32, n: u32, rectangle: impl Fn(Corners) -> bool) -> Vec<[u32; 3]> {
+    let quad = |corners: Corners| {
+        let [a, b, c, d] = corners;
+        if rectangle(corners) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+    };
+    match mode {
+        e::TRIANGLES => (0..n / 3).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect(),
+        e::TRIANGLE_STRIP => (2..n).map(|i| if i % 2 == 0 { [i - 2, i - 1, i] } else { [i - 1, i - 2, i] }).collect(),
+        e::TRIANGLE_FAN => (2..n).map(|i| [0, i - 1, i]).collect(),
+        // The first vertex of a polygon gives its flat colour.
+        e::POLYGON => (2..n).map(|i| [i - 1, i, 0]).collect(),
+        e::QUADS => (0..n / 4).flat_map(|k| quad([4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3])).collect(),
+        e::QUAD_STRIP => {
+            (0..n.saturating_sub(2) / 2).map(|k| 2 * k).flat_map(|i| [[i + 2, i, i + 3], [i, i + 1, i + 3]]).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
 /// Whether four corners in order are those of a rectangle along the axes of x and y.
-fn is_upright(corners: [[f32; 4]; 4]) -> bool {
+pub fn is_upright(corners: [[f32; 4]; 4]) -> bool {
     let same = |axis: usize, p: usize, q: usize| corners[p][axis] == corners[q][axis];
     let along = |first: usize| {
         let second = 1 - first;

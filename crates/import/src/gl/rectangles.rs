@@ -152,6 +152,7 @@ impl Gl {
         self.card.draw(Draw {
             pipeline,
             uniforms,
+            buffers: None,
             vertices,
             streams: Vec::new(),
             first: Some(first),
@@ -264,7 +265,7 @@ pub(super) fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             let tested = gl.state.is(e::DEPTH_TEST);
             if let Some(depth) = fixed.depth.as_mut().filter(|_| tested) {
                 depth.depth_write = gl.state.depth_write;
-                depth.depth_compare = super::draw::compare(gl.state.depth_func);
+                depth.depth_compare = super::fixed::compare(gl.state.depth_func);
             }
             if gl.state.is(e::STENCIL_TEST) {
                 return Err(Fault::Unsupported("depths that are drawn with a stencil test".into()));

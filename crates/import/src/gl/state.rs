@@ -18,11 +18,14 @@ pub const PLANES: usize = 6;
 /// Texture targets of a unit, in order of rising precedence.
 pub const TARGETS: [u32; 5] = [e::TEXTURE_1D, e::TEXTURE_2D, e::TEXTURE_RECTANGLE, e::TEXTURE_3D, e::TEXTURE_CUBE_MAP];
 
+/// Texture units whose coordinates a vertex has itself. Few programs use more.
+const OWN: usize = 2;
+
 /// Attributes that most programs leave as they are. Vertices share them.
 #[derive(Clone, Debug, PartialEq)]
 struct More {
-    /// Texture coordinates of all units but the first.
-    texture: [[f32; 4]; UNITS - 1],
+    /// Texture coordinates of the other units.
+    texture: [[f32; 4]; UNITS - OWN],
     /// Generic attributes.
     generic: [[f32; 4]; GENERICS],
 }
@@ -40,8 +43,8 @@ pub struct Vertex {
     pub secondary: [f32; 3],
     /// Fog coordinate.
     pub fog: f32,
-    /// Texture coordinates of the first unit.
-    first: [f32; 4],
+    /// Texture coordinates of the first units.
+    own: [[f32; 4]; OWN],
     more: Rc<More>,
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
@@ -52,15 +55,15 @@ pub struct Vertex {
 impl Vertex {
     /// Texture coordinates of a unit.
     pub fn texture(&self, unit: usize) -> [f32; 4] {
-        if unit == 0 { self.first } else { self.more.texture[unit - 1] }
+        if unit < OWN { self.own[unit] } else { self.more.texture[unit - OWN] }
     }
 
     /// Sets texture coordinates of a unit.
     pub fn set_texture(&mut self, unit: usize, value: [f32; 4]) {
-        if unit == 0 {
-            self.first = value;
-        } else if self.more.texture[unit - 1] != value {
-            Rc::make_mut(&mut self.more).texture[unit - 1] = value;
+        if unit < OWN {
+            self.own[unit] = value;
+        } else if self.more.texture[unit - OWN] != value {
+            Rc::make_mut(&mut self.more).texture[unit - OWN] = value;
         }
     }
 
@@ -76,16 +79,55 @@ impl Vertex {
         }
     }
 
-    /// Takes generic attributes and texture coordinates of all units but the first from another vertex.
-    pub fn share(&mut self, other: &Vertex) {
-        self.more = other.more.clone();
+    /// This vertex, with attributes that are not in `arrays` from another one: bit 1 normal, 2 colour, 3 secondary colour, 4 fog coordinate,
+    /// 5 edge flag, from 8 on texture coordinates, from 16 on generic attributes.
+    pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
+        let mut vertex = self.clone();
+        let has = |bit: usize| arrays & 1 << bit != 0;
+        if !has(1) {
+            vertex.normal = current.normal;
+        }
+        if !has(2) {
+            vertex.color = current.color;
+        }
+        if !has(3) {
+            vertex.secondary = current.secondary;
+        }
+        if !has(4) {
+            vertex.fog = current.fog;
+        }
+        if !has(5) {
+            vertex.edge = current.edge;
+        }
+        for unit in (0..OWN).filter(|&unit| !has(8 + unit)) {
+            vertex.own[unit] = current.own[unit];
+        }
+        if arrays & MORE == 0 {
+            vertex.more = current.more.clone();
+        } else {
+            for unit in (OWN..UNITS).filter(|&unit| !has(8 + unit)) {
+                vertex.set_texture(unit, current.texture(unit));
+            }
+            for k in (1..GENERICS).filter(|&k| !has(16 + k)) {
+                vertex.set_generic(k, current.generic(k));
+            }
+        }
+        vertex
     }
 
-    /// Whether generic attributes and texture coordinates of all units but the first are those of another vertex, as far as that is known
-    /// without a look at them.
+    /// Whether all attributes that vertices share are those of another vertex, as far as that is known without a look at them. They are
+    /// generic attributes, and texture coordinates of units from [`Vertex::UNSHARED`] on.
     pub fn shares(&self, other: &Vertex) -> bool {
         Rc::ptr_eq(&self.more, &other.more)
     }
+}
+
+/// Bits of the attributes that vertices share.
+const MORE: u32 = ((1 << UNITS) - (1 << OWN)) << 8 | ((1 << GENERICS) - 2) << 16;
+
+impl Vertex {
+    /// Texture units whose coordinates no vertex shares with another one.
+    pub const UNSHARED: usize = OWN;
 }
 
 /// A light; positions and directions are in eye space.
@@ -341,8 +383,8 @@ impl Default for State {
             color: white,
             secondary: [0.0; 3],
             fog: 0.0,
-            first: black,
-            more: Rc::new(More { texture: [black; UNITS - 1], generic: [black; GENERICS] }),
+            own: [black; OWN],
+            more: Rc::new(More { texture: [black; UNITS - OWN], generic: [black; GENERICS] }),
             edge: true,
             along: 0.0,
         };

@@ -12,6 +12,8 @@ use super::{
 pub enum Moment {
     /// Also between Begin and End; what waits goes on to wait.
     Vertex,
+    /// As [`Moment::Vertex`], but a display list keeps what it comes to when the list is made.
+    Element,
     /// It changes the server's state, or reads it.
     Server,
     /// It is the client's alone: no display list has it.
@@ -32,6 +34,45 @@ pub struct Entry {
     pub moment: Moment,
     /// What the end of its name says.
     pub shape: Shape,
+    /// What it does between Begin and End.
+    pub part: Part,
+}
+
+/// What a function does between Begin and End.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// It begins a primitive.
+    Begin,
+    /// It ends one.
+    End,
+    /// It sends a vertex with the current attributes.
+    Vertex,
+    /// It sets the current attribute of this bit of [`super::state::Vertex::over`].
+    Attribute(u32),
+    /// It sets texture coordinates of a unit that is an argument.
+    Unit,
+    /// It may set any attribute.
+    Attributes,
+    /// It leaves attributes as they are.
+    Other,
+}
+
+fn part(core: &str, stem: Option<&str>) -> Part {
+    match (core, stem) {
+        ("Begin", _) => Part::Begin,
+        ("End", _) => Part::End,
+        ("EdgeFlag" | "EdgeFlagv", _) => Part::Attribute(5),
+        ("CallList" | "CallLists" | "PopAttrib", _) => Part::Attributes,
+        (_, Some("Vertex")) => Part::Vertex,
+        (_, Some("Normal")) => Part::Attribute(1),
+        (_, Some("Color")) => Part::Attribute(2),
+        (_, Some("SecondaryColor")) => Part::Attribute(3),
+        (_, Some("FogCoord")) => Part::Attribute(4),
+        (_, Some("TexCoord")) => Part::Attribute(8),
+        (_, Some("MultiTexCoord")) => Part::Unit,
+        (_, Some("VertexAttrib" | "VertexAttrib4N")) => Part::Attributes,
+        _ => Part::Other,
+    }
 }
 
 fn nothing(_: &mut Gl, _: &Call, _: Shape) -> Outcome {
@@ -45,20 +86,20 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// The entry of a function of this name; what is not known is refused by name when it is called.
 pub fn find(name: &str) -> Entry {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
-    let entry = |(moment, run): (Moment, Run), shape| Entry { run, moment, shape };
-    let Some(core) = core_name(name) else { return entry(window_system(name), plain) };
+    let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part };
+    let Some(core) = core_name(name) else { return entry(window_system(name), plain, Part::Other) };
     if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
-        return entry(window, plain);
+        return entry(window, plain, Part::Other);
     }
     if let Some(found) = exact(core) {
-        return entry(found, plain);
+        return entry(found, plain, part(core, None));
     }
     if let Some((stem, shape)) = shape(core)
         && let Some(found) = typed(stem)
     {
-        return entry(found, shape);
+        return entry(found, shape, part(core, Some(stem)));
     }
-    entry((Moment::Client, unknown), plain)
+    entry((Moment::Client, unknown), plain, Part::Other)
 }
 
 fn window_system(name: &str) -> (Moment, Run) {
@@ -74,12 +115,12 @@ fn window_system(name: &str) -> (Moment, Run) {
 
 /// Functions whose names have no types.
 fn exact(name: &str) -> Option<(Moment, Run)> {
-    use Moment::{Client, Ignored, Server, Vertex};
+    use Moment::{Client, Element, Ignored, Server, Vertex};
     let found: (Moment, Run) = match name {
         "Begin" => (Vertex, immediate::begin),
         "End" => (Vertex, immediate::end),
         "EdgeFlag" | "EdgeFlagv" => (Vertex, immediate::edge_flag),
-        "ArrayElement" => (Vertex, arrays::array_element),
+        "ArrayElement" => (Element, arrays::array_element),
         "CallList" => (Vertex, lists::call_list),
         "CallLists" => (Vertex, lists::call_lists),
         "NewList" => (Client, lists::new_list),

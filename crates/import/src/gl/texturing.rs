@@ -448,7 +448,7 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
                 _ => return Err(INVALID_ENUM),
             },
             e::TEXTURE_COMPARE_FUNC if (e::NEVER..=e::ALWAYS).contains(&word) => {
-                texture.compare_func = super::draw::compare(word);
+                texture.compare_func = super::fixed::compare(word);
                 texture.compare = texture.compare.map(|_| texture.compare_func);
             }
             e::TEXTURE_COMPARE_MODE if matches!(word, e::NONE | e::COMPARE_REF_TO_TEXTURE) => {

@@ -28,43 +28,70 @@ const ARGUMENTS_MAX: u64 = 1 << 10;
 pub struct Apitrace {
     bytes: Chunks,
     version: u64,
-    functions: Table<(Rc<Function>, u64)>,
+    functions: Table<(Rc<Function>, u32)>,
     /// Old enumerants have their value in the signature.
     enums: Table<f64>,
     bitmasks: Table<()>,
     /// Members of structures.
     structs: Table<u64>,
     frames: Table<()>,
+    /// The call that was entered last, if it has not been left.
+    last: Option<Call>,
+    /// Those before it that have not been left.
     open: BTreeMap<u64, Call>,
+    /// Room of arguments of calls that are done.
+    spare: Vec<Vec<Arg>>,
     next: u64,
     ended: bool,
 }
 
-/// Signatures by their number.
-struct Table<T>(BTreeMap<u64, T>);
+/// Rooms of arguments that are kept.
+const SPARE_MAX: usize = 8;
+
+/// Signatures by their number. apitrace numbers them from 0; only a damaged recording has large numbers.
+struct Table<T> {
+    small: Vec<Option<T>>,
+    large: BTreeMap<u64, T>,
+    count: u64,
+}
+
+/// Numbers of signatures below this are small.
+const SMALL: u64 = 1 << 14;
 
 impl<T> Default for Table<T> {
     fn default() -> Self {
-        Table(BTreeMap::new())
+        Table { small: Vec::new(), large: BTreeMap::new(), count: 0 }
     }
 }
 
 impl<T: Clone> Table<T> {
-    fn get(&self, id: u64) -> Option<T> {
-        self.0.get(&id).cloned()
+    #[inline]
+    fn get(&self, id: u64) -> Option<&T> {
+        match self.small.get(id as usize) {
+            Some(place) if id < SMALL => place.as_ref(),
+            _ => self.large.get(&id),
+        }
     }
 
     fn insert(&mut self, id: u64, value: T) -> Result<T, Stop> {
-        if self.0.len() as u64 >= SIGNATURES_MAX {
-            return Err(Stop::Broken(format!("more than {SIGNATURES_MAX} signatures")));
+        if self.count >= SIGNATURES_MAX {
+            return broken(format!("more than {SIGNATURES_MAX} signatures"));
         }
-        self.0.insert(id, value.clone());
+        self.count += 1;
+        if id < SMALL {
+            if self.small.len() <= id as usize {
+                self.small.resize(id as usize + 1, None);
+            }
+            self.small[id as usize] = Some(value.clone());
+        } else {
+            self.large.insert(id, value.clone());
+        }
         Ok(value)
     }
 }
 
 fn broken<T>(reason: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Broken(reason.into()))
+    Err(Stop::broken(reason))
 }
 
 impl Apitrace {
@@ -79,7 +106,9 @@ impl Apitrace {
             bitmasks: Table::default(),
             structs: Table::default(),
             frames: Table::default(),
+            last: None,
             open: BTreeMap::new(),
+            spare: Vec::new(),
             next: 0,
             ended: false,
         };
@@ -92,7 +121,7 @@ impl Apitrace {
     fn broken(&self, stop: Stop) -> Broken {
         let reason = match stop {
             Stop::End => "the recording ends inside a call or its header".into(),
-            Stop::Broken(reason) => reason,
+            Stop::Broken(reason) => *reason,
         };
         Broken { call: self.next.saturating_sub(1), place: self.bytes.offset(), reason }
     }
@@ -123,7 +152,8 @@ impl Apitrace {
                 Ok(0) => self.enter(place)?,
                 Ok(1) => {
                     let number = self.uint()?;
-                    let Some(mut call) = self.open.remove(&number) else {
+                    let last = self.last.take_if(|call| call.number == number);
+                    let Some(mut call) = last.or_else(|| self.open.remove(&number)) else {
                         return broken(format!("call {number} is left, but was not entered"));
                     };
                     self.details(&mut call)?;
@@ -135,7 +165,16 @@ impl Apitrace {
             }
         }
         // Calls in which the program ended.
-        Ok(self.open.pop_first().map(|(_, call)| call))
+        Ok(self.open.pop_first().map(|(_, call)| call).or_else(|| self.last.take()))
+    }
+
+    /// Takes back a call that has been run: the room of its arguments is used again.
+    pub fn done(&mut self, call: Call) {
+        if self.spare.len() < SPARE_MAX {
+            let mut args = call.args;
+            args.clear();
+            self.spare.push(args);
+        }
     }
 
     fn enter(&mut self, place: u64) -> Result<(), Stop> {
@@ -146,7 +185,7 @@ impl Apitrace {
         }
         let id = self.uint()?;
         let (function, count) = match self.functions.get(id) {
-            Some(known) => known,
+            Some((function, count)) => (function.clone(), *count),
             None => {
                 let name = self.string()?;
                 let count = self.uint()?;
@@ -156,16 +195,21 @@ impl Apitrace {
                 for _ in 0..count {
                     self.string()?;
                 }
-                let function = Rc::new(Function { id: self.functions.0.len() as u32, name: name.into() });
-                self.functions.insert(id, (function, count))?
+                let function = Rc::new(Function { id: self.functions.count as u32, name: name.into() });
+                self.functions.insert(id, (function, count as u32))?
             }
         };
-        let mut call = Call { number, place, function, args: vec![Arg::Null; count as usize], result: Arg::Null };
+        let mut args = self.spare.pop().unwrap_or_default();
+        args.resize(count as usize, Arg::Null);
+        let mut call = Call { number, place, function, args, result: Arg::Null };
         self.details(&mut call)?;
-        if self.open.len() >= OPEN_MAX {
-            return broken(format!("more than {OPEN_MAX} calls are entered and not left"));
+        if let Some(before) = self.last.replace(call) {
+            // Another thread's call, or one within a call.
+            if self.open.len() >= OPEN_MAX {
+                return broken(format!("more than {OPEN_MAX} calls are entered and not left"));
+            }
+            self.open.insert(before.number, before);
         }
-        self.open.insert(number, call);
         Ok(())
     }
 
@@ -212,6 +256,7 @@ impl Apitrace {
         }
     }
 
+    #[inline]
     fn value(&mut self, depth: u32) -> Result<Arg, Stop> {
         if depth > NESTING_MAX {
             return broken(format!("values nested more than {NESTING_MAX} deep"));
@@ -232,7 +277,7 @@ impl Apitrace {
             7 => Arg::Str(self.string()?.into()),
             8 => {
                 let length = self.uint()?;
-                Arg::Blob(self.bytes.bytes(length)?.into())
+                Arg::Blob(self.bytes.bytes(length)?)
             }
             9 => Arg::Num(self.enumerant()?),
             10 => {
@@ -273,21 +318,38 @@ impl Apitrace {
         if length > ELEMENTS_MAX {
             return broken(format!("an array of {length} elements"));
         }
+        // Most are vectors and matrices.
+        if length <= 16 && depth == 0 {
+            let mut numbers = [0.0; 16];
+            let mut known = 0;
+            for place in &mut numbers[..length as usize] {
+                match self.value(depth + 1)? {
+                    Arg::Num(number) => *place = number,
+                    other => return self.rest_of_array(&numbers[..known], other, length, depth),
+                }
+                known += 1;
+            }
+            return Ok(Arg::Nums(numbers[..known].into()));
+        }
         let mut numbers = Vec::new();
-        for done in 0..length {
+        for _ in 0..length {
             match self.value(depth + 1)? {
                 Arg::Num(number) => numbers.push(number),
-                other => {
-                    let mut list: Vec<Arg> = numbers.into_iter().map(Arg::Num).collect();
-                    list.push(other);
-                    for _ in done + 1..length {
-                        list.push(self.value(depth + 1)?);
-                    }
-                    return Ok(Arg::List(list.into()));
-                }
+                other => return self.rest_of_array(&numbers, other, length, depth),
             }
         }
         Ok(Arg::Nums(numbers.into()))
+    }
+
+    /// An array of values of which one is no number: the numbers before it, itself, and what follows.
+    #[cold]
+    fn rest_of_array(&mut self, numbers: &[f64], other: Arg, length: u64, depth: u32) -> Result<Arg, Stop> {
+        let mut list: Vec<Arg> = numbers.iter().copied().map(Arg::Num).collect();
+        list.push(other);
+        while (list.len() as u64) < length {
+            list.push(self.value(depth + 1)?);
+        }
+        Ok(Arg::List(list.into()))
     }
 
     fn enumerant(&mut self) -> Result<f64, Stop> {
@@ -295,7 +357,7 @@ impl Apitrace {
         if self.version < 3 {
             // Each name is a signature of its own.
             return match self.enums.get(id) {
-                Some(value) => Ok(value),
+                Some(&value) => Ok(value),
                 None => {
                     self.string()?;
                     let value = self.sint()?;
@@ -327,7 +389,7 @@ impl Apitrace {
 
     fn structure(&mut self) -> Result<u64, Stop> {
         let id = self.uint()?;
-        if let Some(members) = self.structs.get(id) {
+        if let Some(&members) = self.structs.get(id) {
             return Ok(members);
         }
         let name = self.string()?;
@@ -342,9 +404,16 @@ impl Apitrace {
     }
 
     /// An integer of 7 bits a byte, low bits first.
+    #[inline(always)]
     fn uint(&mut self) -> Result<u64, Stop> {
-        let mut value = 0_u64;
-        let mut shift = 0;
+        let byte = self.bytes.byte()?;
+        if byte & 0x80 == 0 { Ok(u64::from(byte)) } else { self.long_uint(byte) }
+    }
+
+    /// An integer of several bytes, of which the first has been read.
+    fn long_uint(&mut self, first: u8) -> Result<u64, Stop> {
+        let mut value = u64::from(first & 0x7f);
+        let mut shift = 7;
         loop {
             let byte = self.bytes.byte()?;
             let bits = u64::from(byte & 0x7f);
@@ -370,9 +439,6 @@ impl Apitrace {
     fn string(&mut self) -> Result<String, Stop> {
         let length = self.uint()?;
         let bytes = self.bytes.bytes(length)?;
-        Ok(match String::from_utf8(bytes) {
-            Ok(text) => text,
-            Err(error) => String::from_utf8_lossy(error.as_bytes()).into_owned(),
-        })
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 }

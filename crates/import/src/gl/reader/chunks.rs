@@ -1,6 +1,7 @@
 //! The expanded bytes of a file, a piece at a time: Snappy chunks as apitrace writes them, gzip, Brotli, or plain.
 
 use std::io::{BufReader, Read};
+use std::rc::Rc;
 
 use brotli_decompressor::Decompressor;
 use flate2::read::MultiGzDecoder;
@@ -31,13 +32,21 @@ pub struct Chunks {
     limits: Limits,
 }
 
-/// Why there is no next byte.
+/// Why there is no next byte. It is one word, so that a byte or the reason why there is none travels in registers.
 #[derive(Debug)]
 pub enum Stop {
     /// The file ends here.
     End,
     /// It cannot be read or expanded.
-    Broken(String),
+    Broken(Box<String>),
+}
+
+impl Stop {
+    /// A reason.
+    #[cold]
+    pub fn broken(reason: impl Into<String>) -> Stop {
+        Stop::Broken(Box::new(reason.into()))
+    }
 }
 
 impl Chunks {
@@ -72,7 +81,7 @@ impl Chunks {
 
     /// Bytes that a value of this length needs are allowed.
     pub fn allow(&self, length: u64) -> Result<(), Stop> {
-        self.limits.trace_bytes.check(self.offset().saturating_add(length)).map_err(|error| Stop::Broken(error.to_string()))
+        self.limits.trace_bytes.check(self.offset().saturating_add(length)).map_err(|error| Stop::broken(error.to_string()))
     }
 
     /// Replaces the piece, which is used up, by the next one.
@@ -81,7 +90,7 @@ impl Chunks {
         self.before += self.piece.len() as u64;
         self.at = 0;
         self.piece.clear();
-        let broken = |what: &str, error: &dyn std::fmt::Display| Stop::Broken(format!("{what}: {error}"));
+        let broken = |what: &str, error: &dyn std::fmt::Display| Stop::broken(format!("{what}: {error}"));
         while self.piece.is_empty() {
             match &mut self.packing {
                 Packing::Stream(stream) => {
@@ -99,11 +108,11 @@ impl Chunks {
                         0 => return Err(Stop::End),
                         _ => file
                             .read_exact(&mut length[1..])
-                            .map_err(|_| Stop::Broken("ends inside the length of a chunk".into()))?,
+                            .map_err(|_| Stop::broken("ends inside the length of a chunk"))?,
                     }
                     let length = u32::from_le_bytes(length) as usize;
                     if length > snap::raw::max_compress_len(CHUNK_MAX) {
-                        return Err(Stop::Broken(format!("a chunk of {length} bytes, longer than any")));
+                        return Err(Stop::broken(format!("a chunk of {length} bytes, longer than any")));
                     }
                     self.packed.clear();
                     let read = file
@@ -111,12 +120,12 @@ impl Chunks {
                         .read_to_end(&mut self.packed)
                         .map_err(|error| broken("cannot be read", &error))?;
                     if read < length {
-                        return Err(Stop::Broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
+                        return Err(Stop::broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
                     }
                     let expanded = snap::raw::decompress_len(&self.packed).map_err(|error| broken("a Snappy chunk", &error))?;
                     // Three bytes of Snappy stand for 64 at most.
                     if expanded > CHUNK_MAX.min(length.saturating_mul(64)) {
-                        return Err(Stop::Broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
+                        return Err(Stop::broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
                     }
                     self.piece.resize(expanded, 0);
                     let done =
@@ -125,23 +134,36 @@ impl Chunks {
                 }
             }
         }
-        self.limits.trace_bytes.check(self.before + self.piece.len() as u64).map_err(|error| Stop::Broken(error.to_string()))
+        self.limits.trace_bytes.check(self.before + self.piece.len() as u64).map_err(|error| Stop::broken(error.to_string()))
     }
 
     /// The next byte.
-    #[inline]
+    #[inline(always)]
     pub fn byte(&mut self) -> Result<u8, Stop> {
-        if self.at == self.piece.len() {
-            self.refill()?;
+        match self.piece.get(self.at) {
+            Some(&byte) => {
+                self.at += 1;
+                Ok(byte)
+            }
+            None => self.first_of_next(),
         }
-        let byte = self.piece[self.at];
-        self.at += 1;
-        Ok(byte)
     }
 
-    /// The next bytes, in a vector that grows with what is there.
-    pub fn bytes(&mut self, length: u64) -> Result<Vec<u8>, Stop> {
+    #[cold]
+    fn first_of_next(&mut self) -> Result<u8, Stop> {
+        self.refill()?;
+        self.at = 1;
+        Ok(self.piece[0])
+    }
+
+    /// The next bytes; their memory grows with what is there.
+    pub fn bytes(&mut self, length: u64) -> Result<Rc<[u8]>, Stop> {
         self.allow(length)?;
+        let end = usize::try_from(length).ok().and_then(|length| self.at.checked_add(length));
+        if let Some(here) = end.and_then(|end| self.piece.get(self.at..end)) {
+            self.at += here.len();
+            return Ok(here.into());
+        }
         let mut bytes = Vec::new();
         let mut left = length;
         while left > 0 {
@@ -153,10 +175,24 @@ impl Chunks {
             self.at += part;
             left -= part as u64;
         }
-        Ok(bytes)
+        Ok(bytes.into())
+    }
+
+    /// Appends the next bytes up to the end of a line, with it; whether it was found. At the end of the text there are none.
+    pub fn line(&mut self, line: &mut Vec<u8>) -> Result<bool, Stop> {
+        if self.at == self.piece.len() {
+            self.refill()?;
+        }
+        let rest = &self.piece[self.at..];
+        let end = rest.iter().position(|&byte| byte == b'\n').map(|end| end + 1);
+        let part = &rest[..end.unwrap_or(rest.len())];
+        line.extend_from_slice(part);
+        self.at += part.len();
+        Ok(end.is_some())
     }
 
     /// The next bytes, a known number.
+    #[inline]
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
         let mut bytes = [0; N];
         if let Some(here) = self.piece.get(self.at..self.at + N) {

@@ -107,7 +107,7 @@ impl GliText {
         match first.trim_end() {
             "GLI0.t" => {}
             "GLI0.h" => reader.hexadecimal = true,
-            _ => return Err(reader.broken(Stop::Broken("does not begin with GLI0.t or GLI0.h".into()))),
+            _ => return Err(reader.broken(Stop::broken("does not begin with GLI0.t or GLI0.h"))),
         }
         Ok(reader)
     }
@@ -115,7 +115,7 @@ impl GliText {
     fn broken(&self, stop: Stop) -> Broken {
         let reason = match stop {
             Stop::End => "the recording ends inside a call".into(),
-            Stop::Broken(reason) => reason,
+            Stop::Broken(reason) => *reason,
         };
         Broken { call: self.next, place: self.line, reason }
     }
@@ -124,17 +124,15 @@ impl GliText {
     fn line(&mut self) -> Result<Option<String>, Stop> {
         let mut line = Vec::new();
         loop {
-            match self.bytes.byte() {
-                Ok(byte) => line.push(byte),
+            match self.bytes.line(&mut line) {
+                Ok(true) => break,
+                Ok(false) => {}
                 Err(Stop::End) if line.is_empty() => return Ok(None),
                 Err(Stop::End) => break,
                 Err(stop) => return Err(stop),
             }
-            if line.ends_with(b"\n") {
-                break;
-            }
             if line.len() > CALL_MAX {
-                return Err(Stop::Broken(format!("a line of more than {CALL_MAX} bytes")));
+                return Err(Stop::broken(format!("a line of more than {CALL_MAX} bytes")));
             }
         }
         self.line += 1;
@@ -161,10 +159,10 @@ impl GliText {
             while text.bytes().filter(|&byte| byte == b'"').count() % 2 == 1 {
                 text.push_str(&self.line()?.ok_or(Stop::End)?);
                 if text.len() > CALL_MAX {
-                    return Err(Stop::Broken(format!("a call of more than {CALL_MAX} bytes")));
+                    return Err(Stop::broken(format!("a call of more than {CALL_MAX} bytes")));
                 }
             }
-            let call = self.call(text.trim(), place).map_err(Stop::Broken)?;
+            let call = self.call(text.trim(), place).map_err(Stop::broken)?;
             self.next += 1;
             return Ok(Some(call));
         }

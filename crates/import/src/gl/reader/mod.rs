@@ -38,6 +38,13 @@ impl Reader {
         }
     }
 
+    /// Takes back a call that has been run.
+    pub fn done(&mut self, call: Call) {
+        if let Reader::Apitrace(reader) = self {
+            reader.done(call);
+        }
+    }
+
     /// The window's size, where the recording states it by now.
     pub fn window(&self) -> Option<[u32; 2]> {
         match self {

@@ -1,0 +1,107 @@
+//! Clears, and what limits all that is drawn: scissor and masks.
+
+use gfx::state::*;
+
+use super::call::Outcome;
+use super::card::{Draw, Fixed};
+use super::consts as e;
+use super::machine::Gl;
+
+const CLEAR_TEXT: &str = "struct Uniforms { color: vec4f, depth: vec4f }\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
+    @vertex fn vs(@location(0) position: vec2f) -> @builtin(position) vec4f { return vec4f(position, u.depth.x, 1); }\n\
+    @fragment fn fs() -> @location(0) vec4f { return u.color; }\n";
+
+impl Gl {
+    /// The scissor in the card's rows; none if it is empty.
+    pub fn scissor(&self) -> Option<Rect> {
+        let target = self.card.target()?;
+        let [width, height] = target.size.map(i64::from);
+        let [mut x0, mut y0, mut x1, mut y1] = [0, 0, width, height];
+        if self.state.is(e::SCISSOR_TEST) {
+            let [x, y, w, h] = self.state.scissor.map(i64::from);
+            (x0, y0, x1, y1) = (x0.max(x), y0.max(y), x1.min(x + w), y1.min(y + h));
+        }
+        if x0 >= x1 || y0 >= y1 {
+            return None;
+        }
+        let y = if target.upward { y0 } else { height - y1 };
+        Some(Rect { x: x0 as u32, y: y as u32, width: (x1 - x0) as u32, height: (y1 - y0) as u32 })
+    }
+
+    /// Channels that are written: a window may have no alpha.
+    pub fn mask(&self) -> u8 {
+        let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
+        let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;
+        if off { 0 } else { self.state.color_mask & if target.alpha { 15 } else { 7 } }
+    }
+
+    /// Clears buffers, or the part of them that scissor and masks leave.
+    pub fn clear_buffers(&mut self, mask: u32) -> Outcome {
+        let Some(target) = self.aim()? else { return Ok(()) };
+        let Some(scissor) = self.scissor() else { return Ok(()) };
+        let [width, height] = target.size;
+        let all = if target.alpha { 15 } else { 7 };
+        let whole = scissor == Rect { x: 0, y: 0, width, height };
+        let state = &self.state;
+        let wanted = |bit: u32| mask & bit != 0;
+        let channels = if wanted(e::COLOR_BUFFER_BIT) { self.mask() } else { 0 };
+        let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
+        let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
+        let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
+        let partial = !whole || channels != 0 && channels != all || !matches!(stencil_mask, 0 | 0xff);
+        if !partial {
+            self.card.clear((channels == all).then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
+            return Ok(());
+        }
+        let face = StencilFace { pass_op: StencilOp::Replace, depth_fail_op: StencilOp::Replace, ..StencilFace::default() };
+        let fixed = Fixed {
+            shader: self.card.plain_shader("clear", CLEAR_TEXT),
+            attributes: vec![(0, VertexFormat::Float32x2)],
+            streams: false,
+            primitive: Primitive::default(),
+            color: target.color.map(|surface| surface.format),
+            depth: target.depth.map(|surface| DepthStencil {
+                format: surface.format,
+                depth_write: depth,
+                depth_compare: Compare::Always,
+                stencil_front: if stencil_mask != 0 { face } else { StencilFace::default() },
+                stencil_back: if stencil_mask != 0 { face } else { StencilFace::default() },
+                stencil_read_mask: 0xff,
+                stencil_write_mask: stencil_mask,
+                bias: 0,
+                bias_slope: 0.0,
+                bias_clamp: 0.0,
+            }),
+            blend: None,
+            mask: channels,
+            textures: 0,
+        };
+        let pipeline = self.card.pipeline(&fixed);
+        let alpha = if target.alpha { color[3] } else { 1.0 };
+        let values = [color[0], color[1], color[2], alpha, z, 0.0, 0.0, 0.0];
+        let uniforms = self.card.uniforms(&values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+        let pass = &mut self.card.pass;
+        let (vertices, first) = (pass.vertices.len() as u64, pass.indices.len() as u32);
+        pass.vertices.extend([-1.0_f32, -1.0, 3.0, -1.0, -1.0, 3.0].iter().flat_map(|value| value.to_le_bytes()));
+        pass.indices.extend([0, 1, 2]);
+        let viewport = Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
+        let blend = [0.0; 4];
+        self.card.draw(Draw {
+            pipeline,
+            uniforms,
+            buffers: None,
+            vertices,
+            streams: Vec::new(),
+            first: Some(first),
+            count: 3,
+            textures: None,
+            viewport,
+            scissor,
+            blend,
+            stencil,
+            writes: fixed.writes(),
+            query: None,
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,155 @@
+//! The key of a draw's shader: what the state at hand asks for, and no more.
+
+use super::arb::{GENERICS, input};
+use super::call::Outcome;
+use super::consts as e;
+use super::draw::kind_of;
+use super::image::Base;
+use super::key::*;
+use super::machine::Gl;
+use super::matrix::IDENTITY;
+use super::primitive::{Batch, Class, Sent};
+use super::state::{PLANES, UNITS};
+use super::summary::Summary;
+use super::texture::Bound;
+
+impl Gl {
+    /// The key of a unit, and the texture of a target if it is complete.
+    pub(super) fn unit(&mut self, unit: usize, target: Option<usize>, class: Class) -> Outcome<(UnitKey, Option<Bound>)> {
+        let bound = match target {
+            None => None,
+            Some(target) => {
+                let name = self.state.units[unit].bound[target];
+                self.texture(unit, target);
+                let (table, key) =
+                    if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
+                match table.get_mut(&key) {
+                    Some(texture) => texture.bind(&mut self.card)?,
+                    None => None,
+                }
+            }
+        };
+        let state = &self.state.units[unit];
+        let made: [Option<Made>; 4] = std::array::from_fn(|k| {
+            let on = state.generated & 1 << k != 0;
+            on.then(|| match state.generation[k].mode {
+                e::OBJECT_LINEAR => Made::Object,
+                e::SPHERE_MAP => Made::Sphere,
+                e::REFLECTION_MAP => Made::Reflection,
+                e::NORMAL_MAP => Made::Normal,
+                _ => Made::Eye,
+            })
+        });
+        let m = &self.texture_matrices[unit].top;
+        let env = &state.environment;
+        let environment = match env.mode {
+            e::COMBINE => EnvironmentKey::Combine(env.combine, env.sources, env.operands, env.scales != [1.0; 2]),
+            mode => EnvironmentKey::Mode(mode),
+        };
+        let sprite = class == Class::Points && self.state.is(e::POINT_SPRITE) && self.state.point_sprites & 1 << unit != 0;
+        let key = UnitKey {
+            unit,
+            coordinates: false,
+            sampled: false,
+            kind: target.map_or(Kind::D2, kind_of),
+            base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
+            clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
+            depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),
+            matrix: *m != IDENTITY && !sprite,
+            projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
+            bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
+            made,
+            sprite,
+            environment,
+        };
+        Ok((key, bound))
+    }
+
+    /// The key of a draw whose units have these keys.
+    pub(super) fn key(&self, batch: &Batch, summary: &Summary, mut units: Vec<UnitKey>) -> Outcome<ShaderKey> {
+        let state = &self.state;
+        for unit in units.iter_mut().filter(|unit| !unit.projective && !unit.sprite) {
+            unit.projective = summary.projective(unit.unit);
+        }
+        let back = batch.polygon == Some(true) && state.two_side;
+        let lighting = state.is(e::LIGHTING).then(|| {
+            let lights = state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32));
+            let lights: Vec<LightKey> = lights
+                .map(|(_, light)| LightKey {
+                    directional: light.position[3] == 0.0,
+                    spot: light.spot_cutoff != 180.0,
+                    attenuated: light.attenuation != [1.0, 0.0, 0.0],
+                })
+                .collect();
+            let tracked = match state.color_material[1] {
+                _ if !state.is(e::COLOR_MATERIAL) => 0,
+                e::AMBIENT => 1,
+                e::DIFFUSE => 2,
+                e::AMBIENT_AND_DIFFUSE => 3,
+                e::SPECULAR => 4,
+                _ => 8,
+            };
+            let face = |face: u32| {
+                if matches!(state.color_material[0], f if f == face || f == e::FRONT_AND_BACK) { tracked } else { 0 }
+            };
+            let two_side = state.two_side && batch.class == Class::Triangles;
+            let shiny = |face: usize| state.materials[face].specular[..3] != [0.0; 3] || tracked == 4;
+            LightingKey {
+                specular: !lights.is_empty() && (shiny(0) || two_side && shiny(1) || back && shiny(1)),
+                lights,
+                local_viewer: state.local_viewer,
+                two_side,
+                separate: state.separate_specular,
+                color_material: [face(e::FRONT), face(e::BACK)],
+            }
+        });
+        let normalize = if state.is(e::NORMALIZE) { 1 } else { 2 * u8::from(state.is(e::RESCALE_NORMAL)) };
+        let attenuated_point = batch.class == Class::Points && state.point_attenuation != [1.0, 0.0, 0.0];
+        let sprite = units.iter().any(|unit| unit.sprite);
+        let expand = match batch.class {
+            Class::Points if state.is(e::POINT_SMOOTH) && !state.is(e::POINT_SPRITE) => Expand::SmoothPoint,
+            Class::Points if state.point_size > 1.0 || attenuated_point || sprite => Expand::Point,
+            Class::Lines if state.is(e::LINE_SMOOTH) => Expand::SmoothLine,
+            Class::Lines if state.line_width >= 1.5 => Expand::Line,
+            _ => Expand::No,
+        };
+        Ok(ShaderKey {
+            varying: Varying::default(),
+            lighting,
+            normalize,
+            units,
+            color_sum: state.is(e::COLOR_SUM) && !state.is(e::LIGHTING),
+            flat: state.flat,
+            fog: state.is(e::FOG).then_some(state.fog_mode),
+            fog_coordinate: state.is(e::FOG) && state.fog_from_coordinate,
+            alpha: (state.is(e::ALPHA_TEST) && state.alpha.0 != e::ALWAYS).then_some(state.alpha.0),
+            planes: (0..PLANES).filter(|&k| state.is(e::CLIP_PLANE0 + k as u32)).fold(0, |all, k| all | 1 << k),
+            stipple: batch.class == Class::Triangles && state.is(e::POLYGON_STIPPLE),
+            line_stipple: batch.class == Class::Lines && self.line_stippled(),
+            pixels: self.pixels.is_some(),
+            expand,
+            attenuated_point,
+            logic: (state.is(e::COLOR_LOGIC_OP) && !matches!(state.logic, e::COPY | e::NOOP)).then_some(state.logic),
+            back,
+            vertex: None,
+            fragment: None,
+        })
+    }
+}
+
+/// Attributes that come from the vertex buffer: those that are read and differ, or are sent in any case.
+pub fn varying(batch: &Batch, summary: &Summary, key: &ShaderKey) -> Varying {
+    let all = Varying { color: true, normal: true, secondary: true, fog: true, texture: [true; UNITS], generic: u16::MAX };
+    let mut varying = if batch.sent == Some(Sent::Read) { all } else { summary.varying };
+    varying.color &= key.color();
+    varying.normal &= key.normal();
+    varying.secondary &= key.vertex_secondary();
+    varying.fog &= key.vertex_fog();
+    for unit in 0..UNITS {
+        varying.texture[unit] &= key.vertex_texture(unit);
+    }
+    for k in 0..GENERICS {
+        varying.generic &= !(u16::from(!key.reads(input::GENERIC + k as u32)) << k);
+    }
+    varying
+}

@@ -1,0 +1,136 @@
+//! State that is fixed in a pipeline: culling, depth and stencil tests, blending.
+
+use gfx::state::*;
+
+use super::call::{Fault, Outcome};
+use super::card::{Fixed, Target};
+use super::consts as e;
+use super::fragments::{blend_factor, blend_operation, stencil_operation};
+use super::key::{Expand, ShaderKey};
+use super::machine::Gl;
+use super::pack::STREAMS_MAX;
+use super::primitive::{Batch, Class};
+
+/// A comparison of the card.
+pub fn compare(value: u32) -> Compare {
+    match value {
+        e::NEVER => Compare::Never,
+        e::LESS => Compare::Less,
+        e::EQUAL => Compare::Equal,
+        e::LEQUAL => Compare::LessEqual,
+        e::GREATER => Compare::Greater,
+        e::NOTEQUAL => Compare::NotEqual,
+        e::GEQUAL => Compare::GreaterEqual,
+        _ => Compare::Always,
+    }
+}
+
+impl Gl {
+    /// Whether colours are blended by the constant's alpha, and none by its colour: then the card's constant has it in all channels.
+    pub(super) fn constant_alpha(&self) -> bool {
+        let [source, destination, ..] = self.state.blend;
+        let uses = |factors: [u32; 2]| factors.contains(&source) || factors.contains(&destination);
+        uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
+    }
+
+    /// State that is fixed in a pipeline.
+    pub(super) fn fixed(
+        &self,
+        target: &Target,
+        shader: num::ShaderId,
+        attributes: Vec<(u32, VertexFormat)>,
+        batch: &Batch,
+        key: &ShaderKey,
+        textures: usize,
+    ) -> Outcome<Fixed> {
+        let state = &self.state;
+        let (class, topology) = (batch.class, batch.topology);
+        let triangles = class == Class::Triangles;
+        let cull_mode = match state.cull {
+            _ if !triangles || !state.is(e::CULL_FACE) => CullMode::None,
+            e::FRONT => CullMode::Front,
+            _ => CullMode::Back,
+        };
+        let topology = match class {
+            _ if key.expand != Expand::No => Topology::TriangleList,
+            Class::Points => Topology::PointList,
+            Class::Lines => Topology::LineList,
+            Class::Triangles => topology.unwrap_or(Topology::TriangleList),
+        };
+        let primitive = Primitive {
+            topology,
+            front_face: if (state.front == e::CW) ^ target.upward ^ batch.turned { FrontFace::Cw } else { FrontFace::Ccw },
+            cull_mode,
+            provoking_last: true,
+            ..Primitive::default()
+        };
+        let tested = state.is(e::DEPTH_TEST) && target.has_depth;
+        let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
+        let two_side =
+            state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil_face.is_none() && state.stencil[0] != state.stencil[1];
+        let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
+        if stencil
+            && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255)
+        {
+            return Err(Fault::Unsupported("stencil references or masks that differ between faces".into()));
+        }
+        let face = |side: super::state::Stencil| -> Outcome<StencilFace> {
+            if !stencil {
+                return Ok(StencilFace::default());
+            }
+            let [fail, depth_fail, pass] = side.ops;
+            Ok(StencilFace {
+                compare: compare(side.compare),
+                fail_op: stencil_operation(fail)?,
+                depth_fail_op: stencil_operation(depth_fail)?,
+                pass_op: stencil_operation(pass)?,
+            })
+        };
+        let offset = match class {
+            Class::Triangles => e::POLYGON_OFFSET_FILL,
+            Class::Lines => e::POLYGON_OFFSET_LINE,
+            Class::Points => e::POLYGON_OFFSET_POINT,
+        };
+        let [factor, units] = match state.is(offset) {
+            true if triangles => state.polygon_offset,
+            true if self.state.polygon_modes != [e::FILL; 2] && state.polygon_offset != [0.0; 2] => {
+                return Err(Fault::Unsupported("polygon offset of lines and points".into()));
+            }
+            _ => [0.0; 2],
+        };
+        let (stencil_front, stencil_back) = (face(front)?, face(back)?);
+        let depth = target.depth.map(|surface| DepthStencil {
+            format: surface.format,
+            depth_write: tested && state.depth_write,
+            depth_compare: if tested { compare(state.depth_func) } else { Compare::Always },
+            stencil_front,
+            stencil_back,
+            stencil_read_mask: if stencil { front.read & 0xff } else { 0xff },
+            stencil_write_mask: if stencil { front.write & 0xff } else { 0xff },
+            bias: if units >= 0.0 { (units + 0.5) as i32 } else { (units - 0.5) as i32 },
+            bias_slope: factor,
+            bias_clamp: 0.0,
+        });
+        let color = target.color.map(|surface| surface.format);
+        let [source, destination, source_alpha, destination_alpha] = state.blend;
+        let alone = self.constant_alpha();
+        let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
+            let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
+                let op = blend_operation(op)?;
+                // The card's own rule: these do not weight.
+                if matches!(op, BlendOp::Min | BlendOp::Max) {
+                    return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
+                }
+                Ok(BlendComponent { src: blend_factor(src, alpha || alone)?, dst: blend_factor(dst, alpha || alone)?, op })
+            };
+            let color = component(source, destination, state.blend_ops[0], false)?;
+            Some(Blend { color, alpha: component(source_alpha, destination_alpha, state.blend_ops[1], true)? })
+        } else {
+            None
+        };
+        let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
+        let mask = if noop { 0 } else { self.mask() };
+        let streams = batch.sent.is_some() && attributes.len() <= STREAMS_MAX;
+        Ok(Fixed { shader, attributes, streams, primitive, color, depth, blend, mask, textures })
+    }
+}
