@@ -171,7 +171,7 @@ pub fn main() -> ExitCode {
         Ok(Verdict::Failed) => ExitCode::from(1),
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::from(if error.is::<reading::Unsupported>() { 1 } else { 2 })
+            ExitCode::from(if reading::is_unsupported(&error) { 1 } else { 2 })
         }
     }
 }

@@ -28,18 +28,6 @@ pub struct Reading {
     keep_draws: bool,
 }
 
-/// What a recording asks for and the program does not have: a check of the recording that failed. It is not damaged.
-#[derive(Debug)]
-pub struct Unsupported(String);
-
-impl std::fmt::Display for Unsupported {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for Unsupported {}
-
 impl Reading {
     /// The options as they were given, for another process.
     pub fn options(&self) -> Vec<String> {
@@ -50,10 +38,11 @@ impl Reading {
 
     /// Opens a trace of any kind. What is left out of a recorded program is said.
     pub fn open(&self, path: &Path) -> Result<Trace> {
-        self.open_frames(path, 0..u64::MAX)
+        self.supported(path, import::open_reported(path, &self.reading()?)?)
     }
 
-    /// As [`Reading::open`]; of a recorded program only these frames, and what they need.
+    /// As [`Reading::open`]; of a recorded program only these frames, and what they need. What is left out of a long one is known at its end:
+    /// see [`Reading::say_left_out`].
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
         self.supported(path, import::open_frames(path, &self.reading()?, frames)?)
     }
@@ -66,13 +55,19 @@ impl Reading {
 
     fn supported(&self, path: &Path, (trace, report): (Trace, Option<Report>)) -> Result<Trace> {
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
-            let path = path.display();
             if !self.lenient {
-                return Err(Unsupported(format!("{path}: not supported: {refusal}; --lenient leaves it out")).into());
+                return Err(import::gl::unsupported(path, &refusal).into());
             }
-            eprintln!("warning: {path}: left out, not supported: {refusal}");
+            left_out(path, &refusal);
         }
         Ok(trace)
+    }
+
+    /// Says what was left out of a recorded program that has been read to its end, if that was not known before.
+    pub fn say_left_out(&self, path: &Path, trace: &Trace) {
+        if let Some(refusal) = trace.left_out() {
+            left_out(path, &refusal);
+        }
     }
 
     /// Opens a trace of any kind, with what is known of a recorded program.
@@ -93,4 +88,13 @@ impl Reading {
             in_memory: None,
         })
     }
+}
+
+fn left_out(path: &Path, refusal: &str) {
+    eprintln!("warning: {}: left out, not supported: {refusal}", path.display());
+}
+
+/// Whether a command failed since a recording asks for what is not supported: it is not damaged.
+pub fn is_unsupported(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| cause.downcast_ref::<trace::TraceError>().is_some_and(|error| error.unsupported))
 }

@@ -290,6 +290,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     told.end();
     let mut done = done?;
+    arguments.reading.say_left_out(&arguments.trace, &trace);
     done.clock_time += drawing_time;
     if seen.frames == 0 {
         let has = check(&trace)?.frames;

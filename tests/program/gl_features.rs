@@ -11,7 +11,7 @@ use fillrate::trace::command::Command;
 use fillrate::trace::{Reading, Trace, TraceError, check};
 
 /// Imports calls, one a line, in a window of 16 x 16. `*1` is the first of `buffers`.
-fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>) -> (Trace, Report) {
+pub(super) fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>) -> (Trace, Report) {
     imported_with(calls, buffers, frames, &Reading::default())
 }
 
@@ -34,24 +34,24 @@ fn imported_with(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>, r
 }
 
 /// The red, green and blue of each pixel, of the lowest row first.
-struct Shown(Vec<[u8; 3]>);
+pub(super) struct Shown(pub(super) Vec<[u8; 3]>);
 
 impl Shown {
-    fn at(&self, x: usize, y: usize) -> [u8; 3] {
+    pub(super) fn at(&self, x: usize, y: usize) -> [u8; 3] {
         self.0[y * 16 + x]
     }
 
     /// The pixels that are not black.
-    fn lit(&self) -> Vec<(usize, usize)> {
+    pub(super) fn lit(&self) -> Vec<(usize, usize)> {
         (0..256).filter(|&k| self.0[k] != [0; 3]).map(|k| (k % 16, k / 16)).collect()
     }
 }
 
-fn shown(calls: &str, buffers: &[&[u8]]) -> Shown {
+pub(super) fn shown(calls: &str, buffers: &[&[u8]]) -> Shown {
     last_of(&imported(calls, buffers, 0..u64::MAX).0)
 }
 
-fn last_of(trace: &Trace) -> Shown {
+pub(super) fn last_of(trace: &Trace) -> Shown {
     let options = Options::new(Config::built_in("tiny").expect("a built-in configuration"), Fidelity::Functional);
     let replayed = replay(trace, &options, &|_| ()).unwrap_or_else(|error| panic!("{error:#}"));
     let (surface, bytes) = replayed.frames.last().and_then(|frame| frame.shown.as_ref()).expect("a picture");
@@ -60,12 +60,12 @@ fn last_of(trace: &Trace) -> Shown {
     Shown((0..256).map(pixel).map(|[r, g, b, _]| [r, g, b]).collect())
 }
 
-const RED: [u8; 3] = [255, 0, 0];
-const GREEN: [u8; 3] = [0, 255, 0];
-const BLUE: [u8; 3] = [0, 0, 255];
-const BLACK: [u8; 3] = [0; 3];
+pub(super) const RED: [u8; 3] = [255, 0, 0];
+pub(super) const GREEN: [u8; 3] = [0, 255, 0];
+pub(super) const BLUE: [u8; 3] = [0, 0, 255];
+pub(super) const BLACK: [u8; 3] = [0; 3];
 
-fn near(a: [u8; 3], b: [u8; 3]) -> bool {
+pub(super) fn near(a: [u8; 3], b: [u8; 3]) -> bool {
     (0..3).all(|k| a[k].abs_diff(b[k]) <= 1)
 }
 
@@ -262,7 +262,7 @@ fn copied_pixels_are_upright() {
     assert_eq!(image.lit().len(), 8);
 }
 
-const QUAD: &str = "glBegin(GL_QUADS)\nglVertex2f(-1,-1)\nglVertex2f(1,-1)\nglVertex2f(1,1)\nglVertex2f(-1,1)\nglEnd()";
+pub(super) const QUAD: &str = "glBegin(GL_QUADS)\nglVertex2f(-1,-1)\nglVertex2f(1,-1)\nglVertex2f(1,1)\nglVertex2f(-1,1)\nglEnd()";
 
 #[test]
 fn drawn_stencil_values_and_depths_are_tested() {

@@ -15,6 +15,7 @@ use host::Links;
 use trace::{Reading, Trace, TraceError};
 
 pub use detect::{Found, Kind, detect};
+use gl::Survey;
 
 /// Opens a trace of any kind. Errors name the file, and the place in it where there is one.
 pub fn open(path: impl AsRef<Path>) -> Result<Trace, TraceError> {
@@ -28,12 +29,21 @@ pub fn open_with(path: impl AsRef<Path>, reading: &Reading) -> Result<Trace, Tra
 
 /// As [`open_with`], with what is known of a recorded OpenGL program. What it asks for and is not supported is no error here.
 pub fn open_reported(path: &Path, reading: &Reading) -> Result<(Trace, Option<gl::Report>), TraceError> {
-    open_frames(path, reading, 0..u64::MAX)
+    open_as(path, reading, 0..u64::MAX, Survey::Whole)
 }
 
 /// As [`open_reported`]. Of a recorded OpenGL program only these frames are translated, and what they need of the ones before; other traces
-/// are whole.
+/// are whole. A long one is not read to its end first: then there is no report, and [`gl::open`] says what becomes of what is not supported.
 pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result<(Trace, Option<gl::Report>), TraceError> {
+    open_as(path, reading, frames, Survey::Start)
+}
+
+fn open_as(
+    path: &Path,
+    reading: &Reading,
+    frames: Range<u64>,
+    survey: Survey,
+) -> Result<(Trace, Option<gl::Report>), TraceError> {
     // The path is the user's own; files that are found in a folder are the trace's.
     let in_folder = std::fs::metadata(path).map_err(|error| TraceError::new(path, error))?.is_dir();
     let links = if in_folder { reading.links() } else { Links::Follow };
@@ -44,8 +54,7 @@ pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result
         },
         Some(Found { kind: Kind::Wgpu, path: file }) => wgpu::open_linked(&file, links, reading),
         Some(Found { kind: kind @ (Kind::Apitrace | Kind::GlInterceptor), path }) => {
-            let (trace, report) = gl::open(&path, kind == Kind::Apitrace, links, reading, frames)?;
-            return Ok((trace, Some(report)));
+            return gl::open(&path, kind == Kind::Apitrace, links, reading, frames, survey);
         }
         None => Err(TraceError::new(
             path,
@@ -59,9 +68,7 @@ pub fn open_frames(path: &Path, reading: &Reading, frames: Range<u64>) -> Result
 fn open_path(path: &Path, reading: &Reading) -> Result<Trace, TraceError> {
     let (trace, report) = open_reported(path, reading)?;
     match report.and_then(|report| report.refusal()) {
-        Some(refusal) if !reading.lenient => {
-            Err(TraceError::new(path, format!("not supported: {refusal}; --lenient leaves it out")))
-        }
+        Some(refusal) if !reading.lenient => Err(gl::unsupported(path, &refusal)),
         _ => Ok(trace),
     }
 }

@@ -24,12 +24,19 @@ pub struct TraceError {
     pub command: Option<u64>,
     /// What is wrong.
     pub reason: String,
+    /// Whether the file is right, and asks for what this program does not have.
+    pub unsupported: bool,
 }
 
 impl TraceError {
     /// An error about a whole file.
     pub fn new(file: impl AsRef<Path>, reason: impl fmt::Display) -> TraceError {
-        TraceError { file: file.as_ref().to_path_buf(), place: None, command: None, reason: reason.to_string() }
+        TraceError { file: file.as_ref().to_path_buf(), place: None, command: None, reason: reason.to_string(), unsupported: false }
+    }
+
+    /// An error about a file that is right, and asks for what this program does not have.
+    pub fn unsupported(file: impl AsRef<Path>, reason: impl fmt::Display) -> TraceError {
+        TraceError { unsupported: true, ..TraceError::new(file, reason) }
     }
 
     /// The same error at a place of its file.
@@ -38,9 +45,9 @@ impl TraceError {
         self
     }
 
-    /// The same error in the command of this number.
+    /// The same error in the command of this number. What is not supported is so of the whole file.
     pub fn in_command(mut self, index: u64) -> TraceError {
-        self.command = Some(index);
+        self.command = Some(index).filter(|_| !self.unsupported);
         self
     }
 }

@@ -325,6 +325,14 @@ impl Trace {
         counted.is_ok() && left == 0
     }
 
+    /// What the commands leave out of what they were made of, because it is not supported; known when they have been read to their end.
+    pub fn left_out(&self) -> Option<String> {
+        match &self.commands {
+            Commands::Stream(stream) => stream.left_out(),
+            _ => None,
+        }
+    }
+
     /// An error about the command of this number, with its place in the file. Looks the place up: not for hot paths.
     pub fn error_at(&self, index: u64, reason: impl std::fmt::Display) -> TraceError {
         TraceError::new(&self.file, reason).at(self.place(index)).in_command(index)

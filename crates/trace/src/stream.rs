@@ -25,6 +25,11 @@ pub trait Stream: Send + Sync {
     /// # Errors
     /// If they cannot be made.
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError>;
+
+    /// What was left out of the commands when they were last made to their end, because it is not supported.
+    fn left_out(&self) -> Option<String> {
+        None
+    }
 }
 
 /// Parts that are made before the one that is read has been.

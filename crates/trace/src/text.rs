@@ -145,7 +145,7 @@ fn finish(
             };
             let end = offset_of(text, error.span.end.line, error.span.end.col).unwrap_or(text.len());
             let reason = if text[end..].trim().is_empty() { format!("the file ends too early: {reason}") } else { reason };
-            Err(TraceError { file: file.to_path_buf(), place: Some(place), command: number.get(), reason })
+            Err(TraceError { place: Some(place), command: number.get(), ..TraceError::new(file, reason) })
         }
     }
 }

@@ -404,6 +404,23 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// `glMultiDrawElements(mode, counts, type, indices, number)`
+pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
+    let of = |k: usize| match call.arg(3) {
+        Arg::List(list) => list.get(k).cloned(),
+        Arg::Nums(offsets) => offsets.get(k).map(|&at| Arg::Num(at)),
+        _ => None,
+    };
+    for (k, &count) in counts.iter().enumerate() {
+        let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
+        let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
+        let indices = indices(gl, count, kind, &data)?;
+        gl.elements(mode, indices.into_iter(), true)?;
+    }
+    Ok(())
+}
+
 pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (ready, bits) = gl.ready()?;
     let vertex = gl.fetch(&ready, call.u32(0)?)?;

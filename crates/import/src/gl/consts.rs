@@ -391,6 +391,7 @@ pub const UNSIGNED_SHORT_4_4_4_4_REV: u32 = 0x8365;
 pub const UNSIGNED_SHORT_5_5_5_1: u32 = 0x8034;
 pub const UNSIGNED_SHORT_5_6_5: u32 = 0x8363;
 pub const UNSIGNED_SHORT_5_6_5_REV: u32 = 0x8364;
+pub const LOWER_LEFT: u32 = 0x8ca1;
 pub const UPPER_LEFT: u32 = 0x8ca2;
 pub const V2F: u32 = 0x2a20;
 pub const V3F: u32 = 0x2a21;

@@ -18,6 +18,8 @@ pub enum From {
     Filtered,
     /// Depths.
     Depth,
+    /// Stencil values, as numbers.
+    Stencil,
 }
 
 /// How results meet what is there.
@@ -76,11 +78,15 @@ impl Card {
         let depth = format == DEPTH;
         let recorder = &mut self.recorder;
         let (pipeline, layout) = *self.copies.entry(key.clone()).or_insert_with(|| {
-            let kind = if key.from == From::Depth { "texture_depth_2d" } else { "texture_2d<f32>" };
+            let kind = match key.from {
+                From::Depth => "texture_depth_2d",
+                From::Stencil => "texture_2d<u32>",
+                From::Color | From::Filtered => "texture_2d<f32>",
+            };
             let read = match key.from {
                 From::Color => "textureLoad(image, vec2i(floor(p)), 0)",
                 From::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
-                From::Depth => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
+                From::Depth | From::Stencil => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
             };
             let filtering = if key.from == From::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
             let answer = if depth { "@builtin(frag_depth) f32" } else { "@location(0) vec4f" };
@@ -123,7 +129,11 @@ impl Card {
         let values = [map.to, map.scale, map.from, [number, 0.0]];
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
         let uniforms = self.recorder.create_buffer_init("copy", &bytes);
-        let aspect = if key.from == From::Depth { Aspect::DepthOnly } else { Aspect::All };
+        let aspect = match key.from {
+            From::Depth => Aspect::DepthOnly,
+            From::Stencil => Aspect::StencilOnly,
+            From::Color | From::Filtered => Aspect::All,
+        };
         let view = self.recorder.create_view_of(source.texture, one_image(source.level, source.layer, aspect));
         let mut entries = vec![(0, record::whole(uniforms)), (1, BoundResource::View(view))];
         if key.from == From::Filtered {

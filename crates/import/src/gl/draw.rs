@@ -13,7 +13,7 @@ use super::machine::Gl;
 use super::matrix::{IDENTITY, Matrix};
 use super::pack::{Drawn, Packing, STREAM_ALIGN, streams};
 use super::primitive::{Batch, Class};
-use super::state::{TARGETS, UNITS, Vertex};
+use super::state::{Stencil, TARGETS, UNITS, Vertex, capability};
 use super::summary::Summary;
 use super::texture::Texture;
 use super::uniforms::{self, Source, to_clip};
@@ -82,8 +82,8 @@ impl Gl {
         if culled {
             return Ok(());
         }
-        if self.state.is(e::POLYGON_SMOOTH) && batch.class == Class::Triangles {
-            return Err(Fault::Unsupported("GL_POLYGON_SMOOTH".into()));
+        if kept.is_none() && self.sides_differ(batch) {
+            return self.draw_sides(batch);
         }
         let vertex = self.active_program(Stage::Vertex)?;
         let fragment = self.active_program(Stage::Fragment)?;
@@ -92,7 +92,7 @@ impl Gl {
         }
         let mut bound = Vec::new();
         let mut units = Vec::new();
-        let mut biases = [0.0; UNITS];
+        let (mut biases, mut borders, mut white) = ([0.0; UNITS], [[0.0; 4]; UNITS], Vec::new());
         for unit in 0..UNITS {
             let enabled = self.state.units[unit].enabled;
             let read = |active: &Option<Active>| active.as_ref().and_then(|active| active.program.targets[unit]);
@@ -131,6 +131,11 @@ impl Gl {
                     return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
                 }
                 biases[unit] = texture.bias + self.state.units[unit].environment.bias;
+                if let Some((color, sampler)) = texture.border {
+                    borders[unit] = color;
+                    let (id, view, _) = texture.bound;
+                    white.push((id, view, sampler));
+                }
                 bound.push(texture);
             }
             if key.sampled || key.coordinates {
@@ -161,6 +166,7 @@ impl Gl {
             }
         }
         bound.extend(self.pixels.map(|pixels| pixels.bound));
+        bound.extend(white);
         // What textures needed may have been drawn meanwhile.
         self.card.aim(Some(target));
         if !self.survey {
@@ -175,6 +181,7 @@ impl Gl {
             texture: &textures,
             constant: &constant,
             biases,
+            borders,
             height: target.size[1],
             upward: target.upward,
             pixels: self.pixels.map_or([[0.0; 4]; 4], |pixels| pixels.uniforms),
@@ -258,6 +265,41 @@ impl Gl {
             query: self.query,
         });
         Ok(())
+    }
+
+    /// Whether the stencil test has other references or masks for triangles that show their back.
+    pub fn sides_differ(&self, batch: &Batch) -> bool {
+        let of = |side: &Stencil| (side.reference, side.read & 255, side.write & 255);
+        let [front, back] = &self.state.stencil;
+        batch.class == Class::Triangles && self.state.is(e::STENCIL_TEST) && self.stencil_sides() && of(front) != of(back)
+    }
+
+    /// The card has one reference and one mask for both sides: each triangle is drawn twice, of which one drawing is culled.
+    fn draw_sides(&mut self, batch: &Batch) -> Outcome {
+        if batch.topology.is_some() {
+            return Err(Fault::Unsupported("draws that are kept with stencil references or masks that differ between faces".into()));
+        }
+        let (enabled, cull, stencil) = (self.state.enabled, self.state.cull, self.state.stencil);
+        let culled = if self.state.is(e::CULL_FACE) { cull } else { e::NONE };
+        self.state.enabled |= capability(e::CULL_FACE).unwrap_or(0);
+        self.state.enabled &= !capability(e::STENCIL_TEST_TWO_SIDE_EXT).unwrap_or(0);
+        let mut outcome = Ok(());
+        'triangles: for triangle in batch.indices.chunks_exact(3) {
+            for (side, other) in [(e::FRONT, e::BACK), (e::BACK, e::FRONT)] {
+                if culled == side {
+                    continue;
+                }
+                (self.state.cull, self.state.stencil) = (other, [stencil[usize::from(side == e::BACK)]; 2]);
+                let vertices = triangle.iter().map(|&index| batch.vertices[index as usize].clone()).collect();
+                let mut one = Batch { class: batch.class, vertices, indices: vec![0, 1, 2], ..Batch::default() };
+                outcome = self.draw(&mut one, None);
+                if outcome.is_err() {
+                    break 'triangles;
+                }
+            }
+        }
+        (self.state.enabled, self.state.cull, self.state.stencil) = (enabled, cull, stencil);
+        outcome
     }
 
     /// Whether lines that become triangles are cut at the near plane and fogged by distance. The card's clipper interpolates distances that

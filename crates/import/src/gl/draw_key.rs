@@ -53,6 +53,7 @@ impl Gl {
             sampled: false,
             kind: target.map_or(Kind::D2, kind_of),
             base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
+            border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
             depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),
             matrix: *m != IDENTITY && !sprite,
@@ -60,6 +61,7 @@ impl Gl {
             bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
             made,
             sprite,
+            sprite_up: sprite && self.state.sprites_up,
             environment,
         };
         Ok((key, bound))

@@ -10,6 +10,7 @@ use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
 use super::pack::STREAMS_MAX;
 use super::primitive::{Batch, Class};
+use super::state::Stencil;
 
 /// A comparison of the card.
 pub fn compare(value: u32) -> Compare {
@@ -25,12 +26,31 @@ pub fn compare(value: u32) -> Compare {
     }
 }
 
+impl Stencil {
+    /// What the card does on this side.
+    pub fn face(&self) -> Outcome<StencilFace> {
+        let [fail, depth_fail, pass] = self.ops;
+        Ok(StencilFace {
+            compare: compare(self.compare),
+            fail_op: stencil_operation(fail)?,
+            depth_fail_op: stencil_operation(depth_fail)?,
+            pass_op: stencil_operation(pass)?,
+        })
+    }
+}
+
 impl Gl {
     /// Whether colours are blended by the constant's alpha, and none by its colour: then the card's constant has it in all channels.
     pub(super) fn constant_alpha(&self) -> bool {
         let [source, destination, ..] = self.state.blend;
         let uses = |factors: [u32; 2]| factors.contains(&source) || factors.contains(&destination);
         uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
+    }
+
+    /// Whether the stencil test has a state of its own for triangles that show their back.
+    pub(super) fn stencil_sides(&self) -> bool {
+        let state = &self.state;
+        state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil_face.is_none() && state.stencil[0] != state.stencil[1]
     }
 
     /// State that is fixed in a pipeline.
@@ -66,26 +86,9 @@ impl Gl {
         };
         let tested = state.is(e::DEPTH_TEST) && target.has_depth;
         let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
-        let two_side =
-            state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil_face.is_none() && state.stencil[0] != state.stencil[1];
+        // Points and lines have no back.
+        let two_side = triangles && self.stencil_sides();
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
-        if stencil
-            && (front.reference, front.read & 255, front.write & 255) != (back.reference, back.read & 255, back.write & 255)
-        {
-            return Err(Fault::Unsupported("stencil references or masks that differ between faces".into()));
-        }
-        let face = |side: super::state::Stencil| -> Outcome<StencilFace> {
-            if !stencil {
-                return Ok(StencilFace::default());
-            }
-            let [fail, depth_fail, pass] = side.ops;
-            Ok(StencilFace {
-                compare: compare(side.compare),
-                fail_op: stencil_operation(fail)?,
-                depth_fail_op: stencil_operation(depth_fail)?,
-                pass_op: stencil_operation(pass)?,
-            })
-        };
         let offset = match class {
             Class::Triangles => e::POLYGON_OFFSET_FILL,
             Class::Lines => e::POLYGON_OFFSET_LINE,
@@ -98,7 +101,7 @@ impl Gl {
             }
             _ => [0.0; 2],
         };
-        let (stencil_front, stencil_back) = (face(front)?, face(back)?);
+        let [stencil_front, stencil_back] = if stencil { [front.face()?, back.face()?] } else { [StencilFace::default(); 2] };
         let depth = target.depth.map(|surface| DepthStencil {
             format: surface.format,
             depth_write: tested && state.depth_write,

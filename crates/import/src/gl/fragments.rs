@@ -87,6 +87,16 @@ pub(super) fn stencil_operation(op: u32) -> Outcome<gfx::state::StencilOp> {
     })
 }
 
+/// `glStencilFuncSeparateATI(front, back, reference, mask)`
+pub(super) fn stencil_func_both(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (compare, reference, read) =
+        ([comparison(call.u32(0)?)?, comparison(call.u32(1)?)?], call.i32(2)?.clamp(0, 255), call.u32(3)?);
+    for (side, compare) in gl.state.stencil.iter_mut().zip(compare) {
+        (side.compare, side.reference, side.read) = (compare, reference, read);
+    }
+    Ok(())
+}
+
 pub(super) fn stencil_op(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     set_op(gl, active_faces(gl), call, 0)
 }
@@ -98,6 +108,12 @@ pub(super) fn stencil_op_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
 pub(super) fn stencil_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mask = call.u32(0)?;
     let sides = sides(active_faces(gl))?;
+    gl.state.stencil[sides].iter_mut().for_each(|side| side.write = mask);
+    Ok(())
+}
+
+pub(super) fn stencil_mask_separate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (sides, mask) = (sides(call.u32(0)?)?, call.u32(1)?);
     gl.state.stencil[sides].iter_mut().for_each(|side| side.write = mask);
     Ok(())
 }

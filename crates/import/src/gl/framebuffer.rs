@@ -374,40 +374,49 @@ pub(super) fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let k = TARGETS.iter().position(|&target| Ok(target) == call.u32(0)).ok_or(INVALID_ENUM)?;
-    let unit = gl.state.active;
-    gl.texture(unit, k);
-    let name = gl.state.units[unit].bound[k];
-    let texture = if name == 0 { gl.default_textures.get_mut(&(k as u32)) } else { gl.textures.get_mut(&name) };
-    let texture = texture.ok_or(INVALID_OPERATION)?;
-    if texture.kind == Kind::D3 {
-        return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
-    }
-    let first = texture.range[0];
-    for face in 0..if texture.kind == Kind::Cube { 6 } else { 1 } {
-        let image = texture.levels.get(&(face, first)).cloned().ok_or(INVALID_OPERATION)?;
-        if image.base == Base::Depth || image.format != image.base.format() {
-            return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
+    gl.generate_levels(k, 0..if kind_of(k) == Kind::Cube { 6 } else { 1 })
+}
+
+impl Gl {
+    /// Makes all levels below the first one of these faces of the texture that a target of the active unit means.
+    pub(super) fn generate_levels(&mut self, target: usize, faces: std::ops::Range<u32>) -> Outcome {
+        let unit = self.state.active;
+        self.texture(unit, target);
+        let name = self.state.units[unit].bound[target];
+        let texture =
+            if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
+        let texture = texture.ok_or(INVALID_OPERATION)?;
+        if texture.kind == Kind::D3 {
+            return Err(Fault::Unsupported("automatic mipmaps of 3D textures whose texels are on the card".into()));
         }
-        let ([mut width, mut height, _], mut level) = (image.size, first);
-        while width.max(height) > 1 {
-            let from = [width, height];
-            (width, height, level) = ((width / 2).max(1), (height / 2).max(1), level + 1);
-            let size = [width, height, 1];
-            if texture.levels.get(&(face, level)).is_none_or(|old| old.size != size || old.base != image.base) {
-                let bytes = vec![0; (width * height * image.format.block_bytes()) as usize];
-                texture.define(&mut gl.card, face, level, Level::plain(size, image.base, Some(bytes)));
+        let first = texture.range[0];
+        for face in faces {
+            let image = texture.levels.get(&(face, first)).cloned().ok_or(INVALID_OPERATION)?;
+            if image.base == Base::Depth || image.format != image.base.format() {
+                return Err(Fault::Unsupported("automatic mipmaps of depth textures and of compressed ones on the card".into()));
             }
-            let to = texture.surface(&mut gl.card, face, level)?.ok_or(INVALID_OPERATION)?;
-            let source = texture.surface(&mut gl.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
-            // The centre of a texel lies between those that it is the mean of.
-            let key = CopyKey { from: From::Filtered, result: "c", format: image.format.name(), meet: Meet::Replace, mask: 15 };
-            let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];
-            let map = Map { to: [0.0; 2], from: [0.0; 2], scale };
-            let area = Rect { x: 0, y: 0, width, height };
-            gl.card.copy_pixels(key, image.format, source, to, map, 0.0, area);
+            let ([mut width, mut height, _], mut level) = (image.size, first);
+            while width.max(height) > 1 {
+                let from = [width, height];
+                (width, height, level) = ((width / 2).max(1), (height / 2).max(1), level + 1);
+                let size = [width, height, 1];
+                if texture.levels.get(&(face, level)).is_none_or(|old| old.size != size || old.base != image.base) {
+                    let bytes = vec![0; (width * height * image.format.block_bytes()) as usize];
+                    texture.define(&mut self.card, face, level, Level::plain(size, image.base, Some(bytes)));
+                }
+                let to = texture.surface(&mut self.card, face, level)?.ok_or(INVALID_OPERATION)?;
+                let source = texture.surface(&mut self.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
+                // The centre of a texel lies between those that it is the mean of.
+                let key =
+                    CopyKey { from: From::Filtered, result: "c", format: image.format.name(), meet: Meet::Replace, mask: 15 };
+                let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];
+                let map = Map { to: [0.0; 2], from: [0.0; 2], scale };
+                let area = Rect { x: 0, y: 0, width, height };
+                self.card.copy_pixels(key, image.format, source, to, map, 0.0, area);
+            }
         }
+        Ok(())
     }
-    Ok(())
 }
 
 pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

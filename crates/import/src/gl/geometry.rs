@@ -117,7 +117,9 @@ impl Gl {
             && match class_of(geometry.mode) {
                 Class::Points => true,
                 Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
-                Class::Triangles => self.fills(),
+                Class::Triangles => {
+                    self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() })
+                }
             }
     }
 

@@ -276,42 +276,30 @@ impl Base {
 /// The standard's error for an internal format that is none.
 const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
 
-/// The next smaller level of an image of kept texels: each is the mean of the four (or two) below it.
-pub fn half(size: [u32; 2], base: Base, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
-    let channels = base.format().block_bytes() as usize;
-    if matches!(base, Base::Srgb | Base::SrgbAlpha) {
-        return half_linear(size, base.format(), texels);
-    }
+/// The next smaller level of an image of kept texels: each is the mean of the eight (or four, or two) below it.
+pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
+    let (format, channels) = (base.format(), base.format().block_bytes() as usize);
     let smaller = size.map(|edge| (edge / 2).max(1));
-    let mut out = Vec::with_capacity((smaller[0] * smaller[1]) as usize * channels);
-    for y in 0..smaller[1] {
-        for x in 0..smaller[0] {
-            for channel in 0..channels {
-                let at = |dx: u32, dy: u32| {
-                    let (x, y) = ((2 * x + dx).min(size[0] - 1), (2 * y + dy).min(size[1] - 1));
-                    u32::from(texels[(y * size[0] + x) as usize * channels + channel])
-                };
-                out.push(((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8);
+    let at = |x: u32, y: u32, z: u32| {
+        let [x, y, z] = [x.min(size[0] - 1), y.min(size[1] - 1), z.min(size[2] - 1)];
+        let texel = ((z * size[1] + y) * size[0] + x) as usize * channels;
+        &texels[texel..texel + channels]
+    };
+    let mut out = Vec::with_capacity(smaller.iter().product::<u32>() as usize * channels);
+    for z in 0..smaller[2] {
+        for (x, y) in (0..smaller[1]).flat_map(|y| (0..smaller[0]).map(move |x| (x, y))) {
+            let eight: [&[u8]; 8] =
+                std::array::from_fn(|k| at(2 * x + (k as u32 & 1), 2 * y + (k as u32 >> 1 & 1), 2 * z + (k as u32 >> 2)));
+            if matches!(base, Base::Srgb | Base::SrgbAlpha) {
+                // Channels are the mean of what their codes stand for.
+                let eight = eight.map(|texel| texel::decode(format, texel).map(f32::from_bits));
+                let mean: [f32; 4] = std::array::from_fn(|c| eight.iter().map(|texel| texel[c]).sum::<f32>() / 8.0);
+                out.extend(&texel::encode(format, mean.map(f32::to_bits))[..channels]);
+            } else {
+                let mean = |c: usize| (eight.iter().map(|texel| u32::from(texel[c])).sum::<u32>() + 4) / 8;
+                out.extend((0..channels).map(|c| mean(c) as u8));
             }
         }
-    }
-    (smaller, out)
-}
-
-/// The same, where channels are the mean of what their codes stand for.
-fn half_linear(size: [u32; 2], format: Format, texels: &[u8]) -> ([u32; 2], Vec<u8>) {
-    let smaller = size.map(|edge| (edge / 2).max(1));
-    let bytes = format.block_bytes() as usize;
-    let at = |x: u32, y: u32| {
-        let [x, y] = [x.min(size[0] - 1), y.min(size[1] - 1)];
-        let texel = (y * size[0] + x) as usize * bytes;
-        texel::decode(format, &texels[texel..texel + bytes]).map(f32::from_bits)
-    };
-    let mut out = Vec::with_capacity((smaller[0] * smaller[1]) as usize * bytes);
-    for (x, y) in (0..smaller[1]).flat_map(|y| (0..smaller[0]).map(move |x| (2 * x, 2 * y))) {
-        let four = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
-        let mean: [f32; 4] = std::array::from_fn(|c| (four[0][c] + four[1][c] + four[2][c] + four[3][c]) / 4.0);
-        out.extend(&texel::encode(format, mean.map(f32::to_bits))[..bytes]);
     }
     (smaller, out)
 }
@@ -344,7 +332,7 @@ mod tests {
 
     #[test]
     fn levels_are_halved_by_means() {
-        assert_eq!(half([2, 2], Base::Alpha, &[0, 4, 8, 12]), ([1, 1], vec![6]));
+        assert_eq!(half([2, 2, 1], Base::Alpha, &[0, 4, 8, 12]), ([1, 1, 1], vec![6]));
         assert_eq!(half([4, 1], Base::Alpha, &[0, 2, 10, 20]), ([2, 1], vec![1, 15]));
         // Half of white is 188 in the encoding of sRGB; alpha is linear.
         let texels = [255, 0, 255, 0, 0, 0, 255, 200];

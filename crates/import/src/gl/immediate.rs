@@ -16,13 +16,18 @@ pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if mode > e::POLYGON {
         return Err(INVALID_ENUM);
     }
-    gl.begun = Some((mode, Vec::new()));
+    gl.begun = Some((mode, std::mem::take(&mut gl.spare)));
     Ok(())
 }
 
 pub(super) fn end(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    let (mode, vertices) = gl.begun.take().ok_or(INVALID_OPERATION)?;
-    let Some((key, _)) = gl.tracked.take() else { return gl.primitive(mode, &vertices) };
+    let (mode, mut vertices) = gl.begun.take().ok_or(INVALID_OPERATION)?;
+    let Some((key, _)) = gl.tracked.take() else {
+        let outcome = gl.primitive(mode, &vertices);
+        vertices.clear();
+        gl.spare = vertices;
+        return outcome;
+    };
     gl.flush()?;
     let (enabled, saved) = (gl.state.enabled, gl.state.color_material);
     gl.state.enabled |= capability(e::COLOR_MATERIAL).unwrap_or(0);

@@ -102,6 +102,8 @@ pub struct UnitKey {
     pub kind: Kind,
     /// Its base format.
     pub base: Base,
+    /// Whether its border has a colour that no border of the card has.
+    pub border: bool,
     /// Whether it has depths.
     pub depth: DepthRead,
     /// Coordinates that are clamped to [0, 1] before filtering (`GL_CLAMP`).
@@ -116,6 +118,8 @@ pub struct UnitKey {
     pub bias: bool,
     /// Whether the coordinates are those of the sprite.
     pub sprite: bool,
+    /// And whether the second of them grows upward.
+    pub sprite_up: bool,
     /// What is done with it.
     pub environment: EnvironmentKey,
 }

@@ -32,15 +32,14 @@ enum Step {
 #[derive(Default)]
 pub struct List {
     steps: Vec<Step>,
+    /// Where the list is made: the attributes at hand in it, and those of them that are known, which the list has set.
+    now: Option<Box<Vertex>>,
+    known: u32,
+    /// The step at which the primitive begins that has not ended.
+    begun: Option<usize>,
 }
 
 impl List {
-    /// Appends a call.
-    pub fn push(&mut self, entry: Entry, call: &Call, unpack: &PixelStore) -> Result<(), String> {
-        let pixels = unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
-        self.add(if pixels { Step::Pixels(entry, call.clone(), *unpack) } else { Step::Call(entry, call.clone()) })
-    }
-
     fn add(&mut self, step: Step) -> Result<(), String> {
         if self.steps.len() >= LIST_MAX {
             return Err(format!("more than {LIST_MAX} calls in a display list"));
@@ -70,74 +69,67 @@ fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
 }
 
 impl Gl {
-    /// Calls between Begin and End become primitives, wherever the list says which attributes its vertices have and which are those at hand
-    /// when it is run.
-    fn gathered(&mut self, list: List) -> List {
-        let kept = self.state.current.clone();
-        // Of the attributes at hand in the list, these are known.
-        let mut known = 0;
-        let mut steps = list.steps.into_iter().peekable();
-        let mut out = Vec::new();
-        while let Some(step) = steps.next() {
-            let Step::Call(entry, call) = &step else {
-                if matches!(step, Step::Element(..)) {
-                    known = 0;
+    /// Appends a call to a list that is made. Calls from Begin to End become a primitive, wherever the list says which attributes its vertices
+    /// have and which are those at hand when it is run.
+    pub fn compile(&mut self, mut list: List, entry: Entry, call: &Call) -> Result<List, String> {
+        let pixels = self.unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
+        let step = if pixels { Step::Pixels(entry, call.clone(), self.unpack) } else { Step::Call(entry, call.clone()) };
+        list.add(step)?;
+        match entry.part {
+            Part::Begin => list.begun = Some(list.steps.len() - 1),
+            Part::End => {
+                if let Some(first) = list.begun.take() {
+                    self.gather(&mut list, first);
                 }
-                out.push(step);
-                continue;
-            };
-            match entry.part {
-                Part::Begin => {
-                    let mut inside = vec![step];
-                    while let Some(next) = steps.next_if(|next| matches!(next, Step::Call(..))) {
-                        let Step::Call(entry, _) = &next else { break };
-                        let last = !matches!(entry.part, Part::Vertex | Part::Attribute(_) | Part::Unit);
-                        inside.push(next);
-                        if last {
-                            break;
-                        }
-                    }
-                    match self.primitive_of(&inside, &mut known) {
-                        Some((geometry, set)) => {
-                            if let Some(geometry) = geometry {
-                                out.push(Step::Primitive(geometry));
-                            }
-                            if set != 0 {
-                                out.push(Step::Attributes(Box::new(self.state.current.clone()), set));
-                            }
-                        }
-                        None => {
-                            known = 0;
-                            out.extend(inside);
-                        }
-                    }
-                    continue;
-                }
-                Part::Attributes | Part::End | Part::Vertex => known = 0,
-                Part::Attribute(_) | Part::Unit => match attribute_of(entry, call) {
-                    Some(bit) if (entry.run)(self, call, entry.shape).is_ok() => known |= bit,
-                    _ => known = 0,
-                },
-                Part::Other => {}
             }
-            out.push(step);
+            Part::Attribute(_) | Part::Unit if list.begun.is_none() => match attribute_of(&entry, call) {
+                Some(bit) if self.aside(&mut list, |gl| (entry.run)(gl, call, entry.shape)).is_ok() => list.known |= bit,
+                _ => list.known = 0,
+            },
+            Part::Attributes if list.begun.is_none() => list.known = 0,
+            _ => {}
         }
-        self.state.current = kept;
-        List { steps: out }
+        Ok(list)
     }
 
-    /// The primitive of calls from Begin to End, if all its vertices get the same attributes from the list, and the attributes that are set.
-    fn primitive_of(&mut self, inside: &[Step], known: &mut u32) -> Option<(Option<Geometry>, u32)> {
-        let calls = || inside.iter().filter_map(|step| if let Step::Call(entry, call) = step { Some((entry, call)) } else { None });
-        let mode = calls().next()?.1.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
-        if calls().last()?.0.part != Part::End || inside.len() < 2 {
-            return None;
+    /// Runs something on the attributes at hand in a list.
+    fn aside<T>(&mut self, list: &mut List, run: impl FnOnce(&mut Gl) -> T) -> T {
+        let now = list.now.get_or_insert_with(|| Box::new(self.state.current.clone()));
+        std::mem::swap(&mut self.state.current, now);
+        let result = run(self);
+        std::mem::swap(&mut self.state.current, now);
+        result
+    }
+
+    /// Makes a primitive of the steps of a list from Begin to End, if all its vertices get the same attributes from the list.
+    fn gather(&mut self, list: &mut List, first: usize) {
+        let inside = list.steps.split_off(first);
+        let known = list.known;
+        match self.aside(list, |gl| gl.primitive_of(&inside, known)) {
+            Some((geometry, set)) => {
+                list.steps.extend(geometry.map(Step::Primitive));
+                if let (true, Some(now)) = (set != 0, &list.now) {
+                    list.steps.push(Step::Attributes(now.clone(), set));
+                }
+                list.known |= set;
+            }
+            None => {
+                list.known = 0;
+                list.steps.extend(inside);
+            }
         }
+    }
+
+    /// The primitive of calls from Begin to End, and the attributes that are set.
+    fn primitive_of(&mut self, inside: &[Step], mut known: u32) -> Option<(Option<Geometry>, u32)> {
+        let [Step::Call(_, begin), within @ .., _] = inside else { return None };
+        let mode = begin.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
         let (mut set, mut own, mut vertices) = (0, None, Vec::new());
-        for (entry, call) in calls().skip(1).take(inside.len() - 2) {
+        for step in within {
+            let Step::Call(entry, call) = step else { return None };
             if entry.part == Part::Vertex {
                 let (position, _) = components(call, entry.shape, 0).ok()?;
-                if *own.get_or_insert(*known) != *known {
+                if *own.get_or_insert(known) != known {
                     return None;
                 }
                 let mut vertex = self.state.current.clone();
@@ -146,7 +138,7 @@ impl Gl {
             } else {
                 let bit = attribute_of(entry, call)?;
                 (entry.run)(self, call, entry.shape).ok()?;
-                (*known, set) = (*known | bit, set | bit);
+                (known, set) = (known | bit, set | bit);
             }
         }
         let geometry = (!vertices.is_empty()).then(|| Geometry::new(mode, vertices.into(), own.unwrap_or(0)));
@@ -171,6 +163,7 @@ impl Gl {
     pub fn element(&mut self, vertex: Vertex, arrays: u32) -> Outcome {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
+            list.known = 0;
             list.add(Step::Element(Box::new(vertex.clone()), arrays)).map_err(Fault::Limit)?;
             if !execute {
                 return Ok(());
@@ -256,7 +249,7 @@ pub(super) fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (name, _, list) = gl.compiling.take().ok_or(INVALID_OPERATION)?;
-    let list = gl.gathered(list);
+    let list = List { steps: list.steps, ..List::default() };
     gl.free_list(name);
     gl.lists.insert(name, Rc::new(list));
     Ok(())

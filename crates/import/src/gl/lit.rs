@@ -12,6 +12,24 @@ fn power(base: f32, exponent: f32) -> f32 {
     libm::pow(f64::from(base), f64::from(exponent)) as f32
 }
 
+/// The primary and secondary colour of a vertex of a polygon, by the side that it shows.
+pub fn colors_of_side(state: &State, modelview: &Matrix, vertex: &Vertex, back: bool) -> ([f32; 4], [f32; 3]) {
+    if !back || !state.two_side {
+        return colors(state, modelview, vertex);
+    }
+    // The back is lit as the front of a surface whose normals point the other way.
+    let mut turned = state.clone();
+    turned.materials.swap(0, 1);
+    turned.color_material[0] = match state.color_material[0] {
+        e::FRONT => e::BACK,
+        e::BACK => e::FRONT,
+        both => both,
+    };
+    let mut vertex = vertex.clone();
+    vertex.normal = vertex.normal.map(|value| -value);
+    colors(&turned, modelview, &vertex)
+}
+
 /// The primary and secondary colour of a vertex.
 pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], [f32; 3]) {
     let unit = |value: f32| value.clamp(0.0, 1.0);
@@ -30,11 +48,7 @@ pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], 
     }
     let [x, y, z, w] = matrix::transform(modelview, vertex.position);
     let eye = [x / w, y / w, z / w];
-    let columns = matrix::normal_matrix(modelview);
-    let mut n: [f32; 3] = std::array::from_fn(|row| (0..3).map(|k| columns[k][row] * vertex.normal[k]).sum());
-    if state.is(e::NORMALIZE) || state.is(e::RESCALE_NORMAL) {
-        n = normalized(n);
-    }
+    let n = eye_normal(state, modelview, vertex);
     let mut primary: [f32; 3] = std::array::from_fn(|c| material.emission[c] + material.ambient[c] * state.model_ambient[c]);
     let mut shine = [0.0; 3];
     for (_, light) in state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32)) {
@@ -67,6 +81,32 @@ pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], 
     }
     let [r, g, b] = primary.map(unit);
     ([r, g, b, unit(material.diffuse[3])], shine.map(unit))
+}
+
+/// The normal of a vertex in eye space, as lighting has it.
+fn eye_normal(state: &State, modelview: &Matrix, vertex: &Vertex) -> [f32; 3] {
+    let columns = matrix::normal_matrix(modelview);
+    let n: [f32; 3] = std::array::from_fn(|row| (0..3).map(|k| columns[k][row] * vertex.normal[k]).sum());
+    if state.is(e::NORMALIZE) || state.is(e::RESCALE_NORMAL) { normalized(n) } else { n }
+}
+
+/// One of the texture coordinates s, t, r that a map of the surroundings has (OpenGL 1.5, section 2.10.4); q stays as it is.
+pub fn map_coordinate(state: &State, modelview: &Matrix, vertex: &Vertex, mode: u32, k: usize) -> f32 {
+    let n = eye_normal(state, modelview, vertex);
+    let [x, y, z, w] = matrix::transform(modelview, vertex.position);
+    let way = normalized([x / w, y / w, z / w]);
+    let by = 2.0 * dot(n, way);
+    let reflected: [f32; 3] = std::array::from_fn(|i| way[i] - by * n[i]);
+    match mode {
+        e::SPHERE_MAP if k < 2 => {
+            let [rx, ry, rz] = reflected;
+            let m = 2.0 * (rx * rx + ry * ry + (rz + 1.0) * (rz + 1.0)).sqrt();
+            reflected[k] / m + 0.5
+        }
+        e::REFLECTION_MAP if k < 3 => reflected[k],
+        e::NORMAL_MAP if k < 3 => n[k],
+        _ => vertex.texture(0)[k],
+    }
 }
 
 #[cfg(test)]

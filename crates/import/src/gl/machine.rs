@@ -30,8 +30,11 @@ use super::texture::Texture;
 const WINDOW_MAX: u32 = 16_384;
 /// What is kept of each kind of object names, so that a recording cannot ask for memory without calls.
 const NAMES_MAX: usize = 1 << 20;
-/// Calls that display lists run: lists in lists are few bytes and much work.
+/// Calls that display lists run, and how many more for each call of the recording: lists in lists are few bytes and much work.
 const STEPS_MAX: u64 = 1 << 30;
+const STEPS_A_CALL: u64 = 1 << 14;
+/// Steps between two looks at the numbers of objects: a call makes one at most.
+const STEPS_A_LOOK: u64 = 64;
 
 /// How often something occurred, and where first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,6 +114,8 @@ pub struct Gl {
     pub maps: Maps,
     /// Between Begin and End: the mode and the vertices.
     pub begun: Option<(u32, Vec<Vertex>)>,
+    /// Room of the vertices of the primitive before.
+    pub spare: Vec<Vertex>,
     /// The material that changes between Begin and End: its faces and name, and its colour now.
     pub tracked: Option<([u32; 2], [f32; 4])>,
     /// Primitives that wait for a draw.
@@ -183,6 +188,7 @@ impl Gl {
             compiling: None,
             maps: Maps::default(),
             begun: None,
+            spare: Vec::new(),
             tracked: None,
             batch: Batch::default(),
             keep_draws: false,
@@ -229,9 +235,11 @@ impl Gl {
             counted.0 = call.function.name.clone();
         }
         counted.1 += 1;
-        if let (Some((_, execute, list)), Moment::Server | Moment::Vertex) = (&mut self.compiling, entry.moment) {
-            list.push(entry, call, &self.unpack)?;
-            if !*execute {
+        if matches!(entry.moment, Moment::Server | Moment::Vertex)
+            && let Some((name, execute, list)) = self.compiling.take()
+        {
+            self.compiling = Some((name, execute, self.compile(list, entry, call)?));
+            if !execute {
                 return Ok(());
             }
         }
@@ -262,12 +270,20 @@ impl Gl {
             Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => return Err(format!("{}: {reason}", call.function.name)),
         }
         self.steps += 1;
-        if self.steps > STEPS_MAX {
-            return Err(format!("{}: more than {STEPS_MAX} calls run", call.function.name));
+        if self.steps > STEPS_MAX.saturating_add(self.number.saturating_mul(STEPS_A_CALL)) {
+            return Err(format!("{}: display lists of more than {STEPS_MAX} calls run", call.function.name));
         }
-        if let Err(error) = self.limits.memory_bytes.check(self.card.bytes) {
+        if let Err(error) = self.limits.memory_bytes.check(self.card.bytes + self.card.kept_bytes) {
             return Err(format!("{}: {error}", call.function.name));
         }
+        if self.steps.is_multiple_of(STEPS_A_LOOK) && self.objects() > NAMES_MAX {
+            return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
+        }
+        Ok(())
+    }
+
+    /// The number of objects of the kind that has most.
+    fn objects(&self) -> usize {
         let objects = [
             self.textures.len(),
             self.lists.len(),
@@ -277,10 +293,7 @@ impl Gl {
             self.programs.len(),
             self.glsl.len(),
         ];
-        if objects.into_iter().any(|count| count > NAMES_MAX) {
-            return Err(format!("{}: more than {NAMES_MAX} objects of one kind", call.function.name));
-        }
-        Ok(())
+        objects.into_iter().max().unwrap_or(0)
     }
 
     /// The window is at least so large. A recording that does not state its size tells it by its first viewport.

@@ -64,6 +64,7 @@ use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::{Mutex, PoisonError};
 
 use std::io::Read;
 
@@ -113,9 +114,19 @@ const IN_MEMORY: u64 = 16 << 20;
 /// Parts of a stream in what would be held in memory.
 const PARTS: u64 = 16;
 
+/// How much is known of a recording before its first command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Survey {
+    /// All: it is read to its end.
+    Whole,
+    /// What its start tells: a long recording is not read to its end before its first command.
+    Start,
+}
+
 /// Opens a recording of apitrace or GLInterceptor, with those of its frames that are asked for. The recording is read up to the last of
 /// them. Of frames before them only that is left which later ones can read. The commands of a long one are made again whenever they are
-/// read (`reading.in_memory`).
+/// read (`reading.in_memory`). Of one that has not been read to its end there is no report: what it asks for and is not supported ends
+/// its commands with an error (`TraceError::unsupported`), or is [left out](Trace::left_out) where `reading.lenient` is set.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
@@ -125,10 +136,12 @@ pub fn open(
     links: Links,
     reading: &Reading,
     frames: Range<u64>,
-) -> Result<(Trace, Report), TraceError> {
-    let recording = Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames };
+    survey: Survey,
+) -> Result<(Trace, Option<Report>), TraceError> {
+    let recording =
+        Recording { path: path.to_path_buf(), apitrace, links, reading: *reading, frames, left_out: Mutex::default() };
     let most = recording.in_memory();
-    let (trace, report) = recording.import(Keep::All { most })?;
+    let (trace, report) = recording.import(Keep::All { most, survey })?;
     Ok((trace.unwrap_or_else(|| Trace::from_stream(path, Box::new(recording), reading.limits)), report))
 }
 
@@ -139,6 +152,8 @@ struct Recording {
     links: Links,
     reading: Reading,
     frames: Range<u64>,
+    /// See [`Stream::left_out`].
+    left_out: Mutex<Option<String>>,
 }
 
 impl Recording {
@@ -146,8 +161,8 @@ impl Recording {
         self.reading.in_memory.unwrap_or(IN_MEMORY)
     }
 
-    fn import(&self, keep: Keep<'_>) -> Result<(Option<Trace>, Report), TraceError> {
-        let Recording { path, apitrace, links, reading, frames } = self;
+    fn import(&self, keep: Keep<'_>) -> Result<(Option<Trace>, Option<Report>), TraceError> {
+        let Recording { path, apitrace, links, reading, frames, .. } = self;
         let fail = |reason: String| TraceError::new(path, reason);
         let mut file = host::open(path, *links).map_err(|error| TraceError::new(path, error))?;
         let mut start = [0; 2];
@@ -160,16 +175,26 @@ impl Recording {
 
 impl Stream for Recording {
     fn make(&self, take: &mut dyn FnMut(Part) -> ControlFlow<()>) -> Result<(), TraceError> {
-        self.import(Keep::Parts { part: (self.in_memory() / PARTS).max(1 << 10), take }).map(|_| ())
+        let (_, report) = self.import(Keep::Parts { part: (self.in_memory() / PARTS).max(1 << 10), take })?;
+        if let Some(report) = report {
+            *self.left_out.lock().unwrap_or_else(PoisonError::into_inner) = report.refusal();
+        }
+        Ok(())
+    }
+
+    fn left_out(&self) -> Option<String> {
+        self.left_out.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 /// What becomes of commands.
 enum Keep<'a> {
-    /// They are kept, unless they take more bytes than this: then none is, and only the report is made.
+    /// They are kept, unless they take more bytes than this: then none is, and at most the report is made.
     All {
         /// Bytes.
         most: u64,
+        /// Whether it is made.
+        survey: Survey,
     },
     /// They are handed over.
     Parts {
@@ -207,8 +232,9 @@ pub fn import_frames(
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
     let input = Box::new(std::io::Cursor::new(rest.to_vec()));
     let (trace, report) =
-        import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX })?;
-    Ok((trace.expect("all is kept"), report))
+        import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX, survey: Survey::Whole })?;
+    let (Some(trace), Some(report)) = (trace, report) else { return Err(fail("takes more memory than there is".into())) };
+    Ok((trace, report))
 }
 
 /// A recording whose first two bytes have been read.
@@ -220,13 +246,13 @@ struct Opened<'a> {
     memory: Memory,
 }
 
-/// Imports a recording; gives the trace, if it is kept.
+/// Imports a recording; gives the trace, if it is kept, and the report, if the recording was read to the end of what is wanted.
 fn import(
     opened: Opened<'_>,
     reading: &Reading,
     frames: Range<u64>,
     mut keep: Keep<'_>,
-) -> Result<(Option<Trace>, Report), TraceError> {
+) -> Result<(Option<Trace>, Option<Report>), TraceError> {
     let Opened { path, input, start, apitrace, memory } = opened;
     let unit = if apitrace { "byte" } else { "line" };
     let broken =
@@ -257,15 +283,24 @@ fn import(
         reader.done(call);
         let bytes = gl.card.recorder.bytes();
         match &mut keep {
-            Keep::All { most } => {
+            Keep::All { most, survey } => {
                 if bytes > *most {
                     drop(gl.card.drain());
+                    let refused = !reading.lenient && !gl.unsupported.is_empty();
+                    if kept && *survey == Survey::Start && !refused {
+                        return Ok((None, None));
+                    }
                     (kept, *most, gl.survey) = (false, *most / PARTS, true);
                 }
             }
             Keep::Parts { part, take } => {
-                if bytes > *part && take(gl.card.drain()).is_break() {
-                    return Ok((None, Report::default()));
+                // Commands behind what is not supported would make wrong pictures. What else there is is still counted.
+                gl.survey |= !reading.lenient && !gl.unsupported.is_empty();
+                if bytes > *part {
+                    let made = gl.card.drain();
+                    if !gl.survey && take(made).is_break() {
+                        return Ok((None, None));
+                    }
                 }
             }
         }
@@ -280,13 +315,21 @@ fn import(
     report.unsupported = std::mem::take(&mut gl.unsupported);
     report.errors = std::mem::take(&mut gl.errors);
     if let Keep::Parts { take, .. } = keep {
+        if let Some(refusal) = report.refusal().filter(|_| !reading.lenient) {
+            return Err(unsupported(path, &refusal));
+        }
         gl.card.end_pass();
         // Nothing comes behind.
         let _ = take(gl.card.drain());
-        return Ok((None, report));
+        return Ok((None, Some(report)));
     }
     let trace = gl.finish().map_err(|fault| TraceError::new(path, format!("{fault:?}")))?;
-    Ok((kept.then(|| trace.with_limits(reading.limits)), report))
+    Ok((kept.then(|| trace.with_limits(reading.limits)), Some(report)))
+}
+
+/// The error of a recording that asks for what is not supported.
+pub fn unsupported(path: &Path, refusal: &str) -> TraceError {
+    TraceError::unsupported(path, format!("not supported: {refusal}; --lenient leaves it out"))
 }
 
 /// The memory file beside a text recording, if there is one.

@@ -109,8 +109,7 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
             coordinates[k] = match generation.mode {
                 e::OBJECT_LINEAR => dot(generation.object, position),
                 e::EYE_LINEAR => dot(generation.eye, eye),
-                _ if state.enabled == 0 => 0.0,
-                _ => return Err(Fault::Unsupported("raster positions with coordinates of sphere and cube maps".into())),
+                mode => super::lit::map_coordinate(&gl.state, &gl.modelview.top, &vertex, mode, k),
             };
         }
         vertex.set_texture(unit, matrix::transform(&gl.texture_matrices[unit].top, coordinates));

@@ -2,11 +2,12 @@
 
 use gfx::state::Topology;
 
-use super::call::Outcome;
+use super::arb::Stage;
+use super::call::{Fault, Outcome};
 use super::consts as e;
 use super::machine::Gl;
 use super::matrix::{self, Matrix};
-use super::state::Vertex;
+use super::state::{Vertex, capability};
 use super::uniforms::to_clip;
 
 /// Vertices of a batch after which it is drawn.
@@ -273,11 +274,17 @@ impl Gl {
                     Class::Triangles
                 }
             };
+            let polygon = (class != Class::Triangles).then_some(back);
             if self.state.flat {
                 // All that is left of a polygon has the colour of its provoking vertex.
-                return Err(super::call::Fault::Unsupported("flat shading of polygons drawn as lines or points".into()));
+                let provoking = match mode {
+                    e::POLYGON => corners[0],
+                    e::QUAD_STRIP => corners[2],
+                    _ => corners[count - 1],
+                };
+                self.flat_outline(class, back, vertices, &vertices[provoking as usize], &indices)?;
+                continue;
             }
-            let polygon = (class != Class::Triangles).then_some(back);
             if class == Class::Lines && self.line_stippled() {
                 // The pattern goes on from edge to edge, which is seen by the indices.
                 self.add(class, polygon, vertices, &indices)?;
@@ -288,6 +295,26 @@ impl Gl {
             self.add(class, polygon, &used, &all)?;
         }
         Ok(())
+    }
+
+    /// Lines, points or triangles of one polygon in the colour of one vertex, which is lit here.
+    fn flat_outline(&mut self, class: Class, back: bool, all: &[Vertex], provoking: &Vertex, indices: &[u32]) -> Outcome {
+        if self.active_program(Stage::Vertex)?.is_some() {
+            return Err(Fault::Unsupported("flat shading of polygons drawn as lines or points with a vertex program".into()));
+        }
+        self.flush()?;
+        let (color, secondary) = super::lit::colors_of_side(&self.state, &self.modelview.top, provoking, back);
+        let mut vertices = all.to_vec();
+        vertices.iter_mut().for_each(|vertex| (vertex.color, vertex.secondary) = (color, secondary));
+        let enabled = self.state.enabled;
+        let bit = |cap: u32| capability(cap).unwrap_or(0);
+        if self.state.is(e::LIGHTING) {
+            let sum = if self.state.separate_specular { bit(e::COLOR_SUM) } else { 0 };
+            self.state.enabled = self.state.enabled & !bit(e::LIGHTING) & !bit(e::COLOR_SUM) | sum;
+        }
+        let outcome = self.add(class, None, &vertices, indices).and_then(|()| self.flush());
+        self.state.enabled = enabled;
+        outcome
     }
 
     /// Whether a polygon shows its back: by the sign of its area in the window.

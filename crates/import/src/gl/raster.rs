@@ -11,7 +11,31 @@ pub(super) fn swap(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     gl.swap()
 }
 
+impl Gl {
+    /// What colour material has made of the materials so far: they keep it when it is switched off (OpenGL 1.5, section 2.14.3).
+    fn settle_color_material(&mut self) {
+        let state = &mut self.state;
+        if !state.is(e::COLOR_MATERIAL) {
+            return;
+        }
+        let ([face, mode], color) = (state.color_material, state.current.color);
+        for side in faces(face).into_iter().flatten() {
+            let material = &mut state.materials[side];
+            match mode {
+                e::AMBIENT => material.ambient = color,
+                e::DIFFUSE => material.diffuse = color,
+                e::SPECULAR => material.specular = color,
+                e::EMISSION => material.emission = color,
+                _ => (material.ambient, material.diffuse) = (color, color),
+            }
+        }
+    }
+}
+
 fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
+    if cap == e::COLOR_MATERIAL {
+        gl.settle_color_material();
+    }
     if let Some(bit) = capability(cap) {
         gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
         return Ok(());
@@ -50,12 +74,14 @@ pub(super) fn push_attrib(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.saved.len() >= 16 {
         return Err(Fault::Error("GL_STACK_OVERFLOW"));
     }
+    gl.settle_color_material();
     gl.saved.push((call.u32(0)?, Box::new(gl.state.clone())));
     Ok(())
 }
 
 pub(super) fn pop_attrib(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (mask, saved) = gl.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
+    gl.settle_color_material();
     gl.state.restore(mask, *saved);
     Ok(())
 }
@@ -174,6 +200,7 @@ pub(super) fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if !matches!(mode, e::EMISSION | e::AMBIENT | e::DIFFUSE | e::SPECULAR | e::AMBIENT_AND_DIFFUSE) {
         return Err(INVALID_ENUM);
     }
+    gl.settle_color_material();
     gl.state.color_material = [face, mode];
     Ok(())
 }
@@ -282,13 +309,10 @@ pub(super) fn polygon_stipple(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         Arg::Nums(numbers) => numbers.iter().map(|&number| number as u8).collect(),
         _ => return Err(Fault::Damaged("argument 0 is no pattern".into())),
     };
-    let plain = gl.unpack.row_length == 0 && gl.unpack.skip == [0; 3] && !gl.unpack.low_first && gl.unpack.alignment <= 4;
-    if !plain {
-        return Err(Fault::Unsupported("polygon stipples with pixel storage modes".into()));
+    let bits = super::pixel_data::values(&gl.unpack, [32, 32, 1], e::BITMAP, &bytes, false)?;
+    for (row, bits) in gl.state.stipple.iter_mut().zip(bits.chunks_exact(32)) {
+        *row = bits.iter().fold(0, |row, &bit| row << 1 | u32::from(bit != 0.0));
     }
-    let rows = bytes.get(..128).ok_or_else(|| Fault::Damaged("a pattern of fewer than 128 bytes".into()))?;
-    gl.state.stipple =
-        std::array::from_fn(|k| u32::from_be_bytes([rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]]));
     Ok(())
 }
 
@@ -325,10 +349,10 @@ pub(super) fn point_parameter(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         e::POINT_SIZE_MIN | e::POINT_SIZE_MAX | e::POINT_FADE_THRESHOLD_SIZE => return Err(INVALID_VALUE),
         e::POINT_DISTANCE_ATTENUATION => gl.state.point_attenuation = vector(&values)?,
         e::POINT_SPRITE_COORD_ORIGIN => {
-            return if value as u32 == e::UPPER_LEFT {
-                Ok(())
-            } else {
-                Err(Fault::Unsupported("sprites from the lower left".into()))
+            gl.state.sprites_up = match value as u32 {
+                e::UPPER_LEFT => false,
+                e::LOWER_LEFT => true,
+                _ => return Err(INVALID_VALUE),
             };
         }
         _ => return Err(INVALID_ENUM),

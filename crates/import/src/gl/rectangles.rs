@@ -11,10 +11,9 @@ use trace::record;
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::card::{Draw, Fixed, Surface};
 use super::consts as e;
-use super::copies::row_edge;
+use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::machine::Gl;
 use super::matrix;
-use super::names;
 use super::pixel_data::values;
 use super::state::{UNITS, Vertex, capability};
 
@@ -168,6 +167,59 @@ impl Gl {
         Ok(())
     }
 
+    /// Draws a rectangle of depths, which are tested and written as those of fragments are, and frees their surface.
+    fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> Outcome {
+        let mut fixed = self.values_state("depths", DEPTH_TEXT)?;
+        let (tested, front) = (self.state.is(e::DEPTH_TEST), self.state.stencil[0]);
+        let face = if self.state.is(e::STENCIL_TEST) { front.face()? } else { StencilFace::default() };
+        if let Some(depth) = &mut fixed.depth {
+            if tested {
+                depth.depth_write = self.state.depth_write;
+                depth.depth_compare = super::fixed::compare(self.state.depth_func);
+            }
+            (depth.stencil_front, depth.stencil_back) = (face, face);
+            (depth.stencil_read_mask, depth.stencil_write_mask) = (front.read & 0xff, front.write & 0xff);
+        }
+        fixed.mask = if fixed.color.is_some() { self.mask() } else { 0 };
+        self.values_rectangle(source, at, size, &fixed, front.reference as u32, 0.0)?;
+        self.card.destroy_surface(source);
+        Ok(())
+    }
+
+    /// Draws a rectangle of stencil values, and frees their surface. All bits are cleared first. The texture decides which are set again, one
+    /// bit a draw.
+    fn draw_stencil(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> Outcome {
+        let mut fixed = self.values_state("stencil", STENCIL_TEXT)?;
+        let ones = self.numbers_surface(size, &vec![255.0; (size[0] * size[1]) as usize]);
+        for bit in std::iter::once(0).chain((0..8).map(|bit| 1 << bit)) {
+            if let Some(depth) = &mut fixed.depth {
+                let face = StencilFace { pass_op: StencilOp::Replace, ..StencilFace::default() };
+                (depth.stencil_front, depth.stencil_back) = (face, face);
+                depth.stencil_write_mask = self.state.stencil[0].write & if bit == 0 { 0xff } else { bit };
+            }
+            let (from, tested) = if bit == 0 { (ones, 255) } else { (source, bit) };
+            self.values_rectangle(from, at, size, &fixed, bit, tested as f32)?;
+        }
+        self.card.destroy_surface(source);
+        self.card.destroy_surface(ones);
+        Ok(())
+    }
+
+    /// Depths or stencil values of a rectangle of the frame buffer, as numbers, rows from the bottom.
+    fn copied_numbers(&mut self, from: From, [x, y]: [i32; 2], size: [u32; 2]) -> Outcome<Surface> {
+        let (source, [_, height], upward) = self.read_source(true)?;
+        let to = self.card.create_surface("pixels", size, Format::R32Float);
+        let map = Map {
+            to: [0.0; 2],
+            from: [x as f32, row_edge(height, upward, y as f32)],
+            scale: [1.0, if upward { 1.0 } else { -1.0 }],
+        };
+        let key = CopyKey { from, result: "c", format: Format::R32Float.name(), meet: Meet::Replace, mask: 15 };
+        let area = Rect { x: 0, y: 0, width: size[0], height: size[1] };
+        self.card.copy_pixels(key, Format::R32Float, source, to, map, 0.0, area);
+        Ok(to)
+    }
+
     /// A surface with numbers, one a pixel.
     fn numbers_surface(&mut self, size: [u32; 2], numbers: &[f32]) -> Surface {
         let surface = self.card.create_surface("pixels", size, Format::R32Float);
@@ -261,37 +313,13 @@ pub(super) fn draw_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         e::DEPTH_COMPONENT => {
             let depths = gl.depths([width, height, 1], kind, &bytes)?;
             let source = gl.numbers_surface(size, &depths);
-            let mut fixed = gl.values_state("depths", DEPTH_TEXT)?;
-            let tested = gl.state.is(e::DEPTH_TEST);
-            if let Some(depth) = fixed.depth.as_mut().filter(|_| tested) {
-                depth.depth_write = gl.state.depth_write;
-                depth.depth_compare = super::fixed::compare(gl.state.depth_func);
-            }
-            if gl.state.is(e::STENCIL_TEST) {
-                return Err(Fault::Unsupported("depths that are drawn with a stencil test".into()));
-            }
-            fixed.mask = if fixed.color.is_some() { gl.mask() } else { 0 };
-            gl.values_rectangle(source, at, size, &fixed, 0, 0.0)?;
-            gl.card.destroy_surface(source);
+            gl.draw_depths(source, at, size)?;
         }
         e::STENCIL_INDEX => {
             let indices = gl.stencil_indices([width, height, 1], kind, &bytes)?;
             let numbers: Vec<f32> = indices.iter().map(|&index| f32::from(index)).collect();
             let source = gl.numbers_surface(size, &numbers);
-            let mut fixed = gl.values_state("stencil", STENCIL_TEXT)?;
-            // All bits are cleared first. The texture decides which are set again, one bit a draw.
-            let ones = gl.numbers_surface(size, &vec![255.0; numbers.len()]);
-            for bit in std::iter::once(0).chain((0..8).map(|bit| 1 << bit)) {
-                if let Some(depth) = &mut fixed.depth {
-                    let face = StencilFace { pass_op: StencilOp::Replace, ..StencilFace::default() };
-                    (depth.stencil_front, depth.stencil_back) = (face, face);
-                    depth.stencil_write_mask = gl.state.stencil[0].write & if bit == 0 { 0xff } else { bit };
-                }
-                let (from, tested) = if bit == 0 { (ones, 255) } else { (source, bit) };
-                gl.values_rectangle(from, at, size, &fixed, bit, tested as f32)?;
-            }
-            gl.card.destroy_surface(source);
-            gl.card.destroy_surface(ones);
+            gl.draw_stencil(source, at, size)?;
         }
         _ => {
             let texels = gl.texels([width, height, 1], format, kind, &bytes)?;
@@ -323,7 +351,20 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             let (row, rows) = if upward { (y as f32, 1.0) } else { (row_edge(extent[1], false, y as f32) - 1.0, -1.0) };
             gl.rectangle(bound, at, size, [x as f32, row, rows])
         }
-        e::DEPTH | e::STENCIL | e::DEPTH_STENCIL => Err(Fault::Unsupported(format!("glCopyPixels({})", names::name(kind)))),
+        e::DEPTH | e::STENCIL | e::DEPTH_STENCIL => {
+            let transfer = &gl.state.transfer;
+            if transfer.depth != [1.0, 0.0] || transfer.index != [0; 2] || transfer.map_stencil {
+                return Err(Fault::Unsupported("copies of depths and stencil values through pixel transfer".into()));
+            }
+            // Both are read before either is written: they may be copied onto themselves.
+            let copied = |gl: &mut Gl, from, wanted: bool| {
+                wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose()
+            };
+            let depths = copied(gl, From::Depth, kind != e::STENCIL)?;
+            let values = copied(gl, From::Stencil, kind != e::DEPTH)?;
+            depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size))?;
+            values.map_or(Ok(()), |source| gl.draw_stencil(source, at, size))
+        }
         _ => Err(INVALID_ENUM),
     }
 }

@@ -289,6 +289,8 @@ pub struct State {
     pub point_attenuation: [f32; 3],
     /// Units whose coordinates sprites replace.
     pub point_sprites: u8,
+    /// Whether the second coordinate of sprites grows upward.
+    pub sprites_up: bool,
     /// Depth test.
     pub depth_func: u32,
     /// Depth test.
@@ -419,6 +421,7 @@ impl Default for State {
             point_limits: [0.0, 2048.0, 1.0],
             point_attenuation: [1.0, 0.0, 0.0],
             point_sprites: 0,
+            sprites_up: false,
             depth_func: e::LESS,
             depth_write: true,
             clear_depth: 1.0,
@@ -539,7 +542,7 @@ impl State {
         take!(e::POLYGON_BIT => cull, front, polygon_modes, polygon_offset);
         take!(e::POLYGON_STIPPLE_BIT => stipple);
         take!(e::LINE_BIT => line_width, line_stipple);
-        take!(e::POINT_BIT => point_size, point_limits, point_attenuation, point_sprites);
+        take!(e::POINT_BIT => point_size, point_limits, point_attenuation, point_sprites, sprites_up);
         take!(e::DEPTH_BUFFER_BIT => depth_func, depth_write, clear_depth);
         take!(e::STENCIL_BUFFER_BIT => stencil, stencil_face, clear_stencil);
         take!(e::COLOR_BUFFER_BIT => alpha, blend, blend_ops, blend_color, logic, color_mask, clear_color, draw_buffer);

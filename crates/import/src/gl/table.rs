@@ -91,6 +91,10 @@ pub fn find(name: &str) -> Entry {
     if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
         return entry(window, plain, Part::Other);
     }
+    // It has other arguments than the core's function of this name.
+    if name == "glStencilFuncSeparateATI" {
+        return entry((Moment::Server, fragments::stencil_func_both), plain, Part::Other);
+    }
     if let Some(found) = exact(core) {
         return entry(found, plain, part(core, None));
     }
@@ -139,6 +143,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EdgeFlagPointer" => (Client, arrays::edge_pointer),
         "InterleavedArrays" => (Client, arrays::interleaved),
         "DrawArrays" => (Client, arrays::draw_arrays),
+        "MultiDrawElements" => (Client, arrays::multi_draw_elements),
         "MultiDrawArrays" => (Client, arrays::multi_draw_arrays),
         "DrawElements" => (Client, arrays::draw_elements),
         "DrawRangeElements" => (Client, arrays::draw_range_elements),
@@ -203,6 +208,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "StencilFuncSeparate" => (Server, fragments::stencil_func_separate),
         "StencilOp" => (Server, fragments::stencil_op),
         "StencilOpSeparate" => (Server, fragments::stencil_op_separate),
+        "StencilMaskSeparate" => (Server, fragments::stencil_mask_separate),
         "StencilMask" => (Server, fragments::stencil_mask),
         "DepthFunc" => (Server, fragments::depth_func),
         "DepthMask" => (Server, fragments::depth_mask),
@@ -256,6 +262,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "CopyTexImage1D" => (Server, texturing::copy_image_1d),
         "CopyTexImage2D" => (Server, texturing::copy_image_2d),
         "CopyTexSubImage1D" => (Server, texturing::copy_sub_image_1d),
+        "CopyTexSubImage3D" => (Server, texturing::copy_sub_image_3d),
         "CopyTexSubImage2D" => (Server, texturing::copy_sub_image_2d),
         "RenderMode" => (Client, pixels::render_mode),
         "EvalMesh1" => (Server, evaluator::mesh_1),

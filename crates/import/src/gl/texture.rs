@@ -24,8 +24,6 @@ pub struct Level {
     pub base: Base,
     /// The format in which it is kept.
     pub format: Format,
-    /// Whether it was given with a border, which is not kept.
-    pub bordered: bool,
     /// Bytes that are not yet on the card. Those of depths are numbers in single precision.
     pub bytes: Option<Vec<u8>>,
 }
@@ -33,7 +31,7 @@ pub struct Level {
 impl Level {
     /// An image of texels of a base format.
     pub fn plain(size: [u32; 3], base: Base, bytes: Option<Vec<u8>>) -> Level {
-        Level { size, base, format: base.format(), bordered: false, bytes }
+        Level { size, base, format: base.format(), bytes }
     }
 }
 
@@ -108,6 +106,8 @@ pub struct Bound {
     pub base: Base,
     /// Coordinates that are clamped before filtering.
     pub clamp: [bool; 3],
+    /// The border's colour, as texels are kept, and a sampler whose border is white; none where the card has such a border.
+    pub border: Option<([f32; 4], SamplerId)>,
     /// Bias of the level of detail.
     pub bias: f32,
     /// Levels that are read: the card's first, and how many.
@@ -312,6 +312,38 @@ impl Texture {
         Ok(())
     }
 
+    /// Copies a part of the window into a slice of a 3D image that is defined.
+    pub fn copy_slice(
+        &mut self,
+        card: &mut Card,
+        level: u32,
+        to: [u32; 3],
+        (source, extent, upward): FromTarget,
+        from: [i32; 2],
+        size: [u32; 2],
+    ) -> Outcome {
+        let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
+        let after = level.checked_sub(self.range[0]).ok_or_else(refused)?;
+        let needed = self.complete().unwrap_or(1).max(after + 1);
+        if size.contains(&0) || self.install(card, needed).is_none() {
+            return Ok(());
+        }
+        let (Some(native), Some(image)) = (&self.native, self.levels.get(&(0, level))) else { return Ok(()) };
+        let (Some(k), id, base) = (native.place(level, image), native.id, native.base) else { return Ok(()) };
+        if native.format != base.format() {
+            return Err(Fault::Unsupported("copies into compressed textures".into()));
+        }
+        // A slice cannot be drawn to: the copy is made beside it.
+        let beside = card.create_surface("slice", size, base.format());
+        card.copy_to_texture(base, (source, extent, upward), beside, [0; 2], from, size);
+        let end = |texture, level, origin| TextureEnd { texture, level, origin, aspect: Aspect::All };
+        card.release(id);
+        let ends = [end(beside.texture, 0, [0; 3]), end(id, k, to)];
+        card.recorder.copy_texture_to_texture(ends[0].clone(), ends[1].clone(), [size[0], size[1], 1]);
+        card.destroy_surface(beside);
+        Ok(())
+    }
+
     /// One image of it on the card, to be drawn to or read; none if there is none.
     pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> Outcome<Option<Surface>> {
         let base_level = self.range[0];
@@ -347,7 +379,7 @@ impl Texture {
         if self.install(card, count.max(kept)).is_none() {
             return Ok(None);
         }
-        let sampler = self.sampler()?;
+        let (sampler, border) = self.sampler()?;
         let Some(native) = &mut self.native else { return Ok(None) };
         let levels = [self.range[0] - native.first, count];
         let view = match native.views.iter().find(|&&(known, _)| known == levels) {
@@ -369,6 +401,8 @@ impl Texture {
         };
         let linear =
             self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
+        let white = SamplerDesc { border: BorderColor::OpaqueWhite, ..sampler.clone() };
+        let border = border.map(|color| (color, card.sampler(white)));
         let bound = (native.id, view, card.sampler(sampler));
         let (base, depth) = match (native.base, self.compare) {
             (Base::Depth, Some(_)) => (self.depth_mode, DepthRead::Compared),
@@ -379,10 +413,11 @@ impl Texture {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
         let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear);
-        Ok(Some(Bound { bound, bias: self.bias, base, clamp, levels, depth }))
+        Ok(Some(Bound { bound, border, bias: self.bias, base, clamp, levels, depth }))
     }
 
-    fn sampler(&self) -> Outcome<SamplerDesc> {
+    /// Its sampler, and the colour of the border as texels are kept, where it is none of the card's.
+    fn sampler(&self) -> Outcome<(SamplerDesc, Option<[f32; 4]>)> {
         let filter = |linear: bool| if linear { FilterMode::Linear } else { FilterMode::Nearest };
         let linear = matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
         let between = matches!(self.min, e::NEAREST_MIPMAP_LINEAR | e::LINEAR_MIPMAP_LINEAR);
@@ -409,32 +444,31 @@ impl Texture {
         for mode in &mut address[used..] {
             *mode = AddressMode::ClampToEdge;
         }
-        let given = self.levels.values().any(|level| level.bordered);
-        if given && self.wrap[..used].iter().any(|&wrap| wrap == e::CLAMP && any || wrap == e::CLAMP_TO_BORDER) {
-            return Err(Fault::Unsupported("borders of textures that wrap modes read".into()));
-        }
-        let bordered = address.contains(&AddressMode::ClampToBorder);
-        let alpha = matches!(
-            self.native.as_ref().map(|native| native.base),
-            Some(Base::Alpha | Base::LuminanceAlpha | Base::Intensity)
-        );
-        let opaque = matches!(self.native.as_ref().map(|native| native.base), Some(Base::Rgb | Base::Srgb | Base::Luminance));
-        let border = match self.border.map(|value| value.clamp(0.0, 1.0)) {
-            _ if !bordered => BorderColor::TransparentBlack,
-            // These keep alpha in another channel than the card's border has it.
-            border if alpha && border != [0.0; 4] => {
-                return Err(Fault::Unsupported("borders of textures of alpha, luminance-alpha or intensity".into()));
+        let base = self.native.as_ref().map_or(Base::Rgba, |native| native.base);
+        let [r, g, b, a] = self.border.map(|value| value.clamp(0.0, 1.0));
+        let kept = match base {
+            Base::Alpha => [a, 0.0, 0.0, 0.0],
+            Base::Luminance | Base::Intensity | Base::Depth => [r, 0.0, 0.0, 0.0],
+            Base::LuminanceAlpha => [r, a, 0.0, 0.0],
+            Base::Rgb | Base::Srgb => [r, g, b, 1.0],
+            Base::Rgba | Base::SrgbAlpha => [r, g, b, a],
+        };
+        let channels = base.format().components() as usize;
+        let (border, color) = match kept {
+            _ if !address.contains(&AddressMode::ClampToBorder) => (BorderColor::TransparentBlack, None),
+            [0.0, 0.0, 0.0, 0.0] => (BorderColor::TransparentBlack, None),
+            [0.0, 0.0, 0.0, 1.0] => (BorderColor::OpaqueBlack, None),
+            kept if kept[..channels].iter().all(|&value| value == 1.0) => (BorderColor::OpaqueWhite, None),
+            _ if base == Base::Depth => {
+                return Err(Fault::Unsupported("borders of depth textures of a value other than 0 and 1".into()));
             }
-            [0.0, 0.0, 0.0, a] if opaque || a == 1.0 => BorderColor::OpaqueBlack,
-            [0.0, 0.0, 0.0, 0.0] => BorderColor::TransparentBlack,
-            [1.0, 1.0, 1.0, a] if opaque || a == 1.0 => BorderColor::OpaqueWhite,
-            _ => return Err(Fault::Unsupported("texture borders of a colour other than black and white".into())),
+            kept => (BorderColor::TransparentBlack, Some(kept)),
         };
         // Without mipmaps only the choice between the two filters depends on the level of detail.
         let lod = if self.mipmapped() { self.lod.map(|lod| lod.max(0.0)) } else { [0.0, 0.25] };
         // The card's samplers are anisotropic between levels alone; of one level that changes nothing.
         let ellipse = self.anisotropy > 1.0 && any && linear && self.mag == e::LINEAR && (between || !self.mipmapped());
-        Ok(SamplerDesc {
+        let sampler = SamplerDesc {
             address,
             mag: filter(self.mag == e::LINEAR),
             min: filter(linear),
@@ -444,7 +478,8 @@ impl Texture {
             compare: self.compare.filter(|_| self.native.as_ref().is_some_and(|native| native.base == Base::Depth)),
             anisotropy: if ellipse { (self.anisotropy as u16).clamp(1, 16) } else { 1 },
             border,
-        })
+        };
+        Ok((sampler, color))
     }
 
     /// Frees the card's texture.

@@ -120,17 +120,16 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         // Zeros are as good as any.
         None => Some(vec![0; size.iter().product::<u32>() as usize * base.format().block_bytes() as usize]),
     };
-    let mut bordered = false;
     if border == 1 {
         if size[..dimensions].iter().any(|&edge| edge < 2) {
             return Err(INVALID_VALUE);
         }
-        // Only what lies inside is kept. A wrap mode that reads the border is refused where it is used.
+        // Only what lies inside is kept: outside is the border's colour, as Mesa has it.
         let inner: [u32; 3] = std::array::from_fn(|k| if k < dimensions { size[k] - 2 } else { 1 });
         bytes = bytes.map(|bytes| inside_of(&bytes, base.format().block_bytes() as usize, size, inner, dimensions));
-        (size, bordered) = (inner, true);
+        size = inner;
     }
-    install(gl, target, face, level, Level { bordered, ..Level::plain(size, base, bytes) })
+    install(gl, target, face, level, Level::plain(size, base, bytes))
 }
 
 /// The texels inside of a border of one texel.
@@ -156,23 +155,23 @@ fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> O
         let plain = base != Base::Depth && image.format == base.format();
         texture.define(card, face, level, image);
         if generate && !size.contains(&0) {
-            let Some(bytes) = made.filter(|_| size[2] == 1 && plain) else {
-                return Err(Fault::Unsupported("automatic mipmaps of 3D, depth and compressed textures".into()));
+            let Some(bytes) = made.filter(|_| plain) else {
+                return Err(Fault::Unsupported("automatic mipmaps of depth textures".into()));
             };
-            smaller_levels(texture, card, face, level, [size[0], size[1]], bytes);
+            smaller_levels(texture, card, face, level, size, bytes);
         }
         Ok(())
     })
 }
 
 /// All levels below one.
-fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 2], texels: Vec<u8>) {
+fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 3], texels: Vec<u8>) {
     let Some(base) = texture.levels.get(&(face, level)).map(|image| image.base) else { return };
     let (mut smaller, mut texels, mut at) = (size, texels, level);
-    while smaller != [1, 1] {
+    while smaller != [1; 3] {
         (smaller, texels) = image::half(smaller, base, &texels);
         at += 1;
-        let image = Level::plain([smaller[0], smaller[1], 1], base, Some(texels.clone()));
+        let image = Level::plain(smaller, base, Some(texels.clone()));
         texture.define(card, face, at, image);
     }
 }
@@ -216,7 +215,10 @@ pub(super) fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         let first = texture.range[0];
         Ok(texture.levels.get(&(face, first)).filter(|_| level > first).map(|image| image.format))
     })?;
+    // Smaller levels are made of texels.
+    let generates = with(gl, target, |texture, _| Ok(texture.generate && level == texture.range[0]))?;
     let whole = match largest {
+        _ if generates => false,
         Some(format) => format.is_compressed(),
         None => size[0].is_multiple_of(4) && size[1].is_multiple_of(4),
     };
@@ -323,13 +325,11 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         Base::Depth => gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect(),
         base => base.keep(&gl.texels(size, format, kind, &bytes)?),
     };
-    with(gl, target, |texture, card| {
-        if texture.generate && level == texture.range[0] {
-            return Err(Fault::Unsupported("automatic mipmaps of parts of images".into()));
-        }
+    let generates = with(gl, target, |texture, card| {
         texture.write(card, face, level, origin, size, &kept);
-        Ok(())
-    })
+        Ok(texture.generate && level == texture.range[0])
+    })?;
+    if generates { gl.generate_levels(target, face..face + 1) } else { Ok(()) }
 }
 
 pub(super) fn sub_image_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -349,12 +349,11 @@ fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [
     let depth =
         with(gl, target, |texture, _| Ok(texture.levels.get(&(face, level)).is_some_and(|image| image.base == Base::Depth)))?;
     let source = gl.read_source(depth)?;
-    with(gl, target, |texture, card| {
-        if texture.generate && level == texture.range[0] {
-            return Err(Fault::Unsupported("automatic mipmaps of copies".into()));
-        }
-        texture.copy(card, face, level, to, source, from, size)
-    })
+    let generates = with(gl, target, |texture, card| {
+        texture.copy(card, face, level, to, source, from, size)?;
+        Ok(texture.generate && level == texture.range[0])
+    })?;
+    if generates { gl.generate_levels(target, face..face + 1) } else { Ok(()) }
 }
 
 fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) -> Outcome {
@@ -407,6 +406,24 @@ pub(super) fn copy_sub_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (target, face) = image_target(call.u32(0)?, PLANAR)?.ok_or(INVALID_ENUM)?;
     let (to, from) = ([call.size(2)?, call.size(3)?], [call.i32(4)?, call.i32(5)?]);
     copy_part(gl, target, face, call.size(1)?, to, from, [call.size(6)?, call.size(7)?])
+}
+
+/// `glCopyTexSubImage3D(target, level, x, y, z, from x, from y, width, height)`
+pub(super) fn copy_sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (target, _) = image_target(call.u32(0)?, &[e::TEXTURE_3D])?.ok_or(INVALID_ENUM)?;
+    let (level, to) = (call.size(1)?, [call.size(2)?, call.size(3)?, call.size(4)?]);
+    let (from, size) = ([call.i32(5)?, call.i32(6)?], [call.size(7)?, call.size(8)?]);
+    let depth = with(gl, target, |texture, _| {
+        let image = texture.levels.get(&(0, level)).ok_or(INVALID_OPERATION)?;
+        let generates = texture.generate && level == texture.range[0];
+        match inside(image, to, [size[0], size[1], 1]) {
+            true if generates => Err(Fault::Unsupported("automatic mipmaps of copies into 3D textures".into())),
+            true => Ok(image.base == Base::Depth),
+            false => Err(INVALID_VALUE),
+        }
+    })?;
+    let source = gl.read_source(depth)?;
+    with(gl, target, |texture, card| texture.copy_slice(card, level, to, source, from, size))
 }
 
 pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {

@@ -20,6 +20,8 @@ pub struct Source<'a> {
     pub constant: &'a Vertex,
     /// Biases of the level of detail.
     pub biases: [f32; UNITS],
+    /// Colours of the borders of textures, as texels are kept.
+    pub borders: [[f32; 4]; UNITS],
     /// The height in pixels of what is drawn to.
     pub height: u32,
     /// Whether its first row is the lowest.
@@ -121,6 +123,9 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
         }
         if unit.matrix {
             field("texture_matrix", Some(k), &columns(&source.texture[k]));
+        }
+        if unit.border {
+            field("border", Some(k), &[source.borders[k]]);
         }
         if unit.bias {
             field("bias", Some(k), &[[source.biases[k]; 4]]);

@@ -65,6 +65,10 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
         let slot = sampled(key) + usize::from(key.logic.is_some());
         line!(out, "@group(1) @binding({}) var pixels: texture_2d<f32>;", 2 * slot);
     }
+    let first = sampled(key) + usize::from(key.logic.is_some()) + usize::from(key.pixels);
+    for (slot, unit) in (first..).zip(key.units.iter().filter(|unit| unit.border)) {
+        line!(out, "@group(1) @binding({}) var white{}: sampler;", 2 * slot + 1, unit.unit);
+    }
     interface(key, source, &mut out);
     if key.lighting.is_some() {
         light(key, &mut out);
@@ -485,7 +489,10 @@ fn logic(op: u32) -> &'static str {
 fn sample(unit: &UnitKey, out: &mut String) {
     let k = unit.unit;
     let source = match (unit.sprite, unit.projective) {
-        (true, _) => "vec3f(0.5 + vec2f(0.5, -0.5) * v.corner.xy / v.corner.z, 0.0)".to_owned(),
+        (true, _) => {
+            let down = if unit.sprite_up { "0.5" } else { "-0.5" };
+            format!("vec3f(0.5 + vec2f(0.5, {down}) * v.corner.xy / v.corner.z, 0.0)")
+        }
         (false, true) => format!("v.texture{k}.xyz / v.texture{k}.w"),
         (false, false) => format!("v.texture{k}"),
     };
@@ -522,20 +529,28 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     };
     let own = if unit.bias { format!(" + u.bias{k}.x") } else { String::new() };
     let explicit = matches!(detail, Detail::Level | Detail::Gradient);
-    let read = match (unit.depth, detail) {
+    let with = |sampler: &str| match (unit.depth, detail) {
         (DepthRead::Compared, _) => {
             let level = if explicit { "Level" } else { "" };
-            format!("vec4f(textureSampleCompare{level}(image{k}, sampler{k}, {at}, saturate(at{k}.z)))")
+            format!("vec4f(textureSampleCompare{level}(image{k}, {sampler}, {at}, saturate(at{k}.z)))")
         }
-        (DepthRead::Plain, Detail::Level) => format!("vec4f(textureSampleLevel(image{k}, sampler{k}, {at}, i32(level + 0.5)))"),
-        (DepthRead::Plain, Detail::Gradient) => format!("vec4f(textureSampleLevel(image{k}, sampler{k}, {at}, 0))"),
-        (DepthRead::Plain, _) => format!("vec4f(textureSample(image{k}, sampler{k}, {at}))"),
-        (_, Detail::Level) => format!("textureSampleLevel(image{k}, sampler{k}, {at}, level{own})"),
-        (_, Detail::Gradient) => format!("textureSampleGrad(image{k}, sampler{k}, {at}, dx, dy)"),
-        (_, Detail::Biased) => format!("textureSampleBias(image{k}, sampler{k}, {at}, bias{own})"),
-        (_, Detail::Implicit) if unit.bias => format!("textureSampleBias(image{k}, sampler{k}, {at}, u.bias{k}.x)"),
-        (_, Detail::Implicit) => format!("textureSample(image{k}, sampler{k}, {at})"),
+        (DepthRead::Plain, Detail::Level) => format!("vec4f(textureSampleLevel(image{k}, {sampler}, {at}, i32(level + 0.5)))"),
+        (DepthRead::Plain, Detail::Gradient) => format!("vec4f(textureSampleLevel(image{k}, {sampler}, {at}, 0))"),
+        (DepthRead::Plain, _) => format!("vec4f(textureSample(image{k}, {sampler}, {at}))"),
+        (_, Detail::Level) => format!("textureSampleLevel(image{k}, {sampler}, {at}, level{own})"),
+        (_, Detail::Gradient) => format!("textureSampleGrad(image{k}, {sampler}, {at}, dx, dy)"),
+        (_, Detail::Biased) => format!("textureSampleBias(image{k}, {sampler}, {at}, bias{own})"),
+        (_, Detail::Implicit) if unit.bias => format!("textureSampleBias(image{k}, {sampler}, {at}, u.bias{k}.x)"),
+        (_, Detail::Implicit) => format!("textureSample(image{k}, {sampler}, {at})"),
     };
+    let mut read = with(&format!("sampler{k}"));
+    if unit.border {
+        // With a black and with a white border: they differ by the weight of the border.
+        line!(out, "    let inner{k} = {read};");
+        let white = with(&format!("white{k}"));
+        line!(out, "    let bordered{k} = inner{k} + ({white}.r - inner{k}.r) * u.border{k};");
+        read = format!("bordered{k}");
+    }
     if unit.base.swizzle() == "t" {
         line!(out, "    let texel{k} = {read};");
     } else {

@@ -347,6 +347,10 @@ const FEATURES: &str = "GLI0.t\n#! RES 8x8\nglPixelZoom(2,-1)\nglPixelTransferf(
     glCompressedTexSubImage2D(GL_TEXTURE_2D,0,0,0,4,4,GL_COMPRESSED_RGB_S3TC_DXT1_EXT,8,*4)\n\
     glCopyTexImage2D(GL_TEXTURE_2D,0,GL_DEPTH_COMPONENT,0,0,4,4,0)\nglRectf(0,0,1,1)\nglDrawBuffer(GL_FRONT)\nglRectf(0,0,1,1)\n\
     glBindBuffer(GL_PIXEL_UNPACK_BUFFER,7)\nglBufferData(GL_PIXEL_UNPACK_BUFFER,24,*4,GL_STREAM_DRAW)\nglTexSubImage2D(GL_TEXTURE_2D,0,0,0,2,1,GL_DEPTH_COMPONENT,GL_FLOAT,4)\n\
+    glCopyPixels(0,0,2,2,GL_DEPTH)\nglCopyPixels(0,0,2,2,GL_STENCIL)\nglStencilFuncSeparate(GL_BACK,GL_ALWAYS,3,255)\nglEnable(GL_STENCIL_TEST)\n\
+    glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*4)\nglNewList(1,GL_COMPILE_AND_EXECUTE)\nglBegin(GL_TRIANGLES)\nglColor3f(1,0,0)\nglVertex2f(0,0)\n\
+    glVertex2f(1,0)\nglVertex2f(1,1)\nglEnd()\nglBegin(GL_LINES)\nglArrayElement(0)\nglArrayElement(1)\nglEnd()\nglEndList()\nglCallList(1)\nglCallList(1)\n\
+    glTexImage3D(GL_TEXTURE_3D,0,GL_RGBA,2,2,2,0,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglCopyTexSubImage3D(GL_TEXTURE_3D,0,0,0,1,0,0,2,2)\n\
     wglSwapBuffers(1)\n";
 
 /// A recording that draws with these shaders.
@@ -440,6 +444,47 @@ fn a_stream_has_the_commands_of_the_whole() {
     assert!(whole.blob(&name).is_ok() && stream.blob(&name).is_err());
     let error = trace::write(&stream, folder.path().join("out")).expect_err("a stream");
     assert!(error.to_string().contains("read as a stream"), "{error}");
+}
+
+#[test]
+fn a_long_recording_starts_at_once_and_ends_at_what_is_not_supported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("frames.txt");
+    let frame = |more: &str| format!("glClear(GL_COLOR_BUFFER_BIT)\nglRectf(-1,-1,0,0)\n{more}wglSwapBuffers(1)\n");
+    let rare = frame("glNoSuchThing(1)\n");
+    let text = format!("GLI0.t\n#! RES 8x8\n{}{rare}{}{rare}", frame("").repeat(40), frame("").repeat(40));
+    std::fs::write(&path, text).expect("a file");
+    let reading = |lenient| Reading { in_memory: Some(0), lenient, ..Reading::default() };
+    let shown = |trace: &Trace| {
+        let mut frames = 0;
+        let read = trace.for_each_command(|_, command| -> Result<(), TraceError> {
+            frames += u64::from(matches!(command, Command::Present { .. }));
+            Ok(())
+        });
+        (frames, read)
+    };
+    // Nothing is said before it begins. Frames before the call are there, none behind it, and all such calls are counted.
+    let (trace, report) = import::open_frames(&path, &reading(false), 0..u64::MAX).expect("a recording");
+    assert!(report.is_none() && trace.is_stream());
+    let (frames, read) = shown(&trace);
+    let error = read.expect_err("it asks for what is not there");
+    assert!(error.unsupported && (1..=40).contains(&frames), "{frames}: {error}");
+    // Three calls a frame, and one more: the first is that of frame 40.
+    assert!(error.to_string().ends_with("not supported: glNoSuchThing (2 times, first in call 122); --lenient leaves it out"), "{error}");
+    // Left out, all frames are there, and what was left out is known behind the last.
+    let (trace, _) = import::open_frames(&path, &reading(true), 0..u64::MAX).expect("a recording");
+    assert_eq!(trace.left_out(), None);
+    let (frames, read) = shown(&trace);
+    read.expect("all commands");
+    assert_eq!((frames, trace.left_out()), (82, Some("glNoSuchThing (2 times, first in call 122)".to_owned())));
+    // Of the frames before it nothing is wrong.
+    let (trace, _) = import::open_frames(&path, &reading(false), 0..40).expect("a recording");
+    shown(&trace).1.expect("40 frames");
+    // Where all is asked for first, it is refused first.
+    let error = import::open_with(&path, &reading(false)).expect_err("refused");
+    assert!(error.unsupported, "{error}");
+    let (_, report) = import::open_reported(&path, &reading(false)).expect("a recording");
+    assert_eq!(report.expect("a report").frames, 82);
 }
 
 #[test]

@@ -39,14 +39,17 @@ pub struct Apitrace {
     last: Option<Call>,
     /// Those before it that have not been left.
     open: BTreeMap<u64, Call>,
-    /// Room of arguments of calls that are done.
+    /// Room of arguments of calls that are done, and of arrays by their length.
     spare: Vec<Vec<Arg>>,
+    spare_arrays: [Option<Rc<[f64]>>; FEW + 1],
     next: u64,
     ended: bool,
 }
 
 /// Rooms of arguments that are kept.
 const SPARE_MAX: usize = 8;
+/// Elements of vectors and matrices: arrays of so many at most are read at once.
+const FEW: usize = 16;
 
 /// Signatures by their number. apitrace numbers them from 0; only a damaged recording has large numbers.
 struct Table<T> {
@@ -109,6 +112,7 @@ impl Apitrace {
             last: None,
             open: BTreeMap::new(),
             spare: Vec::new(),
+            spare_arrays: [const { None }; FEW + 1],
             next: 0,
             ended: false,
         };
@@ -172,7 +176,14 @@ impl Apitrace {
     pub fn done(&mut self, call: Call) {
         if self.spare.len() < SPARE_MAX {
             let mut args = call.args;
-            args.clear();
+            for arg in args.drain(..) {
+                if let Arg::Nums(numbers) = arg
+                    && let Some(room) = self.spare_arrays.get_mut(numbers.len())
+                    && Rc::strong_count(&numbers) == 1
+                {
+                    *room = Some(numbers);
+                }
+            }
             self.spare.push(args);
         }
     }
@@ -200,7 +211,7 @@ impl Apitrace {
             }
         };
         let mut args = self.spare.pop().unwrap_or_default();
-        args.resize(count as usize, Arg::Null);
+        args.resize_with(count as usize, || Arg::Null);
         let mut call = Call { number, place, function, args, result: Arg::Null };
         self.details(&mut call)?;
         if let Some(before) = self.last.replace(call) {
@@ -219,7 +230,10 @@ impl Apitrace {
                 0 => return Ok(()),
                 1 => {
                     let index = self.uint()?;
-                    let value = self.value(0)?;
+                    let value = match self.number_here() {
+                        Some(number) => Arg::Num(number),
+                        None => self.value(0)?,
+                    };
                     match call.args.get_mut(index as usize) {
                         Some(place) => *place = value,
                         None => return broken(format!("{} has no argument {index}", call.function.name)),
@@ -256,7 +270,19 @@ impl Apitrace {
         }
     }
 
-    #[inline]
+    /// A number of the kinds that make up most of a recording, if it is whole in the piece at hand.
+    #[inline(always)]
+    fn number_here(&mut self) -> Option<f64> {
+        let (number, bytes) = match *self.bytes.here() {
+            [5, a, b, c, d, ..] => (f64::from(f32::from_le_bytes([a, b, c, d])), 5),
+            [4, small, ..] if small < 0x80 => (f64::from(small), 2),
+            [6, a, b, c, d, e, f, g, h, ..] => (f64::from_le_bytes([a, b, c, d, e, f, g, h]), 9),
+            _ => return None,
+        };
+        self.bytes.pass(bytes);
+        Some(number)
+    }
+
     fn value(&mut self, depth: u32) -> Result<Arg, Stop> {
         if depth > NESTING_MAX {
             return broken(format!("values nested more than {NESTING_MAX} deep"));
@@ -319,20 +345,34 @@ impl Apitrace {
             return broken(format!("an array of {length} elements"));
         }
         // Most are vectors and matrices.
-        if length <= 16 && depth == 0 {
-            let mut numbers = [0.0; 16];
+        if length <= FEW as u64 && depth == 0 {
+            let mut numbers = [0.0; FEW];
             let mut known = 0;
             for place in &mut numbers[..length as usize] {
-                match self.value(depth + 1)? {
-                    Arg::Num(number) => *place = number,
-                    other => return self.rest_of_array(&numbers[..known], other, length, depth),
-                }
+                *place = match self.number_here() {
+                    Some(number) => number,
+                    None => match self.value(depth + 1)? {
+                        Arg::Num(number) => number,
+                        other => return self.rest_of_array(&numbers[..known], other, length, depth),
+                    },
+                };
                 known += 1;
             }
-            return Ok(Arg::Nums(numbers[..known].into()));
+            let numbers = &numbers[..known];
+            if let Some(mut room) = self.spare_arrays[known].take()
+                && let Some(place) = Rc::get_mut(&mut room)
+            {
+                place.copy_from_slice(numbers);
+                return Ok(Arg::Nums(room));
+            }
+            return Ok(Arg::Nums(numbers.into()));
         }
         let mut numbers = Vec::new();
         for _ in 0..length {
+            if let Some(number) = self.number_here() {
+                numbers.push(number);
+                continue;
+            }
             match self.value(depth + 1)? {
                 Arg::Num(number) => numbers.push(number),
                 other => return self.rest_of_array(&numbers, other, length, depth),

@@ -156,6 +156,18 @@ impl Chunks {
         Ok(self.piece[0])
     }
 
+    /// The bytes that are here: those that follow, up to the end of a piece.
+    #[inline(always)]
+    pub fn here(&self) -> &[u8] {
+        &self.piece[self.at..]
+    }
+
+    /// Passes over bytes that are [here](Chunks::here).
+    #[inline(always)]
+    pub fn pass(&mut self, count: usize) {
+        self.at += count;
+    }
+
     /// The next bytes; their memory grows with what is there.
     pub fn bytes(&mut self, length: u64) -> Result<Rc<[u8]>, Stop> {
         self.allow(length)?;

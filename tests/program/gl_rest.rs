@@ -1,0 +1,232 @@
+//! What OpenGL 1.5 has in its corners: copies of depths and stencil values, borders, flat outlines, stencils with two sides, and the like.
+
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+
+const ORTHO: &str = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\n";
+
+#[test]
+fn a_material_keeps_the_colour_that_tracked_it() {
+    // Only the ambient light of the scene, so that the ambient material is the colour.
+    let lit = "glLightModelfv(GL_LIGHT_MODEL_AMBIENT,{1,1,1,1})\nglEnable(GL_LIGHTING)\n";
+    let of = |calls: &str| shown(&format!("{lit}{calls}\n{QUAD}"), &[]).at(8, 8);
+    let tracked = "glColorMaterial(GL_FRONT_AND_BACK,GL_AMBIENT)\nglEnable(GL_COLOR_MATERIAL)\nglColor3f(1,0,0)\n";
+    assert_eq!(of(&format!("{tracked}glDisable(GL_COLOR_MATERIAL)\nglColor3f(0,1,0)")), RED);
+    assert_eq!(of(&format!("{tracked}glColor3f(0,1,0)")), GREEN);
+    // Another term is tracked from now on: the ambient one stays.
+    assert_eq!(of(&format!("{tracked}glColorMaterial(GL_FRONT_AND_BACK,GL_SPECULAR)\nglColor3f(0,0,1)")), RED);
+    // What is restored is what was tracked when it was saved.
+    assert_eq!(
+        of(&format!("{tracked}glPushAttrib(GL_LIGHTING_BIT)\nglColor3f(0,1,0)\nglPopAttrib()\nglDisable(GL_COLOR_MATERIAL)")),
+        GREEN,
+        "the tracked colour is the current one, which was not restored"
+    );
+    assert_eq!(of(&format!("glEnable(GL_COLOR_MATERIAL)\nglColor3f(0,0,1)\nglMaterialfv(GL_FRONT,GL_AMBIENT,{{1,0,0,1}})")), BLUE);
+}
+
+#[test]
+fn outlines_of_flat_polygons_have_the_colour_of_the_provoking_vertex() {
+    let outline = |mode: &str, corners: &str| {
+        shown(&format!("{ORTHO}glShadeModel(GL_FLAT)\nglPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglBegin({mode})\n{corners}glEnd()"), &[])
+    };
+    let colored = |list: &[(&str, f32, f32)]| -> String {
+        list.iter().map(|(color, x, y)| format!("glColor3f({color})\nglVertex2f({x},{y})\n")).collect()
+    };
+    let (red, green, blue) = ("1,0,0", "0,1,0", "0,0,1");
+    let corners = [(red, 2.5, 2.5), (green, 12.5, 2.5), (green, 12.5, 12.5), (blue, 2.5, 12.5)];
+    // The last vertex of a quadrilateral, the first of a polygon.
+    let quad = outline("GL_QUADS", &colored(&corners));
+    assert!(quad.lit().len() >= 36 && quad.lit().into_iter().all(|(x, y)| quad.at(x, y) == BLUE), "{:?}", quad.lit());
+    let polygon = outline("GL_POLYGON", &colored(&corners));
+    assert!(polygon.lit().len() >= 36 && polygon.lit().into_iter().all(|(x, y)| polygon.at(x, y) == RED));
+    // Lit: the colour is that of the last vertex's normal. Straight on it is white of the light, and sideways only ambient light is left.
+    let lit = |last: &str| {
+        let calls = format!(
+            "glEnable(GL_LIGHTING)\nglEnable(GL_LIGHT0)\nglLightModelfv(GL_LIGHT_MODEL_AMBIENT,{{0,0,0,1}})\nglMaterialfv(GL_FRONT,GL_DIFFUSE,{{1,1,1,1}})\n\
+             {ORTHO}glShadeModel(GL_FLAT)\nglPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglBegin(GL_TRIANGLES)\nglNormal3f(1,0,0)\nglVertex2f(2.5,2.5)\n\
+             glVertex2f(12.5,2.5)\nglNormal3f({last})\nglVertex2f(2.5,12.5)\nglEnd()"
+        );
+        shown(&calls, &[]).at(7, 2)
+    };
+    assert_eq!((lit("0,0,1"), lit("0,1,0")), ([255; 3], BLACK));
+}
+
+#[test]
+fn stencil_references_and_masks_differ_between_faces() {
+    // Two triangles beside each other: the left one shows its front, the right one its back. Each writes its own reference.
+    let faces = "glBegin(GL_TRIANGLES)\nglVertex2f(-1,-1)\nglVertex2f(0,-1)\nglVertex2f(-1,1)\nglVertex2f(0,-1)\nglVertex2f(0,1)\nglVertex2f(1,-1)\nglEnd()\n";
+    let draw = |reference: u32| {
+        shown(
+            &format!(
+                "glEnable(GL_STENCIL_TEST)\nglColorMask(0,0,0,0)\nglStencilFuncSeparate(GL_FRONT,GL_ALWAYS,5,255)\n\
+                 glStencilFuncSeparate(GL_BACK,GL_ALWAYS,7,255)\nglStencilMaskSeparate(GL_BACK,6)\nglStencilOp(GL_KEEP,GL_KEEP,GL_REPLACE)\n{faces}\
+                 glColorMask(1,1,1,1)\nglStencilFunc(GL_EQUAL,{reference},255)\nglStencilOp(GL_KEEP,GL_KEEP,GL_KEEP)\n{QUAD}"
+            ),
+            &[],
+        )
+    };
+    let (front, back) = (draw(5), draw(6));
+    assert!(front.at(1, 2) != BLACK && front.at(9, 2) == BLACK);
+    assert!(back.at(1, 2) == BLACK && back.at(9, 2) != BLACK);
+    // ATI's function has a comparison of each face and one reference.
+    let image = shown(
+        &format!("glEnable(GL_STENCIL_TEST)\nglStencilFuncSeparateATI(GL_ALWAYS,GL_NEVER,3,255)\n{faces}"),
+        &[],
+    );
+    assert!(image.at(1, 2) != BLACK && image.at(9, 2) == BLACK);
+}
+
+#[test]
+fn depths_and_stencil_values_are_copied() {
+    // The left half of the window is nearer; its depths are copied to the right half.
+    let near_left = "glEnable(GL_DEPTH_TEST)\nglColorMask(0,0,0,0)\nglBegin(GL_QUADS)\nglVertex3f(-1,-1,-0.5)\nglVertex3f(0,-1,-0.5)\n\
+        glVertex3f(0,1,-0.5)\nglVertex3f(-1,1,-0.5)\nglEnd()\n";
+    let copy = |kind: &str| format!("glDepthFunc(GL_ALWAYS)\nglWindowPos2i(10,3)\nglCopyPixels(1,1,4,5,{kind})\nglDepthFunc(GL_LESS)\n");
+    let image = shown(&format!("{near_left}{}glColorMask(1,1,1,1)\n{QUAD}", copy("GL_DEPTH")), &[]);
+    let hidden = |x: usize, y: usize| x < 8 || (10..14).contains(&x) && (3..8).contains(&y);
+    assert!((0..256).all(|k| hidden(k % 16, k / 16) == (image.at(k % 16, k / 16) == BLACK)), "{:?}", image.lit());
+    // Stencil values of a row, copied two rows up.
+    let values = "glWindowPos2i(3,3)\nglDrawPixels(4,1,GL_STENCIL_INDEX,GL_UNSIGNED_BYTE,*1)\n";
+    let image = shown(
+        &format!(
+            "{values}glWindowPos2i(5,5)\nglCopyPixels(3,3,4,1,GL_STENCIL)\nglEnable(GL_STENCIL_TEST)\nglStencilFunc(GL_EQUAL,5,255)\n{QUAD}"
+        ),
+        &[&[5, 7, 5, 255]],
+    );
+    assert_eq!(image.lit(), [(3, 3), (5, 3), (5, 5), (7, 5)]);
+    // Depths that are drawn pass the stencil test.
+    let depths: Vec<u8> = [0.25_f32; 4].iter().flat_map(|depth| depth.to_le_bytes()).collect();
+    let image = shown(
+        &format!(
+            "{values}glEnable(GL_DEPTH_TEST)\nglEnable(GL_STENCIL_TEST)\nglStencilFunc(GL_EQUAL,5,255)\nglColorMask(0,0,0,0)\nglWindowPos2i(3,3)\n\
+             glDrawPixels(4,1,GL_DEPTH_COMPONENT,GL_FLOAT,*2)\nglColorMask(1,1,1,1)\nglDisable(GL_STENCIL_TEST)\nglEnable(GL_SCISSOR_TEST)\n\
+             glScissor(3,3,4,1)\n{QUAD}"
+        ),
+        &[&[5, 7, 5, 255], &depths],
+    );
+    assert_eq!(image.lit(), [(4, 3), (6, 3)]);
+}
+
+#[test]
+fn elements_of_several_draws_have_indices_of_their_own() {
+    let corners: Vec<u8> = [0.0_f32, 0.0, 4.0, 0.0, 0.0, 4.0, 8.0, 8.0, 12.0, 8.0, 8.0, 12.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let image = shown(
+        &format!(
+            "{ORTHO}glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*1)\nglBindBufferARB(34963,1)\nglBufferDataARB(34963,6,*2,35044)\n\
+             glMultiDrawElements(GL_TRIANGLES,{{3,3}},GL_UNSIGNED_BYTE,{{0,3}},2)"
+        ),
+        &[&corners, &[0, 1, 2, 3, 4, 5]],
+    );
+    assert!(image.at(1, 1) != BLACK && image.at(9, 9) != BLACK && image.at(6, 6) == BLACK);
+}
+
+const TEXTURED: &str = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(1,0)\nglVertex2f(1,-1)\nglTexCoord2f(1,1)\n\
+    glVertex2f(1,1)\nglTexCoord2f(0,1)\nglVertex2f(-1,1)\nglEnd()\n";
+const NEAREST: &str = "glTexParameteri(3553,10241,9728)\nglTexParameteri(3553,10240,9728)\nglTexEnvi(8960,8704,7681)\nglEnable(3553)\n";
+
+#[test]
+fn borders_of_textures_have_any_colour() {
+    // A green texel in the middle half; around it is the border. 10497 is no wrap of this test: both are GL_CLAMP_TO_BORDER.
+    let around = "glTexParameteri(3553,10242,33069)\nglTexParameteri(3553,10243,33069)\nglTexParameterfv(3553,4100,{1,0.5,0.25,0.5})\n";
+    let wide = TEXTURED.replace("Coord2f(0,0)", "Coord2f(-0.5,-0.5)").replace("Coord2f(1,0)", "Coord2f(1.5,-0.5)");
+    let wide = wide.replace("Coord2f(1,1)", "Coord2f(1.5,1.5)").replace("Coord2f(0,1)", "Coord2f(-0.5,1.5)");
+    let draw = |filter: &str, internal: u32, format: &str, texel: &[u8]| {
+        let calls = format!(
+            "{NEAREST}{filter}{around}glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglTexImage2D(3553,0,{internal},1,1,0,{format},GL_UNSIGNED_BYTE,*1)\n{wide}"
+        );
+        shown(&calls, &[texel])
+    };
+    let image = draw("", 6408, "GL_RGBA", &[0, 255, 0, 255]);
+    assert_eq!((image.at(8, 8), image.at(5, 10)), (GREEN, GREEN));
+    assert!(near(image.at(1, 1), [255, 128, 64]) && near(image.at(14, 8), [255, 128, 64]), "{:?}", image.at(1, 1));
+    // Luminance has the border's red.
+    let image = draw("", 6409, "GL_LUMINANCE", &[0]);
+    assert!(near(image.at(1, 1), [255; 3]) && image.at(8, 8) == BLACK);
+    // A linear filter mixes: at the centre of pixel 4 the coordinate is 1/16, the texel's centre is 1/2: the border has 7/16.
+    let image = draw("glTexParameteri(3553,10241,9729)\nglTexParameteri(3553,10240,9729)\n", 6408, "GL_RGBA", &[0, 255, 0, 255]);
+    let mixed = image.at(4, 8);
+    assert!(near(mixed, [112, 199, 28]), "{mixed:?}");
+}
+
+#[test]
+fn automatic_mipmaps_follow_parts_and_copies_and_have_three_dimensions() {
+    // A black texture of 16 x 16 whose left half becomes white: at an eighth of its size each texel is a mean.
+    let start = "glTexParameteri(3553,10241,9984)\nglTexEnvi(8960,8704,7681)\nglEnable(3553)\nglTexParameteri(3553,33169,1)\n\
+        glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglTexImage2D(3553,0,6407,16,16,0,GL_RGB,GL_UNSIGNED_BYTE,*1)\n";
+    let small = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(16,0)\nglVertex2f(1,-1)\nglTexCoord2f(16,16)\n\
+        glVertex2f(1,1)\nglTexCoord2f(0,16)\nglVertex2f(-1,1)\nglEnd()\n";
+    let (black, white) = (vec![0; 768], vec![255; 384]);
+    let image = shown(&format!("{start}glTexSubImage2D(3553,0,0,0,8,16,GL_RGB,GL_UNSIGNED_BYTE,*2)\n{small}"), &[&black, &white]);
+    assert!(near(image.at(7, 7), [128; 3]), "{:?}", image.at(7, 7));
+    let image = shown(
+        &format!(
+            "{start}glClearColor(1,0,0,1)\nglClear(16384)\nglCopyTexSubImage2D(3553,0,0,0,0,0,16,8)\nglClearColor(0,0,0,1)\nglClear(16384)\n{small}"
+        ),
+        &[&black],
+    );
+    assert!(near(image.at(7, 7), [128, 0, 0]), "{:?}", image.at(7, 7));
+    // One of eight texels is white.
+    let mut cube = vec![0; 24];
+    cube[21..24].fill(255);
+    let image = shown(
+        "glTexParameteri(32879,10241,9984)\nglTexEnvi(8960,8704,7681)\nglEnable(32879)\nglTexParameteri(32879,33169,1)\nglTexParameteri(32879,33084,1)\n\
+         glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglTexImage3D(32879,0,6407,2,2,2,0,GL_RGB,GL_UNSIGNED_BYTE,*1)\n\
+         glTexParameteri(32879,33084,1)\nglRectf(-1,-1,1,1)",
+        &[&cube],
+    );
+    assert!(near(image.at(7, 7), [32; 3]), "{:?}", image.at(7, 7));
+}
+
+#[test]
+fn slices_of_three_dimensions_are_copied_from_the_window() {
+    let image = shown(
+        "glTexParameteri(32879,10241,9728)\nglTexParameteri(32879,10240,9728)\nglTexEnvi(8960,8704,7681)\n\
+         glTexImage3D(32879,0,6408,16,16,2,0,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglClearColor(1,0,0,1)\nglClear(16384)\n\
+         glEnable(GL_SCISSOR_TEST)\nglScissor(0,0,16,4)\nglClearColor(0,1,0,1)\nglClear(16384)\nglDisable(GL_SCISSOR_TEST)\n\
+         glCopyTexSubImage3D(32879,0,0,0,1,0,0,16,16)\nglClearColor(0,0,0,1)\nglClear(16384)\nglEnable(32879)\nglBegin(GL_QUADS)\n\
+         glTexCoord3f(0,0,0.75)\nglVertex2f(-1,-1)\nglTexCoord3f(1,0,0.75)\nglVertex2f(1,-1)\nglTexCoord3f(1,1,0.75)\nglVertex2f(1,1)\n\
+         glTexCoord3f(0,1,0.75)\nglVertex2f(-1,1)\nglEnd()",
+        &[],
+    );
+    assert_eq!([image.at(3, 1), image.at(3, 12)], [GREEN, RED]);
+}
+
+#[test]
+fn sprites_begin_above_or_below() {
+    // A texture whose lower half is red and whose upper half is green, on a point that covers the window.
+    let texels = [[255, 0, 0, 255], [255, 0, 0, 255], [0, 255, 0, 255], [0, 255, 0, 255]].concat();
+    let draw = |origin: u32| {
+        let calls = format!(
+            "{NEAREST}glTexImage2D(3553,0,6408,2,2,0,GL_RGBA,GL_UNSIGNED_BYTE,*1)\nglEnable(34913)\nglTexEnvi(34913,34914,1)\nglPointParameteri(36000,{origin})\n\
+             glPointSize(16)\nglBegin(GL_POINTS)\nglVertex2f(0,0)\nglEnd()"
+        );
+        let image = shown(&calls, &[&texels]);
+        [image.at(7, 3), image.at(7, 12)]
+    };
+    // From the upper left, the second coordinate grows downward.
+    assert_eq!((draw(0x8ca2), draw(0x8ca1)), ([GREEN, RED], [RED, GREEN]));
+}
+
+#[test]
+fn raster_positions_have_the_coordinates_of_maps() {
+    // A sphere map seen straight on by a normal towards the viewer is read in its middle, by one to the right at the right.
+    let texels = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]].concat();
+    let draw = |normal: &str| {
+        let calls = format!(
+            "{NEAREST}glTexImage2D(3553,0,6408,3,1,0,GL_RGBA,GL_UNSIGNED_BYTE,*1)\nglTexGeni(8192,9472,9218)\nglTexGeni(8193,9472,9218)\n\
+             glEnable(3168)\nglEnable(3169)\nglMatrixMode(GL_PROJECTION)\nglFrustum(-1,1,-1,1,1,10)\nglMatrixMode(GL_MODELVIEW)\nglTranslatef(0,0,-2)\n\
+             glNormal3f({normal})\nglRasterPos2f(0,0)\nglBitmap(1,1,0,0,0,0,*2)"
+        );
+        shown(&calls, &[&texels, &[0x80, 0, 0, 0]]).at(8, 8)
+    };
+    assert_eq!((draw("0,0,1"), draw("0.7071068,0,0.7071068")), (GREEN, BLUE));
+}
+
+#[test]
+fn polygon_stipples_have_the_storage_of_pixels() {
+    // Every row has its lowest bit set: the leftmost of eight pixels, where the lowest bit comes first.
+    let pattern = [1; 128];
+    let draw = |more: &str| shown(&format!("{more}glPolygonStipple(*1)\nglEnable(GL_POLYGON_STIPPLE)\n{QUAD}"), &[&pattern]);
+    let columns = |image: &super::gl_features::Shown| (0..16).filter(|&x| image.at(x, 5) != BLACK).collect::<Vec<_>>();
+    assert_eq!(columns(&draw("")), [7, 15]);
+    assert_eq!(columns(&draw("glPixelStorei(GL_UNPACK_LSB_FIRST,1)\n")), [0, 8]);
+}
