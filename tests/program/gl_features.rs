@@ -262,7 +262,8 @@ fn copied_pixels_are_upright() {
     assert_eq!(image.lit().len(), 8);
 }
 
-pub(super) const QUAD: &str = "glBegin(GL_QUADS)\nglVertex2f(-1,-1)\nglVertex2f(1,-1)\nglVertex2f(1,1)\nglVertex2f(-1,1)\nglEnd()";
+pub(super) const QUAD: &str =
+    "glBegin(GL_QUADS)\nglVertex2f(-1,-1)\nglVertex2f(1,-1)\nglVertex2f(1,1)\nglVertex2f(-1,1)\nglEnd()";
 
 #[test]
 fn drawn_stencil_values_and_depths_are_tested() {

@@ -80,7 +80,9 @@ fn attributes_that_a_list_does_not_give_are_those_at_hand_and_those_it_gives_sta
     // A list that is called where a primitive has begun goes on with it.
     let inside = "glNewList(3,GL_COMPILE)\nglColor3f(0,1,0)\nglVertex2f(8,0)\nglVertex2f(8,8)\nglVertex2f(0,8)\nglEndList()\n";
     let image = shown(
-        &format!("{ORTHO}{inside}glShadeModel(GL_FLAT)\nglBegin(GL_QUADS)\nglColor3f(1,0,0)\nglVertex2f(0,0)\nglCallList(3)\nglEnd()"),
+        &format!(
+            "{ORTHO}{inside}glShadeModel(GL_FLAT)\nglBegin(GL_QUADS)\nglColor3f(1,0,0)\nglVertex2f(0,0)\nglCallList(3)\nglEnd()"
+        ),
         &[],
     );
     assert_eq!((image.at(4, 4), image.lit().len()), (GREEN, 64));

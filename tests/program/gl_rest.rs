@@ -20,13 +20,21 @@ fn a_material_keeps_the_colour_that_tracked_it() {
         GREEN,
         "the tracked colour is the current one, which was not restored"
     );
-    assert_eq!(of(&format!("glEnable(GL_COLOR_MATERIAL)\nglColor3f(0,0,1)\nglMaterialfv(GL_FRONT,GL_AMBIENT,{{1,0,0,1}})")), BLUE);
+    assert_eq!(
+        of(&format!("glEnable(GL_COLOR_MATERIAL)\nglColor3f(0,0,1)\nglMaterialfv(GL_FRONT,GL_AMBIENT,{{1,0,0,1}})")),
+        BLUE
+    );
 }
 
 #[test]
 fn outlines_of_flat_polygons_have_the_colour_of_the_provoking_vertex() {
     let outline = |mode: &str, corners: &str| {
-        shown(&format!("{ORTHO}glShadeModel(GL_FLAT)\nglPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglBegin({mode})\n{corners}glEnd()"), &[])
+        shown(
+            &format!(
+                "{ORTHO}glShadeModel(GL_FLAT)\nglPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglBegin({mode})\n{corners}glEnd()"
+            ),
+            &[],
+        )
     };
     let colored = |list: &[(&str, f32, f32)]| -> String {
         list.iter().map(|(color, x, y)| format!("glColor3f({color})\nglVertex2f({x},{y})\n")).collect()
@@ -68,10 +76,7 @@ fn stencil_references_and_masks_differ_between_faces() {
     assert!(front.at(1, 2) != BLACK && front.at(9, 2) == BLACK);
     assert!(back.at(1, 2) == BLACK && back.at(9, 2) != BLACK);
     // ATI's function has a comparison of each face and one reference.
-    let image = shown(
-        &format!("glEnable(GL_STENCIL_TEST)\nglStencilFuncSeparateATI(GL_ALWAYS,GL_NEVER,3,255)\n{faces}"),
-        &[],
-    );
+    let image = shown(&format!("glEnable(GL_STENCIL_TEST)\nglStencilFuncSeparateATI(GL_ALWAYS,GL_NEVER,3,255)\n{faces}"), &[]);
     assert!(image.at(1, 2) != BLACK && image.at(9, 2) == BLACK);
 }
 
@@ -80,7 +85,9 @@ fn depths_and_stencil_values_are_copied() {
     // The left half of the window is nearer; its depths are copied to the right half.
     let near_left = "glEnable(GL_DEPTH_TEST)\nglColorMask(0,0,0,0)\nglBegin(GL_QUADS)\nglVertex3f(-1,-1,-0.5)\nglVertex3f(0,-1,-0.5)\n\
         glVertex3f(0,1,-0.5)\nglVertex3f(-1,1,-0.5)\nglEnd()\n";
-    let copy = |kind: &str| format!("glDepthFunc(GL_ALWAYS)\nglWindowPos2i(10,3)\nglCopyPixels(1,1,4,5,{kind})\nglDepthFunc(GL_LESS)\n");
+    let copy = |kind: &str| {
+        format!("glDepthFunc(GL_ALWAYS)\nglWindowPos2i(10,3)\nglCopyPixels(1,1,4,5,{kind})\nglDepthFunc(GL_LESS)\n")
+    };
     let image = shown(&format!("{near_left}{}glColorMask(1,1,1,1)\n{QUAD}", copy("GL_DEPTH")), &[]);
     let hidden = |x: usize, y: usize| x < 8 || (10..14).contains(&x) && (3..8).contains(&y);
     assert!((0..256).all(|k| hidden(k % 16, k / 16) == (image.at(k % 16, k / 16) == BLACK)), "{:?}", image.lit());
@@ -108,7 +115,8 @@ fn depths_and_stencil_values_are_copied() {
 
 #[test]
 fn elements_of_several_draws_have_indices_of_their_own() {
-    let corners: Vec<u8> = [0.0_f32, 0.0, 4.0, 0.0, 0.0, 4.0, 8.0, 8.0, 12.0, 8.0, 8.0, 12.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let corners: Vec<u8> =
+        [0.0_f32, 0.0, 4.0, 0.0, 0.0, 4.0, 8.0, 8.0, 12.0, 8.0, 8.0, 12.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     let image = shown(
         &format!(
             "{ORTHO}glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*1)\nglBindBufferARB(34963,1)\nglBufferDataARB(34963,6,*2,35044)\n\
@@ -121,12 +129,14 @@ fn elements_of_several_draws_have_indices_of_their_own() {
 
 const TEXTURED: &str = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(1,0)\nglVertex2f(1,-1)\nglTexCoord2f(1,1)\n\
     glVertex2f(1,1)\nglTexCoord2f(0,1)\nglVertex2f(-1,1)\nglEnd()\n";
-const NEAREST: &str = "glTexParameteri(3553,10241,9728)\nglTexParameteri(3553,10240,9728)\nglTexEnvi(8960,8704,7681)\nglEnable(3553)\n";
+const NEAREST: &str =
+    "glTexParameteri(3553,10241,9728)\nglTexParameteri(3553,10240,9728)\nglTexEnvi(8960,8704,7681)\nglEnable(3553)\n";
 
 #[test]
 fn borders_of_textures_have_any_colour() {
     // A green texel in the middle half; around it is the border. 10497 is no wrap of this test: both are GL_CLAMP_TO_BORDER.
-    let around = "glTexParameteri(3553,10242,33069)\nglTexParameteri(3553,10243,33069)\nglTexParameterfv(3553,4100,{1,0.5,0.25,0.5})\n";
+    let around =
+        "glTexParameteri(3553,10242,33069)\nglTexParameteri(3553,10243,33069)\nglTexParameterfv(3553,4100,{1,0.5,0.25,0.5})\n";
     let wide = TEXTURED.replace("Coord2f(0,0)", "Coord2f(-0.5,-0.5)").replace("Coord2f(1,0)", "Coord2f(1.5,-0.5)");
     let wide = wide.replace("Coord2f(1,1)", "Coord2f(1.5,1.5)").replace("Coord2f(0,1)", "Coord2f(-0.5,1.5)");
     let draw = |filter: &str, internal: u32, format: &str, texel: &[u8]| {
@@ -142,7 +152,8 @@ fn borders_of_textures_have_any_colour() {
     let image = draw("", 6409, "GL_LUMINANCE", &[0]);
     assert!(near(image.at(1, 1), [255; 3]) && image.at(8, 8) == BLACK);
     // A linear filter mixes: at the centre of pixel 4 the coordinate is 1/16, the texel's centre is 1/2: the border has 7/16.
-    let image = draw("glTexParameteri(3553,10241,9729)\nglTexParameteri(3553,10240,9729)\n", 6408, "GL_RGBA", &[0, 255, 0, 255]);
+    let image =
+        draw("glTexParameteri(3553,10241,9729)\nglTexParameteri(3553,10240,9729)\n", 6408, "GL_RGBA", &[0, 255, 0, 255]);
     let mixed = image.at(4, 8);
     assert!(near(mixed, [112, 199, 28]), "{mixed:?}");
 }
@@ -155,7 +166,8 @@ fn automatic_mipmaps_follow_parts_and_copies_and_have_three_dimensions() {
     let small = "glBegin(GL_QUADS)\nglTexCoord2f(0,0)\nglVertex2f(-1,-1)\nglTexCoord2f(16,0)\nglVertex2f(1,-1)\nglTexCoord2f(16,16)\n\
         glVertex2f(1,1)\nglTexCoord2f(0,16)\nglVertex2f(-1,1)\nglEnd()\n";
     let (black, white) = (vec![0; 768], vec![255; 384]);
-    let image = shown(&format!("{start}glTexSubImage2D(3553,0,0,0,8,16,GL_RGB,GL_UNSIGNED_BYTE,*2)\n{small}"), &[&black, &white]);
+    let image =
+        shown(&format!("{start}glTexSubImage2D(3553,0,0,0,8,16,GL_RGB,GL_UNSIGNED_BYTE,*2)\n{small}"), &[&black, &white]);
     assert!(near(image.at(7, 7), [128; 3]), "{:?}", image.at(7, 7));
     let image = shown(
         &format!(

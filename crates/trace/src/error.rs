@@ -31,7 +31,13 @@ pub struct TraceError {
 impl TraceError {
     /// An error about a whole file.
     pub fn new(file: impl AsRef<Path>, reason: impl fmt::Display) -> TraceError {
-        TraceError { file: file.as_ref().to_path_buf(), place: None, command: None, reason: reason.to_string(), unsupported: false }
+        TraceError {
+            file: file.as_ref().to_path_buf(),
+            place: None,
+            command: None,
+            reason: reason.to_string(),
+            unsupported: false,
+        }
     }
 
     /// An error about a file that is right, and asks for what this program does not have.

@@ -277,7 +277,9 @@ impl Gl {
     /// The card has one reference and one mask for both sides: each triangle is drawn twice, of which one drawing is culled.
     fn draw_sides(&mut self, batch: &Batch) -> Outcome {
         if batch.topology.is_some() {
-            return Err(Fault::Unsupported("draws that are kept with stencil references or masks that differ between faces".into()));
+            return Err(Fault::Unsupported(
+                "draws that are kept with stencil references or masks that differ between faces".into(),
+            ));
         }
         let (enabled, cull, stencil) = (self.state.enabled, self.state.cull, self.state.stencil);
         let culled = if self.state.is(e::CULL_FACE) { cull } else { e::NONE };

@@ -383,8 +383,7 @@ impl Gl {
         let unit = self.state.active;
         self.texture(unit, target);
         let name = self.state.units[unit].bound[target];
-        let texture =
-            if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
+        let texture = if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
         let texture = texture.ok_or(INVALID_OPERATION)?;
         if texture.kind == Kind::D3 {
             return Err(Fault::Unsupported("automatic mipmaps of 3D textures whose texels are on the card".into()));
@@ -393,7 +392,9 @@ impl Gl {
         for face in faces {
             let image = texture.levels.get(&(face, first)).cloned().ok_or(INVALID_OPERATION)?;
             if image.base == Base::Depth || image.format != image.base.format() {
-                return Err(Fault::Unsupported("automatic mipmaps of depth textures and of compressed ones on the card".into()));
+                return Err(Fault::Unsupported(
+                    "automatic mipmaps of depth textures and of compressed ones on the card".into(),
+                ));
             }
             let ([mut width, mut height, _], mut level) = (image.size, first);
             while width.max(height) > 1 {

@@ -47,14 +47,7 @@ struct OnCard {
 impl Geometry {
     /// Vertices that a list gives, with the attributes of `own`.
     pub fn new(mode: u32, vertices: Rc<[Vertex]>, own: u32) -> Geometry {
-        Geometry {
-            mode,
-            vertices,
-            own,
-            drawn: Cell::new(false),
-            summary: OnceCell::new(),
-            on_card: RefCell::new(Vec::new()),
-        }
+        Geometry { mode, vertices, own, drawn: Cell::new(false), summary: OnceCell::new(), on_card: RefCell::new(Vec::new()) }
     }
 
     /// What is known of its vertices, and whether upright rectangles are among them.
@@ -117,9 +110,7 @@ impl Gl {
             && match class_of(geometry.mode) {
                 Class::Points => true,
                 Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
-                Class::Triangles => {
-                    self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() })
-                }
+                Class::Triangles => self.fills() && !self.sides_differ(&Batch { class: Class::Triangles, ..Batch::default() }),
             }
     }
 

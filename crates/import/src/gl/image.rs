@@ -333,9 +333,10 @@ mod tests {
     #[test]
     fn levels_are_halved_by_means() {
         assert_eq!(half([2, 2, 1], Base::Alpha, &[0, 4, 8, 12]), ([1, 1, 1], vec![6]));
-        assert_eq!(half([4, 1], Base::Alpha, &[0, 2, 10, 20]), ([2, 1], vec![1, 15]));
+        assert_eq!(half([4, 1, 1], Base::Alpha, &[0, 2, 10, 20]), ([2, 1, 1], vec![1, 15]));
+        assert_eq!(half([2, 2, 2], Base::Luminance, &[0, 0, 0, 0, 0, 0, 8, 80]), ([1; 3], vec![11]));
         // Half of white is 188 in the encoding of sRGB; alpha is linear.
         let texels = [255, 0, 255, 0, 0, 0, 255, 200];
-        assert_eq!(half([2, 1], Base::SrgbAlpha, &texels), ([1, 1], vec![188, 0, 255, 100]));
+        assert_eq!(half([2, 1, 1], Base::SrgbAlpha, &texels), ([1, 1, 1], vec![188, 0, 255, 100]));
     }
 }

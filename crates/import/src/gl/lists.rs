@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::compact::Compact;
 use super::consts as e;
 use super::geometry::Geometry;
 use super::image::PixelStore;
@@ -16,12 +17,14 @@ const NESTING_MAX: u32 = 64;
 
 /// What a list does.
 enum Step {
+    /// A call with a few numbers.
+    Numbers(Compact),
     /// A call.
-    Call(Entry, Call),
+    Call(Box<(Entry, Call)>),
     /// A call that has read pixels: how they lie in memory was settled when the list was made.
-    Pixels(Entry, Call, PixelStore),
+    Pixels(Box<(Entry, Call, PixelStore)>),
     /// A primitive: between Begin and End, or of client arrays as they were when the list was made.
-    Primitive(Geometry),
+    Primitive(Box<Geometry>),
     /// The attributes of these bits of [`Vertex::over`] become those of a vertex.
     Attributes(Box<Vertex>, u32),
     /// An element of client arrays as they were, and which attributes are theirs.
@@ -32,6 +35,8 @@ enum Step {
 #[derive(Default)]
 pub struct List {
     steps: Vec<Step>,
+    /// Arguments of calls.
+    numbers: Vec<f32>,
     /// Where the list is made: the attributes at hand in it, and those of them that are known, which the list has set.
     now: Option<Box<Vertex>>,
     known: u32,
@@ -50,7 +55,7 @@ impl List {
 
     fn geometries(&self) -> impl Iterator<Item = &Geometry> {
         self.steps.iter().filter_map(|step| match step {
-            Step::Primitive(geometry) => Some(geometry),
+            Step::Primitive(geometry) => Some(&**geometry),
             _ => None,
         })
     }
@@ -73,7 +78,11 @@ impl Gl {
     /// have and which are those at hand when it is run.
     pub fn compile(&mut self, mut list: List, entry: Entry, call: &Call) -> Result<List, String> {
         let pixels = self.unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
-        let step = if pixels { Step::Pixels(entry, call.clone(), self.unpack) } else { Step::Call(entry, call.clone()) };
+        let step = match Compact::of(call, &mut list.numbers) {
+            _ if pixels => Step::Pixels(Box::new((entry, call.clone(), self.unpack))),
+            Some(compact) => Step::Numbers(compact),
+            None => Step::Call(Box::new((entry, call.clone()))),
+        };
         list.add(step)?;
         match entry.part {
             Part::Begin => list.begun = Some(list.steps.len() - 1),
@@ -104,10 +113,15 @@ impl Gl {
     /// Makes a primitive of the steps of a list from Begin to End, if all its vertices get the same attributes from the list.
     fn gather(&mut self, list: &mut List, first: usize) {
         let inside = list.steps.split_off(first);
-        let known = list.known;
-        match self.aside(list, |gl| gl.primitive_of(&inside, known)) {
+        let (known, numbers) = (list.known, std::mem::take(&mut list.numbers));
+        let made = self.aside(list, |gl| gl.primitive_of(&inside, &numbers, known));
+        list.numbers = numbers;
+        match made {
             Some((geometry, set)) => {
-                list.steps.extend(geometry.map(Step::Primitive));
+                if let Some(Step::Numbers(begin)) = inside.first() {
+                    list.numbers.truncate(begin.first());
+                }
+                list.steps.extend(geometry.map(|geometry| Step::Primitive(Box::new(geometry))));
                 if let (true, Some(now)) = (set != 0, &list.now) {
                     list.steps.push(Step::Attributes(now.clone(), set));
                 }
@@ -121,14 +135,27 @@ impl Gl {
     }
 
     /// The primitive of calls from Begin to End, and the attributes that are set.
-    fn primitive_of(&mut self, inside: &[Step], mut known: u32) -> Option<(Option<Geometry>, u32)> {
-        let [Step::Call(_, begin), within @ .., _] = inside else { return None };
-        let mode = begin.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
+    fn primitive_of(&mut self, inside: &[Step], numbers: &[f32], mut known: u32) -> Option<(Option<Geometry>, u32)> {
+        let [Step::Numbers(begin), within @ .., _] = inside else { return None };
+        let mut call = self.room(begin)?;
+        begin.fill(numbers, &mut call);
+        let mode = call.u32(0).ok().filter(|&mode| mode <= e::POLYGON)?;
         let (mut set, mut own, mut vertices) = (0, None, Vec::new());
         for step in within {
-            let Step::Call(entry, call) = step else { return None };
+            let entry = match step {
+                Step::Numbers(compact) => {
+                    compact.fill(numbers, &mut call);
+                    self.function(compact.function)?.0
+                }
+                // Numbers in double precision.
+                Step::Call(of) => {
+                    call.args.clone_from(&of.1.args);
+                    of.0
+                }
+                _ => return None,
+            };
             if entry.part == Part::Vertex {
-                let (position, _) = components(call, entry.shape, 0).ok()?;
+                let (position, _) = components(&call, entry.shape, 0).ok()?;
                 if *own.get_or_insert(known) != known {
                     return None;
                 }
@@ -136,8 +163,8 @@ impl Gl {
                 vertex.position = position.map(|value| value as f32);
                 vertices.push(vertex);
             } else {
-                let bit = attribute_of(entry, call)?;
-                (entry.run)(self, call, entry.shape).ok()?;
+                let bit = attribute_of(&entry, &call)?;
+                (entry.run)(self, &call, entry.shape).ok()?;
                 (known, set) = (known | bit, set | bit);
             }
         }
@@ -145,12 +172,19 @@ impl Gl {
         Some((geometry, set))
     }
 
+    /// A call to be filled with what a compact one has.
+    fn room(&self, compact: &Compact) -> Option<Call> {
+        let (_, function) = self.function(compact.function)?;
+        Some(Call { number: self.number, place: 0, function, args: Vec::new(), result: Arg::Null })
+    }
+
     /// Draws vertices of client arrays, or keeps them in the list that is compiled. `arrays` has a bit for each attribute of theirs.
     pub fn vertices(&mut self, mode: u32, vertices: Vec<Vertex>, arrays: u32) -> Outcome {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
             if !vertices.is_empty() {
-                list.add(Step::Primitive(Geometry::new(mode, vertices.clone().into(), arrays))).map_err(Fault::Limit)?;
+                list.add(Step::Primitive(Box::new(Geometry::new(mode, vertices.clone().into(), arrays))))
+                    .map_err(Fault::Limit)?;
             }
             if !execute {
                 return Ok(());
@@ -186,13 +220,25 @@ impl Gl {
     }
 
     fn run_steps(&mut self, list: &List) -> Outcome {
+        let mut room = None;
         for step in &list.steps {
             match step {
-                Step::Call(entry, call) => {
+                Step::Numbers(compact) => {
+                    let Some((entry, function)) = self.function(compact.function) else { continue };
+                    let Some(call) = room.take().or_else(|| self.room(compact)) else { continue };
+                    let mut call = Call { function, ..call };
+                    compact.fill(&list.numbers, &mut call);
+                    let outcome = self.execute(entry, &call);
+                    self.settle(&call, outcome).map_err(Fault::Damaged)?;
+                    room = Some(call);
+                }
+                Step::Call(of) => {
+                    let (entry, call) = &**of;
                     let outcome = self.execute(*entry, call);
                     self.settle(call, outcome).map_err(Fault::Damaged)?;
                 }
-                Step::Pixels(entry, call, unpack) => {
+                Step::Pixels(of) => {
+                    let (entry, call, unpack) = &**of;
                     let now = std::mem::replace(&mut self.unpack, *unpack);
                     let outcome = self.execute(*entry, call);
                     self.unpack = now;
@@ -249,7 +295,10 @@ pub(super) fn new_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (name, _, list) = gl.compiling.take().ok_or(INVALID_OPERATION)?;
-    let list = List { steps: list.steps, ..List::default() };
+    let (mut steps, mut numbers) = (list.steps, list.numbers);
+    steps.shrink_to_fit();
+    numbers.shrink_to_fit();
+    let list = List { steps, numbers, ..List::default() };
     gl.free_list(name);
     gl.lists.insert(name, Rc::new(list));
     Ok(())

@@ -10,7 +10,7 @@ use trace::Trace;
 use super::arb::{MATRIX0, Programs};
 use super::arrays::Arrays;
 use super::buffers::Mapping;
-use super::call::{Arg, Call, Fault, INVALID_OPERATION, Outcome, Shape};
+use super::call::{Arg, Call, Fault, Function, INVALID_OPERATION, Outcome, Shape};
 use super::card::Card;
 use super::consts as e;
 use super::evaluator::Maps;
@@ -140,7 +140,8 @@ pub struct Gl {
     pub errors: Counts,
     /// The call that is run.
     pub number: u64,
-    entries: Vec<Option<Entry>>,
+    /// The functions that the recording calls, by their numbers.
+    functions: Vec<Option<(Entry, Rc<Function>)>>,
     counted: Vec<(Rc<str>, u64)>,
     /// Whether the size of the window was stated, so that viewports do not change it.
     pub fixed_window: bool,
@@ -201,7 +202,7 @@ impl Gl {
             unsupported: Counts::new(),
             errors: Counts::new(),
             number: 0,
-            entries: Vec::new(),
+            functions: Vec::new(),
             counted: Vec::new(),
             fixed_window: false,
             depth: 0,
@@ -225,11 +226,12 @@ impl Gl {
     pub fn call(&mut self, call: &Call) -> Result<(), String> {
         self.number = call.number;
         let id = call.function.id as usize;
-        if self.entries.len() <= id {
-            self.entries.resize(id + 1, None);
+        if self.functions.len() <= id {
+            self.functions.resize(id + 1, None);
             self.counted.resize(id + 1, ("".into(), 0));
         }
-        let entry = *self.entries[id].get_or_insert_with(|| table::find(&call.function.name));
+        let (entry, _) = self.functions[id].get_or_insert_with(|| (table::find(&call.function.name), call.function.clone()));
+        let entry = *entry;
         let counted = &mut self.counted[id];
         if counted.1 == 0 {
             counted.0 = call.function.name.clone();
@@ -245,6 +247,11 @@ impl Gl {
         }
         let outcome = self.execute(entry, call);
         self.settle(call, outcome)
+    }
+
+    /// A function that has been called.
+    pub fn function(&self, id: u32) -> Option<(Entry, Rc<Function>)> {
+        self.functions.get(id as usize)?.clone()
     }
 
     /// Runs a call, whether it was recorded or comes from a list.

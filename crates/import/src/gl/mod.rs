@@ -23,6 +23,7 @@ mod buffers;
 mod call;
 mod card;
 mod clear;
+mod compact;
 mod consts;
 mod copies;
 mod draw;
@@ -231,8 +232,12 @@ pub fn import_frames(
     let apitrace = start != *b"GL";
     let memory = Memory::parse(memory[0], memory[1]).map_err(fail)?;
     let input = Box::new(std::io::Cursor::new(rest.to_vec()));
-    let (trace, report) =
-        import(Opened { path, input, start, apitrace, memory }, reading, frames, Keep::All { most: u64::MAX, survey: Survey::Whole })?;
+    let (trace, report) = import(
+        Opened { path, input, start, apitrace, memory },
+        reading,
+        frames,
+        Keep::All { most: u64::MAX, survey: Survey::Whole },
+    )?;
     let (Some(trace), Some(report)) = (trace, report) else { return Err(fail("takes more memory than there is".into())) };
     Ok((trace, report))
 }

@@ -357,9 +357,7 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
                 return Err(Fault::Unsupported("copies of depths and stencil values through pixel transfer".into()));
             }
             // Both are read before either is written: they may be copied onto themselves.
-            let copied = |gl: &mut Gl, from, wanted: bool| {
-                wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose()
-            };
+            let copied = |gl: &mut Gl, from, wanted: bool| wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose();
             let depths = copied(gl, From::Depth, kind != e::STENCIL)?;
             let values = copied(gl, From::Stencil, kind != e::DEPTH)?;
             depths.map_or(Ok(()), |source| gl.draw_depths(source, at, size))?;

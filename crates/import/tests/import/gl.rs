@@ -470,7 +470,10 @@ fn a_long_recording_starts_at_once_and_ends_at_what_is_not_supported() {
     let error = read.expect_err("it asks for what is not there");
     assert!(error.unsupported && (1..=40).contains(&frames), "{frames}: {error}");
     // Three calls a frame, and one more: the first is that of frame 40.
-    assert!(error.to_string().ends_with("not supported: glNoSuchThing (2 times, first in call 122); --lenient leaves it out"), "{error}");
+    assert!(
+        error.to_string().ends_with("not supported: glNoSuchThing (2 times, first in call 122); --lenient leaves it out"),
+        "{error}"
+    );
     // Left out, all frames are there, and what was left out is known behind the last.
     let (trace, _) = import::open_frames(&path, &reading(true), 0..u64::MAX).expect("a recording");
     assert_eq!(trace.left_out(), None);
@@ -481,7 +484,7 @@ fn a_long_recording_starts_at_once_and_ends_at_what_is_not_supported() {
     let (trace, _) = import::open_frames(&path, &reading(false), 0..40).expect("a recording");
     shown(&trace).1.expect("40 frames");
     // Where all is asked for first, it is refused first.
-    let error = import::open_with(&path, &reading(false)).expect_err("refused");
+    let error = import::open_with(&path, &reading(false)).err().expect("refused");
     assert!(error.unsupported, "{error}");
     let (_, report) = import::open_reported(&path, &reading(false)).expect("a recording");
     assert_eq!(report.expect("a report").frames, 82);

@@ -106,9 +106,9 @@ impl Chunks {
                     let mut length = [0; 4];
                     match file.read(&mut length[..1]).map_err(|error| broken("cannot be read", &error))? {
                         0 => return Err(Stop::End),
-                        _ => file
-                            .read_exact(&mut length[1..])
-                            .map_err(|_| Stop::broken("ends inside the length of a chunk"))?,
+                        _ => {
+                            file.read_exact(&mut length[1..]).map_err(|_| Stop::broken("ends inside the length of a chunk"))?
+                        }
                     }
                     let length = u32::from_le_bytes(length) as usize;
                     if length > snap::raw::max_compress_len(CHUNK_MAX) {
