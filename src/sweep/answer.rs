@@ -61,7 +61,7 @@ fn short(responses: &[Response]) -> Option<String> {
         return Some("no difference".into());
     }
     let from = enough(responses).map_or(String::new(), |value| format!(" (from {value} on within 5 % of the best)"));
-    Some(format!("at {} {ratio:.2} times as fast as at {}{from}", plain(&best.value), plain(&worst.value)))
+    Some(format!("{ratio:.2} times as fast at {} as at {}{from}", plain(&best.value), plain(&worst.value)))
 }
 
 /// By which parts are ordered: how many times faster the largest number is than the smallest; of names, the best than the worst.
@@ -82,7 +82,7 @@ fn long(path: &str, responses: &[Response]) -> Option<String> {
         return None;
     }
     if ratio < NOTHING {
-        return Some(format!("`{path}` makes no difference: its values are within 0.5 % of each other."));
+        return Some(format!("`{path}` makes no difference to the cycles: its values are within 0.5 % of each other."));
     }
     let from = enough(responses).map_or(String::new(), |value| format!(" From {value} on, all are within 5 % of the best."));
     Some(format!(
@@ -129,9 +129,10 @@ fn split(sweep: &Outcome<'_>, axis: usize, parts: &[(String, Within<'_>)]) -> Op
     Some((high / low, other, own))
 }
 
-/// A measure for readers: four digits behind the point, where it is no whole number.
+/// A measure for readers: four digits behind the point, where it is neither a whole number nor a large one.
 pub fn measured(value: f64) -> String {
-    if value.fract() == 0.0 && (0.0..9e15).contains(&value) { grouped(value as u64) } else { format!("{value:.4}") }
+    let whole = value.fract() == 0.0 || value >= 1000.0;
+    if whole && (0.0..9e15).contains(&value) { grouped(value.round() as u64) } else { format!("{value:.4}") }
 }
 
 /// What the values of an axis do to a measure, in a sentence; none where that is nothing.
@@ -198,11 +199,14 @@ pub fn fastest(sweep: &Outcome<'_>) -> String {
     };
     let settings = if best.settings.is_empty() { String::new() } else { format!(" (`{}`)", sweep.described(best)) };
     format!(
-        "Of {} machines number {}{settings} is the fastest, with {} cycles; the slowest takes {:.2} times as many.",
+        "Of {} machines number {}{settings} is the fastest, with {} cycles; {}.",
         sweep.timed().count(),
         best.number,
         grouped(cycles),
-        most as f64 / cycles.max(1) as f64
+        match most as f64 / cycles.max(1) as f64 {
+            ratio if ratio < NOTHING => "all others are within 0.5 % of it".into(),
+            ratio => format!("the slowest takes {ratio:.2} times as many"),
+        }
     )
 }
 
@@ -222,7 +226,7 @@ mod tests {
             text,
             "`core.warps` is best at 8 and worst at 1, which takes 2.00 times as many cycles. From 4 on, all are within 5 % of the best."
         );
-        assert_eq!(short(&own).as_deref(), Some("at 8 2.00 times as fast as at 1 (from 4 on within 5 % of the best)"));
+        assert_eq!(short(&own).as_deref(), Some("2.00 times as fast at 8 as at 1 (from 4 on within 5 % of the best)"));
         // The last value alone is enough: that it is the best says so.
         assert_eq!(enough(&responses(&[(1, 300.0), (2, 200.0), (4, 100.0)])), None);
         // A larger value may be worse again.

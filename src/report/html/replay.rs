@@ -174,7 +174,7 @@ fn proven(why: &Value) -> Markup {
                         },
                         _ => { td.n data-value="" { "\u{2013}" } td.n data-value="" { "\u{2013}" } },
                     }
-                    td { (own["evidence"].as_str().unwrap_or("")) (own["error"].as_str().unwrap_or("")) }
+                    td.evidence { (own["evidence"].as_str().unwrap_or("")) (own["error"].as_str().unwrap_or("")) }
                 }
             } }
         } }

@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::answer;
 use super::outcome::{Effect, Machine, Outcome, Response, Within, front, plain, ratio};
 use crate::knob::Setting;
-use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable};
+use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable, share};
 use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
 
 /// Machines that the table lists.
@@ -29,7 +29,7 @@ fn scale(places: &[f64]) -> Scale {
 }
 
 /// What is drawn over an axis: cycles, or a measure by its place.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 enum Drawn {
     Cycles,
     Measure(usize),
@@ -42,6 +42,14 @@ impl Drawn {
             Drawn::Measure(at) => sweep.mean_measure(at, of),
         }
     }
+
+    /// How far apart the values of an axis are in it, by the largest.
+    fn spread(self, sweep: &Outcome<'_>, effect: &Effect) -> f64 {
+        let own = |own: &Response| self.mean(sweep, |machine| machine.settings[effect.axis] == own.value);
+        let values: Vec<f64> = effect.responses.iter().filter_map(own).collect();
+        let most = values.iter().copied().fold(0.0, f64::max);
+        share(most - values.iter().copied().fold(f64::INFINITY, f64::min).min(most), most)
+    }
 }
 
 /// Cycles or a measure by the values of an axis of numbers, with a curve for each value of the other axis that does most.
@@ -49,7 +57,8 @@ fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn)
     let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
     let places = places.filter(|places| places.len() > 1)?;
     let few = |other: &&Effect| other.axis != effect.axis && (2..=CURVES).contains(&other.responses.len());
-    let other = effects.iter().find(few).filter(|other| other.ratio > 1.001 || drawn != Drawn::Cycles);
+    let spread = |other: &&Effect| drawn.spread(sweep, other);
+    let other = effects.iter().filter(few).max_by(|a, b| spread(a).total_cmp(&spread(b))).filter(|other| spread(other) > 0.001);
     let points = |second: Option<(usize, &Setting)>| -> Vec<(f64, f64)> {
         let point = |response: &Response| {
             let own = |machine: &Machine| {
@@ -178,6 +187,9 @@ fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
     })
 }
 
+/// What an axis does at least to fill its bar: an effect of a few thousandths looks small.
+const LITTLE: f64 = 0.05;
+
 fn sensitivities(effects: &[Effect]) -> Option<Markup> {
     let most = effects.iter().map(|effect| effect.ratio - 1.0).fold(0.0, f64::max);
     let end = |effect: &Effect, worst: bool| {
@@ -193,7 +205,7 @@ fn sensitivities(effects: &[Effect]) -> Option<Markup> {
                     td.name { code { (effect.path) } }
                     td.n data-value=(effect.ratio) { (format!("{:.3}", effect.ratio)) }
                     td { (end(effect, false)) } td { (end(effect, true)) }
-                    td.wide { (bar("bar", &[("b-read", if most > 0.0 { (effect.ratio - 1.0) / most } else { 0.0 }, String::new())])) }
+                    td.wide { (bar("bar", &[("b-read", (effect.ratio - 1.0) / most.max(LITTLE), String::new())])) }
                 } } }
             } }
             p.note { "Each value stands for the geometric mean of the cycles of all machines that have it." }
