@@ -350,7 +350,7 @@ const FEATURES: &str = "GLI0.t\n#! RES 8x8\nglPixelZoom(2,-1)\nglPixelTransferf(
     glCopyPixels(0,0,2,2,GL_DEPTH)\nglCopyPixels(0,0,2,2,GL_STENCIL)\nglStencilFuncSeparate(GL_BACK,GL_ALWAYS,3,255)\nglEnable(GL_STENCIL_TEST)\n\
     glEnableClientState(GL_VERTEX_ARRAY)\nglVertexPointer(2,GL_FLOAT,0,*4)\nglNewList(1,GL_COMPILE_AND_EXECUTE)\nglBegin(GL_TRIANGLES)\nglColor3f(1,0,0)\nglVertex2f(0,0)\n\
     glVertex2f(1,0)\nglVertex2f(1,1)\nglEnd()\nglBegin(GL_LINES)\nglArrayElement(0)\nglArrayElement(1)\nglEnd()\nglEndList()\nglCallList(1)\nglCallList(1)\n\
-    glTexImage3D(GL_TEXTURE_3D,0,GL_RGBA,2,2,2,0,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglCopyTexSubImage3D(GL_TEXTURE_3D,0,0,0,1,0,0,2,2)\n\
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER,0)\nglTexImage3D(GL_TEXTURE_3D,0,GL_RGBA,2,2,2,0,GL_RGBA,GL_UNSIGNED_BYTE,U0x0)\nglCopyTexSubImage3D(GL_TEXTURE_3D,0,0,0,1,0,0,2,2)\n\
     wglSwapBuffers(1)\n";
 
 /// A recording that draws with these shaders.
