@@ -71,6 +71,16 @@ impl Screen {
         }
     }
 
+    /// A number with the sign of a triangle's area in the window, positive where the winding is clockwise there, from positions as the
+    /// vertex stage leaves them: of triangles that have none once their corners are snapped, too. It is the determinant of their x, y
+    /// and w (Olano and Greer 1997), whose sign is that of the visible part.
+    pub fn area_sign(&self, [a, b, c]: &[[f32; 4]; 3]) -> f64 {
+        let xyw = |v: &[f32; 4]| [v[0], v[1], v[3]].map(f64::from);
+        let ([ax, ay, aw], [bx, by, bw], [cx, cy, cw]) = (xyw(a), xyw(b), xyw(c));
+        let determinant = ax * (by * cw - bw * cy) + ay * (bw * cx - bx * cw) + aw * (bx * cy - by * cx);
+        determinant * f64::from(self.scale[0].signum() * self.scale[1].signum())
+    }
+
     /// Transforms a batch of positions (x, y, z, w). Lanes whose vertex has to be clipped hold nothing of use.
     #[inline(always)]
     pub fn vertices(&self, position: [&Lanes; 4], out: &mut [ScreenVertex; LANES]) {
@@ -84,6 +94,24 @@ impl Screen {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn areas_have_the_sign_of_their_winding_in_the_window() {
+        let viewport = Viewport { x: 0.0, y: 0.0, width: 64.0, height: 64.0, min_depth: 0.0, max_depth: 1.0 };
+        let corners = [[0.0, 0.0, 0.0, 1.0], [2.0, 0.0, 0.0, 2.0], [0.0, 0.5, 0.0, 0.5]];
+        // Anticlockwise with y up, and as one sees it.
+        assert!(Screen::new(&viewport).area_sign(&corners) < 0.0);
+        let [a, b, c] = corners;
+        assert!(Screen::new(&viewport).area_sign(&[a, c, b]) > 0.0);
+        assert!(Screen::new(&Viewport { y: 64.0, height: -64.0, ..viewport }).area_sign(&corners) > 0.0);
+        assert_eq!(Screen::new(&viewport).area_sign(&[a, b, b]), 0.0);
+        // Too small for a step of 1/256 pixel.
+        let small = [[0.5, 0.5, 0.0, 1.0], [0.500_001, 0.5, 0.0, 1.0], [0.5, 0.500_001, 0.0, 1.0]];
+        let screen = Screen::new(&viewport);
+        let snapped = small.map(|v| screen.vertex(v));
+        assert!(snapped.iter().all(|v| (v.x, v.y) == (snapped[0].x, snapped[0].y)));
+        assert!(screen.area_sign(&small) < 0.0);
+    }
 
     #[test]
     fn snapping_is_that_of_num() {

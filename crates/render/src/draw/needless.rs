@@ -4,7 +4,7 @@
 use gfx::assemble::PrimitiveKind;
 use gfx::clip::ClipVolume;
 use gfx::setup::{DepthPlane, ScreenVertex};
-use gfx::state::PolygonMode;
+use gfx::state::{FrontFace, PolygonMode};
 use num::{SUBPIXEL, SUBPIXEL_BITS};
 use work::{self, BLOCK, End, Outcome, Segment};
 
@@ -17,6 +17,8 @@ pub struct Late {
     pub primitive: u32,
     /// Where it ends; none: where it is cut.
     pub end: Option<End>,
+    /// Whether it faces away, by its area before its corners are snapped. What has none does not.
+    pub back: bool,
     /// Pixels about it, as those of [`work::Triangle`]; none outside of the attachments.
     pub pixels: [u16; 4],
     /// Pixels about it that no attachment bounds.
@@ -35,7 +37,7 @@ impl Batch {
         // outside are found to be so by cutting them.
         let codes = v.map(|v| vertices.codes[v]);
         if outcome == Outcome::Frustum && !ClipVolume::is_in_band(&codes) {
-            return self.late.push(Late { primitive: number, end: None, pixels: [0; 4], unclipped: 0 });
+            return self.late.push(Late { primitive: number, end: None, back: false, pixels: [0; 4], unclipped: 0 });
         }
         let cut = &self.made_screen[made..];
         let own = v.map(|v| vertices.screen[v]);
@@ -55,7 +57,9 @@ impl Batch {
         let end = Some(if walked { End::Traversal } else { End::Setup });
         let [x0, y0, x1, y1] = box_of(corners, margin);
         let unclipped = (x1 - x0) as u64 * (y1 - y0) as u64;
-        self.late.push(Late { primitive: number, end, pixels, unclipped });
+        let area = if filled { frame.screen.area_sign(&v.map(|v| vertices.clip[v])) } else { 0.0 };
+        let back = area != 0.0 && (area > 0.0) != (frame.setup.front_face == FrontFace::Cw);
+        self.late.push(Late { primitive: number, end, back, pixels, unclipped });
     }
 }
 
@@ -100,13 +104,13 @@ pub fn insert(segment: &mut Segment, late: &[Late], walked: bool) {
     for (number, primitive) in (0..).zip(&mut segment.primitives) {
         let first = std::mem::replace(&mut primitive.first_triangle, segment.triangles.len() as u32);
         segment.triangles.extend_from_slice(&own[first as usize..][..usize::from(primitive.triangles)]);
-        let Some(&Late { end, pixels, unclipped, .. }) = late.next_if(|late| late.primitive == number) else { continue };
+        let Some(&Late { end, back, pixels, unclipped, .. }) = late.next_if(|late| late.primitive == number) else { continue };
         primitive.cut_away = end.is_none();
         primitive.triangles = u8::from(end.is_some());
         segment.triangles.extend(end.map(|end| work::Triangle {
             primitive: number,
             depth: DepthPlane::default(),
-            back: false,
+            back,
             bounds: blocks(pixels),
             pixels,
             unclipped,
