@@ -85,6 +85,7 @@ impl Reading {
             follow_links: self.follow_links,
             lenient: self.lenient,
             keep_draws: self.keep_draws,
+            upward: false,
             in_memory: None,
         })
     }

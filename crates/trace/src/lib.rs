@@ -83,6 +83,9 @@ pub struct Reading {
     /// Whether draws of a recorded OpenGL program stay as it called them: each for itself, with all components of the attributes that it sends,
     /// and vertices by their indices. Else draws of one state are joined, and only what differs between vertices is kept.
     pub keep_draws: bool,
+    /// Whether the rows of a recorded OpenGL program's window are stored as OpenGL numbers them, the lowest first, so that blocks of pixels
+    /// are where a card has them that counts so. Its pictures are upside down then.
+    pub upward: bool,
     /// Bytes of commands and payload up to which a recorded OpenGL program is held in memory, as writing a trace needs; none: 16 MiB. The
     /// commands of a longer one are made while they are read ([`Trace::is_stream`]).
     pub in_memory: Option<u64>,

@@ -64,6 +64,8 @@ pub struct Card {
     pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
     /// The accumulation buffer.
     pub(super) accumulation: Option<Surface>,
+    /// Whether the window's first row is its lowest.
+    pub upward: bool,
     /// Whether all levels of textures are uploaded, and not those alone that can be read.
     pub all_levels: bool,
     /// Frames so far.
@@ -99,6 +101,7 @@ impl Card {
             frame_copy: None,
             accumulation: None,
             all_levels: false,
+            upward: false,
             frames: 0,
             bytes: 0,
             kept_bytes: 0,
@@ -128,7 +131,7 @@ impl Card {
             return;
         }
         self.end_pass();
-        let at_window = self.target.is_none_or(|target| !target.upward);
+        let at_window = self.target.is_none_or(|target| self.is_window(&target));
         if let Some(old) = self.window.take() {
             if let Some(encoded) = old.encoded {
                 self.recorder.push(Command::Destroy(Object::View(encoded.view)));
@@ -144,6 +147,11 @@ impl Card {
             self.pass.color = Some([0.0, 0.0, 0.0, 1.0]);
             (self.pass.depth, self.pass.stencil) = (Some(1.0), Some(0));
         }
+    }
+
+    /// Whether a target is the window, as which buffer it may be.
+    fn is_window(&self, target: &Target) -> bool {
+        self.window.as_ref().is_some_and(|window| target.depth.is_some_and(|depth| depth.texture == window.depth.texture))
     }
 
     /// The window as a target. The front buffer starts as what is in the back buffer.
@@ -162,7 +170,7 @@ impl Card {
             }
         };
         let (color, depth) = (Some(color), Some(depth));
-        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: false, alpha: self.window_alpha })
+        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: self.upward, alpha: self.window_alpha })
     }
 
     /// The back buffer as a target that encodes linear colours as sRGB.
@@ -204,7 +212,7 @@ impl Card {
         }
         self.close();
         for surface in target.iter().flat_map(|target| [target.color, target.depth]).flatten() {
-            if target.is_some_and(|target| target.upward) {
+            if target.is_some_and(|target| !self.is_window(&target)) {
                 self.release(surface.texture);
             }
         }

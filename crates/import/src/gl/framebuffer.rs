@@ -143,7 +143,7 @@ impl Gl {
             let front = matches!(self.read_buffer, e::FRONT | e::FRONT_LEFT | e::LEFT);
             let target = self.card.window_target(if front { Buffer::Front } else { Buffer::Back }).ok_or_else(none)?;
             let surface = if depth { target.depth } else { target.color };
-            return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, false));
+            return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, target.upward));
         }
         let object = self.framebuffers.get(&self.read_framebuffer).cloned().ok_or(INCOMPLETE)?;
         let image = if depth { self.image(object.depth)? } else { self.color_image(&object, object.read)? };

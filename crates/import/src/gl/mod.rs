@@ -271,6 +271,7 @@ fn import(
     gl.card.first_frame = frames.start;
     gl.keep_draws = reading.keep_draws;
     gl.card.all_levels = reading.keep_draws;
+    gl.card.upward = reading.upward;
     let mut kept = true;
     if let Keep::Parts { .. } = keep {
         gl.card.recorder.keep_each();
