@@ -10,6 +10,7 @@ use super::lower::Lowered;
 use super::optimize::is_control;
 use super::options::Fault;
 use super::program::{Body, NO_REG, Op, Program, Reg};
+use super::vector;
 
 /// Registers that a program may have at most: operations number them with 16 bits.
 const MAX_REGISTERS: usize = 60_000;
@@ -258,6 +259,7 @@ fn emit(b: &Builder, insts: &[Inst], homes: &Homes) -> Body {
     }
     body.ops.push(Op { code: Code::End, r: [NO_REG; 9], imm: 0 });
     link(&mut body.ops);
+    body.vectors = vector::counts(insts, b.defs.len());
     let (mut sum, mut steps) = ([0u32; 4], 0);
     body.counts.push(sum);
     body.steps.push(steps);

@@ -34,6 +34,7 @@ mod program;
 mod resources;
 mod tokens;
 mod types;
+mod vector;
 mod zeros;
 
 #[cfg(test)]

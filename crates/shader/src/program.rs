@@ -198,6 +198,8 @@ pub(super) struct Body {
     pub loops: Vec<Option<Place>>,
     /// Running instruction counts: entry `i` counts operations before `i`.
     pub counts: Vec<[u32; 4]>,
+    /// The same of instructions that work on four components.
+    pub vectors: Vec<[u32; 4]>,
     /// Running sum of steps ([`Code::steps`]): entry `i` counts operations before `i`.
     pub steps: Vec<u64>,
     /// Turns that a loop may make between its entry and its end.

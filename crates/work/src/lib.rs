@@ -43,6 +43,8 @@ pub struct RenderKey {
     pub signatures: bool,
     /// Whether costs have the path that was taken through the program, for machines that execute it instruction by instruction.
     pub paths: bool,
+    /// Whether costs count instructions that work on up to four components at once, instead of those that work on one.
+    pub vectors: bool,
     /// Work that changes no picture and is recorded all the same.
     pub needless: Needless,
     /// What is left out where its bounds lie outside the view volume.
@@ -115,6 +117,7 @@ impl Default for RenderKey {
             shade: Shade::Visible,
             signatures: false,
             paths: false,
+            vectors: false,
             needless: Needless::NONE,
             cull: Cull::None,
         }

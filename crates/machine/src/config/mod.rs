@@ -23,7 +23,7 @@ use unit::{
     command::{CommandConfig, CullChoice},
     compose::ComposeConfig,
     compute::ComputeConfig,
-    core::CoreConfig,
+    core::{CoreConfig, Instructions},
     depth::DepthConfig,
     dispatch::DispatchConfig,
     distribute::DistributeConfig,
@@ -265,6 +265,7 @@ impl Config {
         let shade = if self.order.keep == Keep::Never { Shade::Covered } else { class.shade };
         let signatures = (class.signatures)(self);
         let paths = self.core.execution != Execution::Longest;
+        let vectors = self.core.instructions == Instructions::Vector;
         let needless = Needless {
             facing: !self.clip.cull_facing,
             frustum: !self.clip.cull_frustum,
@@ -279,7 +280,7 @@ impl Config {
             CullChoice::Draws => Cull::Draws,
             CullChoice::Instances => Cull::Instances,
         };
-        RenderKey { shade, early_z: self.depth.early, signatures, paths, needless, cull }
+        RenderKey { shade, early_z: self.depth.early, signatures, paths, vectors, needless, cull }
     }
 
     /// What is allowed but hardly meant: channels too short to carry their full width.

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::RECORDED_PAUSE;
+use crate::program::Body;
 use gfx::texture::Footprint;
 use num::{Mask, QUADS};
 use work::{Class, Cost, CostId, CostTable, LINE, Point, RenderKey, Request, RequestKind, Span, Step};
@@ -23,12 +24,14 @@ pub struct Extra {
     pub paths: bool,
     /// Texels of the second level of samples between two levels where it has no weight.
     pub both_levels: bool,
+    /// Instructions that work on four components, instead of those that work on one.
+    pub vectors: bool,
 }
 
 impl Extra {
     /// What a key asks for.
     pub fn of(key: &RenderKey) -> Extra {
-        Extra { paths: key.paths, both_levels: key.needless.levels }
+        Extra { paths: key.paths, both_levels: key.needless.levels, vectors: key.vectors }
     }
 }
 
@@ -66,6 +69,8 @@ pub(super) struct Scratch {
     staged_lines: Vec<u32>,
     /// Whether paths are recorded, the path of each quad by the place where its spans begin, and the spans.
     keeps_paths: bool,
+    /// Whether instructions work on four components.
+    vectors: bool,
     paths: [Vec<Point>; QUADS],
     spans: Vec<Span>,
     /// Of the texture instruction being recorded.
@@ -119,6 +124,7 @@ impl Scratch {
     pub(super) fn begin(&mut self, extra: Extra) {
         self.last = 0;
         self.keeps_paths = extra.paths;
+        self.vectors = extra.vectors;
         self.footprint.both_levels = extra.both_levels;
         self.spans.clear();
         self.paths.iter_mut().for_each(Vec::clear);
@@ -132,7 +138,8 @@ impl Scratch {
 
     /// Accounts the operations from the last place up to `pc` to the quads of the mask.
     #[inline]
-    pub(super) fn block(&mut self, counts: &[[u32; Class::COUNT]], pc: usize, mask: Mask) {
+    pub(super) fn block(&mut self, body: &Body, pc: usize, mask: Mask) {
+        let counts = if self.vectors { &body.vectors } else { &body.counts };
         let (from, to) = (counts[self.last], counts[pc]);
         if self.keeps_paths {
             self.point(counts, pc, mask);

@@ -120,7 +120,7 @@ pub(super) fn run<const RECORD: bool>(
             continue;
         }
         if RECORD && op.code.breaks_block() {
-            recorder.block(&body.counts, pc + 1, mask);
+            recorder.block(body, pc + 1, mask);
         }
         let r = &op.r;
         match op.code {

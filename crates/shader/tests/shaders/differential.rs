@@ -230,7 +230,7 @@ fn run(module: &Module, program: &Program, expected: &Expected, setting: Setting
     let mut bound = executor.bind(&compiled, &resources, &uniforms);
     let mut recorder = match program.source.len() % 2 {
         0 => Recorder::new(),
-        _ => Recorder::with(Extra { paths: true, both_levels: true }),
+        _ => Recorder::with(Extra { paths: true, both_levels: true, vectors: true }),
     };
     if program.stage == naga::ShaderStage::Compute {
         let count = program.groups.iter().map(|&n| u64::from(n)).product();

@@ -25,6 +25,16 @@ knob::choices! {
     }
 }
 
+knob::choices! {
+    /// What an instruction works on.
+    pub enum Instructions {
+        /// One component.
+        Scalar "scalar",
+        /// Up to four: of one code, none of which needs another; dot products too. An instruction of one component is issued beside another.
+        Vector "vector",
+    }
+}
+
 knob::knobs! {
     /// A shader core.
     pub struct CoreConfig {
@@ -69,6 +79,8 @@ knob::knobs! {
         /// What a warp executes where its parts take different paths, and in which order. All but `longest` have the renderer
         /// record paths.
         execution: Execution ["", Allowed::Choice(Execution::NAMES), "cards execute in lockstep (Levinthal and Porter 1984) and nearly in order; longest needs no paths, and docs/fidelity.md has what it is off by"],
+        /// What an instruction works on. Vectors have the renderer record other costs.
+        instructions: Instructions ["", Allowed::Choice(Instructions::NAMES), "scalar since 2006; vectors of four in cards before and in ATTILA (VectorALUConfig = simd4+scalar)"],
         /// Shaded warps queued behind each core.
         output_queue: u32 ["warps", Allowed::Range(2, 256), "enough never to hold up the core"],
     }

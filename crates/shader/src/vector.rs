@@ -1,0 +1,288 @@
+//! What a program counts as on a machine whose instructions work on up to four components at once.
+//!
+//! Between two places where the execution mask may change, operations of one code become one instruction, up to four of them, as
+//! far as none needs what another of them leaves. Operands may be any components of any registers, negated or not, and a result
+//! may be kept between 0 and 1: so have it the assembly languages for vertices and fragments of 2002 (`ARB_vertex_program`), whose
+//! dot products, multiply-adds and comparisons are one instruction each, and whose transcendental ones give a single value. A
+//! quotient is a product with a reciprocal, of which there is one for all quotients by the same value.
+//!
+//! Beside an instruction, the next one is issued if it does not need it and one of both has a single component: a unit for four
+//! components and one for one (ATTILA's `simd4+scalar`).
+
+use std::collections::HashMap;
+
+use super::code::Code;
+use super::ir::{Inst, NONE, V};
+use work::Class;
+
+/// Components that an instruction works on.
+const WIDTH: u32 = 4;
+
+/// Instructions that an operation may join, of those with room: a bound on the time of the search.
+const OPEN: usize = 32;
+
+type Counts = [u32; Class::COUNT];
+
+/// How an operation counts.
+enum Cost {
+    /// So much, in instructions of its own.
+    Alone(Counts),
+    /// As an instruction for up to four of the same code.
+    Shared(Class),
+    /// As one of a single component, which takes so many times as long as the shortest of its class.
+    Single(Class, u32),
+    /// A product with the reciprocal of the second operand.
+    Quotient,
+    /// Nothing: it is part of what it stands before or behind.
+    Free,
+}
+
+/// Reciprocals and roots take twice as long as logarithms and exponentials, sines three times (ATTILA: 4, 2 and 6 cycles for four
+/// invocations).
+const RECIPROCAL: u32 = 2;
+const SINE: u32 = 3;
+
+fn cost(code: Code) -> Cost {
+    let (class, count) = code.weight();
+    match code {
+        Code::FNeg | Code::FAbs | Code::FSaturate => Cost::Free,
+        Code::Dot2 | Code::Dot3 | Code::Dot4 => Cost::Alone([1, 0, 0, 0]),
+        // The square of the length, its root's reciprocal, the product.
+        Code::Normalize2 | Code::Normalize3 => Cost::Alone([2, 0, RECIPROCAL, 0]),
+        // A logarithm, a product, an exponential.
+        Code::Pow => Cost::Alone([1, 0, 2, 0]),
+        Code::FDiv => Cost::Quotient,
+        Code::FSqrt | Code::FInvSqrt => Cost::Single(class, RECIPROCAL),
+        Code::Sin | Code::Cos => Cost::Single(class, SINE),
+        Code::Exp | Code::Exp2 | Code::Log | Code::Log2 => Cost::Single(class, 1),
+        Code::MulAdd | Code::MulSub | Code::NegMulAdd | Code::Mov | Code::Copy => Cost::Shared(class),
+        code if code.is_pure() && count == 1 && class != Class::Special => Cost::Shared(class),
+        _ => {
+            let mut alone = [0; Class::COUNT];
+            alone[class as usize] = count;
+            Cost::Alone(alone)
+        }
+    }
+}
+
+/// An instruction of the block at hand.
+struct Pack {
+    code: Code,
+    imm: u32,
+    /// The operation that it begins with.
+    first: usize,
+    operations: u32,
+    /// The first instruction that it may be: behind those that it needs.
+    needs: u32,
+    cost: Counts,
+    /// Whether another may be issued beside it, and whether its operation has a single component whatever joins it.
+    paired: bool,
+    single: bool,
+}
+
+/// Puts the operations of a program into instructions.
+struct Packer {
+    /// The first instruction that may use each value.
+    ready: Vec<u32>,
+    /// Instructions of the block at hand; the first has the number `base`.
+    packs: Vec<Pack>,
+    base: u32,
+    /// Those with room, as places in `packs`.
+    open: Vec<usize>,
+    reciprocals: HashMap<V, u32>,
+    /// What begins with each operation.
+    begins: Vec<Counts>,
+}
+
+impl Packer {
+    fn begin(&mut self, inst: &Inst, code: Code, needs: u32, cost: Counts, kind: (bool, bool)) -> u32 {
+        let (paired, single) = kind;
+        let first = self.begins.len() - 1;
+        self.packs.push(Pack { code, imm: inst.imm, first, operations: 1, needs, cost, paired, single });
+        self.base + self.packs.len() as u32
+    }
+
+    /// Puts an operation with those of its code; the first instruction that may use its result.
+    fn join(&mut self, inst: &Inst, code: Code, class: Class, needs: u32) -> u32 {
+        let fits = |&at: &usize| {
+            let pack = &self.packs[at];
+            pack.code == code && pack.imm == inst.imm && self.base + at as u32 >= needs
+        };
+        if let Some(found) = self.open.iter().position(fits) {
+            let at = self.open[found];
+            self.packs[at].operations += 1;
+            // It may be beside the one before it as long as none of its operations needs that.
+            self.packs[at].needs = self.packs[at].needs.max(needs);
+            if self.packs[at].operations == WIDTH {
+                self.open.remove(found);
+            }
+            return self.base + at as u32 + 1;
+        }
+        if self.open.len() == OPEN {
+            self.open.remove(0);
+        }
+        self.open.push(self.packs.len());
+        let mut cost = [0; Class::COUNT];
+        cost[class as usize] = 1;
+        self.begin(inst, code, needs, cost, (true, false))
+    }
+
+    fn single(&mut self, inst: &Inst, class: Class, count: u32, needs: u32) -> u32 {
+        let mut cost = [0; Class::COUNT];
+        cost[class as usize] = count;
+        self.begin(inst, inst.code, needs, cost, (true, true))
+    }
+
+    /// Ends a block: instructions that are issued together count as one, the longer of both.
+    fn end_block(&mut self) {
+        let mut at = 0;
+        while at < self.packs.len() {
+            let pack = &self.packs[at];
+            let single = |pack: &Pack| pack.single || pack.operations == 1;
+            let beside = self.packs.get(at + 1).filter(|next| {
+                pack.paired && next.paired && (single(pack) || single(next)) && next.needs <= self.base + at as u32
+            });
+            let mut cost = pack.cost;
+            if let Some(next) = beside {
+                let special = Class::Special as usize;
+                if cost[special] < next.cost[special] {
+                    cost = next.cost;
+                }
+            }
+            for (sum, count) in self.begins[pack.first].iter_mut().zip(cost) {
+                *sum = sum.saturating_add(count);
+            }
+            at += 1 + usize::from(beside.is_some());
+        }
+        self.base += self.packs.len() as u32;
+        self.packs.clear();
+        self.open.clear();
+        self.reciprocals.clear();
+    }
+}
+
+/// Running counts of such instructions: entry `i` counts those that begin before operation `i`. `values` is the number of values;
+/// operations are the instructions that are not [`Code::Undef`], and the end.
+pub(super) fn counts(insts: &[Inst], values: usize) -> Vec<Counts> {
+    let mut packer = Packer {
+        ready: vec![0; values],
+        packs: Vec::new(),
+        base: 0,
+        open: Vec::new(),
+        reciprocals: HashMap::new(),
+        begins: Vec::with_capacity(insts.len() + 1),
+    };
+    for inst in insts.iter().filter(|inst| inst.code != Code::Undef) {
+        packer.begins.push([0; Class::COUNT]);
+        let needs = inst.src.iter().filter(|&&v| v != NONE).map(|&v| packer.ready[v as usize]).max().unwrap_or(0);
+        let after = match cost(inst.code) {
+            Cost::Free => needs,
+            Cost::Alone(cost) => packer.begin(inst, inst.code, needs, cost, (false, false)),
+            Cost::Single(class, count) => packer.single(inst, class, count, needs),
+            Cost::Shared(class) => packer.join(inst, inst.code, class, needs),
+            Cost::Quotient => {
+                let divisor = inst.src[1];
+                let known = packer.reciprocals.get(&divisor).copied();
+                let inverse = known.unwrap_or_else(|| {
+                    let needs = packer.ready[divisor as usize];
+                    let ready = packer.single(inst, Class::Special, RECIPROCAL, needs);
+                    packer.reciprocals.insert(divisor, ready);
+                    ready
+                });
+                packer.join(inst, Code::FMul, Class::Float, needs.max(inverse))
+            }
+        };
+        for &v in inst.dst.iter().filter(|&&v| v != NONE) {
+            packer.ready[v as usize] = after;
+        }
+        if inst.code.breaks_block() {
+            packer.end_block();
+        }
+    }
+    packer.end_block();
+    // The end counts nothing.
+    let mut sum = [0_u32; Class::COUNT];
+    let mut counts = vec![sum];
+    for begins in packer.begins.iter().chain([&[0; Class::COUNT]]) {
+        for (sum, count) in sum.iter_mut().zip(begins) {
+            *sum = sum.saturating_add(*count);
+        }
+        counts.push(sum);
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn inst(code: Code, dst: V, src: &[V]) -> Inst {
+        Inst { code, dst: vec![dst], src: src.to_vec(), imm: 0, slots: [0; 3] }
+    }
+
+    fn last(insts: &[Inst]) -> Counts {
+        let counts = counts(insts, 64);
+        assert_eq!(counts.len(), insts.len() + 2);
+        *counts.last().expect("there are counts")
+    }
+
+    #[test]
+    fn four_operations_of_a_code_are_one_instruction() {
+        // A product of a matrix and a vector, row by row: inputs 0 to 3, matrix 4 to 19, rows from 20 on.
+        let mut insts = Vec::new();
+        for row in 0..4 {
+            let at = 20 + 4 * row;
+            insts.push(inst(Code::FMul, at, &[0, 4 + row]));
+            for k in 1..4 {
+                insts.push(inst(Code::MulAdd, at + k, &[k, 4 + 4 * k + row, at + k - 1]));
+            }
+        }
+        assert_eq!(last(&insts), [4, 0, 0, 0]);
+        // A fifth of the code is another instruction, of a single component: it goes beside the next that does not need it.
+        let five: Vec<_> = (0..5).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
+        assert_eq!(last(&five), [1, 0, 0, 0]);
+        let nine: Vec<_> = (0..9).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
+        assert_eq!(last(&nine), [2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn what_needs_another_comes_behind_it() {
+        let chain = [inst(Code::FAdd, 20, &[0, 1]), inst(Code::FAdd, 21, &[20, 1]), inst(Code::FAdd, 22, &[21, 1])];
+        assert_eq!(last(&chain), [3, 0, 0, 0]);
+        // Two single components side by side.
+        let two = [inst(Code::FAdd, 20, &[0, 1]), inst(Code::FMul, 21, &[2, 3])];
+        assert_eq!(last(&two), [1, 0, 0, 0]);
+        // Two of two components are not.
+        let pairs = [
+            inst(Code::FAdd, 20, &[0, 1]),
+            inst(Code::FAdd, 21, &[1, 1]),
+            inst(Code::FMul, 22, &[2, 3]),
+            inst(Code::FMul, 23, &[3, 3]),
+        ];
+        assert_eq!(last(&pairs), [2, 0, 0, 0]);
+    }
+
+    #[test]
+    fn dots_quotients_and_signs() {
+        assert_eq!(last(&[inst(Code::Dot3, 20, &[0, 1, 2, 3, 4, 5])]), [1, 0, 0, 0]);
+        // Three quotients by one value: a reciprocal, and one product that needs it.
+        let quotients: Vec<_> = (0..3).map(|k| inst(Code::FDiv, 20 + k, &[k, 5])).collect();
+        assert_eq!(last(&quotients), [1, 0, RECIPROCAL, 0]);
+        // By two values: reciprocals side by side.
+        let two = [inst(Code::FDiv, 20, &[0, 5]), inst(Code::FDiv, 21, &[1, 6])];
+        assert_eq!(last(&two), [1, 0, 2 * RECIPROCAL, 0]);
+        let free = [inst(Code::FNeg, 20, &[0]), inst(Code::FAdd, 21, &[20, 1]), inst(Code::FSaturate, 22, &[21])];
+        assert_eq!(last(&free), [1, 0, 0, 0]);
+        // A logarithm beside a vector takes its own time alone.
+        let beside = [inst(Code::Log2, 20, &[0]), inst(Code::FAdd, 21, &[1, 1]), inst(Code::FAdd, 22, &[2, 2])];
+        assert_eq!(last(&beside), [0, 0, 1, 0]);
+    }
+
+    #[test]
+    fn blocks_end_where_masks_may_change() {
+        let control = |code| Inst { code, dst: Vec::new(), src: vec![0], imm: 0, slots: [0; 3] };
+        let insts = [inst(Code::FAdd, 20, &[0, 1]), control(Code::If), inst(Code::FAdd, 21, &[1, 2]), control(Code::EndIf)];
+        // Entry by entry: what is skipped counts nothing.
+        assert_eq!(counts(&insts, 64), [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1], [2, 0, 0, 1]]);
+    }
+}
