@@ -452,6 +452,20 @@ impl BlockCache {
         Tick::Memory
     }
 
+    /// Forgets the blocks of a surface, none of which is in use or worth writing.
+    pub fn forget_surface(&mut self, surface: usize) {
+        for place in 0..self.tags.len() {
+            if self.tags.key(place).is_some_and(|key| key >> 32 == surface as u64) {
+                self.tags.forget(place);
+            }
+        }
+    }
+
+    /// Whether nothing is on its way to memory or back.
+    pub fn quiet(&self) -> bool {
+        self.outbox.is_empty() && !self.misses.any()
+    }
+
     /// Forgets all blocks, none of which is in use or worth writing.
     pub fn forget(&mut self) {
         self.tags.clear();
@@ -459,7 +473,7 @@ impl BlockCache {
 
     /// Whether a flush is complete, which resets it.
     pub fn flushed(&mut self) -> bool {
-        let done = self.flushing == self.tags.len() && self.outbox.is_empty() && !self.misses.any();
+        let done = self.flushing == self.tags.len() && self.quiet();
         if done {
             (self.flushing, self.completing) = (0, 0);
         }

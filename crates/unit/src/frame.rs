@@ -27,6 +27,8 @@ pub struct Store {
     pub signatures: TileSignatures,
     /// Of a pipeline's copy of a surface, how far behind the surface it lies in memory; else 0.
     pub offset: u64,
+    /// How often all of it was set by something else than a ROP.
+    pub renewals: u32,
 }
 
 /// How a block lies in memory.
@@ -83,6 +85,7 @@ impl Store {
             block_words,
             signatures: TileSignatures::default(),
             offset: 0,
+            renewals: 0,
         };
         store.blocks = vec![BlockState::Stored(store.block_bytes() as u16); blocks];
         store
@@ -141,10 +144,12 @@ impl Store {
         let full = BlockState::Stored(self.block_bytes() as u16);
         self.blocks.fill(full);
         self.signatures.forget();
+        self.renewals = self.renewals.wrapping_add(1);
     }
 
     /// Sets all texels to one code.
     pub fn clear(&mut self, code: [u32; 4]) {
+        self.renewals = self.renewals.wrapping_add(1);
         if self.words == 1 {
             self.codes.fill(code[0]);
         } else {
@@ -158,6 +163,7 @@ impl Store {
 
     /// Sets the bits of all texels' first two words that `mask` selects.
     pub fn clear_masked(&mut self, code: [u32; 2], mask: [u32; 2]) {
+        self.renewals = self.renewals.wrapping_add(1);
         for texels in self.codes.chunks_exact_mut(4 * self.words as usize) {
             for (w, run) in texels.chunks_exact_mut(4).enumerate() {
                 for word in run {
@@ -309,7 +315,8 @@ impl FrameBuffers {
                 let known = &self.stores[index].surface;
                 let shape = |s: &Surface| (s.format, s.width, s.height, s.samples);
                 if shape(known) != shape(surface) {
-                    self.stores[index] = Store::new(*surface);
+                    let renewals = self.stores[index].renewals.wrapping_add(1);
+                    self.stores[index] = Store { renewals, ..Store::new(*surface) };
                 }
                 let store = &mut self.stores[index];
                 if store.surface.address != surface.address {

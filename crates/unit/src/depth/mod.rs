@@ -26,8 +26,18 @@ use num::Cycle;
 use questions::Questions;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 
-pub(super) use depths::{test_ahead, test_group};
+pub(super) use depths::{sample_depths, test_ahead, test_group};
 pub use questions::QuestionPorts;
+
+knob::choices! {
+    /// What becomes of the Z cache at the end of a pass.
+    pub enum PassEnd {
+        /// It is written back and emptied.
+        WriteBack "write-back",
+        /// It stays as it is: blocks go to memory when others need their places, unless the surface is cleared before.
+        Keep "keep",
+    }
+}
 
 knob::knobs! {
     /// Depth and stencil tests, early and late.
@@ -48,6 +58,9 @@ knob::knobs! {
         fifo: u32 ["groups", Allowed::Range(1, 4096), "ATTILA bGPU.ini ZSTENCILTEST FetchQueueSize = 256 stamps"],
         /// Cycles from lookup to test where the block is in the cache.
         latency: u32 ["cycles", Allowed::Range(1, 256), "ATTILA bGPU.ini ZALULatency = 2 and the queues before it"],
+        /// What becomes of the cache at the end of a pass. Kept blocks are still in the cache for what reads depths from memory: no time is
+        /// modelled for bringing them there.
+        pass_end: PassEnd ["", Allowed::Choice(PassEnd::NAMES), "a pass's depths can be read as a texture after it; ATTILA flushes colours alone at a swap"],
         /// Whether blocks are compressed as they leave the cache.
         compression: bool ["", Allowed::Switch, "ATTILA bGPU.ini DisableCompression = FALSE"],
         /// How they are: estimates of the bytes that they take (`--fidelity bound`) know `planes` only.
@@ -122,6 +135,9 @@ pub struct Depth {
     free_at: u64,
     /// Bounds to be sent.
     bounds: VecDeque<DepthBounds>,
+    /// Where blocks are kept: the pass at hand, and the surfaces that have blocks here, with their renewals.
+    pass: u32,
+    kept: Vec<(usize, u32)>,
     told: DepthCounts,
     items: u64,
 }
@@ -141,6 +157,8 @@ impl Depth {
             ended: false,
             free_at: 0,
             bounds: VecDeque::with_capacity(4),
+            pass: u32::MAX,
+            kept: Vec::new(),
             told: DepthCounts::default(),
             items: 0,
             config,
@@ -201,6 +219,10 @@ impl Depth {
         let (Some(state), Some(surface)) = (&work.depth, surface) else { return Ok(None) };
         if state.is_idle() {
             return Ok(None);
+        }
+        if self.config.pass_end == PassEnd::Keep && self.pass != pass_number {
+            self.pass = pass_number;
+            forget_renewed(&mut self.cache, &mut self.kept, frame, surface);
         }
         // Bounds of a block that leaves must find room.
         if self.bounds.len() >= 3 {
@@ -446,15 +468,37 @@ impl Depth {
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("a pass is ending");
         let keep = composed || pass.pass.depth.is_some_and(|depth| depth.store || depth.stencil_store);
-        let did = self.cache.flush(frame, |_| keep);
-        if did == Tick::Moved || !self.cache.flushed() {
-            return did;
+        if self.config.pass_end == PassEnd::Keep && keep && !composed {
+            if !self.cache.quiet() {
+                return Tick::Memory;
+            }
+        } else {
+            let did = self.cache.flush(frame, |_| keep);
+            if did == Tick::Moved || !self.cache.flushed() {
+                return did;
+            }
         }
         if !wires.try_push(&self.ports.ack, ack) {
             return Tick::Blocked;
         }
         wires.pop(&self.ports.end);
         Tick::Moved
+    }
+}
+
+/// Takes note that a pass with that surface begins: of all surfaces that have blocks in the cache, forgets those that were cleared or
+/// written by something else since.
+#[cold]
+fn forget_renewed(cache: &mut BlockCache, kept: &mut Vec<(usize, u32)>, frame: &FrameBuffers, surface: usize) {
+    kept.retain(|&(known, renewals)| {
+        let same = frame.stores[known].renewals == renewals;
+        if !same {
+            cache.forget_surface(known);
+        }
+        same
+    });
+    if kept.iter().all(|&(known, _)| known != surface) {
+        kept.push((surface, frame.stores[surface].renewals));
     }
 }
 

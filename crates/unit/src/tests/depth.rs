@@ -9,7 +9,7 @@ use crate::block_cache::BlockCounts;
 use crate::block_sets::BlockSets;
 use crate::card::Ahead;
 use crate::compression::Codec;
-use crate::depth::{Depth, DepthConfig, DepthPorts, TestPorts};
+use crate::depth::{Depth, DepthConfig, DepthPorts, PassEnd, TestPorts};
 use crate::token::{Ack, DepthBounds, GroupToken, Kind};
 use crate::traverse::HierarchicalUpdate;
 use gfx::format::Format;
@@ -258,6 +258,10 @@ fn the_end_of_a_pass_writes_back_what_is_dirty() {
     // A single block: one cycle to put it down, one to find that there are no more, and the report.
     let got = tested(&Scene { groups: vec![(0, 4)], end: Some(100), ..Scene::default() });
     assert_eq!((got.ack, got.counts.write_backs), (vec![103 + 1], 1));
+    // A cache that is kept ends at once.
+    let config = DepthConfig { pass_end: PassEnd::Keep, ..config() };
+    let got = tested(&Scene { config, groups: (0..8).map(|block| (block, 4)).collect(), end: Some(100), ..Scene::default() });
+    assert_eq!((got.ack, got.counts.write_backs), (vec![101 + 1], 0));
     // What the pass does not keep is looked at and forgotten.
     let got = tested(&Scene { store: false, ..scene });
     assert_eq!((got.ack, got.counts.write_backs), (vec![101 + 8 + 1 + 1], 0));

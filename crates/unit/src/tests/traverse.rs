@@ -7,7 +7,7 @@ use super::scenery::{attachment, begin_pass, card, card_of_tiles, depth_test, dr
 use crate::Card;
 use crate::card::DepthStart;
 use crate::token::{DepthBounds, GroupToken, Kind, TriangleToken};
-use crate::traverse::{Territory, Traverse, TraverseConfig, TraverseCounts};
+use crate::traverse::{HierarchicalTest, Territory, Traverse, TraverseConfig, TraverseCounts};
 use gfx::format::Format;
 use gfx::hierarchical::depth_key;
 use gfx::setup::DepthPlane;
@@ -263,6 +263,40 @@ fn an_update_hides_from_the_cycle_on_in_which_it_comes() {
     assert_eq!(funnel.tiles_hiz_culled, 1);
     let times: Vec<_> = log.iter().map(|&(at, _)| at).collect();
     assert_eq!(times, [2, 3, 4, 6, 7, 8, 9, 9]);
+}
+
+#[test]
+fn a_line_of_bounds_keeps_what_it_was_read_with() {
+    let mut segment = triangles(1, 8, 4, 0);
+    segment.triangles[0].depth = DepthPlane::constant(0.75);
+    let key = depth_key(Format::Depth32Float, 0.5_f32.to_bits());
+    let tell = |at, block| (at, DepthBounds { block, min: key, max: key, pass: 0 });
+    let hides = |lines, updates: &[(Cycle, DepthBounds)]| {
+        let config = TraverseConfig { hierarchical_lines: lines, ..config() };
+        traversed(&config, &segment, updates, hidden(&segment, None)).1.tiles_hiz_culled
+    };
+    // The line of blocks 0 to 3 is read for block 0 in cycle 1, that of 4 to 7 for block 4 in cycle 5. What comes in 4 for block 3 is too
+    // late for its line, for block 5 it is not.
+    let updates = [tell(3, 3), tell(3, 5)];
+    assert_eq!((hides(0, &updates), hides(1, &updates)), (2, 1));
+    assert_eq!((hides(1, &[tell(4, 5)]), hides(1, &[tell(5, 5)])), (1, 0));
+}
+
+#[test]
+fn single_quads_are_hidden_by_their_own_depths() {
+    // Depth grows from 0 at the left edge of a block to 1 at the right, and 0.5 is known: the right half is hidden.
+    let mut segment = triangles(1, 1, 16, 0);
+    segment.triangles[0].depth = DepthPlane { dzdx: 0.125, min: 0.0, max: 1.0, ..DepthPlane::constant(0.0) };
+    let quads = |test| {
+        let config = TraverseConfig { hierarchical_test: test, ..config() };
+        traverse_with(&config, &segment, &[], hidden(&segment, Some(0.5)), |c, card| {
+            let groups = c.sink.got.iter().filter(|(_, token)| token.kind == Kind::DATA);
+            let of = |token: &GroupToken| (token.quads, card.groups[0][token.group].live.map(|live| live != 0));
+            (groups.map(|(_, token)| of(token)).collect::<Vec<_>>(), card.funnel.total().quads_early_culled)
+        })
+    };
+    assert_eq!(quads(HierarchicalTest::Block), (vec![(4, [true; 4]); 4], 0));
+    assert_eq!(quads(HierarchicalTest::Quad), (vec![(2, [true, true, false, false]); 4], 8));
 }
 
 /// Triangles of these depths over the same eight blocks, whole.

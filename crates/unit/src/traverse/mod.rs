@@ -1,14 +1,17 @@
 //! Tiled traversal with hierarchical Z, one unit a rasteriser: finds the blocks of a triangle in its own tiles, throws away those
 //! that hierarchical Z proves hidden, and sends the quads of the others on in groups.
 
+mod hierarchical;
 mod walk;
 
 use super::card::{Ahead, Card, Group, PassState, Work};
 use super::notes::note;
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
-use gfx::hierarchical::{accepts, culls, depth_key, may_raise_lower};
+use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
+use gfx::rop::DepthStencilState;
+use hierarchical::{Bounds, HierarchicalZ, Lines};
 use knob::Allowed;
-use num::prefetch;
+use num::{Cycle, prefetch};
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 use walk::Pace;
 use work::{BLOCK, Block, End, Quad, TILE, Triangle};
@@ -22,6 +25,16 @@ knob::choices! {
         Eviction "eviction",
         /// At every write.
         Write "write",
+    }
+}
+
+knob::choices! {
+    /// What hierarchical Z throws away at a time.
+    pub enum HierarchicalTest {
+        /// A block, by bounds of the triangle's depth in all of it.
+        Block "block",
+        /// A quad, by the depths of what is covered of it.
+        Quad "quad",
     }
 }
 
@@ -51,6 +64,11 @@ knob::knobs! {
         /// Whether blocks that are certain to pass are passed on the strength of it. What is then written whole is not read from
         /// memory, nor is what is not written at all.
         hierarchical_accept: bool ["", Allowed::Switch, "ATI's HyperZ of 2002 on; off where a card has one bound a block"],
+        /// What it throws away at a time.
+        hierarchical_test: HierarchicalTest ["", Allowed::Choice(HierarchicalTest::NAMES), "blocks in cards; ATTILA tests stamps"],
+        /// Lines of 4x4 blocks in a cache before the hierarchical Z buffer. A line keeps its bounds, whatever the buffer learns, until it
+        /// is replaced; one that is missing takes `traverse.latency` cycles. 0: the buffer itself is asked.
+        hierarchical_lines: u32 ["lines", Allowed::Range(0, 64), "on-chip buffers need none; ATTILA bGPU.ini HZCacheLines = 8, HZCacheLineSize = 16"],
         /// When the hierarchical Z buffer learns of new depths.
         hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "ATTILA updates it from the Z cache's evicted lines"],
         /// Cycles from the ROP to the hierarchical Z buffer.
@@ -71,25 +89,6 @@ pub enum Territory {
     Copy,
     /// In one tile after the other of so many blocks across; each triangle comes with the number of the tile.
     Bins(u32),
-}
-
-/// Bounds on the stored depths of a block, as ordered keys.
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    min: u32,
-    max: u32,
-}
-
-/// The hierarchical Z buffer: a bound each way, kept while the writes of the pass cannot break it.
-#[derive(Clone, Debug, Default)]
-struct HierarchicalZ {
-    bounds: Vec<Bounds>,
-    /// Whether no write of this pass can have raised a depth above `max`, or lowered it below `min`.
-    max_valid: bool,
-    min_valid: bool,
-    /// Bounds on what a block holds once all that went through here is tested, where blocks are accepted; else none. Only the
-    /// beginning of a pass narrows them.
-    outer: Vec<Bounds>,
 }
 
 stats::counters! {
@@ -125,6 +124,8 @@ struct Place {
     /// Whether the block has been tested, and what is known of it then.
     tested: bool,
     ahead: Ahead,
+    /// Those of its quads that hierarchical Z hides, a bit each, where it tests quads.
+    hidden: u64,
     /// Blocks of the bounding box still to be found empty.
     empty: u32,
 }
@@ -170,6 +171,7 @@ impl Traverse {
     ) -> Traverse {
         Traverse {
             pace: Pace::new(config.pixel_tests_per_cycle),
+            hierarchical: HierarchicalZ { lines: Lines::new(config.hierarchical_lines), ..HierarchicalZ::default() },
             config,
             pipeline,
             territory,
@@ -178,7 +180,6 @@ impl Traverse {
             output,
             place: Place::default(),
             together: Vec::new(),
-            hierarchical: HierarchicalZ::default(),
             pass: u32::MAX,
             counts: TraverseCounts::default(),
             items: 0,
@@ -244,6 +245,7 @@ impl Traverse {
         self.pass = pass.number;
         let Some(start) = pass.depth_start else { return };
         let hierarchical = &mut self.hierarchical;
+        hierarchical.lines.clear();
         // Who finds all that is drawn in a block, and before any other unit does, knows how far its depths can go.
         if self.config.hierarchical_z
             && self.config.hierarchical_accept
@@ -424,15 +426,54 @@ impl Traverse {
     /// Whether hierarchical Z hides a block.
     #[inline(always)]
     fn hidden(&self, work: &Work, triangle: &Triangle, x: u32, y: u32, number: u32) -> bool {
-        let Some(state) = work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z) else {
-            return false;
-        };
-        let Some(bounds) = self.hierarchical.bounds.get(number as usize) else { return false };
-        let (low, high) = triangle.depth.block_range((x * BLOCK) as i32, (y * BLOCK) as i32, BLOCK as i32);
-        let key = |depth: f32| depth_key(work.depth_format, state.code(depth));
-        let min = if self.hierarchical.min_valid { bounds.min } else { 0 };
-        let max = if self.hierarchical.max_valid { bounds.max } else { u32::MAX };
-        culls(state.compare(), key(low), key(high), min, max)
+        let Some(state) = self.tests(work) else { return false };
+        let Some(&bounds) = self.hierarchical.bounds.get(number as usize) else { return false };
+        self.hierarchical.hides(bounds, state, work, triangle, (x, y))
+    }
+
+    /// By which state hierarchical Z tests a draw, if it does.
+    #[inline(always)]
+    fn tests<'w>(&self, work: &'w Work) -> Option<&'w DepthStencilState> {
+        work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z)
+    }
+
+    /// Of the block at hand, those of its quads that hierarchical Z hides, a bit each.
+    #[inline(always)]
+    fn hidden_quads(
+        &mut self,
+        now: Cycle,
+        card: &Card,
+        work: &Work,
+        triangle: &Triangle,
+        block: &Block,
+        quads: &[Quad],
+    ) -> u64 {
+        let (Some(state), Some(pass)) = (self.tests(work), card.pass.as_ref()) else { return 0 };
+        let (x, y) = (u32::from(block.x), u32::from(block.y));
+        let (number, across) = (y * pass.blocks_across + x, pass.blocks_across);
+        let hierarchical = &mut self.hierarchical;
+        if number as usize >= hierarchical.bounds.len() {
+            return 0;
+        }
+        let latency = Cycle::from(self.config.latency);
+        let bounds = hierarchical.lines.look_up(&hierarchical.bounds, number, across, now, latency);
+        if self.config.hierarchical_test == HierarchicalTest::Quad
+            && let Some(surface) = pass.depth
+        {
+            let samples = card.frame.stores[surface].surface.samples;
+            return hierarchical.hides_quads(bounds, state, work, triangle, (x, y), samples, quads);
+        }
+        if hierarchical.hides(bounds, state, work, triangle, (x, y)) { u64::MAX >> (64 - quads.len()) } else { 0 }
+    }
+
+    /// So many quads of the block at hand are done; of its last ones, the block.
+    #[inline(always)]
+    fn pass_quads(&mut self, count: u32, block: &Block) {
+        self.place.quad += count;
+        if self.place.quad == u32::from(block.quads) {
+            (self.place.quad, self.place.tested) = (0, false);
+            self.place.block += 1;
+        }
     }
 
     /// What is certain of the early test of a block that is drawn; notes how far its depths can go then.
@@ -575,7 +616,7 @@ impl Unit<Card> for Traverse {
                 self.items += u64::from(block.quads);
                 self.counts.whole += u64::from(block.full);
                 let covered = all.iter().map(|quad: &Quad| u64::from(fragments(quad.coverage))).sum::<u64>();
-                let hidden = self.hidden(work, triangle, x, y, number);
+                let hidden = self.hidden_quads(wires.now(), card, work, triangle, block, all);
                 if card.interleave.is_balanced() {
                     card.interleave.note(y, block.quads.into());
                 }
@@ -583,24 +624,33 @@ impl Unit<Card> for Traverse {
                 funnel.tiles_visited += 1;
                 funnel.quads_rasterized += u64::from(block.quads);
                 funnel.fragments_covered += covered;
-                if hidden {
-                    funnel.tiles_hiz_culled += 1;
-                    funnel.quads_early_culled += u64::from(block.quads);
+                if hidden != 0 {
+                    let gone = hidden.count_ones();
+                    funnel.tiles_hiz_culled += u64::from(gone == u32::from(block.quads));
+                    funnel.quads_early_culled += u64::from(gone);
                     if let Some(notes) = &mut card.notes {
-                        note(notes, card.pass.as_ref(), number, |of| of.hierarchical += u32::from(block.quads));
+                        note(notes, card.pass.as_ref(), number, |of| of.hierarchical += gone);
                     }
-                    self.place.block += 1;
-                    continue;
+                    if gone == u32::from(block.quads) {
+                        self.place.block += 1;
+                        continue;
+                    }
                 }
-                self.place.tested = true;
+                (self.place.tested, self.place.hidden) = (true, hidden);
                 if !self.hierarchical.outer.is_empty() {
                     self.place.ahead = self.look_ahead(work, triangle, block, number);
                 }
             }
 
-            // 6. Send its quads on, four at a time.
+            // 6. Send its quads on, four at a time; where all of four are hidden, the next.
             let count = (u32::from(block.quads) - self.place.quad).min(4);
-            if quads < count {
+            let hidden = self.place.hidden >> self.place.quad & 15;
+            let alive = count - hidden.count_ones();
+            if alive == 0 {
+                self.pass_quads(count, block);
+                continue;
+            }
+            if quads < alive {
                 // Fewer than a group may remain of the budget where it is no multiple of four: the link takes the rest of the time.
                 if quads < self.config.quads_per_cycle {
                     return Tick::Moved;
@@ -609,11 +659,11 @@ impl Unit<Card> for Traverse {
             if !wires.can_push(&self.output) {
                 return Tick::moved_or(moved, Tick::Blocked);
             }
-            quads = quads.saturating_sub(count);
+            quads = quads.saturating_sub(alive);
             let first = block.first_quad + self.place.quad;
             let mut live = [0; 4];
-            for (live, quad) in live.iter_mut().zip(&tile.quads[first as usize..][..count as usize]) {
-                *live = quad.coverage;
+            for (n, quad) in tile.quads[first as usize..][..count as usize].iter().enumerate() {
+                live[n] = if hidden >> n & 1 == 0 { quad.coverage } else { 0 };
             }
             let group = Group {
                 slot: self.place.slot,
@@ -629,19 +679,13 @@ impl Unit<Card> for Traverse {
             if let Some(surface) = card.pass.as_ref().and_then(|pass| pass.depth) {
                 prefetch(&card.frame.stores[surface].quad(number, tile.quads[first as usize].position)[0]);
             }
-            let last = self.place.quad + count == u32::from(block.quads);
             let pool = if self.territory == Territory::Screen { card.interleave.owner(x, y) } else { self.pipeline };
             let index = card.groups[usize::from(pool)].insert(group);
             let sequence = self.place.sequence;
-            let token = GroupToken { group: index, sequence, kind: Kind::DATA, quads: count as u8, pool };
-            wires.push_sized(&self.output, token, count * bytes::QUAD);
+            let token = GroupToken { group: index, sequence, kind: Kind::DATA, quads: alive as u8, pool };
+            wires.push_sized(&self.output, token, alive * bytes::QUAD);
             moved = true;
-            self.place.quad += count;
-            if last {
-                self.place.quad = 0;
-                self.place.tested = false;
-                self.place.block += 1;
-            }
+            self.pass_quads(count, block);
         }
     }
 
@@ -660,5 +704,10 @@ impl Unit<Card> for Traverse {
              where geometry lets them through. What hierarchical Z throws away is in the funnel.",
         );
         groups.group(heading, |unit| unit.counts);
+        let heading = Heading::new(
+            "hierarchical.lines[i]",
+            "The cache of the hierarchical Z buffer, where there is one. What it does not know yet hides less.",
+        );
+        groups.group_if(heading, |unit| (unit.config.hierarchical_lines > 0).then_some(unit.hierarchical.lines.counts));
     }
 }
