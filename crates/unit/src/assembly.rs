@@ -66,6 +66,8 @@ pub struct AssemblyPorts {
     pub shaded: Vec<In<WarpToken>>,
     /// Batches whose vertices are no longer needed, to vertex fetch.
     pub retired: Out<WarpToken>,
+    /// How many indices have been taken since the start, to vertex fetch, where it asks.
+    pub passed: Option<Out<WarpToken>>,
     /// Primitives, to each geometry unit.
     pub geometry: Vec<Out<Run>>,
 }
@@ -102,6 +104,10 @@ pub struct Assembly {
     /// Where the next run of primitives ends that a pipeline was dealt.
     end: u32,
     mode: Mode,
+    /// Entries of the streams of segments that are assembled; entries taken since the start, and how many of these have been told.
+    before: u32,
+    passed: u32,
+    told: u32,
     items: u64,
 }
 
@@ -119,6 +125,9 @@ impl Assembly {
             turn: 0,
             end: 0,
             mode,
+            before: 0,
+            passed: 0,
+            told: 0,
             items: 0,
         }
     }
@@ -218,8 +227,54 @@ impl Assembly {
     }
 }
 
+impl Assembly {
+    /// Takes the indices of a shaded batch, as far as there is place for them.
+    #[cold]
+    fn take_indices(&mut self, card: &Card, batch: &VertexBatch) {
+        let primitives = &card.work(batch.slot).segment.primitives;
+        let assembled = self.next.checked_sub(1).map_or(0, |last| primitives[last as usize].stream_end);
+        let taken = self.before.wrapping_add(batch.stream_end.min(assembled + self.config.queue));
+        if (taken.wrapping_sub(self.passed) as i32) > 0 {
+            self.passed = taken;
+        }
+    }
+
+    /// Tells vertex fetch how many indices have been taken: those of shaded vertices, as far as there is place for them before the
+    /// primitives that are assembled next.
+    #[cold]
+    fn tell(&mut self, wires: &mut Wires, card: &Card) -> Tick {
+        if let Some(batch) = wires.front(&self.ports.batches)
+            && batch.kind == Kind::DATA
+            && (batch.vertices == 0 || self.done[(batch.number % MAX_BATCHES) as usize])
+        {
+            self.take_indices(card, &batch);
+        }
+        let Some(output) = &self.ports.passed else { return Tick::Starved };
+        if self.passed != self.told && wires.try_push(output, WarpToken { warp: self.passed }) {
+            self.told = self.passed;
+            return Tick::Moved;
+        }
+        Tick::Starved
+    }
+}
+
 impl Unit<Card> for Assembly {
     fn tick(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
+        let did = self.step(wires, card);
+        if self.ports.passed.is_some() { did.or(self.tell(wires, card)) } else { did }
+    }
+
+    fn items(&self) -> u64 {
+        self.items
+    }
+
+    fn resident(&self) -> u64 {
+        self.done.iter().filter(|&&done| done).count() as u64
+    }
+}
+
+impl Assembly {
+    fn step(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
 
         // 1. Note the batches that cores have shaded.
@@ -289,6 +344,9 @@ impl Unit<Card> for Assembly {
             }
 
             // 3. The batch is used up: its vertices may be overwritten.
+            if batch.kind == Kind::DATA && self.ports.passed.is_some() {
+                self.take_indices(card, &batch);
+            }
             if batch.kind == Kind::DATA && batch.vertices > 0 {
                 if !wires.try_push(&self.ports.retired, WarpToken { warp: batch.number }) {
                     return did.or(Tick::Blocked);
@@ -297,18 +355,14 @@ impl Unit<Card> for Assembly {
             }
             if batch.kind == Kind::SEGMENT {
                 self.next = 0;
+                if self.ports.passed.is_some() {
+                    self.before = self.before.wrapping_add(card.work(batch.slot).segment.stream.len() as u32);
+                    self.passed = self.before;
+                }
             }
             wires.pop(&self.ports.batches);
             did = Tick::Moved;
         }
         did
-    }
-
-    fn items(&self) -> u64 {
-        self.items
-    }
-
-    fn resident(&self) -> u64 {
-        self.done.iter().filter(|&&done| done).count() as u64
     }
 }

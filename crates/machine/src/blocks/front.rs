@@ -9,7 +9,7 @@ use unit::command::{Command, CommandPorts};
 use unit::compute::{Compute, ComputePorts};
 use unit::deal::Deal;
 use unit::distribute::Distribute;
-use unit::fetch::{Fetch, FetchInput, FetchPorts};
+use unit::fetch::{Fetch, FetchInput, FetchPorts, Reuse};
 use unit::gather::Gather;
 use unit::network::{Receiver, Sender};
 use unit::route::{Retained, Route, RoutePorts};
@@ -105,6 +105,12 @@ impl Builder<'_> {
         let batches = Link::items(config.fetch.batches.max(2) + 2, 2, 1);
         let (to_assembly, from_fetch) = self.chain("vertex_batches", batches, &id.fetch, &id.assembly);
         let (retired, from_assembly) = self.chain("vertices_retired", batches, &id.assembly, &id.fetch);
+        let (passed, heeded): (Vec<_>, Vec<_>) = if config.fetch.reuse_until == Reuse::Assembled {
+            let (passed, heeded) = self.chain("vertices_passed", CONTROL, &id.assembly, &id.fetch);
+            (passed.into_iter().map(Some).collect(), heeded.into_iter().map(Some).collect())
+        } else {
+            (vec![None; fronts], vec![None; fronts])
+        };
         let primitives = Link::items(config.assembly.queue, 1, config.assembly.latency);
         let (to_clip, clip_input) =
             self.join("primitives", primitives, id.clip.iter().enumerate().map(|(n, &clip)| (id.assembly[n % fronts], clip)));
@@ -121,19 +127,22 @@ impl Builder<'_> {
             geometry[n % fronts].push(output);
         }
         let ends = inputs.into_iter().zip(to_assembly).zip(from_assembly).zip(from_fetch).zip(retired).zip(geometry);
+        let (mut passed, mut heeded) = (passed.into_iter(), heeded.into_iter());
         for (front, (((((input, batches), from_assembly), from_fetch), retired), geometry)) in ends.enumerate() {
             let ports = FetchPorts {
                 input,
                 cores: to_shading.by_ref().take(per_front).collect(),
                 batches,
                 retired: from_assembly,
+                passed: heeded.next().flatten(),
                 index: self.port("index", indices + front, id.fetch[front]),
                 vertex: self.port("vertex", front, id.fetch[front]),
                 probe: self.front_probe(front),
             };
             self.made.fetch.push(Fetch::new(config.fetch.clone(), config.core.warp_width, ports));
             let shaded = from_shading.by_ref().take(per_front).collect();
-            let ports = AssemblyPorts { batches: from_fetch, shaded, retired, geometry };
+            let passed = passed.next().flatten();
+            let ports = AssemblyPorts { batches: from_fetch, shaded, retired, passed, geometry };
             self.made.assembly.push(Assembly::new(config.assembly.clone(), mode, ports));
         }
         clip_input

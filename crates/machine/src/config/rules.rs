@@ -2,6 +2,7 @@
 
 use super::Config;
 use mem::MemoryConfig;
+use unit::fetch::Reuse;
 use unit::scanout::{ScanoutMode, Swap};
 use unit::traverse::Walk;
 use unit::warp::MAX_WIDTH;
@@ -50,7 +51,19 @@ pub(super) fn check(config: &Config) -> Result<(), String> {
             );
         }
     }
+    if config.fetch.reuse_until == Reuse::Assembled && config.fetch.reuse == 0 {
+        return Err(
+            "fetch.reuse is 0, and must be at least 1 where fetch.reuse_until is assembled: as many indices are on their way"
+                .into(),
+        );
+    }
     let class = config.card.sort.class();
+    if class.sorted.own_geometry() && config.fetch.reuse_until == Reuse::Assembled {
+        return Err(format!(
+            "fetch.reuse_until is assembled, and must be replaced where sort is {}: each pipeline gets its primitives in runs",
+            config.card.sort.name()
+        ));
+    }
     if class.sorted.own_geometry() && !config.core.unified && !config.core.vertex_cores.is_multiple_of(config.card.pipelines) {
         return Err(format!(
             "core.vertex_cores is {}, and must be a multiple of pipelines, which is {}, where sort is {}: each pipeline shades its own vertices",

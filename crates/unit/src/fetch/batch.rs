@@ -76,12 +76,17 @@ impl Fetch {
         Ok(())
     }
 
-    /// Closes the open batch.
+    /// Closes the open batch, at what has been read of the stream.
     pub(super) fn close(&mut self, slot: u16) {
+        self.close_at(slot, self.stream_end());
+    }
+
+    /// Closes the open batch. So many entries of the stream can be assembled once it is shaded.
+    pub(super) fn close_at(&mut self, slot: u16, stream_end: u32) {
         let batch = Gathered {
             slot,
             number: self.number,
-            stream_end: self.stream_end(),
+            stream_end,
             count: self.open,
             needs: self.open_needs,
             announced: false,

@@ -3,7 +3,7 @@
 use super::super::card::{Card, Work};
 use super::super::index_runs::Walk;
 use super::super::token::{Kind, Piece, Run, VertexBatch};
-use super::{Fetch, FetchInput, Gathered};
+use super::{Fetch, FetchInput, Gathered, Reuse};
 use num::Cycle;
 use sim::{Tick, Wires};
 use work::LINE;
@@ -25,9 +25,11 @@ impl Fetch {
             known.sort_unstable();
             let first = self.shaded.wrapping_sub(self.recent.len() as u32);
             for (vertex, at) in vertices.iter().zip(&mut self.shaded_at) {
+                // The last one that names it.
                 let wanted = (vertex.index, vertex.instance);
-                if let Ok(found) = known.binary_search_by_key(&wanted, |&(vertex, _)| vertex) {
-                    *at = first.wrapping_add(known[found].1 as u32);
+                let behind = known.partition_point(|&(vertex, _)| vertex <= wanted);
+                if let Some(&(_, place)) = known[..behind].last().filter(|(vertex, _)| *vertex == wanted) {
+                    *at = first.wrapping_add(place as u32);
                 }
             }
         }
@@ -195,6 +197,16 @@ impl Fetch {
             } else {
                 self.indices_here(work)
             };
+            if self.config.reuse_until == Reuse::Assembled {
+                let Fetch { position, .. } = *self;
+                did = did.or(self.read_ahead(wires, card, piece.slot, here, &mut indices, &mut lookups));
+                if self.begun {
+                    return if self.position > position { Tick::Moved } else { did };
+                }
+                self.take(wires);
+                did = Tick::Moved;
+                continue;
+            }
             loop {
                 // 1. The attributes of the vertex at hand.
                 if self.vertex_open {

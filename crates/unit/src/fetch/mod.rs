@@ -1,6 +1,7 @@
 //! Index and attribute fetch with post-transform reuse: reads indices in order, shades each vertex once as long as it is among the
 //! last few, gathers vertices into batches, fetches their attributes, and sends the batches to the cores.
 
+mod ahead;
 mod batch;
 mod input;
 
@@ -28,6 +29,16 @@ knob::choices! {
     }
 }
 
+knob::choices! {
+    /// How long a vertex that is shaded once can be used again.
+    pub enum Reuse {
+        /// Until `fetch.reuse` others have been shaded.
+        Replaced "replaced",
+        /// Until the last of its indices that have been read goes to assembly. At most `fetch.reuse` indices are on their way there.
+        Assembled "assembled",
+    }
+}
+
 knob::knobs! {
     /// Index and attribute fetch.
     pub struct FetchConfig {
@@ -37,6 +48,11 @@ knob::knobs! {
         index_lines: u32 ["lines", Allowed::Range(1, 1024), "ATTILA bGPU.ini IndexBufferSize = 2048 bytes"],
         /// Vertices that are remembered as shaded, first in first out.
         reuse: u32 ["vertices", Allowed::Range(0, 4096), "16 to 32 in cards with a post-transform FIFO (Hoppe 1999, Forsyth 2006)"],
+        /// How long a vertex that is shaded once can be used again. `assembled` is for whole draws, not for runs of primitives.
+        reuse_until: Reuse ["", Allowed::Choice(Reuse::NAMES), "a FIFO in cards; ATTILA frees a line of its output memory with the last index on its way"],
+        /// Vertices that wait for their attributes to be looked up while further indices are read, where vertices are reused until they are
+        /// assembled.
+        ahead: u32 ["vertices", Allowed::Range(1, 1024), "ATTILA bGPU.ini SLInputRequestQueueSize = 128"],
         /// Lines of vertex attributes looked up a cycle.
         lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "ATTILA bGPU.ini SLAttributesCycle = 8 attributes"],
         /// Whether only those attributes are fetched that the vertex stage reads; if not, all that the vertex buffers of a draw have.
@@ -97,6 +113,8 @@ pub struct FetchPorts {
     pub batches: Out<VertexBatch>,
     /// Batches that assembly has used up.
     pub retired: In<WarpToken>,
+    /// How many indices assembly has taken since the start, where vertices can be used again until then.
+    pub passed: Option<In<WarpToken>>,
     /// Memory, for indices.
     pub index: MemoryPort,
     /// Memory, for attributes.
@@ -147,11 +165,17 @@ pub struct Fetch {
     /// The last line looked up: attributes of a vertex mostly share it.
     last_line: u64,
     last_needs: u32,
-    /// Vertices shaded since the start, and for each vertex of the segment its number among them, or one long gone.
+    /// Vertices shaded since the start, and for each vertex of the segment its number among them, or one long gone. Where vertices are
+    /// reused until they are assembled, indices are counted instead, and each vertex has the number of its last.
     shaded: u32,
     shaded_at: Vec<u32>,
-    /// The last `reuse` vertices as (index, instance), kept over the segments of a draw.
+    /// The last `reuse` vertices, or the indices that assembly has not taken, as (index, instance); kept over the segments of a draw.
     recent: VecDeque<(u32, u32)>,
+    /// Vertices that wait for their attributes to be looked up, each with the place in the stream behind its index.
+    waiting: VecDeque<(u32, u32)>,
+    /// That place of the last vertex of the open batch; and how far the batches that are closed go.
+    open_end: u32,
+    closed_end: u32,
     draw: Option<u32>,
     begun: bool,
     /// Runs taken in ahead.
@@ -197,6 +221,9 @@ impl Fetch {
             shaded: 0,
             shaded_at: Vec::new(),
             recent: VecDeque::with_capacity(config.reuse as usize + 1),
+            waiting: VecDeque::new(),
+            open_end: 0,
+            closed_end: 0,
             draw: None,
             begun: false,
             runs: IndexRuns::new(config.index_lines),
@@ -245,6 +272,10 @@ impl Fetch {
             self.in_flight -= 1;
             did = Tick::Moved;
         }
+        while let Some(passed) = self.ports.passed.as_ref().and_then(|passed| wires.pop(passed)) {
+            self.pass(passed.warp);
+            did = Tick::Moved;
+        }
 
         // 2. Complete batches go to the cores.
         did = did.or(self.start(wires, card));
@@ -276,6 +307,7 @@ impl Unit<Card> for Fetch {
     fn resident(&self) -> u64 {
         (self.gathered.len() + self.closed.len()) as u64
             + u64::from(self.open)
+            + self.waiting.len() as u64
             + u64::from(self.in_flight)
             + self.runs.resident()
     }

@@ -17,6 +17,7 @@ sim::circuit! {
         shaded: One<Source<WarpToken>>,
         assembly: One<Assembly>,
         retired: One<Sink<WarpToken>>,
+        passed: One<Sink<WarpToken>>,
         geometry: Vec<Sink<Run>>,
     }
 }
@@ -28,15 +29,23 @@ type Assembled = (Vec<Vec<(Cycle, (Kind, u32, u32, u32))>>, Vec<(Cycle, u32)>);
 
 /// Assembles triangles of a list, whose batches of so many vertices are shaded at those cycles.
 fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)]) -> Assembled {
+    let (assembled, passed) = told(config, geometry, batches, false);
+    assert_eq!(passed, []);
+    assembled
+}
+
+/// The same, and what fetch is told of the indices that were taken, where it asks.
+fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tells: bool) -> (Assembled, Vec<(Cycle, u32)>) {
     let vertices: u32 = batches.iter().map(|&(vertices, _)| vertices).sum();
     settle(
         || {
             let mut wiring = Wiring::new();
-            let ids = ["batches", "shaded", "assembly", "retired"].map(|name| wiring.unit(name, 0));
+            let ids = ["batches", "shaded", "assembly", "retired", "passed"].map(|name| wiring.unit(name, 0));
             let units = wiring.bank("geometry", geometry);
             let (announce, from_fetch) = wiring.channel("batches", 0, FREE, ids[0], ids[2]);
             let (finish, from_cores) = wiring.channel("shaded", 0, FREE, ids[1], ids[2]);
             let (retire, retired) = wiring.channel("retired", 0, FREE, ids[2], ids[3]);
+            let (tell, passed) = wiring.channel("passed", 0, FREE, ids[2], ids[4]);
             let (mut to_geometry, mut sinks) = (Vec::new(), Vec::new());
             for (index, &id) in units.iter().enumerate() {
                 // As in the machine: a run or a mark a cycle.
@@ -46,7 +55,12 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
             }
             let mut card = card(1);
             let primitives = (0..vertices / 3).map(|p| primitive(3 * p + 3, p, 1, false, Outcome::Drawn)).collect();
-            card.install(0, Arc::new(Segment { primitives, ..Segment::default() }), Arc::new(draw()), 0);
+            card.install(
+                0,
+                Arc::new(Segment { primitives, stream: (0..vertices).collect(), ..Segment::default() }),
+                Arc::new(draw()),
+                0,
+            );
             let mut tokens = Vec::new();
             let mut shaded = Vec::new();
             let mut stream_end = 0;
@@ -58,13 +72,20 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
             }
             shaded.sort_by_key(|&(at, _)| at);
             tokens.push((0, VertexBatch { slot: 0, kind: Kind::SEGMENT, number: 0, stream_end: 0, vertices: 0 }));
-            let ports = AssemblyPorts { batches: from_fetch, shaded: vec![from_cores], retired: retire, geometry: to_geometry };
+            let ports = AssemblyPorts {
+                batches: from_fetch,
+                shaded: vec![from_cores],
+                retired: retire,
+                passed: tells.then_some(tell),
+                geometry: to_geometry,
+            };
             let circuit = AssemblyCircuit::new(
                 wiring,
                 One(Source::new(tokens, announce)),
                 One(Source::new(shaded, finish)),
                 One(Assembly::new(config.clone(), Mode::Segments, ports)),
                 One(Sink::new(retired)),
+                One(Sink::new(passed)),
                 sinks,
             );
             (circuit, card)
@@ -73,7 +94,8 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
         |c, card| {
             assert_eq!((c.assembly.items(), c.assembly.resident()), (card.funnel.total().primitives_in, 0));
             let runs = |sink: &Sink<Run>| sink.log(|run| (run.kind, run.sequence, run.first, run.count));
-            (c.geometry.iter().map(runs).collect(), c.retired.log(|batch| batch.warp))
+            let assembled = (c.geometry.iter().map(runs).collect(), c.retired.log(|batch| batch.warp));
+            (assembled, c.passed.log(|taken| taken.warp))
         },
     )
 }
@@ -93,6 +115,18 @@ fn primitives_wait_for_their_vertices_and_go_at_the_rate() {
     ];
     assert_eq!(runs, [expected]);
     assert_eq!(retired, [(11 + 1, 0), (31 + 1, 1)]);
+}
+
+#[test]
+fn fetch_is_told_which_indices_are_taken() {
+    // The batches of the test above. All nine entries of the first are taken when it is seen to be shaded, in cycle 10; those of the second
+    // in cycle 30.
+    let (_, passed) = told(&CONFIG, 1, &[(9, 9), (6, 29)], true);
+    assert_eq!(passed, [(11, 9), (31, 15)]);
+    // With places for two only they follow the primitives: six entries are assembled in cycle 10, nine in 11.
+    let few = AssemblyConfig { queue: 2, latency: 1, ..CONFIG };
+    let (_, passed) = told(&few, 1, &[(12, 9)], true);
+    assert_eq!(passed, [(11, 8), (12, 12)]);
 }
 
 #[test]

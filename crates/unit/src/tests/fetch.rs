@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::kit::{FREE, Sink, Source, memory, port, round_trip, settle};
 use super::scenery::{card, draw};
 use crate::Card;
-use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, VertexDeal};
+use crate::fetch::{Fetch, FetchConfig, FetchInput, FetchPorts, Reuse, VertexDeal};
 use crate::tags::CacheCounts;
 use crate::token::{Kind, Piece, VertexBatch, WarpToken};
 use gfx::state::StepMode;
@@ -22,6 +22,7 @@ sim::circuit! {
         core: Vec<Sink<WarpToken>>,
         batches: One<Sink<VertexBatch>>,
         retired: One<Source<WarpToken>>,
+        passed: One<Source<WarpToken>>,
         ideal: Option<Ideal>,
     }
 }
@@ -35,6 +36,8 @@ fn config() -> FetchConfig {
         indices_per_cycle: 2,
         index_lines: 16,
         reuse: 16,
+        reuse_until: Reuse::Replaced,
+        ahead: 8,
         lookups_per_cycle: 1,
         skip_attributes: true,
         cache_lines: 16,
@@ -72,13 +75,25 @@ fn fetched(
     segments: &[Segment],
     retired: &[Cycle],
 ) -> Fetched {
+    fetched_as_passed(config, cores, attributes, segments, retired, &[])
+}
+
+/// The same, where assembly tells at those cycles how many indices it has taken.
+fn fetched_as_passed(
+    config: &FetchConfig,
+    cores: usize,
+    attributes: &[AttributeFetch],
+    segments: &[Segment],
+    retired: &[Cycle],
+    passed: &[(Cycle, u32)],
+) -> Fetched {
     let mark = (0, Piece { slot: 0, kind: Kind::SEGMENT });
     settle(
         || {
             let mut wiring = Wiring::new();
             let ids = [wiring.unit("source", 0), wiring.unit("fetch", 0)];
             let core_ids = wiring.bank("core", cores);
-            let ends = [wiring.unit("batches", 0), wiring.unit("retired", 0)];
+            let ends = [wiring.unit("batches", 0), wiring.unit("retired", 0), wiring.unit("passed", 0)];
             let mut plan = memory(&mut wiring);
             let (output, input) = wiring.channel("pieces", 0, FREE, ids[0], ids[1]);
             let (mut to_cores, mut core) = (Vec::new(), Vec::new());
@@ -89,11 +104,13 @@ fn fetched(
             }
             let (announce, announced) = wiring.channel("batches", 0, FREE, ids[1], ends[0]);
             let (retire, from_assembly) = wiring.channel("retired", 0, FREE, ends[1], ids[1]);
+            let (tell, heeded) = wiring.channel("passed", 0, FREE, ends[2], ids[1]);
             let ports = FetchPorts {
                 input: FetchInput::Segments(input),
                 cores: to_cores,
                 batches: announce,
                 retired: from_assembly,
+                passed: (config.reuse_until == Reuse::Assembled).then_some(heeded),
                 index: port(&mut plan, &mut wiring, ids[1]),
                 vertex: port(&mut plan, &mut wiring, ids[1]),
                 probe: StallProbe::default(),
@@ -115,6 +132,7 @@ fn fetched(
                 core,
                 One(Sink::new(announced)),
                 One(Source::new(done, retire)),
+                One(Source::new(passed.iter().map(|&(at, warp)| (at, WarpToken { warp })).collect(), tell)),
                 ideal,
             );
             (circuit, card)
@@ -281,4 +299,45 @@ fn batches_in_flight_are_bounded() {
     // One at a time: the second is read when the first, which assembly gives back in cycle 100, is seen a cycle later.
     let one = FetchConfig { batches: 1, ..config() };
     assert_eq!(fetched(&one, 1, &[], &[fresh(8)], &[100, 200]).warps, [[4, 101 + 1 + 2]]);
+}
+
+#[test]
+fn a_vertex_is_shaded_once_while_an_index_of_it_is_on_its_way_to_assembly() {
+    let until = FetchConfig { reuse_until: Reuse::Assembled, ..config() };
+    let shaded =
+        |passed: &[(Cycle, u32)]| fetched_as_passed(&until, 1, &[], &[reading(vec![0, 1, 2, 3, 0, 1, 4, 5], 0)], &[], passed);
+    // Read two a cycle. Without a word from assembly all are on their way: six vertices, of which the fourth comes in cycle 2 and the sixth
+    // in cycle 4.
+    let got = shaded(&[]);
+    assert_eq!((got.shaded, got.warps), (6, vec![vec![4, 6]]));
+    assert_eq!(got.batches, [(4, (0, 4, 4)), (6, (1, 8, 2))]);
+    // What is told in cycle 2 comes in 3, in time for the second index of vertices 0 and 1, which have to be shaded again; in 4 it is late.
+    assert_eq!(shaded(&[(2, 2)]).shaded, 8);
+    assert_eq!(shaded(&[(3, 2)]).shaded, 6);
+    // Vertex 0 has an index on its way after the first has gone.
+    let again =
+        |passed: &[(Cycle, u32)]| fetched_as_passed(&until, 1, &[], &[reading(vec![0, 1, 0, 2, 0, 1], 0)], &[], passed).shaded;
+    assert_eq!((again(&[(2, 2)]), again(&[(2, 3)])), (4, 5));
+    // The next segment of the draw knows what is on its way.
+    let got = fetched_as_passed(&until, 1, &[], &[fresh(4), reading(vec![0, 1, 2, 3], 2)], &[], &[]);
+    assert_eq!(got.shaded, 6);
+    let got = fetched_as_passed(&until, 1, &[], &[fresh(4), reading(vec![0, 1, 2, 3], 2)], &[], &[(2, 3)]);
+    assert_eq!(got.shaded, 7);
+}
+
+#[test]
+fn indices_on_their_way_are_bounded() {
+    // Four at a time: the fifth is read when the first four have been taken, of which is told in cycle 100.
+    let four = FetchConfig { reuse_until: Reuse::Assembled, reuse: 4, ..config() };
+    let got = fetched_as_passed(&four, 1, &[], &[fresh(8)], &[98], &[(99, 4)]);
+    assert_eq!(got.warps, [[4, 100 + 1 + 2]]);
+    // Place for one makes a batch that is not full, which is started since assembly has nothing else to do.
+    let got = fetched_as_passed(&four, 1, &[], &[fresh(6)], &[98], &[(99, 1), (120, 5)]);
+    assert_eq!((got.shaded, got.warps), (6, vec![vec![4, 102, 123]]));
+    // Attributes are looked up behind: with places for two vertices before it, the third index is read when the first vertex's line is
+    // asked for, one a cycle.
+    let two = FetchConfig { reuse_until: Reuse::Assembled, ahead: 2, indices_per_cycle: 4, ..config() };
+    let attribute = AttributeFetch { stride: 64, ..ATTRIBUTE };
+    let got = fetched_as_passed(&two, 1, &[attribute], &[fresh(4)], &[], &[]);
+    assert_eq!((got.warps, got.requests), (vec![vec![4 + MISS + 1]], 4));
 }
