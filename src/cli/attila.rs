@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::Verdict;
-use crate::accuracy::attila::{self, Case, Outcome};
+use crate::accuracy::attila::{self, Outcome};
 
 /// Counters of the simulator ATTILA for recordings, beside those of this one on configs/attila.ron
 #[derive(clap::Args)]
@@ -20,6 +20,9 @@ pub struct Arguments {
     /// Recordings by name [default: all]
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
+    /// Change a knob of the machine; may be repeated
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
     /// As JSON; times of the host are left out
     #[arg(long, conflicts_with = "markdown")]
     json: bool,
@@ -48,8 +51,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if !arguments.only.is_empty() {
         cases.retain(|case| arguments.only.contains(&case.name));
     }
+    let mut machine = attila::machine()?;
+    for assignment in &arguments.set {
+        machine.set(assignment)?;
+    }
+    machine.check()?;
     // One after another: times of the host are of one recording at a time.
-    let outcomes = cases.iter().map(Case::run).collect::<Result<Vec<Outcome>>>()?;
+    let outcomes = cases.iter().map(|case| case.run(&machine)).collect::<Result<Vec<Outcome>>>()?;
     if arguments.json {
         super::say_json(&attila::json(&outcomes))?;
     } else if arguments.speed {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fillrate::accuracy::attila::{cases, geometric_mean};
+use fillrate::accuracy::attila::{cases, geometric_mean, machine};
 
 /// What does not hold yet, by counter, and for which recordings. `docs/data/attila.md` says why.
 const MISSES: &[(&str, &[&str])] = &[
@@ -24,8 +24,9 @@ fn counters_of_another_simulator_hold_but_for_those_listed() {
         return;
     };
     let cases = cases(&Path::new(&peers).join("attila")).expect("recordings with counters");
+    let machine = machine().expect("the built-in configuration");
     let outcomes: Vec<_> =
-        cases.iter().map(|case| case.run().unwrap_or_else(|error| panic!("{}: {error:#}", case.name))).collect();
+        cases.iter().map(|case| case.run(&machine).unwrap_or_else(|error| panic!("{}: {error:#}", case.name))).collect();
     for outcome in &outcomes {
         let misses = |what: &str| MISSES.iter().any(|(row, of)| *row == what && of.contains(&outcome.name.as_str()));
         for row in outcome.rows.iter().filter(|row| !row.holds()) {

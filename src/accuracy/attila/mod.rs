@@ -87,20 +87,28 @@ pub fn cases(folder: &Path) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
+/// ATTILA's machine, as far as this model has it.
+///
+/// # Errors
+/// As [`Config::built_in`].
+pub fn machine() -> Result<Config> {
+    Ok(Config::built_in("attila")?)
+}
+
 impl Case {
-    /// Draws the frame that was counted, and compares.
+    /// Draws the frame that was counted on a machine, and compares.
     ///
     /// # Errors
     /// If the recording does not replay, or a counter is missing.
-    pub fn run(&self) -> Result<Outcome> {
+    pub fn run(&self, machine: &Config) -> Result<Outcome> {
         let frames = self.frame..self.frame + 1;
-        let reading = Reading { limits: Limits::default(), keep_draws: true, ..Reading::default() };
+        let reading = Reading { limits: Limits::default(), keep_draws: true, upward: true, ..Reading::default() };
         let wanted = u64::from(frames.start)..u64::from(frames.end);
         let (trace, report) = import::open_frames(&self.recording, &reading, wanted)?;
         if let Some(refusal) = report.and_then(|report| report.refusal()) {
             anyhow::bail!("{}: not supported: {refusal}", self.recording.display());
         }
-        let options = Options { frames, ..Options::new(Config::built_in("attila")?, Fidelity::Cycle) };
+        let options = Options { frames, ..Options::new(machine.clone(), Fidelity::Cycle) };
         let replayed = replay(&trace, &options, &|_| ()).with_context(|| self.name.clone())?;
         let frame = replayed
             .frames
