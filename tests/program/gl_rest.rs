@@ -20,10 +20,7 @@ fn a_material_keeps_the_colour_that_tracked_it() {
         GREEN,
         "the tracked colour is the current one, which was not restored"
     );
-    assert_eq!(
-        of(&format!("glEnable(GL_COLOR_MATERIAL)\nglColor3f(0,0,1)\nglMaterialfv(GL_FRONT,GL_AMBIENT,{{1,0,0,1}})")),
-        BLUE
-    );
+    assert_eq!(of("glEnable(GL_COLOR_MATERIAL)\nglColor3f(0,0,1)\nglMaterialfv(GL_FRONT,GL_AMBIENT,{1,0,0,1})"), BLUE);
 }
 
 #[test]

@@ -401,7 +401,7 @@ impl Texture {
         };
         let linear =
             self.mag == e::LINEAR || matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
-        let white = SamplerDesc { border: BorderColor::OpaqueWhite, ..sampler.clone() };
+        let white = SamplerDesc { border: BorderColor::OpaqueWhite, ..sampler };
         let border = border.map(|color| (color, card.sampler(white)));
         let bound = (native.id, view, card.sampler(sampler));
         let (base, depth) = match (native.base, self.compare) {
