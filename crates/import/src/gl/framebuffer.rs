@@ -87,6 +87,9 @@ impl Gl {
         }
         let attached = object.colors.get(buffer.wrapping_sub(e::COLOR_ATTACHMENT0) as usize).copied().unwrap_or_default();
         let image = self.image(attached)?;
+        if image.is_some_and(|(surface, ..)| surface.format.is_compressed()) {
+            return Err(INCOMPLETE);
+        }
         if image.is_some_and(|(_, _, base)| !matches!(base, Base::Rgb | Base::Rgba)) {
             return Err(Fault::Unsupported("frame buffer objects with colours that are neither RGB nor RGBA".into()));
         }

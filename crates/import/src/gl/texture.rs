@@ -324,6 +324,10 @@ impl Texture {
     ) -> Outcome {
         let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
         let after = level.checked_sub(self.range[0]).ok_or_else(refused)?;
+        let first = self.levels.get(&(0, self.range[0])).ok_or_else(refused)?;
+        if first.size.contains(&0) || after >= Texture::full_levels(first.size) {
+            return Err(refused());
+        }
         let needed = self.complete().unwrap_or(1).max(after + 1);
         if size.contains(&0) || self.install(card, needed).is_none() {
             return Ok(());
@@ -351,10 +355,12 @@ impl Texture {
             return Ok(None);
         };
         let face = if self.kind == Kind::Cube { layer } else { 0 };
-        if self.kind == Kind::D3 || !self.levels.contains_key(&(face, level)) {
+        let full = Texture::full_levels(first.size);
+        // What is smaller than the smallest level belongs to no texture of the card.
+        if self.kind == Kind::D3 || first.size.contains(&0) || after >= full || !self.levels.contains_key(&(face, level)) {
             return Ok(None);
         }
-        let needed = self.complete().unwrap_or(1).max(after + 1).min(Texture::full_levels(first.size).max(after + 1));
+        let needed = self.complete().unwrap_or(1).max(after + 1).min(full);
         if self.install(card, needed).is_none() {
             return Ok(None);
         }
