@@ -7,14 +7,7 @@ use fillrate::accuracy::attila::{cases, geometric_mean, machine};
 /// What does not hold yet, by counter, and for which recordings. `docs/data/attila.md` says why.
 const MISSES: &[(&str, &[&str])] = &[
     ("upload bytes", &["micropolygon", "triangle"]),
-    ("depth bytes", &["simplefog"]),
-    ("colour bytes", &["simplefog"]),
     ("vertex bytes", &["micropolygon"]),
-    ("cycles of drawing", &["simplefog"]),
-    ("fragments behind hierarchical Z", &["simplefog"]),
-    ("depth tested", &["simplefog"]),
-    ("depth failed", &["simplefog"]),
-    ("back-facing", &["spaceship"]),
 ];
 
 #[test]

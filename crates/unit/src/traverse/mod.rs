@@ -67,7 +67,7 @@ knob::knobs! {
         /// What it throws away at a time.
         hierarchical_test: HierarchicalTest ["", Allowed::Choice(HierarchicalTest::NAMES), "blocks in cards; ATTILA tests stamps"],
         /// Lines of 4x4 blocks in a cache before the hierarchical Z buffer. A line keeps its bounds, whatever the buffer learns, until it
-        /// is replaced; one that is missing takes `traverse.latency` cycles. 0: the buffer itself is asked.
+        /// is replaced. Reading one takes no time, but keeps its place for `traverse.latency` cycles. 0: the buffer itself is asked.
         hierarchical_lines: u32 ["lines", Allowed::Range(0, 64), "on-chip buffers need none; ATTILA bGPU.ini HZCacheLines = 8, HZCacheLineSize = 16"],
         /// When the hierarchical Z buffer learns of new depths.
         hierarchical_update: HierarchicalUpdate ["", Allowed::Choice(HierarchicalUpdate::NAMES), "ATTILA updates it from the Z cache's evicted lines"],
