@@ -246,7 +246,7 @@ impl Texture {
             // Larger images before the base level are kept on the card too: the base level may come back to them.
             let (mut lowest, mut largest) = (base_level, first.clone());
             while let Some(before) = lowest.checked_sub(1).and_then(|level| self.levels.get(&(0, level))) {
-                let follows = before.size.map(|edge| (edge >> 1).max(1)) == largest.size;
+                let follows = !before.size.contains(&0) && before.size.map(|edge| (edge >> 1).max(1)) == largest.size;
                 if !follows || before.base != first.base || before.format != first.format {
                     break;
                 }
