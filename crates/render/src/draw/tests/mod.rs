@@ -73,6 +73,7 @@ const USUAL: How = How {
         shade: work::Shade::Visible,
         signatures: false,
         paths: false,
+        vectors: false,
         needless: work::Needless::NONE,
         cull: work::Cull::None,
     },
