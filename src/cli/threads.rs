@@ -1,19 +1,13 @@
 //! The threads that everything runs on.
 
-use std::io::{Error, ErrorKind};
-use std::sync::mpsc;
-
 use anyhow::{Result, anyhow, bail};
 
 /// Threads at most.
 pub const MOST: u16 = 1024;
 
-/// Address space in bytes that a thread needs before it works: its stack (the standard library's 2 MiB), the stack of its signal handler
-/// and what the allocator asks for at once.
-const THREAD_BYTES: usize = 8 << 20;
-
-/// Address space in bytes that is kept free while threads start, for the end of those that started and for the error message.
-const RESERVE_BYTES: usize = 8 << 20;
+/// Address space in bytes that is asked for each thread before any starts: its stack (the standard library's 2 MiB), and for the stack of its
+/// signal handler and what it allocates at once.
+const THREAD_BYTES: usize = 3 << 20;
 
 /// The variable that says how many, where no option does: that of the library.
 const VARIABLE: &str = "RAYON_NUM_THREADS";
@@ -40,36 +34,14 @@ pub fn start(option: Option<u16>) -> Result<()> {
     })
 }
 
-/// Starts the library's threads one after the other. A thread that finds no memory for its first bytes ends the process without a message.
-/// So a thread starts only if there is room for it, and no other thread starts until it has what it needs.
+/// Starts the library's threads. A thread that finds no memory for its first bytes ends the process without a message. So none starts unless there
+/// is room for all: address space, which nobody writes.
 fn pool(threads: u16) -> Result<()> {
-    let mut reserve = Some(room(RESERVE_BYTES)?);
-    let (ready, started) = mpsc::channel();
-    let spawn = |thread: rayon::ThreadBuilder| {
-        let attempt = room(THREAD_BYTES).and_then(|free| {
-            drop(free);
-            std::thread::Builder::new().spawn(|| thread.run())
-        });
-        if let Err(error) = attempt {
-            reserve = None;
-            return Err(error);
-        }
-        started.recv().map_err(|_| Error::other("a thread ended before it began"))
-    };
-    let start = move |_| _ = ready.send(());
-    Ok(rayon::ThreadPoolBuilder::new()
-        .num_threads(usize::from(threads))
-        .start_handler(start)
-        .spawn_handler(spawn)
-        .build_global()?)
-}
-
-/// A block of so many bytes that nobody has written: address space, not memory.
-fn room(bytes: usize) -> Result<Vec<u8>, Error> {
-    let mut block = Vec::new();
-    block.try_reserve_exact(bytes).map_err(|error| Error::new(ErrorKind::OutOfMemory, error))?;
+    let mut room: Vec<u8> = Vec::new();
+    room.try_reserve_exact(usize::from(threads) * THREAD_BYTES)?;
     // The compiler may leave out an allocation that nobody uses.
-    Ok(std::hint::black_box(block))
+    drop(std::hint::black_box(room));
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global()?)
 }
 
 /// The number that the variable states; none where it leaves it to the program.
