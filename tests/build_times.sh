@@ -3,7 +3,7 @@
 #   tests/build_times.sh [ci]      ci: of `.ci/run` too
 # Needs the packages of Cargo.lock in Cargo's cache, some 10 GB of disk, and ten minutes of two processors; with ci, half an hour.
 set -eu
-root=$(cd "$(dirname "$0")/.." && pwd -P)
+root=$(cd -P "$(dirname "$0")/.." && pwd -P)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 git clone -q "$root" "$work/clone"
