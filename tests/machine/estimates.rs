@@ -182,6 +182,11 @@ fn a_knob_whose_effect_is_not_estimated_is_refused() {
         ("sort-last-image", "assembly.deal=contiguous"),
         ("sort-middle", "traverse.walk=rows"),
         ("sort-middle", "scanout.mode=free-running"),
+        ("sort-middle", "fetch.reuse_until=assembled"),
+        ("sort-middle", "core.instructions=vector"),
+        ("sort-middle", "traverse.hierarchical_lines=4"),
+        ("sort-middle", "traverse.hierarchical_test=quad"),
+        ("sort-middle", "depth.pass_end=keep"),
     ] {
         let mut config = Config::built_in(class).expect("it is built in");
         config.set(change).expect("a knob");

@@ -35,12 +35,14 @@ use crate::num::Cycle;
 use crate::unit::assembly::Deal;
 use crate::unit::block_sets::BlockSets;
 use crate::unit::compression::Codec;
-use crate::unit::fetch::VertexDeal;
+use crate::unit::core::Instructions;
+use crate::unit::depth::PassEnd;
+use crate::unit::fetch::{Reuse, VertexDeal};
 use crate::unit::phase::{Phase, PhaseKind};
 use crate::unit::route::Retained;
 use crate::unit::scanout::ScanoutMode;
 use crate::unit::sorting::{EarlyTest, Keep};
-use crate::unit::traverse::Walk;
+use crate::unit::traverse::{HierarchicalTest, Walk};
 use crate::work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use crate::work::{BLOCK, LINE, TILE};
 
@@ -191,6 +193,23 @@ impl<'c> Bound<'c> {
             ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
             ("fetch.deal=\"first\"", config.fetch.deal == VertexDeal::First, "vertices that are not dealt in turn"),
             ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
+            (
+                "fetch.reuse_until=\"assembled\"",
+                config.fetch.reuse_until == Reuse::Assembled,
+                "vertices that are kept for their last index",
+            ),
+            (
+                "core.instructions=\"vector\"",
+                config.core.instructions == Instructions::Vector,
+                "instructions on several components",
+            ),
+            ("traverse.hierarchical_lines", config.traverse.hierarchical_lines != 0, "bounds behind a cache"),
+            (
+                "traverse.hierarchical_test=\"quad\"",
+                config.traverse.hierarchical_test == HierarchicalTest::Quad,
+                "quads that hierarchical Z rejects",
+            ),
+            ("depth.pass_end=\"keep\"", config.depth.pass_end == PassEnd::Keep, "depths that stay in the cache"),
         ];
         if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {
             bail!("the bound fidelity knows nothing of {what} ({knob}): use cycle");
