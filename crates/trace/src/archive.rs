@@ -30,7 +30,7 @@ impl Package {
     /// Opens an archive; the command list is at its root or in its only folder.
     pub fn open(path: &Path, bytes: Bytes, limits: &Limits) -> Result<Package, TraceError> {
         let fail = |reason: String| TraceError::new(path, reason);
-        let no_archive = |error: ZipError| fail(format!("not a zip archive: {error}"));
+        let no_archive = |error: ZipError| fail(format!("not a zip archive, or cut off before its end: {error}"));
         limits.trace_bytes.check(bytes.len() as u64).map_err(|error| TraceError::new(path, error))?;
         let entries = end::most_entries(&bytes).map_err(|reason| fail(reason.to_owned()))?;
         limits.trace_files.check(entries).map_err(|error| TraceError::new(path, error))?;
