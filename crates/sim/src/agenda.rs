@@ -17,53 +17,60 @@ struct Entry {
     account: Account,
 }
 
+/// Units that are numbered one after another.
+pub const GROUP: usize = 64;
+
+/// Up to [`GROUP`] units. All that the tick of a unit touches is found with one comparison of its number: that of the group.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+struct Group {
+    /// Places beyond the last unit never wake.
+    units: [Entry; GROUP],
+    /// For each cycle of the wheel, those that wake in it.
+    wheel: [u64; WHEEL as usize],
+    /// Those that may be due in this cycle.
+    due: u64,
+}
+
 /// Wake times and accounts of all units.
 #[derive(Clone, Debug)]
 pub struct Agenda {
-    units: Vec<Entry>,
-    /// For each 64 units and each cycle of the wheel, those that wake in it.
-    wheel: Vec<[u64; WHEEL as usize]>,
+    groups: Vec<Group>,
+    units: usize,
     /// Cycles of the wheel with a unit, a bit each.
     occupied: u64,
     /// No unit that is not on the wheel wakes before this.
     far: Cycle,
-    /// The units that may be due in this cycle.
-    due: Vec<u64>,
 }
 
 impl Agenda {
     /// Every one of `units` units wakes in cycle 0.
     pub fn new(units: usize) -> Agenda {
-        let words = units.div_ceil(64).max(1);
-        let mut agenda = Agenda {
-            units: vec![Entry { wake: 0, account: Account::new(0) }; units],
-            wheel: vec![[0; WHEEL as usize]; words],
-            occupied: 0,
-            far: NEVER,
-            due: vec![0; words],
-        };
+        let nobody = Entry { wake: NEVER, account: Account::new(0) };
+        let group = Group { units: std::array::from_fn(|_| nobody.clone()), wheel: [0; WHEEL as usize], due: 0 };
+        let mut agenda = Agenda { groups: vec![group; units.div_ceil(GROUP).max(1)], units, occupied: 0, far: NEVER };
         agenda.wake_all(0);
         agenda
     }
 
     /// The account of a unit.
     pub fn account(&self, unit: usize) -> &Account {
-        &self.units[unit].account
+        &self.groups[unit / GROUP].units[unit % GROUP].account
     }
 
     /// The accounts of all units.
     pub fn accounts(&self) -> impl Iterator<Item = &Account> {
-        self.units.iter().map(|unit| &unit.account)
+        self.groups.iter().flat_map(|group| &group.units).take(self.units).map(|unit| &unit.account)
     }
 
     /// The accounts of all units.
     pub fn accounts_mut(&mut self) -> impl Iterator<Item = &mut Account> {
-        self.units.iter_mut().map(|unit| &mut unit.account)
+        self.groups.iter_mut().flat_map(|group| &mut group.units).take(self.units).map(|unit| &mut unit.account)
     }
 
     /// Every unit wakes in cycle `now`, which has not begun.
     pub fn wake_all(&mut self, now: Cycle) {
-        for unit in 0..self.units.len() {
+        for unit in 0..self.units {
             self.set(unit, now, now);
         }
     }
@@ -71,11 +78,12 @@ impl Agenda {
     /// A unit sleeps until `cycle`, which is `now` or later. Returns its account.
     #[inline(always)]
     pub fn set(&mut self, unit: usize, cycle: Cycle, now: Cycle) -> &mut Account {
-        let entry = &mut self.units[unit];
+        let group = &mut self.groups[unit / GROUP];
+        let entry = &mut group.units[unit % GROUP];
         entry.wake = cycle;
         if cycle < now + WHEEL {
             let slot = cycle % WHEEL;
-            self.wheel[unit / 64][slot as usize] |= 1 << (unit % 64);
+            group.wheel[slot as usize] |= 1 << (unit % GROUP);
             self.occupied |= 1 << slot;
         } else {
             self.far = self.far.min(cycle);
@@ -86,7 +94,7 @@ impl Agenda {
     /// A unit wakes in `cycle`, unless it does so before.
     #[inline(always)]
     pub fn wake(&mut self, unit: usize, cycle: Cycle, now: Cycle) {
-        if cycle < self.units[unit].wake {
+        if cycle < self.groups[unit / GROUP].units[unit % GROUP].wake {
             self.set(unit, cycle, now);
         }
     }
@@ -98,8 +106,8 @@ impl Agenda {
             self.approach(now);
         }
         let slot = now % WHEEL;
-        for (due, units) in self.due.iter_mut().zip(&mut self.wheel) {
-            *due = std::mem::take(&mut units[slot as usize]);
+        for group in &mut self.groups {
+            group.due = std::mem::take(&mut group.wheel[slot as usize]);
         }
         self.occupied &= !(1 << slot);
     }
@@ -108,30 +116,24 @@ impl Agenda {
     #[cold]
     fn approach(&mut self, now: Cycle) {
         self.far = NEVER;
-        for unit in 0..self.units.len() {
-            let cycle = self.units[unit].wake;
+        for unit in 0..self.units {
+            let cycle = self.groups[unit / GROUP].units[unit % GROUP].wake;
             if cycle >= now && cycle != NEVER {
                 self.set(unit, cycle, now);
             }
         }
     }
 
-    /// Words of a set of units.
+    /// Of the units of a group those that may be due in this cycle, a bit each; [`Agenda::due`] says which are.
     #[inline(always)]
-    pub fn words(&self) -> usize {
-        self.due.len()
-    }
-
-    /// Of units `64 word` and the 63 after it those that may be due, a bit each; [`Agenda::due`] says which are.
-    #[inline(always)]
-    pub fn candidates(&self, word: usize) -> u64 {
-        self.due[word]
+    pub fn candidates(&self, group: usize) -> u64 {
+        self.groups[group].due
     }
 
     /// Whether a unit wakes in `now` or before.
     #[inline(always)]
     pub fn due(&self, unit: usize, now: Cycle) -> bool {
-        self.units[unit].wake <= now
+        self.groups[unit / GROUP].units[unit % GROUP].wake <= now
     }
 
     /// A cycle after `now` before which no unit wakes; [`NEVER`] if none ever does.
@@ -152,7 +154,7 @@ mod tests {
     fn units_wake_when_they_said() {
         let mut agenda = Agenda::new(130);
         agenda.begin(0);
-        assert_eq!((agenda.words(), agenda.candidates(0), agenda.candidates(2)), (3, u64::MAX, 3));
+        assert_eq!((agenda.groups.len(), agenda.candidates(0), agenda.candidates(2)), (3, u64::MAX, 3));
         let mut expected: Vec<Cycle> = (0..130).map(|unit| 1 + (unit * unit * 37) % 700).collect();
         for (unit, &cycle) in expected.iter().enumerate() {
             agenda.set(unit, cycle, 0);

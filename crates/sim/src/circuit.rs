@@ -1,5 +1,6 @@
 //! Units and wires as one machine.
 
+use super::agenda::GROUP;
 use super::sheet::{Counted, Description, Sheet, Sum};
 use super::unit::{Tick, Unit};
 use super::wires::Wires;
@@ -221,13 +222,18 @@ pub fn assemble(wiring: Wiring, fields: &[(&str, usize)]) -> Wires {
     wiring.finish()
 }
 
-/// For each unit the number of its field, and its place in it.
+/// For each unit the number of its field, and its place in it, in groups as the agenda has them.
 #[doc(hidden)]
-pub fn places(fields: &[(&str, usize)]) -> Box<[(u8, u32)]> {
+pub fn places(fields: &[(&str, usize)]) -> Box<[[(u8, u32); GROUP]]> {
     let places = fields.iter().enumerate().flat_map(|(field, &(_, count))| {
         (0..count).map(move |place| (u8::try_from(field).expect("fewer than 256 fields"), place as u32))
     });
-    places.collect()
+    let mut places = places.peekable();
+    let mut groups = Vec::new();
+    while places.peek().is_some() {
+        groups.push(std::array::from_fn(|_| places.next().unwrap_or((u8::MAX, 0))));
+    }
+    groups.into()
 }
 
 /// Declares a machine as its units in data-flow order. The struct reads as the block diagram:
@@ -446,7 +452,7 @@ macro_rules! circuit {
         $vis struct $name {
             wires: $crate::Wires,
             /// For each unit the number of its field, and its place in it.
-            places: Box<[(u8, u32)]>,
+            places: Box<[[(u8, u32); $crate::GROUP]]>,
             $($(#[$doc])* pub $field: $bank,)*
         }
 
@@ -477,17 +483,18 @@ macro_rules! circuit {
                 #[allow(non_camel_case_types, clippy::upper_case_acronyms)]
                 enum Field { $($field),* }
                 $(#[allow(non_upper_case_globals)] const $field: u8 = Field::$field as u8;)*
-                for word in 0..self.wires.words() {
-                    let mut candidates = self.wires.candidates(word);
+                for (group, places) in self.places.iter().enumerate() {
+                    let mut candidates = self.wires.candidates(group);
                     while candidates != 0 {
-                        let number = word * 64 + candidates.trailing_zeros() as usize;
+                        let member = candidates.trailing_zeros() as usize;
+                        let number = group * $crate::GROUP + member;
                         candidates &= candidates - 1;
                         if !self.wires.due(number) {
                             continue;
                         }
                         // What surrounds a tick stands here once, not in every arm: the loop has to fit the host's
                         // instruction cache beside the units.
-                        let (field, place) = self.places[number];
+                        let (field, place) = places[member];
                         self.wires.begin_tick();
                         let done = match field {
                             $($field => $crate::Bank::<$context>::tick_one(

@@ -62,6 +62,8 @@ mod unit;
 mod wires;
 mod wiring;
 
+#[doc(hidden)]
+pub use agenda::GROUP;
 pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble, places};

@@ -75,10 +75,12 @@ pub struct Wires {
     pub(super) next: Cycle,
     /// What the ticking unit does from the next cycle on if it moves in this one; [`Tick::Moved`] if it has not said.
     pub(super) rest: Tick,
-    /// The last cycle in which a unit moved something.
+    /// The last cycle before this one in which a unit moved something.
     pub(super) last_move: Cycle,
-    /// The last cycle in which a unit moved something, or found that it had worked while it slept.
-    pub(super) last_life: Cycle,
+    /// Whether a unit has moved something in this cycle,
+    pub(super) moved: bool,
+    /// or has found that it had worked while it slept.
+    pub(super) worked: bool,
     pub(super) agenda: Agenda,
     pub(super) channels: Vec<Channel>,
     pub(super) slots: Vec<Slot>,
@@ -113,7 +115,7 @@ impl Wires {
     /// The ticking unit has worked on what is inside it since its last tick, where no other unit sees it: it does not wake in vain.
     #[inline(always)]
     pub fn works(&mut self) {
-        self.last_life = self.now;
+        self.worked = true;
     }
 
     /// How a unit of one stage ends its tick where it stands before `why`, which it has just asked about: if it has moved before,
@@ -291,18 +293,11 @@ impl Wires {
         self.agenda.begin(self.now);
     }
 
-    /// Words of a set of units. For the code that [`circuit!`](crate::circuit) makes.
+    /// Of a group of units those that may be due in this cycle. For the code that [`circuit!`](crate::circuit) makes.
     #[doc(hidden)]
     #[inline(always)]
-    pub fn words(&self) -> usize {
-        self.agenda.words()
-    }
-
-    /// Of 64 units those that may be due in this cycle. For the code that [`circuit!`](crate::circuit) makes.
-    #[doc(hidden)]
-    #[inline(always)]
-    pub fn candidates(&self, word: usize) -> u64 {
-        self.agenda.candidates(word)
+    pub fn candidates(&self, group: usize) -> u64 {
+        self.agenda.candidates(group)
     }
 
     /// Whether the unit wakes in this cycle or before. For the code that [`circuit!`](crate::circuit) makes.
@@ -326,8 +321,7 @@ impl Wires {
     pub fn end_tick(&mut self, unit: usize, tick: Tick) {
         let now = self.now;
         let moved = tick == Tick::Moved;
-        self.last_move = if moved { now } else { self.last_move };
-        self.last_life = if moved { now } else { self.last_life };
+        self.moved |= moved;
         // What it does from the next cycle on: if it moves without having said more, it ticks again.
         let then = if moved { self.rest } else { tick };
         let wake = if then == Tick::Moved { now + 1 } else { self.next.max(now + 1) };
@@ -342,11 +336,15 @@ impl Wires {
     /// ticks again, and who asks whether the run is done wants to ask then.
     #[inline(always)]
     pub(super) fn next_event(&self) -> Cycle {
-        if self.last_move == self.now { self.now + 1 } else { self.agenda.next(self.now) }
+        if self.moved { self.now + 1 } else { self.agenda.next(self.now) }
     }
 
     #[inline(always)]
     pub(super) fn advance(&mut self, to: Cycle) {
+        if self.moved {
+            self.last_move = self.now;
+        }
+        (self.moved, self.worked) = (false, false);
         self.now = to;
     }
 
@@ -358,7 +356,7 @@ impl Wires {
     /// Whether a unit has moved or worked in this cycle.
     #[inline(always)]
     pub(super) fn lives(&self) -> bool {
-        self.last_life == self.now
+        self.moved | self.worked
     }
 
     /// How often units can wake one after another without moving, if all are sound. A unit that moves nothing changes nothing, so it

@@ -7,7 +7,7 @@
 
 use super::assembly::Assembly;
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
-use super::color::{self, Color, blend_group};
+use super::color::{Color, blend_group};
 use super::deal::Deal;
 use super::depth::{Depth, test_group};
 use super::frame::FrameBuffers;
@@ -156,10 +156,8 @@ impl Place<'_> {
                 continue;
             }
             alive += 1;
-            for target in 0..work.colors.len() {
-                if color::written(work, pass, target).is_some() {
-                    blend_group(work, &group, pass, target, frame);
-                }
+            for output in &work.outputs {
+                blend_group(work, &group, output, frame);
             }
         }
 
@@ -171,8 +169,8 @@ impl Place<'_> {
                 units.traverse[self.pipeline].learn(bounds);
             }
         }
-        for surface in (0..work.colors.len()).filter_map(|target| color::written(work, pass, target)).filter(|_| alive > 0) {
-            units.color[self.pipeline].visit(frame, (surface, self.at), memory);
+        for output in work.outputs.iter().filter(|_| alive > 0) {
+            units.color[self.pipeline].visit(frame, (output.surface, self.at), memory);
         }
         Ok(())
     }

@@ -360,7 +360,7 @@ impl Assembly {
                     self.passed = self.before;
                 }
             }
-            wires.pop(&self.ports.batches);
+            wires.take(&self.ports.batches);
             did = Tick::Moved;
         }
         did

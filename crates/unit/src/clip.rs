@@ -82,7 +82,7 @@ impl Unit<Card> for Clip {
                 if !wires.try_push(&self.output, run) {
                     return wires.stop(did, Tick::Blocked);
                 }
-                wires.pop(&self.input);
+                wires.take(&self.input);
                 did = Tick::Moved;
                 continue;
             }
@@ -121,7 +121,7 @@ impl Unit<Card> for Clip {
             self.done += tested;
             if self.done == run.count {
                 self.done = 0;
-                wires.pop(&self.input);
+                wires.take(&self.input);
             }
             did = Tick::Moved;
             if cut {

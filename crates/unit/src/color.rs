@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
 use super::block_sets::BlockSets;
-use super::card::{Card, Group, PassState, Work};
+use super::card::{Card, Group, Output, Work};
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::depth::mark;
@@ -20,7 +20,7 @@ use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
-use work::{Quad, Target};
+use work::Quad;
 
 knob::knobs! {
     /// Blending and colour writes.
@@ -73,7 +73,9 @@ pub struct ColorPorts {
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     token: GroupToken,
-    target: u8,
+    /// The target, among those that the draw writes, and whether its colours are read.
+    output: u8,
+    reads: bool,
     /// Whether it is the group's last.
     last: bool,
     line: Option<u32>,
@@ -88,9 +90,9 @@ pub struct Color {
     ports: ColorPorts,
     cache: BlockCache,
     fifo: VecDeque<Entry>,
-    /// The group that is next in order, and its next target.
+    /// The group that is next in order, and its next target among those that are written.
     sequence: u32,
-    target: u8,
+    output: u8,
     /// When the blending units are free, in cycles times `quads_per_cycle`.
     free_at: u64,
     /// A pass has ended: writing back.
@@ -116,7 +118,7 @@ impl Color {
                 .with(Policy { sets: config.cache_sets, masked: config.masked_writes && config.skip_reads }),
             fifo: VecDeque::with_capacity(config.fifo as usize + 8),
             sequence: 0,
-            target: 0,
+            output: 0,
             free_at: 0,
             ending: false,
             blended: BlendCounts::default(),
@@ -145,12 +147,11 @@ impl Color {
     /// Blends one group into one target.
     #[inline(always)]
     fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
-        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
+        let Card { groups, work, frame, apart: Apart { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-        let Some(pass) = pass else { return };
-        blend_group(work, group, pass, usize::from(entry.target), frame);
+        blend_group(work, group, &work.outputs[usize::from(entry.output)], frame);
         self.cache.release(line as usize, true);
         self.items += u64::from(entry.token.quads);
     }
@@ -198,13 +199,9 @@ impl Color {
                     wires.sleep_until(self.free_at / rate);
                     return did.or(Tick::Working);
                 }
-                let group = &card.groups[pipeline][entry.token.group];
-                let work = card.work(group.slot);
-                let state = work.colors.get(usize::from(entry.target)).and_then(Option::as_ref);
-                let reads = state.is_some_and(|state| state.reads());
                 let quads = u64::from(entry.token.quads);
                 // Blending takes the turns of as many writes as it is slower.
-                let turns = if reads { (quads * rate).div_ceil(u64::from(self.config.blends_per_cycle)) } else { quads };
+                let turns = if entry.reads { (quads * rate).div_ceil(u64::from(self.config.blends_per_cycle)) } else { quads };
                 self.free_at = self.free_at.max(now * rate) + turns;
                 self.blend(card, entry, line);
             }
@@ -295,33 +292,29 @@ impl Color {
                 return Tick::Moved;
             }
             let from = wires.now() + Cycle::from(self.config.latency);
-            let mut entry = Entry { token, target: self.target, last: true, line: None, from };
+            let mut entry = Entry { token, output: self.output, reads: false, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
                 let Card { groups, work, pass, frame, apart: Apart { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
-                let writes = |target: usize| written(work, pass.as_ref()?, target);
-                let count = work.colors.len();
-                let first = (usize::from(self.target)..count).find_map(|target| Some((target, writes(target)?)));
-                if let Some((target, surface)) = first {
+                if let Some(output) = work.outputs.get(usize::from(self.output)) {
                     let quads = if self.config.skip_reads {
-                        quads(frame, work, group, target, surface, self.config.masked_writes)
+                        quads(frame, work, group, output, self.config.masked_writes)
                     } else {
                         Quads::ANY
                     };
-                    match self.cache.pin(frame, surface, group.block, quads, &mut None) {
+                    match self.cache.pin(frame, output.surface, group.block, quads, &mut None) {
                         Ok(place) => entry.line = Some(place as u32),
                         Err(stall) => return did.or(stall),
                     }
-                    entry.target = target as u8;
-                    entry.last = (target + 1..count).all(|target| writes(target).is_none());
-                    self.target = target as u8 + 1;
-                }
-                let blends = |target: usize| work.colors[target].as_ref().is_some_and(|state| state.blends());
-                if first.is_some_and(|(target, _)| blends(target)) {
-                    self.blended.quads +=
-                        group.live[..usize::from(group.count)].iter().filter(|live| **live != 0).count() as u64;
+                    self.output += 1;
+                    entry.reads = output.reads;
+                    entry.last = usize::from(self.output) == work.outputs.len();
+                    if output.blends {
+                        self.blended.quads +=
+                            group.live[..usize::from(group.count)].iter().filter(|live| **live != 0).count() as u64;
+                    }
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
                 if let Some(notes) = notes {
@@ -335,12 +328,12 @@ impl Color {
                 self.ending = true;
             }
             if entry.last {
-                self.target = 0;
+                self.output = 0;
                 self.sequence = self.sequence.wrapping_add(1);
                 if shaded {
-                    wires.pop(&self.ports.shaded)
+                    wires.take(&self.ports.shaded)
                 } else {
-                    wires.pop(&self.ports.tested)
+                    wires.take(&self.ports.tested)
                 };
                 if self.ending {
                     return did;
@@ -350,23 +343,11 @@ impl Color {
     }
 }
 
-/// The surface that a draw writes as one of its targets; none where it writes nothing there.
-#[inline(always)]
-pub(super) fn written(work: &Work, pass: &PassState, target: usize) -> Option<usize> {
-    let state = work.colors.get(target)?.as_ref()?;
-    let slot = work.draw.targets.get(target)?.as_ref()?;
-    let surface = pass.color.get(target).copied().flatten()?;
-    (!state.is_idle() && slot.payload.is_some()).then_some(surface)
-}
-
 /// Blends a group's quads into one target.
 #[inline(always)]
-pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: usize, frame: &mut FrameBuffers) {
-    let surface = pass.color.get(target).copied().flatten();
-    let state = work.colors.get(target).and_then(Option::as_ref);
-    let slot = work.draw.targets.get(target).and_then(Option::as_ref);
-    let (Some(surface), Some(state), Some(slot)) = (surface, state, slot) else { return };
-    if work.marks.over && state.blends() {
+pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &mut FrameBuffers) {
+    let &Output { surface, ref state, .. } = output;
+    if work.marks.over && output.blends {
         empty(frame, work, group, surface);
     }
     let store = &mut frame.stores[surface];
@@ -377,14 +358,14 @@ pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: 
         if live == 0 {
             continue;
         }
-        let words = payload(&tile.payload, quad, slot.payload);
+        let words = payload(&tile.payload, quad, output.payload);
         let run = store.quad_mut(group.block, quad.position);
-        if slot.packed {
+        if output.packed {
             state.put_quad(samples, live, words, run);
         } else {
-            let src = colors(words, slot);
-            let src1 = match slot.second {
-                Some(second) => colors(payload(&tile.payload, quad, Some(second)), slot),
+            let src = colors(words, output);
+            let src1 = match output.second {
+                Some(second) => colors(payload(&tile.payload, quad, second), output),
                 None => [[0; 4]; 4],
             };
             state.blend_quad(samples, live, &src, &src1, run);
@@ -393,18 +374,18 @@ pub(super) fn blend_group(work: &Work, group: &Group, pass: &PassState, target: 
 }
 
 /// What a group leaves of the stored colours of its quads in a target.
-fn quads(frame: &FrameBuffers, work: &Work, group: &Group, target: usize, surface: usize, masked: bool) -> Quads {
-    if masked && work.colors[target].as_ref().is_some_and(|state| !state.blends()) {
+fn quads(frame: &FrameBuffers, work: &Work, group: &Group, output: &Output, masked: bool) -> Quads {
+    if masked && !output.blends {
         // Pixels and channels that are not written are masked.
         let tile = &work.segment.tiles[group.tile as usize];
         let all = &tile.quads[group.first as usize..][..usize::from(group.count)];
         let live = group.live.iter().zip(all).filter(|(live, _)| **live != 0);
         return Quads { whole: live.fold(0, |mask, (_, quad)| mask | 1 << quad.position), part: 0 };
     }
-    if work.colors[target].as_ref().is_none_or(|state| state.reads()) {
+    if output.reads {
         return Quads::ANY;
     }
-    let full = u16::MAX >> (16 - 4 * frame.stores[surface].surface.samples);
+    let full = u16::MAX >> (16 - 4 * frame.stores[output.surface].surface.samples);
     let tile = &work.segment.tiles[group.tile as usize];
     let mut quads = Quads::default();
     for (&live, quad) in group.live.iter().zip(&tile.quads[group.first as usize..][..usize::from(group.count)]) {
@@ -440,14 +421,14 @@ fn empty(copy: &mut FrameBuffers, work: &Work, group: &Group, surface: usize) {
 
 /// Words of a quad's payload from one of its words on.
 #[inline(always)]
-fn payload<'a>(payload: &'a [u32], quad: &Quad, first: Option<u8>) -> &'a [u32] {
-    &payload[quad.payload as usize + usize::from(first.unwrap_or(0))..]
+fn payload<'a>(payload: &'a [u32], quad: &Quad, first: u8) -> &'a [u32] {
+    &payload[quad.payload as usize + usize::from(first)..]
 }
 
 /// A quad's colours, channel by channel.
 #[inline(always)]
-fn colors(words: &[u32], slot: &Target) -> [[u32; 4]; 4] {
-    let count = usize::from(slot.words).min(4);
+fn colors(words: &[u32], output: &Output) -> [[u32; 4]; 4] {
+    let count = usize::from(output.words).min(4);
     std::array::from_fn(|c| if c < count { std::array::from_fn(|p| words[4 * c + p]) } else { [0; 4] })
 }
 

@@ -189,7 +189,7 @@ impl Dispatch {
         let (mut come, mut alive) = (0, 0);
         for (live, quad) in group.live[..usize::from(group.count)].iter_mut().zip(quads) {
             come += u32::from(*live != 0);
-            if keeps {
+            if keeps && *live & !quad.kept != 0 {
                 let shaded = fragments(*live);
                 *live &= quad.kept;
                 funnel[group.slot].fragments_discarded += u64::from(shaded - fragments(*live));
@@ -323,7 +323,7 @@ impl Dispatch {
                     }
                     self.order.push_back(Entry::Token(token));
                 }
-                wires.pop(&self.ports.input);
+                wires.take(&self.ports.input);
                 did = Tick::Moved;
                 continue;
             }
@@ -348,7 +348,7 @@ impl Dispatch {
                 }
                 budget = budget.saturating_sub(u32::from(token.quads));
                 self.order.push_back(Entry::Token(token));
-                wires.pop(&self.ports.input);
+                wires.take(&self.ports.input);
                 did = Tick::Moved;
                 continue;
             }
@@ -371,6 +371,7 @@ impl Dispatch {
             let room = self.quads - warp.items.len() as u32;
             let mut taken = 0;
             let mut packed = 0;
+            let mut shaded = 0;
             let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..];
             for (&live, quad) in group.live[..usize::from(group.count)].iter().zip(quads) {
                 if live != 0 {
@@ -385,21 +386,21 @@ impl Dispatch {
                         return Tick::Blocked;
                     }
                     warp.items.push(Item { source: group.tile, request: quad.first_request, cost: quad.cost });
-                    let shaded = u64::from(fragments(live));
-                    let funnel = &mut card.funnel[group.slot];
-                    funnel.quads_shaded += 1;
-                    funnel.fragments_shaded += shaded;
-                    funnel.helper_fragments += 4 - shaded;
+                    shaded += fragments(live);
                     packed += 1;
                 }
                 taken += 1;
             }
+            let funnel = &mut card.funnel[group.slot];
+            funnel.quads_shaded += u64::from(packed);
+            funnel.fragments_shaded += u64::from(shaded);
+            funnel.helper_fragments += u64::from(4 * packed - shaded);
             self.items += u64::from(packed);
             budget -= packed;
             let rest = usize::from(group.count) - taken;
             if rest == 0 {
                 warp.groups.push(token);
-                wires.pop(&self.ports.input);
+                wires.take(&self.ports.input);
             } else if taken > 0 {
                 let mut head = group;
                 head.count = taken as u8;

@@ -249,7 +249,7 @@ impl Unit<Card> for Distribute {
             }
             if self.done == run.count {
                 self.done = 0;
-                wires.pop(&self.input);
+                wires.take(&self.input);
             }
         }
     }

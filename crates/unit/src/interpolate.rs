@@ -67,7 +67,7 @@ impl Unit<Card> for Interpolate {
             } else {
                 wires.push_sized(&self.output, token, bytes::MARK);
             }
-            wires.pop(&self.input);
+            wires.take(&self.input);
             did = Tick::Moved;
         }
     }

@@ -334,7 +334,7 @@ impl Texture {
                 did = Tick::Moved;
             }
             self.place = Place::default();
-            wires.pop(&self.input);
+            wires.take(&self.input);
             did = Tick::Moved;
         }
         did

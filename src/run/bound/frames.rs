@@ -74,6 +74,9 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
     let Ok(mut bound) = Bound::new(config) else { return };
     let run = move |work: Work| {
         let mut profiler = Profiler::default();
+        if !bound.deals() {
+            profiler = profiler.whole();
+        }
         for event in work {
             let profile = profiler.event(&event);
             if let Event::EndFrame(_) = event {

@@ -220,6 +220,12 @@ impl<'c> Bound<'c> {
         Ok(Bound::proxy(config))
     }
 
+    /// Whether geometry belongs to pipelines, which get primitives in batches: only then does it read what
+    /// [`Profiler::whole`](crate::work::profile::Profiler::whole) leaves out.
+    pub fn deals(&self) -> bool {
+        self.sorted.own_geometry()
+    }
+
     /// Estimates without knobs that have an effect which is not estimated: near enough to tell frames apart, not to be reported.
     pub fn proxy(config: &'c Config) -> Bound<'c> {
         let (memory, dram) = (&config.memory, &config.dram);

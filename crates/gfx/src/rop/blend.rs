@@ -165,8 +165,14 @@ impl ColorState {
         let size = 4 * self.words;
         for s in 0..samples {
             let mask = (coverage >> (4 * s)) as u8 & 15;
-            if mask != 0 {
-                self.put(mask, packed, &mut run[s * size..(s + 1) * size]);
+            if mask == 0 {
+                continue;
+            }
+            let stored = &mut run[s * size..(s + 1) * size];
+            if self.words == 1 {
+                self.put_word(mask, &four(packed, 0), stored);
+            } else {
+                self.put(mask, packed, stored);
             }
         }
     }

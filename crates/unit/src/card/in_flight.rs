@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::super::stamps::Marks;
 use gfx::format::Format;
 use gfx::rop::{ColorState, DepthStencilState};
-use work::{Dispatch, Draw, Groups, Segment, Triangle, Visit};
+use work::{Dispatch, Draw, Groups, Segment, Target, Triangle, Visit};
 
 /// A draw's segment in flight.
 #[derive(Clone, Debug)]
@@ -33,6 +33,8 @@ pub struct Work {
     pub ahead: Option<DepthStencilState>,
     /// For each colour target of the draw how it is written.
     pub colors: Vec<Option<ColorState>>,
+    /// The colour targets that the draw writes, in their order.
+    pub outputs: Vec<Output>,
     /// What its quads leave in the stamps of a copy, where pipelines have copies.
     pub marks: Marks,
 }
@@ -42,6 +44,36 @@ impl Work {
     #[inline(always)]
     pub fn visits(&self, triangle: &Triangle) -> &[Visit] {
         &self.segment.visits[triangle.first_visit as usize..][..triangle.visits as usize]
+    }
+}
+
+/// A colour target that a draw writes.
+#[derive(Clone, Copy, Debug)]
+pub struct Output {
+    /// Index of its surface in the frame.
+    pub surface: usize,
+    /// How it is written.
+    pub state: ColorState,
+    /// Whether the stored colours are needed ([`ColorState::reads`]),
+    pub reads: bool,
+    /// and whether they are blended with ([`ColorState::blends`]).
+    pub blends: bool,
+    /// Where its colours are in a quad's payload.
+    pub payload: u8,
+    /// See [`Target::words`],
+    pub words: u8,
+    /// [`Target::packed`],
+    pub packed: bool,
+    /// and [`Target::second`].
+    pub second: Option<u8>,
+}
+
+impl Output {
+    /// A target, unless nothing is ever written to it.
+    pub(super) fn new(state: Option<&ColorState>, target: Option<&Target>, surface: Option<usize>) -> Option<Output> {
+        let (&state, &Target { payload, words, packed, second, .. }, surface) = (state?, target?, surface?);
+        let payload = payload.filter(|_| !state.is_idle())?;
+        Some(Output { surface, state, reads: state.reads(), blends: state.blends(), payload, words, packed, second })
     }
 }
 

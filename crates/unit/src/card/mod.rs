@@ -12,7 +12,7 @@ mod tiles;
 
 pub use self::fault::Fault;
 pub use self::funnels::Funnels;
-pub use self::in_flight::{Ahead, ComputeWork, Group, Work};
+pub use self::in_flight::{Ahead, ComputeWork, Group, Output, Work};
 pub use self::pass::{DepthStart, PassState};
 pub use self::pool::Pool;
 pub use self::tiles::{TileEntry, TileList};
@@ -169,6 +169,10 @@ impl Card {
             Some(ColorState::new(&state, draw.blend_constant))
         };
         let colors: Vec<_> = draw.targets.iter().zip(attachments).map(color).collect();
+        let surfaces = self.pass.as_ref().map_or(&[][..], |pass| &pass.color);
+        let outputs = colors.iter().zip(&draw.targets).zip(surfaces);
+        let outputs = outputs.filter_map(|((state, target), surface)| Output::new(state.as_ref(), target.as_ref(), *surface));
+        let outputs = outputs.collect();
         let marks =
             if self.apart.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
         let number = self.segments;
@@ -185,6 +189,7 @@ impl Card {
             depth_format,
             ahead,
             colors,
+            outputs,
             marks,
         });
     }

@@ -31,6 +31,8 @@ pub(super) struct Fixed {
     room: [u32; Class::COUNT],
     /// and cycles until they take the next. One of both is 1: a warp is as wide as some of the lanes, or several times as wide.
     interval: [Cycle; Class::COUNT],
+    /// Warp instructions of a class that are issued in a cycle in which there are no others: its room, or all that are issued.
+    alone: [u32; Class::COUNT],
     /// Cycles from a warp's instruction to its next, by class.
     latency: [u32; Class::COUNT],
     scheduling: Scheduling,
@@ -46,9 +48,11 @@ impl Fixed {
             width.is_power_of_two() && lanes.iter().all(|lanes| lanes.is_power_of_two()),
             "lanes take warps without remainder"
         );
+        let room = lanes.map(|lanes| (lanes / width).max(1));
         Fixed {
             issue: config.issue,
-            room: lanes.map(|lanes| (lanes / width).max(1)),
+            alone: room.map(|room| room.min(config.issue)),
+            room,
             interval: lanes.map(|lanes| Cycle::from((width / lanes).max(1))),
             latency: [config.float_latency, config.integer_latency, config.special_latency, config.control_latency],
             scheduling: config.scheduling,
@@ -337,8 +341,9 @@ impl Issue {
         }
         let turns = lowest(turns, fixed.issue);
         let chosen = turns.rotate_left(self.next);
-        // The turn after the last: none leaves it where it is.
-        self.next = (self.next + 64 - turns.leading_zeros()) % 64;
+        if turns != 0 {
+            self.next = self.behind(turns);
+        }
         chosen
     }
 
@@ -372,30 +377,61 @@ impl Issue {
         let slot = now % WHEEL;
         self.ready |= std::mem::take(&mut self.wheel[slot as usize]);
         self.turning &= !(1 << slot);
-
+        if self.ready == 0 {
+            return false;
+        }
+        // Most of the time all that are ready are of one class.
+        let (class, places) = self.of_class(self.ready);
+        if places == self.ready && fixed.scheduling == Scheduling::RoundRobin {
+            if self.free_at[class] > now {
+                return false;
+            }
+            let turns = lowest(places.rotate_right(self.next), fixed.alone[class]);
+            let chosen = turns.rotate_left(self.next);
+            self.next = self.behind(turns);
+            self.ready = places ^ chosen;
+            self.issue(fixed, now, class, chosen);
+            return true;
+        }
         let chosen = self.chosen(fixed, now);
         self.ready &= !chosen;
         let mut left = chosen;
         while left != 0 {
-            let (class, mut places) = self.of_class(left);
+            let (class, places) = self.of_class(left);
             left ^= places;
-            self.free_at[class] = now + fixed.interval[class];
-            let (mut going, mut done) = (places, 0);
-            while places != 0 {
-                let place = places.trailing_zeros() as usize % PLACES;
-                places &= places - 1;
-                self.run[place] -= 1;
-                done |= u64::from(self.run[place] == 0) << place;
-            }
-            if done != 0 {
-                going &= !self.end_runs(fixed, class, done);
-            }
-            // Instructions are taken as dependent.
-            let slot = (now + Cycle::from(fixed.latency[class])) % WHEEL;
-            self.wheel[slot as usize] |= going;
-            self.turning |= u64::from(going != 0) << slot;
+            self.issue(fixed, now, class, places);
         }
         chosen != 0
+    }
+
+    /// The turn after the last of some, which are not none.
+    #[inline(always)]
+    fn behind(&self, turns: u64) -> u32 {
+        (self.next + 1 + turns.ilog2()) % 64
+    }
+
+    /// Places issue an instruction of their class each.
+    #[inline(always)]
+    fn issue(&mut self, fixed: &Fixed, now: Cycle, class: usize, mut places: u64) {
+        self.free_at[class] = now + fixed.interval[class];
+        let (mut going, mut done) = (places, 0);
+        while places != 0 {
+            let place = places.trailing_zeros() as usize % PLACES;
+            places &= places - 1;
+            self.run[place] -= 1;
+            if self.run[place] == 0 {
+                done |= 1 << place;
+            }
+        }
+        if done != 0 {
+            going &= !self.end_runs(fixed, class, done);
+        }
+        // Instructions are taken as dependent.
+        if going != 0 {
+            let slot = (now + Cycle::from(fixed.latency[class])) % WHEEL;
+            self.wheel[slot as usize] |= going;
+            self.turning |= 1 << slot;
+        }
     }
 
     /// Runs of a class are done: the next begin. Returns the places whose steps are done too.

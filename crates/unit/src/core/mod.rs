@@ -308,7 +308,7 @@ impl Core {
                 let left = self.taking.map_or(siblings, |(_, left, _)| left) - 1;
                 self.taking = (left > 0).then_some((number, left, 0));
             }
-            wires.pop(input);
+            wires.take(input);
             self.settle(card, Resident { warp: token.warp, registers: held, shared, program, number, siblings });
             did = Tick::Moved;
         }

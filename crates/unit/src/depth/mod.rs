@@ -370,7 +370,7 @@ impl Depth {
     fn take(&mut self, wires: &mut Wires, late: bool) {
         let ports = if late { &self.ports.late } else { &self.ports.early };
         if let Some(ports) = ports {
-            wires.pop(&ports.input);
+            wires.take(&ports.input);
         }
     }
 

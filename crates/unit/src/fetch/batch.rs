@@ -24,7 +24,7 @@ impl Fetch {
         let vertex = &work.segment.vertices[vertex as usize];
         // A power of two: divisions of 64 bits are slow.
         let line_shift = self.config.line_bytes.trailing_zeros();
-        while let Some(fetch) = work.draw.attributes.get(self.attribute) {
+        for fetch in work.draw.attributes.get(self.attribute..).unwrap_or_default() {
             if self.port_free > wires.now() {
                 wires.sleep_until(self.port_free);
                 return Err(Tick::Working);
@@ -34,45 +34,54 @@ impl Fetch {
                 StepMode::Instance => vertex.instance,
             };
             let address = fetch.address + u64::from(element) * fetch.stride;
+            let first = address >> line_shift;
             let last = (address + u64::from(fetch.bytes.max(1)) - 1) >> line_shift;
-            loop {
-                let line = (address >> line_shift) + self.attribute_line;
-                if line > last {
-                    break;
-                }
-                if line != self.last_line {
-                    if *budget == 0 {
-                        return Err(Tick::Moved);
-                    }
-                    self.last_needs = if let Some(place) = self.tags.find(line) {
-                        *self.tags.data(place)
-                    } else {
-                        if self.misses.room() == 0 {
-                            return Err(Tick::Memory);
-                        }
-                        if !self.ports.vertex.can_send(wires) {
-                            return Err(Tick::Blocked);
-                        }
-                        let tag = self.misses.issue();
-                        self.ports.vertex.read(wires, line << line_shift, self.config.line_bytes, tag);
-                        let place = self.tags.victim(line, |_| true).expect("any line may go");
-                        self.tags.replace(place, line, self.misses.issued());
-                        self.misses.issued()
-                    };
-                    *budget -= 1;
-                    self.last_line = line;
-                }
+            let mut line = first + self.attribute_line;
+            while line <= last {
                 // The same line as just before, for this vertex or the one before, is not looked up again.
+                if line != self.last_line
+                    && let Err(stall) = self.look_up_line(wires, line, budget)
+                {
+                    self.attribute_line = line - first;
+                    return Err(stall);
+                }
                 if !self.misses.reached(self.last_needs) {
                     self.open_needs = self.misses.later(self.open_needs, self.last_needs);
                 }
-                self.attribute_line += 1;
+                line += 1;
             }
             self.pass_port(wires.now(), fetch.bytes);
             self.attribute += 1;
             self.attribute_line = 0;
         }
         self.vertex_open = false;
+        Ok(())
+    }
+
+    /// Looks up a line of attributes, and requests it if it is missing.
+    #[inline(always)]
+    fn look_up_line(&mut self, wires: &mut Wires, line: u64, budget: &mut u32) -> Result<(), Tick> {
+        if *budget == 0 {
+            return Err(Tick::Moved);
+        }
+        self.last_needs = if let Some(place) = self.tags.find(line) {
+            *self.tags.data(place)
+        } else {
+            if self.misses.room() == 0 {
+                return Err(Tick::Memory);
+            }
+            if !self.ports.vertex.can_send(wires) {
+                return Err(Tick::Blocked);
+            }
+            let tag = self.misses.issue();
+            let bytes = self.config.line_bytes;
+            self.ports.vertex.read(wires, line * u64::from(bytes), bytes, tag);
+            let place = self.tags.victim(line, |_| true).expect("any line may go");
+            self.tags.replace(place, line, self.misses.issued());
+            self.misses.issued()
+        };
+        *budget -= 1;
+        self.last_line = line;
         Ok(())
     }
 

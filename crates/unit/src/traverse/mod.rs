@@ -150,13 +150,18 @@ pub struct Traverse {
     items: u64,
 }
 
+/// How many of the lowest four bits are set. (The plain target has no instruction that counts them.)
+#[inline(always)]
+fn bits(four: u16) -> u32 {
+    // The numbers of bits of 0 to 15, in four bits each.
+    const BITS: u64 = 0x4332_3221_3221_2110;
+    (BITS >> (4 * (four & 15))) as u32 & 15
+}
+
 /// Pixels of a quad with a sample covered.
 #[inline(always)]
 pub fn fragments(coverage: u16) -> u32 {
-    // The numbers of bits of 0 to 15, in four bits each: the plain target has no instruction that counts them.
-    const BITS: u64 = 0x4332_3221_3221_2110;
-    let pixels = (coverage | coverage >> 4 | coverage >> 8 | coverage >> 12) & 15;
-    (BITS >> (4 * pixels)) as u32 & 15
+    bits(coverage | coverage >> 4 | coverage >> 8 | coverage >> 12)
 }
 
 impl Traverse {
@@ -330,7 +335,7 @@ impl Traverse {
                 token.kind == Kind::DATA && (token.slot, token.sequence) == (first.slot, first.sequence)
             };
             let Some(token) = wires.front(&self.input).filter(same) else { break };
-            wires.pop(&self.input);
+            wires.take(&self.input);
             self.begin(card, token);
             self.together.push(self.place);
         }
@@ -541,11 +546,11 @@ impl Unit<Card> for Traverse {
                         return Tick::moved_or(moved, Tick::Blocked);
                     }
                     wires.push_sized(&self.output, fence, bytes::MARK);
-                    wires.pop(&self.input);
+                    wires.take(&self.input);
                     moved = true;
                     continue;
                 }
-                wires.pop(&self.input);
+                wires.take(&self.input);
                 self.begin(card, token);
                 moved = true;
                 if self.config.triangles > 1 {
@@ -645,7 +650,7 @@ impl Unit<Card> for Traverse {
             // 6. Send its quads on, four at a time; where all of four are hidden, the next.
             let count = (u32::from(block.quads) - self.place.quad).min(4);
             let hidden = self.place.hidden >> self.place.quad & 15;
-            let alive = count - hidden.count_ones();
+            let alive = count - bits(hidden as u16);
             if alive == 0 {
                 self.pass_quads(count, block);
                 continue;

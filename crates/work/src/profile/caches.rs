@@ -25,14 +25,18 @@ const fn lanes<const SIZES: usize>(sizes: [usize; SIZES]) -> [i32; LANES] {
 }
 
 /// Something is asked of caches of these sizes that was put in when they had missed so often: each that has forgotten it misses once more.
+/// Gives all ones for those.
 #[inline(always)]
-fn ask(misses: &mut [i32; LANES], put: &mut [i32; LANES], sizes: &[i32; LANES]) {
+fn ask(misses: &mut [i32; LANES], put: &mut [i32; LANES], sizes: &[i32; LANES]) -> [i32; LANES] {
+    let mut gone = [0; LANES];
     for lane in 0..LANES {
-        // All ones where it is gone.
-        let gone = -i32::from(misses[lane].wrapping_sub(put[lane]) >= sizes[lane]);
-        put[lane] = misses[lane] & gone | put[lane] & !gone;
-        misses[lane] = misses[lane].wrapping_sub(gone);
+        let (before, since) = (misses[lane], put[lane]);
+        // The sign of a difference: a comparison is not made in registers of four.
+        gone[lane] = sizes[lane].wrapping_sub(1).wrapping_sub(before.wrapping_sub(since)) >> 31;
+        put[lane] = since ^ (since ^ before) & gone[lane];
+        misses[lane] = before.wrapping_sub(gone[lane]);
     }
+    gone
 }
 
 /// What caches of a pass hold.
@@ -81,10 +85,9 @@ impl BlockCaches {
         let put = &mut self.put[usize::from(y) * self.across + usize::from(x)];
         let first = put[0] == NEVER_IN;
         self.distinct += u64::from(first);
-        let before = self.missed;
-        ask(&mut self.missed, put, &const { lanes(BLOCK_CACHES) });
-        let near = self.missed.iter().zip(before).map(|(now, then)| (now - then) as u8).sum();
-        if first { FIRST } else { near }
+        let gone = ask(&mut self.missed, put, &const { lanes(BLOCK_CACHES) });
+        let near = gone.iter().fold(0_i32, |near, gone| near - gone);
+        if first { FIRST } else { near as u8 }
     }
 }
 

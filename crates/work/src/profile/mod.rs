@@ -229,6 +229,8 @@ pub struct Profiler {
     resolves: Vec<(Surface, Surface)>,
     /// The work has all covered quads: what pipelines apart hide is not known yet.
     covered: bool,
+    /// See [`Profiler::whole`].
+    whole: bool,
 }
 
 #[derive(Debug)]
@@ -245,6 +247,11 @@ impl Profiler {
     /// Makes profiles of work that has these quads.
     pub fn new(shade: Shade) -> Profiler {
         Profiler { covered: shade == Shade::Covered, ..Profiler::default() }
+    }
+
+    /// The same for machines whose pipelines share all geometry: [`DrawProfile::dealt_vertices`] is not counted.
+    pub fn whole(self) -> Profiler {
+        Profiler { whole: true, ..self }
     }
 
     /// Takes an event; gives the frame that it ends.
@@ -301,7 +308,7 @@ impl Profiler {
     fn begin_pass(&mut self, pass: &Pass) {
         let resolved = pass.color.iter().flatten().filter_map(|a| Some((a.surface, a.resolve?)));
         self.resolves = resolved.collect();
-        self.pass = Some(OpenPass::new(pass, self.covered));
+        self.pass = Some(OpenPass::new(pass, self.covered, self.whole));
     }
 
     fn end_dispatch(&mut self) {

@@ -28,6 +28,8 @@ pub(super) struct OpenPass {
     shaded: u32,
     visits: u32,
     tile: [u16; 2],
+    /// Nobody asks what batches of primitives shade again.
+    whole: bool,
 }
 
 /// Where a pass and its draw have what they touch.
@@ -61,7 +63,7 @@ fn texel_bytes(surface: &Surface) -> u64 {
 }
 
 impl OpenPass {
-    pub fn new(pass: &Pass, covered: bool) -> OpenPass {
+    pub fn new(pass: &Pass, covered: bool, whole: bool) -> OpenPass {
         let profile = |attachment: &Attachment, clears: bool| {
             let resolved = |to: &Surface| u64::from(to.width) * u64::from(to.height) * texel_bytes(to);
             AttachmentProfile {
@@ -103,6 +105,7 @@ impl OpenPass {
                 });
                 Apart::new(pass, clear)
             }),
+            whole,
             shaded: 0,
             visits: 0,
             tile: [u16::MAX; 2],
@@ -166,7 +169,9 @@ impl OpenPass {
         draw.indices += segment.stream.len() as u64;
         draw.index_bytes = segment.index_address.map_or(0, |_| u64::from(segment.index_bytes));
         draw.shaded_vertices.iter_mut().zip(shaded_vertices(segment)).for_each(|(sum, own)| *sum += own);
-        draw.dealt_vertices += dealt_vertices(segment, DEALT);
+        if !self.whole {
+            draw.dealt_vertices += dealt_vertices(segment, DEALT);
+        }
         for vertex in &segment.vertices {
             draw.vertex.add(&segment.costs[vertex.cost], &segment.requests[vertex.first_request as usize..]);
         }
