@@ -65,17 +65,18 @@ pub struct Arguments {
     /// How much is simulated
     #[arg(long, value_enum, default_value = "cycle")]
     fidelity: FidelityName,
-    /// With --fidelity sampled: frames that are drawn and simulated beside the first [default: 8]
+    /// With --fidelity sampled: frames that are drawn and simulated beside the first [default: 8]; with bound: frames that are estimated
+    /// beside the first, and stand for all [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     samples: Option<u32>,
-    /// With --fidelity sampled: simulate as many frames as the whole replay has time for on this host, as in 60s or 5m; the interval says
-    /// what error to expect
+    /// With --fidelity sampled or bound: simulate or estimate as many frames as the whole replay has time for on this host, as in 60s or 5m;
+    /// the interval says what error to expect
     #[arg(long, value_name = "TIME", conflicts_with = "samples", value_parser = time)]
     time_limit: Option<Duration>,
-    /// With --fidelity sampled: frames before each of these that warm the caches and are not counted [default: 1]
+    /// With sampled frames: frames before each of these that warm the caches and are not counted [default: 1]
     #[arg(long, value_name = "N")]
     warm_up: Option<u32>,
-    /// With --fidelity sampled: seed of the sampling generator [default: 1]
+    /// With sampled frames: seed of the sampling generator [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// With --fidelity cycle: frames that one machine simulates in a row. Runs of so many frames are simulated side by side, each on a machine
@@ -170,6 +171,19 @@ impl FromStr for FramesPerRun {
     }
 }
 
+impl Arguments {
+    /// How frames are sampled.
+    fn sampling(&self) -> Sampling {
+        let given = Sampling::default();
+        Sampling {
+            samples: self.samples.unwrap_or(given.samples),
+            seed: self.seed.unwrap_or(given.seed),
+            warm_up: self.warm_up.unwrap_or(given.warm_up),
+            time_limit: self.time_limit,
+        }
+    }
+}
+
 /// An option that the fidelity would ignore is an error: a user who gives it expects an effect.
 fn refuse_ignored(arguments: &Arguments) -> Result<()> {
     let given = [
@@ -179,8 +193,15 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
         ("--seed", arguments.seed.is_some()),
     ];
     match given.into_iter().find(|&(_, given)| given) {
-        Some((option, _)) if !matches!(arguments.fidelity, FidelityName::Sampled) => {
-            bail!("{option} is about --fidelity sampled, and would be ignored here")
+        Some((option, _)) if matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Cycle) => {
+            bail!("{option} is about --fidelity sampled and bound, and would be ignored here")
+        }
+        Some((option @ ("--warm-up" | "--seed"), _))
+            if matches!(arguments.fidelity, FidelityName::Bound)
+                && arguments.samples.is_none()
+                && arguments.time_limit.is_none() =>
+        {
+            bail!("{option} is about sampled frames, and would be ignored here: give --samples or --time-limit")
         }
         _ if matches!(
             (&arguments.fidelity, arguments.images),
@@ -223,12 +244,9 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         config,
         fidelity: match arguments.fidelity {
             FidelityName::Functional => Fidelity::Functional,
-            FidelityName::Bound => Fidelity::Bound,
-            FidelityName::Sampled => {
-                let (samples, seed) = (arguments.samples.unwrap_or(8), arguments.seed.unwrap_or(1));
-                let (warm_up, time_limit) = (arguments.warm_up.unwrap_or(1), arguments.time_limit);
-                Fidelity::Sampled(Sampling { samples, seed, warm_up, time_limit })
-            }
+            FidelityName::Bound if arguments.samples.is_none() && arguments.time_limit.is_none() => Fidelity::Bound,
+            FidelityName::Bound => Fidelity::BoundSampled(arguments.sampling()),
+            FidelityName::Sampled => Fidelity::Sampled(arguments.sampling()),
             FidelityName::Cycle => Fidelity::Cycle,
         },
         clock: match arguments.clock {
@@ -264,7 +282,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // Sampled frames alone are simulated; pictures of all are drawn before, where they are asked for.
     let mut drawing_time = Duration::ZERO;
-    if let (Fidelity::Sampled(_), Some(ImagesName::All), Some(folder)) = (&options.fidelity, arguments.images, &mut folder) {
+    let some = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_));
+    if let (true, Some(ImagesName::All), Some(folder)) = (some, arguments.images, &mut folder) {
         let drawn = Options { fidelity: Fidelity::Functional, ..options.clone() };
         drawing_time = replay_to(&trace, &drawn, &|_| (), &mut |frame| folder.picture(frame))?.clock_time;
     }

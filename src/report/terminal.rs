@@ -81,7 +81,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         let lines: Vec<&str> = seen.draws.iter().map(|(_, line)| line.as_str()).collect();
         section("The draws that took most, from one retirement to the next", &lines.concat());
     }
-    if options.fidelity != Fidelity::Bound {
+    if options.fidelity.name() != Fidelity::Bound.name() {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));
         section("What moved through memory", &summary::memory(&done.total));
         section("What sorting cost", &summary::sorting(&done.total, options.config.card.pipelines));
@@ -110,7 +110,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     let rate = if time > 0.0 { frames / time } else { 0.0 };
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
     let cost = match options.fidelity {
-        Fidelity::Bound => {
+        Fidelity::Bound | Fidelity::BoundSampled(_) => {
             let [median, largest] = STATED_ERRORS;
             format!(
                 "estimated from counts and rates: median error {median} %, at most {largest} % on the baseline, larger on machines with short \

@@ -33,6 +33,8 @@ pub enum Fidelity {
     Functional,
     /// The image, the funnel, and cycles from counts and rates ([`bound`](super::bound)).
     Bound,
+    /// The same of some frames, which stand for all ([`sample`](super::sample)).
+    BoundSampled(Sampling),
     /// Every cycle of some frames, which stand for all ([`sample`](super::sample)).
     Sampled(Sampling),
     /// Every cycle.
@@ -44,7 +46,7 @@ impl Fidelity {
     pub fn name(self) -> &'static str {
         match self {
             Fidelity::Functional => "functional",
-            Fidelity::Bound => "bound",
+            Fidelity::Bound | Fidelity::BoundSampled(_) => "bound",
             Fidelity::Sampled(_) => "sampled",
             Fidelity::Cycle => "cycle",
         }
@@ -237,7 +239,7 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
             rendering.run()?;
             Outcome { cycles: Some(sum.cycles), total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
         }
-        Fidelity::Sampled(sampling) => sampled(trace, options, &sampling, exit)?,
+        Fidelity::Sampled(sampling) | Fidelity::BoundSampled(sampling) => sampled(trace, options, &sampling, exit)?,
         Fidelity::Cycle => {
             let (mut out, mut limited) = (Simulated::default(), Vec::new());
             let mut rendering = options.rendering(trace);

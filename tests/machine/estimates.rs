@@ -239,6 +239,24 @@ fn some_frames_stand_for_all() {
 }
 
 #[test]
+fn estimates_of_some_frames_stand_for_those_of_all() {
+    let whole = frames("flight.zip", Fidelity::Bound, &[], 0..48);
+    let sampling = Sampling { samples: 6, seed: 3, ..Sampling::default() };
+    let some = frames("flight.zip", Fidelity::BoundSampled(sampling), &[], 0..48);
+    let margin = some.total.number("sampled.margins.cycles").expect("a margin");
+    let (told, truth) = (cycles(&some), cycles(&whole));
+    assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
+    assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
+    assert_eq!((some.frames.len(), some.frames[0].number), (7, 0));
+    for frame in &some.frames {
+        // What it finds in the second level, the frame before it has left.
+        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
+        let n = |frame: &fillrate::run::replay::Frame| frame.tree.number("cycles").expect("cycles");
+        assert!((n(frame) / n(same) - 1.0).abs() < 0.03, "frame {}: {} for {}", frame.number, n(frame), n(same));
+    }
+}
+
+#[test]
 fn what_only_the_first_frame_reads_is_in_the_estimate() {
     // Nearly all bytes of DRAM are the first frame's: those after it find the rest in the second level.
     for sequence in &SEQUENCES[..2] {

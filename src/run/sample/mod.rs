@@ -1,4 +1,4 @@
-//! The `sampled` fidelity: some frames are simulated and stand for all.
+//! The `sampled` fidelity: some frames are simulated and stand for all. In `bound` they are estimated, and stand for all in the same way.
 //!
 //! The commands are read three times: for what depends on what ([`Dependencies`]), in which nothing is drawn; for a [`survey`] of all frames, by
 //! which those to be simulated are chosen ([`clusters`]); and once more with work recorded for these alone, where only what they read of
@@ -14,9 +14,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow, bail};
 
 use super::apart::simulate_apart;
+use super::bound::frames::{Estimated, estimate};
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
-use super::replay::{Options, Outcome, seconds};
+use super::replay::{Fidelity, Options, Outcome, seconds};
 use clusters::{Clusters, Interval, LEVEL, random};
 use survey::{CacheCount, Count, Survey, Way};
 
@@ -224,14 +225,18 @@ fn of_survey(
         counted[at] = Some(frame.tree.clone());
         taker(frame)
     };
-    let mut machine_time = Duration::ZERO;
+    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
     let runs = chosen.ranges().to_vec();
     let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
     let mut rendering = options.rendering_of(trace, chosen);
     rendering.needs(needs, None);
     let exit = Exit { keeps, progress, per_draw, ..Exit::new(count) };
-    simulate_apart(&mut rendering, (&options.config, options.clock), runs, &warms_up, exit, &mut machine_time);
+    match options.fidelity {
+        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, exit, &mut by_estimate)?,
+        _ => simulate_apart(&mut rendering, (&options.config, options.clock), runs, &warms_up, exit, &mut machine_time),
+    }
     rendering.run()?;
+    machine_time += by_estimate.time;
     let found = counted.into_iter().zip(&numbers);
     let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
     let counted = found.collect::<Result<Vec<Tree>>>()?;

@@ -54,6 +54,8 @@ pub struct Recorder {
     /// Bytes of runs that count though they are not kept: what runs took for a while that took much, and those that were stopped.
     pub(super) passed: u64,
     known: HashMap<Cost, CostId>,
+    /// The cost that was found last.
+    last: CostId,
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
 }
@@ -320,7 +322,11 @@ impl Recorder {
     }
 
     fn intern(&mut self, cost: &Cost) -> CostId {
-        match self.known.get(cost) {
+        // Most are like the one before.
+        if self.costs.costs.get(usize::from(self.last)).is_some_and(|last| last == cost) {
+            return self.last;
+        }
+        self.last = match self.known.get(cost) {
             Some(&id) => id,
             None if self.costs.costs.len() > usize::from(CostId::MAX) => self.nearest(cost),
             None => {
@@ -329,7 +335,8 @@ impl Recorder {
                 self.known.insert(cost.clone(), id);
                 id
             }
-        }
+        };
+        self.last
     }
 
     /// Gives the spans of a run's path their numbers in the table.

@@ -1,0 +1,104 @@
+//! Draws: what all segments of one have in common.
+
+use std::sync::Arc;
+
+use crate::Signature;
+use gfx::state::{Blend, DepthStencil, StepMode};
+
+/// Shading of a colour target, as the ROPs need it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Blending; none replaces.
+    pub blend: Option<Blend>,
+    /// Channels written.
+    pub write_mask: u8,
+    /// First entry of this target's colours in a quad's payload (depths counted), or none where the fragment stage writes nothing to
+    /// it. Word `w` of pixel `p` is entry `4 w + p` from there.
+    pub payload: Option<u8>,
+    /// Words a fragment: 4 (bits for `gfx::texel::encode`, before blending), or fewer where `packed`.
+    pub words: u8,
+    /// The payload holds stored texels (1 word for up to 4 bytes, 2 for 8, 4 for 16), not values: nothing is left to blend.
+    pub packed: bool,
+    /// First entry of the second source colour in a quad's payload (dual-source blending; 4 words a fragment).
+    pub second: Option<u8>,
+}
+
+/// Where an attribute comes from in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AttributeFetch {
+    /// Address of the attribute of vertex (or instance) 0.
+    pub address: u64,
+    /// Bytes from one vertex to the next.
+    pub stride: u64,
+    /// What advances it.
+    pub step: StepMode,
+    /// Bytes read.
+    pub bytes: u32,
+}
+
+/// What a shader asks of a core, apart from its instructions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShaderShape {
+    /// 32-bit registers an invocation, which bound the warps in flight.
+    pub registers: u32,
+    /// 32-bit words in: attributes of a vertex, or interpolated varyings of a fragment.
+    pub inputs: u32,
+    /// 32-bit words out.
+    pub outputs: u32,
+}
+
+/// A draw call's state, shared by its segments.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// Number in the trace, from 0.
+    pub number: u32,
+    /// Label of the pipeline, or empty.
+    pub label: String,
+    /// Label of the innermost debug group that the draw is in, or empty.
+    pub group: Arc<str>,
+    /// Vertex stage.
+    pub vertex: ShaderShape,
+    /// Fragment stage; none: depth and stencil only.
+    pub fragment: Option<ShaderShape>,
+    /// Where attributes come from.
+    pub attributes: Vec<AttributeFetch>,
+    /// Depth and stencil state, if the pass has such an attachment and the draw uses it.
+    pub depth_stencil: Option<DepthStencil>,
+    /// Stencil reference.
+    pub stencil_reference: u8,
+    /// Colour targets by location; none: nothing is written.
+    pub targets: Vec<Option<Target>>,
+    /// Blend constant.
+    pub blend_constant: [f32; 4],
+    /// Words a quad's payload has for depth: 4 times the samples when the fragment stage writes depth, else 0 and the plane counts.
+    /// They come first; sample `s` of pixel `p` is word `4 s + p`.
+    pub depth_words: u8,
+    /// Words of payload of a shaded quad in all; word `4 w + p` after the depth words is word `w` of pixel `p`.
+    pub payload_words: u8,
+    /// Depth and stencil are tested and written before shading (nothing in the fragment stage can change them).
+    pub early: bool,
+    /// Hierarchical Z may cull: the fragment stage does not write depth, and culling loses no side effect, query or change of the stencil.
+    pub hierarchical_z: bool,
+    /// Viewport's depth range, to which depth is clamped.
+    pub depth_range: [f32; 2],
+    /// Signature of all that its pixels depend on beside attachments and primitives; none: not asked for, or there is more to the draw
+    /// than pixels.
+    pub signature: Option<Signature>,
+    /// What of it was left out by bounds.
+    pub culling: Culling,
+}
+
+/// What tests of bounds against the view volume came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Culling {
+    /// Tests of the draw and of its instances.
+    pub tests: u64,
+    /// Whole draws left out: 1 or none.
+    pub draws: u64,
+    /// Instances left out, those of a whole draw included.
+    pub instances: u64,
+    /// Their primitives.
+    pub primitives: u64,
+    /// Their indices (or vertices, of draws without indices).
+    pub vertices: u64,
+}

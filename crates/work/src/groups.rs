@@ -1,0 +1,52 @@
+//! Compute dispatches and their workgroups.
+
+use crate::{CostId, CostTable, Request, ShaderShape};
+
+impl Groups {
+    /// Bytes that they take.
+    pub fn bytes(&self) -> u64 {
+        let memory = size_of_val(&*self.requests) + size_of_val(&*self.lines);
+        (size_of_val(&*self.packets) + memory) as u64 + self.costs.bytes()
+    }
+}
+
+/// A compute dispatch.
+#[derive(Clone, Debug)]
+pub struct Dispatch {
+    /// Number in the trace, from 0.
+    pub number: u32,
+    /// Label of the pipeline, or empty.
+    pub label: String,
+    /// The shader.
+    pub shape: ShaderShape,
+    /// Workgroups in all.
+    pub groups: u64,
+    /// Invocations a group.
+    pub invocations: u32,
+    /// Bytes of workgroup memory a group.
+    pub shared_bytes: u32,
+}
+
+/// Four consecutive invocations of a workgroup.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Packet {
+    /// Cost of running them.
+    pub cost: CostId,
+    /// First of their requests.
+    pub first_request: u32,
+}
+
+/// Consecutive workgroups of a dispatch.
+#[derive(Clone, Debug, Default)]
+pub struct Groups {
+    /// Workgroups here.
+    pub groups: u32,
+    /// Packets: `ceil(invocations / 4)` a group, in order.
+    pub packets: Vec<Packet>,
+    /// Their memory requests.
+    pub requests: Vec<Request>,
+    /// Lines of the requests.
+    pub lines: Vec<u32>,
+    /// Costs of the packets.
+    pub costs: CostTable,
+}

@@ -1,0 +1,147 @@
+//! Passes, the surfaces that they draw into, and what is moved between them.
+
+use std::sync::Arc;
+
+use gfx::format::Format;
+
+/// Names one image of a texture: all samples of one layer (or slice) of one level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SurfaceKey {
+    /// The texture's id in the trace.
+    pub texture: u32,
+    /// Mip level.
+    pub level: u32,
+    /// Layer, or slice of a 3D texture.
+    pub layer: u32,
+}
+
+/// A surface: where it is and what its texels are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Surface {
+    /// Its name.
+    pub key: SurfaceKey,
+    /// Format of the stored texels (sRGB-ness is the view's).
+    pub format: Format,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Address of the first byte; blocks lie as in `gfx::tiling`.
+    pub address: u64,
+}
+
+/// Bytes of a surface: rows top to bottom, pixels left to right, samples in order, `block_bytes` each, tightly packed.
+#[derive(Clone, Debug)]
+pub struct Contents {
+    /// Which surface.
+    pub surface: Surface,
+    /// Its bytes.
+    pub bytes: Arc<[u8]>,
+}
+
+/// What an attachment holds when a pass begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Load {
+    /// What it held before.
+    Load,
+    /// This value: the bits that `gfx::texel::encode` takes (f32, u32 or i32 bits by the format's kind); for a depth attachment
+    /// [depth as f32 bits, stencil, 0, 0].
+    Clear([u32; 4]),
+}
+
+/// One attachment of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attachment {
+    /// Where it is.
+    pub surface: Surface,
+    /// What it holds at the beginning (colour, or depth).
+    pub load: Load,
+    /// Whether the result is kept (colour, or depth).
+    pub store: bool,
+    /// Stencil: what it holds at the beginning.
+    pub stencil_load: Load,
+    /// Stencil: whether the result is kept.
+    pub stencil_store: bool,
+    /// Where samples are resolved to at the end.
+    pub resolve: Option<Surface>,
+}
+
+/// A render pass.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    /// Number in the trace, from 0.
+    pub number: u32,
+    /// Label, or empty.
+    pub label: String,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Colour attachments by location.
+    pub color: Vec<Option<Attachment>>,
+    /// Depth and stencil attachment.
+    pub depth: Option<Attachment>,
+}
+
+/// What a transfer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransferKind {
+    /// From the host.
+    Upload,
+    /// Inside the card's memory.
+    Copy,
+    /// A value is written.
+    Clear,
+    /// The image of a sprite, to the display.
+    Sprite,
+    /// Query results and the like.
+    Other,
+}
+
+/// Memory that the command processor's copy engine moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Transfer {
+    /// What it is.
+    pub kind: TransferKind,
+    /// First byte read, if the card's memory is read.
+    pub from: Option<u64>,
+    /// First byte written, if the card's memory is written.
+    pub to: Option<u64>,
+    /// Bytes.
+    pub bytes: u64,
+    /// Surfaces: this one becomes that one, whole (a texture copy that the machine must repeat in its own frame buffers).
+    pub surfaces: Option<(SurfaceKey, SurfaceKey)>,
+}
+
+/// The end of a frame.
+#[derive(Clone, Debug)]
+pub struct EndFrame {
+    /// The trace's own frame number, from 0.
+    pub number: u32,
+    /// What is shown; none: nothing can be (no colour target was ever written).
+    pub shown: Option<Surface>,
+    /// Its bytes in API order, as `render` has them, laid out as in [`Contents`].
+    pub reference: Arc<[u8]>,
+    /// Whether the frame's last writer of the shown surface was a draw, so that the machine's own bytes are the picture.
+    pub drawn: bool,
+    /// The sprites that the display lays over the picture, by index.
+    pub sprites: Arc<[Sprite]>,
+}
+
+/// A small picture that the display lays over its lines, outside the frame buffer. Its texels are 4 bytes of 8 bits a channel, in the
+/// order of the shown surface; where the last of them, alpha, is not 0, the texel replaces the pixel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sprite {
+    /// Which of the display's: one of a lower index lies over others.
+    pub index: u8,
+    /// The pixel of the picture on which its upper left texel lies; parts outside of the picture are not shown.
+    pub at: [i32; 2],
+    /// Width and height in texels.
+    pub size: [u32; 2],
+    /// Its texels, rows from top to bottom.
+    pub texels: Arc<[u8]>,
+}
