@@ -214,6 +214,16 @@ fn what_sorts_limits_where_it_is_slow() {
     }
 }
 
+/// Frames are what they are in the whole sequence: the picture, and, but for what warming leaves, the cycles.
+fn same_frames(some: &Replay, whole: &Replay) {
+    for frame in &some.frames {
+        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
+        assert_eq!(frame.shown, same.shown, "frame {}", frame.number);
+        let [own, all] = [frame, same].map(|frame| frame.tree.number("cycles").expect("cycles"));
+        assert!((own / all - 1.0).abs() < 0.03, "frame {}: {own} for {all}", frame.number);
+    }
+}
+
 #[test]
 fn some_frames_stand_for_all() {
     let whole = frames("flight.zip", Fidelity::Cycle, &[], 0..24);
@@ -223,14 +233,9 @@ fn some_frames_stand_for_all() {
     let (told, truth) = (cycles(&some), cycles(&whole));
     assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
     assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
-    // Those simulated, the first among them, count what they count in the whole sequence, but for what warming leaves.
+    // The first is among those simulated.
     assert_eq!((some.frames.len(), some.frames[0].number), (5, 0));
-    for frame in &some.frames {
-        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
-        assert_eq!(frame.shown, same.shown, "frame {}", frame.number);
-        let n = |frame: &fillrate::run::replay::Frame| frame.tree.number("cycles").expect("cycles");
-        assert!((n(frame) / n(same) - 1.0).abs() < 0.03, "frame {}: {} for {}", frame.number, n(frame), n(same));
-    }
+    same_frames(&some, &whole);
     // Counters that do not depend on time are told to a few per cent, too.
     for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
         let n = |replay: &Replay| replay.total.number(path).expect(path);
@@ -248,12 +253,7 @@ fn estimates_of_some_frames_stand_for_those_of_all() {
     assert!((told - truth).abs() <= margin && margin < 0.2 * truth, "{told} +- {margin} for {truth}");
     assert!((told / truth - 1.0).abs() < 0.02, "{told} for {truth}");
     assert_eq!((some.frames.len(), some.frames[0].number), (7, 0));
-    for frame in &some.frames {
-        // What it finds in the second level, the frame before it has left.
-        let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");
-        let n = |frame: &fillrate::run::replay::Frame| frame.tree.number("cycles").expect("cycles");
-        assert!((n(frame) / n(same) - 1.0).abs() < 0.03, "frame {}: {} for {}", frame.number, n(frame), n(same));
-    }
+    same_frames(&some, &whole);
 }
 
 #[test]

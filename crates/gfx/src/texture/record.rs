@@ -1,5 +1,7 @@
 //! What a sample costs the card: the memory lines it reads and the filter operations it takes, quad by quad.
 
+use std::ops::Range;
+
 use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
@@ -28,8 +30,20 @@ impl Footprint {
     /// live lane for nearest, bilinear, gather and load, twice as many between two levels or two slices; with anisotropy one for
     /// four texels of the footprint, or on cubes times the probes.
     pub fn quad(&self, quad: usize) -> (&[u32], u16) {
+        let (lines, operations) = self.range(quad);
+        (&self.lines[lines.start as usize..lines.end as usize], operations)
+    }
+
+    /// The lines of all quads, one quad after another.
+    pub fn lines(&self) -> &[u32] {
+        &self.lines
+    }
+
+    /// [`Footprint::quad`], with the lines by their places among all.
+    #[inline]
+    pub fn range(&self, quad: usize) -> (Range<u32>, u16) {
         let first = if quad == 0 { 0 } else { self.ends[quad - 1] };
-        (&self.lines[first as usize..self.ends[quad] as usize], self.operations[quad])
+        (first..self.ends[quad], self.operations[quad])
     }
 
     /// Records quads in order: `one` is called with each live lane, and adds its lines and operations.

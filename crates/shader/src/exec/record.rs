@@ -43,7 +43,7 @@ pub struct Recorder {
     pub costs: CostTable,
     /// Requests, in order of runs, quads and steps.
     pub requests: Vec<Request>,
-    /// Lines of the requests.
+    /// Lines of the requests, in order of runs.
     pub lines: Vec<u32>,
     /// The quads of the last run.
     pub quads: [QuadCost; QUADS],
@@ -59,6 +59,9 @@ pub struct Recorder {
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
 }
+
+/// Lines of a request at most. A quad touches at most 4 lanes x 320 texels of a level, neighbours; more distinct lines are cut off.
+const MOST_LINES: usize = 255;
 
 /// What a run in progress has cost so far.
 #[derive(Debug, Default)]
@@ -266,18 +269,24 @@ impl Scratch {
 
     /// A texture request of the quads of the mask, with this footprint, which is kept for the next one.
     pub(super) fn footprint_request(&mut self, mask: Mask, footprint: Footprint) {
+        // Quads outside of the mask have no lines.
+        let base = self.staged_lines.len() as u32;
+        self.staged_lines.extend_from_slice(footprint.lines());
         for q in quads(mask) {
-            let first = self.staged_lines.len();
-            let (lines, operations) = footprint.quad(q);
-            self.staged_lines.extend_from_slice(lines);
-            self.finish_request(q, RequestKind::Texture, first, u32::from(operations));
+            let (lines, operations) = footprint.range(q);
+            let request = Request {
+                first_line: base + lines.start,
+                lines: lines.len().min(MOST_LINES) as u8,
+                operations: operations.clamp(1, 255) as u8,
+            };
+            self.step(q, RequestKind::Texture);
+            self.staged[q].push(request);
         }
         self.footprint = footprint;
     }
 
     fn finish_request(&mut self, q: usize, kind: RequestKind, first: usize, operations: u32) {
-        // A quad touches at most 4 lanes x 320 texels of a level, neighbours; more than 255 distinct lines are cut off.
-        let lines = (self.staged_lines.len() - first).min(255);
+        let lines = (self.staged_lines.len() - first).min(MOST_LINES);
         self.staged_lines.truncate(first + lines);
         self.step(q, kind);
         self.staged[q].push(Request {
@@ -292,15 +301,13 @@ impl Recorder {
     /// Ends all quads of a run and interns their costs.
     pub(super) fn finish(&mut self, run: &mut Scratch) {
         self.passed += run.metered() - run.kept();
+        let first_line = self.lines.len() as u32;
+        self.lines.extend_from_slice(&run.staged_lines);
         for q in 0..QUADS {
             run.step(q, RequestKind::End);
             let first_request = self.requests.len() as u32;
-            for r in &run.staged[q] {
-                let first_line = self.lines.len() as u32;
-                let at = r.first_line as usize;
-                self.lines.extend_from_slice(&run.staged_lines[at..at + usize::from(r.lines)]);
-                self.requests.push(Request { first_line, ..*r });
-            }
+            let staged = run.staged[q].iter();
+            self.requests.extend(staged.map(|r| Request { first_line: first_line + r.first_line, ..*r }));
             let mut cost = Cost::default();
             if !run.paths[q].is_empty() {
                 self.name_spans(&run.spans, &mut run.paths[q]);
