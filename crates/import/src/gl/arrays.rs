@@ -324,6 +324,7 @@ impl Gl {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
+        self.materials_meet()?;
         let (ready, bits) = self.ready()?;
         // A vertex shader may take its position from any attribute.
         if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
@@ -514,8 +515,11 @@ pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn buffer_sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
-    let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
     let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
+    if call.f64(2)? == 0.0 {
+        return Ok(());
+    }
+    let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
     let mut all = buffer.to_vec();
     let part = all.get_mut(at..at.saturating_add(bytes.len())).ok_or(INVALID_VALUE)?;
     part.copy_from_slice(bytes);

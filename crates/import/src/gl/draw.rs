@@ -147,6 +147,9 @@ impl Gl {
             None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
         };
         let mut key = self.key(batch, &summary, units)?;
+        if let Some(lighting) = &mut key.lighting {
+            self.given.limit(lighting, &constant, &summary);
+        }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
         if self.cuts_fog(&key, batch) {
             // The distance of an end that is cut off is known here alone.

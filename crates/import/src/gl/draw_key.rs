@@ -7,6 +7,7 @@ use super::draw::kind_of;
 use super::image::Base;
 use super::key::*;
 use super::machine::Gl;
+use super::materials::{tracked, tracks};
 use super::matrix::IDENTITY;
 use super::primitive::{Batch, Class, Sent};
 use super::state::{PLANES, UNITS};
@@ -53,6 +54,7 @@ impl Gl {
             sampled: false,
             kind: target.map_or(Kind::D2, kind_of),
             base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
+            swizzle: bound.as_ref().map_or([0, 1, 2, 3], |bound| bound.swizzle),
             border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
             depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),
@@ -83,26 +85,18 @@ impl Gl {
                     attenuated: light.attenuation != [1.0, 0.0, 0.0],
                 })
                 .collect();
-            let tracked = match state.color_material[1] {
-                _ if !state.is(e::COLOR_MATERIAL) => 0,
-                e::AMBIENT => 1,
-                e::DIFFUSE => 2,
-                e::AMBIENT_AND_DIFFUSE => 3,
-                e::SPECULAR => 4,
-                _ => 8,
-            };
-            let face = |face: u32| {
-                if matches!(state.color_material[0], f if f == face || f == e::FRONT_AND_BACK) { tracked } else { 0 }
-            };
+            let color_material = tracked(state);
             let two_side = state.two_side && batch.class == Class::Triangles;
-            let shiny = |face: usize| state.materials[face].specular[..3] != [0.0; 3] || tracked == 4;
+            let shiny = |face: usize| {
+                state.materials[face].specular[..3] != [0.0; 3] || color_material.contains(&tracks::SPECULAR)
+            };
             LightingKey {
                 specular: !lights.is_empty() && (shiny(0) || two_side && shiny(1) || back && shiny(1)),
                 lights,
                 local_viewer: state.local_viewer,
                 two_side,
                 separate: state.separate_specular,
-                color_material: [face(e::FRONT), face(e::BACK)],
+                color_material,
             }
         });
         let normalize = if state.is(e::NORMALIZE) { 1 } else { 2 * u8::from(state.is(e::RESCALE_NORMAL)) };

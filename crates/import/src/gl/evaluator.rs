@@ -207,6 +207,7 @@ fn bounded(ranges: &[(i32, i32)]) -> Outcome {
 }
 
 pub(super) fn mesh_1(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.materials_meet()?;
     let mode = match call.u32(0)? {
         e::POINT => e::POINTS,
         e::LINE => e::LINE_STRIP,
@@ -218,6 +219,7 @@ pub(super) fn mesh_1(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.materials_meet()?;
     let mode = call.u32(0)?;
     let (i1, i2, j1, j2) = (call.i32(1)?, call.i32(2)?, call.i32(3)?, call.i32(4)?);
     bounded(&[(i1, i2), (j1, j2)])?;

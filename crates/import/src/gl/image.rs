@@ -6,6 +6,17 @@ use super::names;
 use gfx::format::Format;
 use gfx::texel;
 
+/// Formats and types of pixels that came after OpenGL 1.5.
+const RG: u32 = 0x8227;
+const RG_INTEGER: u32 = 0x8228;
+const INTEGERS_FIRST: u32 = 0x8d94;
+const INTEGERS_LAST: u32 = 0x8d9d;
+const HALF_FLOAT: u32 = 0x140b;
+const HALF_FLOAT_OES: u32 = 0x8d61;
+const UNSIGNED_INT_24_8: u32 = 0x84fa;
+const PACKED_FLOATS: u32 = 0x8c3b;
+const SHARED_EXPONENT: u32 = 0x8c3e;
+
 /// Texels or pixels of a rectangle at most.
 const TEXELS_MAX: u64 = 1 << 28;
 
@@ -58,6 +69,7 @@ fn packed(kind: u32) -> Option<(usize, [(u32, u32); 4])> {
 fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
     Ok(match format {
         e::RED => (1, [0, 4, 4, 5]),
+        RG => (2, [0, 1, 4, 5]),
         e::GREEN => (1, [4, 0, 4, 5]),
         e::BLUE => (1, [4, 4, 0, 5]),
         e::ALPHA => (1, [4, 4, 4, 0]),
@@ -67,7 +79,7 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
         e::BGR => (3, [2, 1, 0, 5]),
         e::RGBA => (4, [0, 1, 2, 3]),
         e::BGRA => (4, [2, 1, 0, 3]),
-        e::COLOR_INDEX | e::STENCIL_INDEX | e::DEPTH_COMPONENT => {
+        e::COLOR_INDEX | e::STENCIL_INDEX | e::DEPTH_COMPONENT | e::DEPTH_STENCIL | INTEGERS_FIRST..=INTEGERS_LAST | RG_INTEGER => {
             return Err(Fault::Unsupported(format!("pixels of format {}", names::name(format))));
         }
         _ => return Err(INVALID_ENUM),
@@ -78,9 +90,11 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
 fn component_bytes(kind: u32) -> Outcome<usize> {
     Ok(match kind {
         e::UNSIGNED_BYTE | e::BYTE => 1,
-        e::UNSIGNED_SHORT | e::SHORT => 2,
+        e::UNSIGNED_SHORT | e::SHORT | HALF_FLOAT | HALF_FLOAT_OES => 2,
         e::UNSIGNED_INT | e::INT | e::FLOAT => 4,
-        e::BITMAP => return Err(Fault::Unsupported("pixels of type GL_BITMAP".into())),
+        e::BITMAP | PACKED_FLOATS | SHARED_EXPONENT | UNSIGNED_INT_24_8 => {
+            return Err(Fault::Unsupported(format!("pixels of type {}", names::name(kind))));
+        }
         _ => return Err(INVALID_ENUM),
     })
 }
@@ -90,7 +104,31 @@ pub fn byte(value: f64) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-fn component(kind: u32, bytes: &[u8], swap: bool) -> u8 {
+/// What a component of a pixel becomes.
+pub trait Component: Copy {
+    /// Nothing, and the greatest value of a normalised component.
+    const ENDS: [Self; 2];
+    /// A value.
+    fn of(value: f64) -> Self;
+}
+
+impl Component for u8 {
+    const ENDS: [u8; 2] = [0, 255];
+
+    fn of(value: f64) -> u8 {
+        byte(value)
+    }
+}
+
+impl Component for f32 {
+    const ENDS: [f32; 2] = [0.0, 1.0];
+
+    fn of(value: f64) -> f32 {
+        value as f32
+    }
+}
+
+fn component(kind: u32, bytes: &[u8], swap: bool) -> f64 {
     let mut raw = [0; 4];
     raw[..bytes.len()].copy_from_slice(bytes);
     if swap {
@@ -98,18 +136,34 @@ fn component(kind: u32, bytes: &[u8], swap: bool) -> u8 {
     }
     let bits = u32::from_le_bytes(raw);
     match kind {
-        e::UNSIGNED_BYTE => bits as u8,
-        e::BYTE => byte((2.0 * f64::from(bits as i8) + 1.0) / 255.0),
-        e::UNSIGNED_SHORT => byte(f64::from(bits) / 65_535.0),
-        e::SHORT => byte((2.0 * f64::from(bits as i16) + 1.0) / 65_535.0),
-        e::UNSIGNED_INT => byte(f64::from(bits) / 4_294_967_295.0),
-        e::INT => byte((2.0 * f64::from(bits as i32) + 1.0) / 4_294_967_295.0),
-        _ => byte(f64::from(f32::from_bits(bits))),
+        e::UNSIGNED_BYTE => f64::from(bits) / 255.0,
+        e::BYTE => (2.0 * f64::from(bits as i8) + 1.0) / 255.0,
+        e::UNSIGNED_SHORT => f64::from(bits) / 65_535.0,
+        e::SHORT => (2.0 * f64::from(bits as i16) + 1.0) / 65_535.0,
+        e::UNSIGNED_INT => f64::from(bits) / 4_294_967_295.0,
+        e::INT => (2.0 * f64::from(bits as i32) + 1.0) / 4_294_967_295.0,
+        HALF_FLOAT | HALF_FLOAT_OES => f64::from(from_half(bits)),
+        _ => f64::from(f32::from_bits(bits)),
     }
 }
 
+/// A number in half precision.
+fn from_half(bits: u32) -> f32 {
+    let texel = texel::decode(Format::R16Float, &(bits as u16).to_le_bytes());
+    f32::from_bits(texel[0])
+}
+
 /// Red, green, blue and alpha of each pixel of a rectangle, rows from the bottom.
-pub fn unpack(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[u8; 4]>> {
+pub fn unpack<T: Component>(
+    store: &PixelStore,
+    size: [u32; 3],
+    format: u32,
+    kind: u32,
+    bytes: &[u8],
+) -> Outcome<Vec<[T; 4]>> {
+    // A byte is looked up, since most pixels are bytes.
+    let of_byte: [T; 256] = std::array::from_fn(|code| T::of(code as f64 / 255.0));
+    let [zero, one] = T::ENDS;
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
     if count > TEXELS_MAX {
         return Err(Fault::Limit(format!("{count} texels in one call, at most {TEXELS_MAX}")));
@@ -145,11 +199,11 @@ pub fn unpack(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes:
                 )));
             };
             if format == e::RGBA && kind == e::UNSIGNED_BYTE {
-                out.extend(line.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]));
+                out.extend(line.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]].map(|code| of_byte[usize::from(code)])));
                 continue;
             }
             for texel in line.chunks_exact(pixel) {
-                let mut values = [0, 0, 0, 0, 0, 255];
+                let mut values = [zero, zero, zero, zero, zero, one];
                 match fields {
                     Some((_, fields)) => {
                         let mut raw = [0; 4];
@@ -161,13 +215,18 @@ pub fn unpack(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes:
                         for (value, (shift, width)) in values.iter_mut().zip(fields) {
                             let most = (1_u32 << width) - 1;
                             if most > 0 {
-                                *value = byte(f64::from(bits >> shift & most) / f64::from(most));
+                                *value = T::of(f64::from(bits >> shift & most) / f64::from(most));
                             }
+                        }
+                    }
+                    None if kind == e::UNSIGNED_BYTE => {
+                        for (value, &code) in values.iter_mut().zip(texel) {
+                            *value = of_byte[usize::from(code)];
                         }
                     }
                     None => {
                         for (value, bytes) in values.iter_mut().zip(texel.chunks_exact(part)) {
-                            *value = component(kind, bytes, store.swap);
+                            *value = T::of(component(kind, bytes, store.swap));
                         }
                     }
                 }
@@ -197,8 +256,44 @@ pub enum Base {
     Srgb,
     /// The same with alpha, which is linear.
     SrgbAlpha,
+    /// Red: kept in one channel.
+    Red,
+    /// Red and green: kept in two channels.
+    Rg,
+    /// Numbers that are not bounded.
+    Float(Channels, Width),
     /// Depth; what the environment reads is chosen by the texture.
     Depth,
+}
+
+/// Channels of floating-point texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channels {
+    /// As [`Base::Alpha`].
+    Alpha,
+    /// As [`Base::Luminance`].
+    Luminance,
+    /// As [`Base::LuminanceAlpha`].
+    LuminanceAlpha,
+    /// As [`Base::Intensity`].
+    Intensity,
+    /// As [`Base::Red`].
+    Red,
+    /// As [`Base::Rg`].
+    Rg,
+    /// As [`Base::Rgb`].
+    Rgb,
+    /// As [`Base::Rgba`].
+    Rgba,
+}
+
+/// Bits of floating-point channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Width {
+    /// 16.
+    Half,
+    /// 32.
+    Single,
 }
 
 impl Base {
@@ -222,16 +317,62 @@ impl Base {
             e::DEPTH_COMPONENT | e::DEPTH_COMPONENT16..=e::DEPTH_COMPONENT32 | e::DEPTH_STENCIL | e::DEPTH24_STENCIL8 => {
                 Base::Depth
             }
+            DEPTH_COMPONENT32F | DEPTH32F_STENCIL8 => Base::Depth,
+            e::RED | R8 | R16 => Base::Red,
+            RG | RG8 | RG16 => Base::Rg,
+            RGB565 => Base::Rgb,
+            RGBA32F..=LUMINANCE_ALPHA16F => {
+                use Channels::{Alpha, Intensity, Luminance, LuminanceAlpha, Rgb, Rgba};
+                let width = if internal < RGBA16F { Width::Single } else { Width::Half };
+                let of = [Rgba, Rgb, Alpha, Intensity, Luminance, LuminanceAlpha];
+                Base::Float(of[(internal - RGBA32F) as usize % 6], width)
+            }
+            R16F => Base::Float(Channels::Red, Width::Half),
+            R32F => Base::Float(Channels::Red, Width::Single),
+            RG16F => Base::Float(Channels::Rg, Width::Half),
+            RG32F => Base::Float(Channels::Rg, Width::Single),
+            // Half precision has all values of these 11 bits.
+            R11F_G11F_B10F => Base::Float(Channels::Rgb, Width::Half),
             0..=0xff => return Err(INVALID_VALUE_FORMAT),
             _ => return Err(Fault::Unsupported(format!("textures of internal format {}", names::name(internal)))),
         })
     }
 
+    /// The base format of the same channels with eight bits each.
+    pub fn plain(self) -> Base {
+        match self {
+            Base::Float(channels, _) => match channels {
+                Channels::Alpha => Base::Alpha,
+                Channels::Luminance => Base::Luminance,
+                Channels::LuminanceAlpha => Base::LuminanceAlpha,
+                Channels::Intensity => Base::Intensity,
+                Channels::Red => Base::Red,
+                Channels::Rg => Base::Rg,
+                Channels::Rgb => Base::Rgb,
+                Channels::Rgba => Base::Rgba,
+            },
+            other => other,
+        }
+    }
+
+    /// Whether values outside of [0, 1] are kept.
+    pub fn is_float(self) -> bool {
+        matches!(self, Base::Float(..))
+    }
+
     /// The format in which texels are kept.
     pub fn format(self) -> Format {
         match self {
-            Base::Alpha | Base::Luminance | Base::Intensity => Format::R8Unorm,
-            Base::LuminanceAlpha => Format::Rg8Unorm,
+            Base::Alpha | Base::Luminance | Base::Intensity | Base::Red => Format::R8Unorm,
+            Base::LuminanceAlpha | Base::Rg => Format::Rg8Unorm,
+            Base::Float(_, width) => match (self.plain().format().components(), width) {
+                (1, Width::Half) => Format::R16Float,
+                (2, Width::Half) => Format::Rg16Float,
+                (_, Width::Half) => Format::Rgba16Float,
+                (1, Width::Single) => Format::R32Float,
+                (2, Width::Single) => Format::Rg32Float,
+                (_, Width::Single) => Format::Rgba32Float,
+            },
             Base::Rgb | Base::Rgba => Format::Rgba8Unorm,
             Base::Srgb | Base::SrgbAlpha => Format::Rgba8UnormSrgb,
             Base::Depth => super::card::DEPTH,
@@ -242,39 +383,84 @@ impl Base {
     pub fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
         match self {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
-            Base::Luminance | Base::Intensity => texels.iter().map(|t| t[0]).collect(),
+            Base::Rg => texels.iter().flat_map(|t| [t[0], t[1]]).collect(),
+            Base::Float(..) => self.keep_floats(&wide(texels)),
+            Base::Luminance | Base::Intensity | Base::Red => texels.iter().map(|t| t[0]).collect(),
             Base::LuminanceAlpha => texels.iter().flat_map(|t| [t[0], t[3]]).collect(),
             Base::Rgb | Base::Srgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
             Base::Rgba | Base::SrgbAlpha | Base::Depth => texels.as_flattened().to_vec(),
         }
     }
 
+    /// Floating-point texels as they are kept.
+    pub fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8> {
+        let format = self.format();
+        let bytes = format.block_bytes() as usize;
+        let mut out = Vec::with_capacity(texels.len() * bytes);
+        for &[r, g, b, a] in texels {
+            let kept = match self.plain() {
+                Base::Alpha => [a, 0.0, 0.0, 0.0],
+                Base::LuminanceAlpha => [r, a, 0.0, 0.0],
+                Base::Rgb => [r, g, b, 1.0],
+                _ => [r, g, b, a],
+            };
+            out.extend_from_slice(&texel::encode(format, kept.map(f32::to_bits))[..bytes]);
+        }
+        out
+    }
+
     /// WGSL of what the environment reads, from a kept texel `t`.
     pub fn swizzle(self) -> &'static str {
-        match self {
+        match self.plain() {
             Base::Alpha => "vec4f(0, 0, 0, t.r)",
+            Base::Red => "vec4f(t.r, 0, 0, 1)",
+            Base::Rg => "vec4f(t.rg, 0, 1)",
             Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
             Base::LuminanceAlpha => "t.rrrg",
             Base::Intensity => "t.rrrr",
             Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth => "t",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "t",
         }
     }
 
     /// WGSL of what is kept, from a colour `c`.
     pub fn unswizzle(self) -> &'static str {
-        match self {
+        match self.plain() {
             Base::Alpha => "c.aaaa",
-            Base::Luminance | Base::Intensity => "c.rrrr",
+            Base::Luminance | Base::Intensity | Base::Red => "c.rrrr",
+            Base::Rg => "c.rgba",
             Base::LuminanceAlpha => "c.raaa",
             Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth => "c",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "c",
         }
     }
 }
 
+// Internal formats that came after OpenGL 1.5.
+const R8: u32 = 0x8229;
+const R16: u32 = 0x822a;
+const RG8: u32 = 0x822b;
+const RG16: u32 = 0x822c;
+const R16F: u32 = 0x822d;
+const R32F: u32 = 0x822e;
+const RG16F: u32 = 0x822f;
+const RG32F: u32 = 0x8230;
+const RGB565: u32 = 0x8d62;
+/// RGBA, RGB, alpha, intensity, luminance, luminance and alpha of 32 bits; the same of 16 bits.
+const RGBA32F: u32 = 0x8814;
+const RGBA16F: u32 = 0x881a;
+const LUMINANCE_ALPHA16F: u32 = 0x881f;
+const R11F_G11F_B10F: u32 = 0x8c3a;
+const DEPTH_COMPONENT32F: u32 = 0x8cac;
+const DEPTH32F_STENCIL8: u32 = 0x8cad;
+
 /// The standard's error for an internal format that is none.
 const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
+
+/// Texels of eight bits as numbers.
+fn wide(texels: &[[u8; 4]]) -> Vec<[f32; 4]> {
+    texels.iter().map(|texel| texel.map(|code| f32::from(code) / 255.0)).collect()
+}
 
 /// The next smaller level of an image of kept texels: each is the mean of the eight (or four, or two) below it.
 pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
@@ -290,7 +476,7 @@ pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
         for (x, y) in (0..smaller[1]).flat_map(|y| (0..smaller[0]).map(move |x| (x, y))) {
             let eight: [&[u8]; 8] =
                 std::array::from_fn(|k| at(2 * x + (k as u32 & 1), 2 * y + (k as u32 >> 1 & 1), 2 * z + (k as u32 >> 2)));
-            if matches!(base, Base::Srgb | Base::SrgbAlpha) {
+            if matches!(base, Base::Srgb | Base::SrgbAlpha | Base::Float(..)) {
                 // Channels are the mean of what their codes stand for.
                 let eight = eight.map(|texel| texel::decode(format, texel).map(f32::from_bits));
                 let mean: [f32; 4] = std::array::from_fn(|c| eight.iter().map(|texel| texel[c]).sum::<f32>() / 8.0);
@@ -312,22 +498,22 @@ mod tests {
     fn rows_are_padded_to_the_alignment() {
         let bytes = [1, 2, 3, 0, 4, 5, 6, 0];
         let store = PixelStore::default();
-        let texels = unpack(&store, [1, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes).expect("pixels");
+        let texels = unpack::<u8>(&store, [1, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes).expect("pixels");
         assert_eq!(texels, [[1, 2, 3, 255], [4, 5, 6, 255]]);
         let store = PixelStore { alignment: 1, ..store };
-        let texels = unpack(&store, [1, 2, 1], e::BGR, e::UNSIGNED_BYTE, &bytes).expect("pixels");
+        let texels = unpack::<u8>(&store, [1, 2, 1], e::BGR, e::UNSIGNED_BYTE, &bytes).expect("pixels");
         assert_eq!(texels, [[3, 2, 1, 255], [5, 4, 0, 255]]);
-        assert!(matches!(unpack(&store, [2, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes), Err(Fault::Damaged(_))));
+        assert!(matches!(unpack::<u8>(&store, [2, 2, 1], e::RGB, e::UNSIGNED_BYTE, &bytes), Err(Fault::Damaged(_))));
     }
 
     #[test]
     fn packed_pixels_are_read_by_their_fields() {
         let store = PixelStore::default();
-        let texels = unpack(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_5_6_5, &[0x1f, 0xf8]).expect("pixels");
+        let texels = unpack::<u8>(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_5_6_5, &[0x1f, 0xf8]).expect("pixels");
         assert_eq!(texels, [[255, 0, 255, 255]]);
-        let texels = unpack(&store, [1, 1, 1], e::BGRA, e::UNSIGNED_INT_8_8_8_8_REV, &[1, 2, 3, 4]).expect("pixels");
+        let texels = unpack::<u8>(&store, [1, 1, 1], e::BGRA, e::UNSIGNED_INT_8_8_8_8_REV, &[1, 2, 3, 4]).expect("pixels");
         assert_eq!(texels, [[3, 2, 1, 4]]);
-        assert_eq!(unpack(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_4_4_4_4, &[0, 0]), Err(INVALID_OPERATION));
+        assert_eq!(unpack::<u8>(&store, [1, 1, 1], e::RGB, e::UNSIGNED_SHORT_4_4_4_4, &[0, 0]), Err(INVALID_OPERATION));
     }
 
     #[test]

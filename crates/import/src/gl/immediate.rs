@@ -16,6 +16,7 @@ pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if mode > e::POLYGON {
         return Err(INVALID_ENUM);
     }
+    gl.materials_meet()?;
     gl.begun = Some((mode, std::mem::take(&mut gl.spare)));
     Ok(())
 }
@@ -110,6 +111,7 @@ pub(super) fn multi_texture(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 pub(super) fn rectangle(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
+    gl.materials_meet()?;
     let [x1, y1, x2, y2] = if shape.vector {
         let ([a, b], [c, d]) = (call.array::<2>(0)?, call.array::<2>(1)?);
         [a, b, c, d]

@@ -102,6 +102,8 @@ pub struct UnitKey {
     pub kind: Kind,
     /// Its base format.
     pub base: Base,
+    /// What each component that is read is taken from.
+    pub swizzle: [u8; 4],
     /// Whether its border has a colour that no border of the card has.
     pub border: bool,
     /// Whether it has depths.

@@ -305,10 +305,12 @@ pub(super) fn end_list(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn call_list(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.materials_meet()?;
     gl.run_list(call.u32(0)?)
 }
 
 pub(super) fn call_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    gl.materials_meet()?;
     let (count, kind) = (call.size(0)? as usize, call.u32(1)?);
     let bytes: Rc<[u8]> = match call.arg(2) {
         Arg::Blob(bytes) => bytes.clone(),

@@ -19,6 +19,7 @@ use super::glsl::Glsl;
 use super::image::PixelStore;
 use super::key::ShaderKey;
 use super::lists::List;
+use super::materials::Given;
 use super::pixel_data::PixelMaps;
 use super::primitive::{Batch, Elements};
 use super::rectangles::Source;
@@ -118,6 +119,8 @@ pub struct Gl {
     pub spare: Vec<Vertex>,
     /// The material that changes between Begin and End: its faces and name, and its colour now.
     pub tracked: Option<([u32; 2], [f32; 4])>,
+    /// What `glMaterial` has given.
+    pub given: Given,
     /// Primitives that wait for a draw.
     pub batch: Batch,
     /// Whether each primitive call is a draw, with its attributes in full.
@@ -191,6 +194,7 @@ impl Gl {
             begun: None,
             spare: Vec::new(),
             tracked: None,
+            given: Given::default(),
             batch: Batch::default(),
             keep_draws: false,
             survey: false,

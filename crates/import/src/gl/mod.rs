@@ -40,6 +40,7 @@ mod key;
 mod lists;
 mod lit;
 mod machine;
+mod materials;
 mod matrix;
 mod names;
 mod pack;

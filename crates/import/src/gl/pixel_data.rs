@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::call::{Arg, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
-use super::image::{self, PixelStore};
+use super::image::{self, Base, PixelStore};
 use super::machine::Gl;
 
 /// Values of one rectangle at most.
@@ -166,7 +166,7 @@ impl Gl {
             };
             return Ok(values(&self.unpack, size, kind, bytes, false)?.into_iter().map(color).collect());
         }
-        let mut texels = image::unpack(&self.unpack, size, format, kind, bytes)?;
+        let mut texels: Vec<[u8; 4]> = image::unpack(&self.unpack, size, format, kind, bytes)?;
         if !transfer.keeps_colors() {
             for channel in 0..4 {
                 // A channel has 256 values only.
@@ -179,6 +179,18 @@ impl Gl {
             }
         }
         Ok(texels)
+    }
+
+    /// Texels of a rectangle as an image of this base format keeps them.
+    pub fn kept(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
+        let bounded = format == e::COLOR_INDEX;
+        if !base.is_float() || bounded {
+            return Ok(base.keep(&self.texels(size, format, kind, bytes)?));
+        }
+        if !self.state.transfer.keeps_colors() {
+            return Err(Fault::Unsupported("pixel transfer into floating-point textures".into()));
+        }
+        Ok(base.keep_floats(&image::unpack(&self.unpack, size, format, kind, bytes)?))
     }
 
     /// Depths of a rectangle after pixel transfer.

@@ -3,6 +3,7 @@
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, parameters};
+use super::materials::{tracked, tracks};
 use super::matrix;
 use super::names;
 use super::state::{LIGHTS, Material, TARGETS, capability};
@@ -13,28 +14,33 @@ pub(super) fn swap(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
 
 impl Gl {
     /// What colour material has made of the materials so far: they keep it when it is switched off (OpenGL 1.5, section 2.14.3).
-    fn settle_color_material(&mut self) {
-        let state = &mut self.state;
-        if !state.is(e::COLOR_MATERIAL) {
-            return;
+    fn settle_color_material(&mut self) -> Outcome {
+        if !self.state.is(e::COLOR_MATERIAL) {
+            return Ok(());
         }
-        let ([face, mode], color) = (state.color_material, state.current.color);
-        for side in faces(face).into_iter().flatten() {
-            let material = &mut state.materials[side];
-            match mode {
-                e::AMBIENT => material.ambient = color,
-                e::DIFFUSE => material.diffuse = color,
-                e::SPECULAR => material.specular = color,
-                e::EMISSION => material.emission = color,
-                _ => (material.ambient, material.diffuse) = (color, color),
+        self.materials_meet()?;
+        let state = &mut self.state;
+        let (color, tracked) = (state.current.color, tracked(state));
+        let kept = self.given.kept(color);
+        for (side, material) in state.materials.iter_mut().enumerate() {
+            let set = tracked[side] & !kept[side];
+            for (bit, value) in [
+                (tracks::AMBIENT, &mut material.ambient),
+                (tracks::DIFFUSE, &mut material.diffuse),
+                (tracks::SPECULAR, &mut material.specular),
+                (tracks::EMISSION, &mut material.emission),
+            ] {
+                *value = if set & bit != 0 { color } else { *value };
             }
         }
+        Ok(())
     }
 }
 
 fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
-    if cap == e::COLOR_MATERIAL {
-        gl.settle_color_material();
+    if cap == e::COLOR_MATERIAL && on != gl.state.is(cap) {
+        gl.settle_color_material()?;
+        gl.given.switch();
     }
     if let Some(bit) = capability(cap) {
         gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
@@ -74,15 +80,18 @@ pub(super) fn push_attrib(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.saved.len() >= 16 {
         return Err(Fault::Error("GL_STACK_OVERFLOW"));
     }
-    gl.settle_color_material();
+    gl.settle_color_material()?;
     gl.saved.push((call.u32(0)?, Box::new(gl.state.clone())));
     Ok(())
 }
 
 pub(super) fn pop_attrib(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     let (mask, saved) = gl.saved.pop().ok_or(Fault::Error("GL_STACK_UNDERFLOW"))?;
-    gl.settle_color_material();
+    gl.settle_color_material()?;
     gl.state.restore(mask, *saved);
+    if mask & e::LIGHTING_BIT != 0 {
+        gl.given.restore();
+    }
     Ok(())
 }
 
@@ -118,7 +127,7 @@ fn faces(face: u32) -> Outcome<std::ops::Range<usize>> {
 pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     let (face, name, values) = (faces(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
     let mut materials = gl.state.materials.clone();
-    for material in &mut materials[face] {
+    for material in &mut materials[face.clone()] {
         match name {
             e::AMBIENT => material.ambient = color(&values, shape)?,
             e::DIFFUSE => material.diffuse = color(&values, shape)?,
@@ -138,6 +147,9 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
             e::COLOR_INDEXES => {}
             _ => return Err(INVALID_ENUM),
         }
+    }
+    if gl.begun.is_none() {
+        gl.given.give(&gl.state, face, name);
     }
     if materials == gl.state.materials {
         return Ok(());
@@ -200,8 +212,11 @@ pub(super) fn color_material(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if !matches!(mode, e::EMISSION | e::AMBIENT | e::DIFFUSE | e::SPECULAR | e::AMBIENT_AND_DIFFUSE) {
         return Err(INVALID_ENUM);
     }
-    gl.settle_color_material();
-    gl.state.color_material = [face, mode];
+    if gl.state.color_material != [face, mode] {
+        gl.settle_color_material()?;
+        gl.state.color_material = [face, mode];
+        gl.given.switch();
+    }
     Ok(())
 }
 

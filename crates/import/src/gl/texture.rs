@@ -95,6 +95,8 @@ pub struct Texture {
     pub compare_func: Compare,
     /// The base format that depths appear as.
     pub depth_mode: Base,
+    /// What each component that is read is taken from: a channel, 4 for zero, 5 for one.
+    pub swizzle: [u8; 4],
     native: Option<Native>,
 }
 
@@ -114,6 +116,8 @@ pub struct Bound {
     pub levels: [u32; 2],
     /// Whether it has depths, and whether they are compared.
     pub depth: DepthRead,
+    /// See [`Texture::swizzle`].
+    pub swizzle: [u8; 4],
 }
 
 /// How depths of a texture are read.
@@ -147,6 +151,7 @@ impl Texture {
             compare: None,
             compare_func: Compare::LessEqual,
             depth_mode: Base::Luminance,
+            swizzle: [0, 1, 2, 3],
             native: None,
         }
     }
@@ -413,13 +418,13 @@ impl Texture {
         let (base, depth) = match (native.base, self.compare) {
             (Base::Depth, Some(_)) => (self.depth_mode, DepthRead::Compared),
             (Base::Depth, None) => (self.depth_mode, DepthRead::Plain),
-            (base, _) => (base, DepthRead::No),
+            (base, _) => (base.plain(), DepthRead::No),
         };
         if depth != DepthRead::No && !matches!(kind, Kind::D1 | Kind::D2 | Kind::Rectangle) {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
         let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear);
-        Ok(Some(Bound { bound, border, bias: self.bias, base, clamp, levels, depth }))
+        Ok(Some(Bound { bound, border, bias: self.bias, base, clamp, levels, depth, swizzle: self.swizzle }))
     }
 
     /// Its sampler, and the colour of the border as texels are kept, where it is none of the card's.
@@ -451,13 +456,14 @@ impl Texture {
             *mode = AddressMode::ClampToEdge;
         }
         let base = self.native.as_ref().map_or(Base::Rgba, |native| native.base);
-        let [r, g, b, a] = self.border.map(|value| value.clamp(0.0, 1.0));
-        let kept = match base {
+        let [r, g, b, a] = self.border.map(|value| if base.is_float() { value } else { value.clamp(0.0, 1.0) });
+        let kept = match base.plain() {
             Base::Alpha => [a, 0.0, 0.0, 0.0],
-            Base::Luminance | Base::Intensity | Base::Depth => [r, 0.0, 0.0, 0.0],
+            Base::Luminance | Base::Intensity | Base::Depth | Base::Red => [r, 0.0, 0.0, 0.0],
+            Base::Rg => [r, g, 0.0, 0.0],
             Base::LuminanceAlpha => [r, a, 0.0, 0.0],
             Base::Rgb | Base::Srgb => [r, g, b, 1.0],
-            Base::Rgba | Base::SrgbAlpha => [r, g, b, a],
+            Base::Rgba | Base::SrgbAlpha | Base::Float(..) => [r, g, b, a],
         };
         let channels = base.format().components() as usize;
         let (border, color) = match kept {

@@ -25,7 +25,13 @@ pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
+const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
+
 fn target_of(target: u32) -> Outcome<usize> {
+    if LATER_TARGETS.contains(&target) {
+        return Err(Fault::Unsupported(format!("textures of target {}", names::name(target))));
+    }
     TARGETS.iter().position(|&known| known == target).ok_or(INVALID_ENUM)
 }
 
@@ -64,7 +70,8 @@ fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
     if face < 6 && allowed.contains(&e::TEXTURE_2D) {
         return Ok(Some((target_of(e::TEXTURE_CUBE_MAP)?, face)));
     }
-    if allowed.contains(&target) { Ok(Some((target_of(target)?, 0))) } else { Err(INVALID_ENUM) }
+    let found = target_of(target)?;
+    if allowed.contains(&target) { Ok(Some((found, 0))) } else { Err(INVALID_ENUM) }
 }
 
 const PLANAR: &[u32] = &[e::TEXTURE_2D, e::TEXTURE_RECTANGLE];
@@ -116,7 +123,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         }
         // Contents are undefined.
         None if base == Base::Depth => None,
-        Some(bytes) => Some(base.keep(&gl.texels(size, format, kind, &bytes)?)),
+        Some(bytes) => Some(gl.kept(base, size, [format, kind], &bytes)?),
         // Zeros are as good as any.
         None => Some(vec![0; size.iter().product::<u32>() as usize * base.format().block_bytes() as usize]),
     };
@@ -291,6 +298,61 @@ pub(super) fn image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     define(gl, call, &[e::TEXTURE_3D], 3)
 }
 
+/// `glTexStorage(target, levels, internal format, size)`: all levels, without contents.
+fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outcome {
+    let cube = call.u32(0)? == e::TEXTURE_CUBE_MAP && allowed.contains(&e::TEXTURE_2D);
+    let target = match cube {
+        true => target_of(e::TEXTURE_CUBE_MAP)?,
+        false => match image_target(call.u32(0)?, allowed)? {
+            Some((target, _)) => target,
+            None => return Ok(()),
+        },
+    };
+    let mut size = [1; 3];
+    for (k, edge) in size.iter_mut().enumerate().take(dimensions) {
+        *edge = call.size(3 + k)?;
+    }
+    let levels = call.u32(1)?;
+    let most = 32 - size.into_iter().max().unwrap_or(1).leading_zeros();
+    checked(0, size, 0)?;
+    if levels == 0 || size.contains(&0) {
+        return Err(INVALID_VALUE);
+    }
+    if levels > most {
+        return Err(INVALID_OPERATION);
+    }
+    let internal = call.u32(2)?;
+    if s3tc(internal).is_some() {
+        return Err(Fault::Unsupported("storage of compressed textures without contents".into()));
+    }
+    let base = Base::of(internal)?;
+    for level in 0..levels {
+        let size: [u32; 3] = std::array::from_fn(|k| if k < dimensions { (size[k] >> level).max(1) } else { 1 });
+        let bytes = size.iter().product::<u32>() as usize * base.format().block_bytes() as usize;
+        for face in 0..if cube { 6 } else { 1 } {
+            // Zeros are as good as any.
+            let zeros = (base != Base::Depth).then(|| vec![0; bytes]);
+            install(gl, target, face, level, Level::plain(size, base, zeros))?;
+        }
+    }
+    with(gl, target, |texture, _| {
+        texture.range[1] = texture.range[1].min(levels - 1);
+        Ok(())
+    })
+}
+
+pub(super) fn storage_1d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    storage(gl, call, &[e::TEXTURE_1D], 1)
+}
+
+pub(super) fn storage_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    storage(gl, call, PLANAR, 2)
+}
+
+pub(super) fn storage_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    storage(gl, call, &[e::TEXTURE_3D], 3)
+}
+
 /// Whether a part lies in an image.
 fn inside(image: &Level, origin: [u32; 3], size: [u32; 3]) -> bool {
     (0..3).all(|k| u64::from(origin[k]) + u64::from(size[k]) <= u64::from(image.size[k]))
@@ -323,7 +385,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
     };
     let kept = match base {
         Base::Depth => gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect(),
-        base => base.keep(&gl.texels(size, format, kind, &bytes)?),
+        base => gl.kept(base, size, [format, kind], &bytes)?,
     };
     let generates = with(gl, target, |texture, card| {
         texture.write(card, face, level, origin, size, &kept);
@@ -462,6 +524,7 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
                 e::LUMINANCE => texture.depth_mode = Base::Luminance,
                 e::INTENSITY => texture.depth_mode = Base::Intensity,
                 e::ALPHA => texture.depth_mode = Base::Alpha,
+                e::RED => texture.depth_mode = Base::Red,
                 _ => return Err(INVALID_ENUM),
             },
             e::TEXTURE_COMPARE_FUNC if (e::NEVER..=e::ALWAYS).contains(&word) => {
@@ -472,9 +535,39 @@ pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
                 texture.compare = (word != e::NONE).then_some(texture.compare_func);
             }
             e::TEXTURE_LOD_BIAS => texture.bias = value as f32,
+            SWIZZLE_R..=SWIZZLE_A => texture.swizzle[(name - SWIZZLE_R) as usize] = swizzled(word)?,
+            SWIZZLE_RGBA => {
+                let values = values.get(..4).ok_or_else(|| Fault::Damaged("a swizzle of fewer than 4 numbers".into()))?;
+                for (part, &value) in texture.swizzle.iter_mut().zip(values) {
+                    *part = swizzled(value as i64 as u32)?;
+                }
+            }
+            SRGB_DECODE if word == SKIP_DECODE => {
+                return Err(Fault::Unsupported("textures of sRGB that are read without decoding".into()));
+            }
+            SRGB_DECODE => {}
             _ => return Err(INVALID_ENUM),
         }
         Ok(())
+    })
+}
+
+const SWIZZLE_R: u32 = 0x8e42;
+const SWIZZLE_A: u32 = 0x8e45;
+const SWIZZLE_RGBA: u32 = 0x8e46;
+const SRGB_DECODE: u32 = 0x8a48;
+const SKIP_DECODE: u32 = 0x8a4a;
+
+/// The number of what a component is taken from: a channel, 4 for zero, 5 for one.
+fn swizzled(word: u32) -> Outcome<u8> {
+    Ok(match word {
+        e::RED => 0,
+        e::GREEN => 1,
+        e::BLUE => 2,
+        e::ALPHA => 3,
+        e::ZERO => 4,
+        e::ONE => 5,
+        _ => return Err(INVALID_ENUM),
     })
 }
 

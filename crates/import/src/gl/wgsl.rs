@@ -551,11 +551,26 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
         line!(out, "    let bordered{k} = inner{k} + ({white}.r - inner{k}.r) * u.border{k};");
         read = format!("bordered{k}");
     }
-    if unit.base.swizzle() == "t" {
+    let swizzled = swizzled(unit);
+    if swizzled == "t" {
         line!(out, "    let texel{k} = {read};");
     } else {
-        line!(out, "    var texel{k}: vec4f;\n    {{ let t = {read}; texel{k} = {}; }}", unit.base.swizzle());
+        line!(out, "    var texel{k}: vec4f;\n    {{ let t = {read}; texel{k} = {swizzled}; }}");
     }
+}
+
+/// WGSL of what is read of a texture, from a kept texel `t`: its base format, and then its swizzle.
+pub fn swizzled(unit: &UnitKey) -> String {
+    let base = unit.base.swizzle();
+    if unit.swizzle == [0, 1, 2, 3] {
+        return base.to_owned();
+    }
+    let [a, b, c, d] = unit.swizzle.map(|from| match from {
+        4 => "0.0".to_owned(),
+        5 => "1.0".to_owned(),
+        channel => format!("({base})[{channel}]"),
+    });
+    format!("vec4f({a}, {b}, {c}, {d})")
 }
 
 /// Applies the environment of a unit to `c` (OpenGL 1.5, tables 3.22 to 3.24).

@@ -176,7 +176,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
                     let at = if unit.kind == Kind::D3 { "at" } else { "at.xy" };
                     let read = format!("textureLoad(image{k}, {at}, level)");
                     let read = if unit.depth == DepthRead::No { read } else { format!("vec4f({read})") };
-                    line!(out, "    let t = {read};\n    return {};\n}}", unit.base.swizzle());
+                    line!(out, "    let t = {read};\n    return {};\n}}", fixed::swizzled(unit));
                 }
                 None => line!(out, "    return vec4f(0, 0, 0, 1);\n}}"),
             }

@@ -1,0 +1,121 @@
+//! Materials beside colour material, in the order in which Mesa lets calls take effect.
+//!
+//! By the standard, colour material sets the materials that it tracks as soon as it is switched on. Mesa keeps what `glMaterial` and `glColor`
+//! give until a primitive begins: materials that were given before colour material was switched on then replace those that it has set, unless
+//! the colour changes there too. Programs that end each frame with a material and begin the next with colour material show the difference
+//! (OpenSceneGraph is one). References are Mesa's.
+
+use super::call::Outcome;
+use super::consts as e;
+use super::key::LightingKey;
+use super::machine::Gl;
+use super::state::{State, Vertex};
+use super::summary::Summary;
+
+/// Bits of what colour material can track.
+pub mod tracks {
+    /// The ambient colour.
+    pub const AMBIENT: u8 = 1;
+    /// The diffuse colour.
+    pub const DIFFUSE: u8 = 2;
+    /// The specular colour.
+    pub const SPECULAR: u8 = 4;
+    /// The emission.
+    pub const EMISSION: u8 = 8;
+}
+
+/// What `glMaterial` has given, beside the materials themselves. Bits of [`tracks`], of the front and the back.
+#[derive(Clone, Debug)]
+pub struct Given {
+    /// What was given since the last primitive.
+    waiting: [u8; 2],
+    /// What keeps its value though colour material tracks it, as long as the colour does not change.
+    kept: [u8; 2],
+    /// The current colour when the last primitive began.
+    color: [f32; 4],
+}
+
+impl Default for Given {
+    fn default() -> Self {
+        Given { waiting: [0; 2], kept: [0; 2], color: [1.0; 4] }
+    }
+}
+
+/// What a parameter of `glMaterial` or a mode of colour material means.
+pub fn bits(name: u32) -> u8 {
+    match name {
+        e::AMBIENT => tracks::AMBIENT,
+        e::DIFFUSE => tracks::DIFFUSE,
+        e::AMBIENT_AND_DIFFUSE => tracks::AMBIENT | tracks::DIFFUSE,
+        e::SPECULAR => tracks::SPECULAR,
+        e::EMISSION => tracks::EMISSION,
+        _ => 0,
+    }
+}
+
+/// What colour material tracks on each side.
+pub fn tracked(state: &State) -> [u8; 2] {
+    if !state.is(e::COLOR_MATERIAL) {
+        return [0; 2];
+    }
+    let [face, mode] = state.color_material;
+    [e::FRONT, e::BACK].map(|side| if face == side || face == e::FRONT_AND_BACK { bits(mode) } else { 0 })
+}
+
+impl Given {
+    /// A material is given.
+    pub fn give(&mut self, state: &State, faces: std::ops::Range<usize>, name: u32) {
+        let tracked = tracked(state);
+        for side in faces {
+            self.waiting[side] |= bits(name) & !tracked[side];
+        }
+    }
+
+    /// Colour material is switched: it sets all that it tracks.
+    pub fn switch(&mut self) {
+        self.kept = [0; 2];
+    }
+
+    /// Materials are restored as a whole.
+    pub fn restore(&mut self) {
+        (self.waiting, self.kept) = ([0; 2], [0; 2]);
+    }
+
+    /// What keeps its value beside this colour.
+    pub fn kept(&self, color: [f32; 4]) -> [u8; 2] {
+        if color == self.color { self.kept } else { [0; 2] }
+    }
+
+    /// Takes from a draw's lighting what colour material does not reach.
+    pub fn limit(&self, lighting: &mut LightingKey, constant: &Vertex, summary: &Summary) {
+        if !summary.varying.color {
+            let kept = self.kept(constant.color);
+            for (tracked, kept) in lighting.color_material.iter_mut().zip(kept) {
+                *tracked &= !kept;
+            }
+        }
+    }
+}
+
+impl Gl {
+    /// A primitive begins: what was given takes effect.
+    pub fn materials_meet(&mut self) -> Outcome {
+        if self.begun.is_some() || self.compiling.is_some() {
+            return Ok(());
+        }
+        let color = self.state.current.color;
+        let mut kept = self.given.kept(color);
+        if color == self.given.color && self.given.waiting != [0; 2] {
+            let tracked = tracked(&self.state);
+            for side in 0..2 {
+                kept[side] |= self.given.waiting[side] & tracked[side];
+            }
+        }
+        if kept != self.given.kept {
+            // What waits was drawn before.
+            self.flush()?;
+        }
+        self.given = Given { waiting: [0; 2], kept, color };
+        Ok(())
+    }
+}
