@@ -9,7 +9,7 @@ use trace::command::*;
 use trace::record::{self, Recorder};
 
 use super::pass::Pass;
-pub use super::pass::{Buffer, Draw, Fixed, Surface, Target};
+pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Surface, Target};
 
 /// Format of the window's colours. Where the window has no alpha, it stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
@@ -170,7 +170,8 @@ impl Card {
             }
         };
         let (color, depth) = (Some(color), Some(depth));
-        Some(Target { size, color, depth, has_depth: true, has_stencil: true, upward: self.upward, alpha: self.window_alpha })
+        let (more, upward, alpha) = ([None; COLORS_MAX - 1], self.upward, self.window_alpha);
+        Some(Target { size, color, more, depth, has_depth: true, has_stencil: true, upward, alpha })
     }
 
     /// The back buffer as a target that encodes linear colours as sRGB.
@@ -211,7 +212,7 @@ impl Card {
             return;
         }
         self.close();
-        for surface in target.iter().flat_map(|target| [target.color, target.depth]).flatten() {
+        for surface in target.iter().flat_map(Target::surfaces) {
             if target.is_some_and(|target| !self.is_window(&target)) {
                 self.release(surface.texture);
             }
@@ -224,10 +225,8 @@ impl Card {
         if !self.pass.draws.is_empty() {
             self.close();
         }
-        let alpha = self.target.is_some_and(|target| target.alpha);
         let pass = &mut self.pass;
-        let opaque = |[r, g, b, a]: [f32; 4]| [r, g, b, if alpha { a } else { 1.0 }].map(f64::from);
-        pass.color = color.map(opaque).or(pass.color);
+        pass.color = color.map(|color| color.map(f64::from)).or(pass.color);
         pass.depth = depth.or(pass.depth);
         pass.stencil = stencil.or(pass.stencil);
     }
@@ -294,7 +293,7 @@ impl Card {
         let window = self.window.as_ref().map(|window| window.back);
         if self.frames >= self.first_frame || back(&pass) != window {
             // What is held and reads nothing of this pass may stay behind.
-            let drawn = pass.target.iter().flat_map(|target| [target.color, target.depth]).flatten();
+            let drawn: Vec<Surface> = pass.target.iter().flat_map(Target::surfaces).collect();
             let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
             let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(&surface.texture));
             if self.frames >= self.first_frame || shared || reads {
@@ -344,7 +343,16 @@ impl Card {
             let bound = BoundResource::Buffer { buffer: uniforms, offset: 0, size: Some(pass.block as u64) };
             group = Some((self.recorder.create_bind_group(layout, [(0, bound)]), own));
         }
-        let color = target.color.map(|color| ColorAttachment { clear: pass.color, ..record::load(color.view) });
+        // A buffer without alpha has 1 there, and only floating-point ones keep what is outside of [0, 1].
+        let cleared = |[r, g, b, a]: [f64; 4], color: Surface, alpha: bool| {
+            let value = [r, g, b, if alpha { a } else { 1.0 }];
+            if color.is_float() { value } else { value.map(|channel| channel.clamp(0.0, 1.0)) }
+        };
+        let attachment = |(color, alpha): (Surface, bool)| ColorAttachment {
+            clear: pass.color.map(|value| cleared(value, color, alpha)),
+            ..record::load(color.view)
+        };
+        let color: Vec<_> = target.colors().map(attachment).collect();
         let depth = target.depth.map(|depth| DepthAttachment {
             view: depth.view,
             depth_clear: pass.depth,
@@ -480,14 +488,17 @@ impl Card {
                 layout
             }
         };
-        let target = |format| ColorTarget { format, blend: fixed.blend, write_mask: fixed.mask };
+        let target = |format, write_mask| ColorTarget { format, blend: fixed.blend, write_mask };
         let each = if fixed.streams { 1 } else { fixed.attributes.len().max(1) };
         let desc = RenderPipelineDesc {
             layout: Some(layout),
             buffers: fixed.attributes.chunks(each).map(record::vertex_buffer).collect(),
             primitive: fixed.primitive,
             depth_stencil: fixed.depth,
-            targets: fixed.color.map(|format| Some(target(format))).into_iter().collect(),
+            targets: {
+                let first = fixed.color.map(|format| (format, fixed.mask));
+                first.into_iter().chain(fixed.more.iter().copied()).map(|(format, mask)| Some(target(format, mask))).collect()
+            },
             ..record::render_pipeline(fixed.shader, COLOR)
         };
         let id = self.recorder.create_render_pipeline("", desc);
@@ -524,7 +535,7 @@ impl Card {
     /// Destroys a texture with its views, after the pass that may read it.
     pub fn destroy(&mut self, texture: TextureId, views: &[ViewId]) {
         self.release(texture);
-        if self.target.is_some_and(|t| [t.color, t.depth].iter().flatten().any(|surface| surface.texture == texture)) {
+        if self.target.is_some_and(|target| target.surfaces().any(|surface| surface.texture == texture)) {
             self.target = None;
         }
         let gone: Vec<_> =

@@ -3,13 +3,25 @@
 use gfx::state::*;
 
 use super::call::Outcome;
-use super::card::{Draw, Fixed};
+use super::card::{COLORS_MAX, Draw, Fixed};
 use super::consts as e;
 use super::machine::Gl;
 
-const CLEAR_TEXT: &str = "struct Uniforms { color: vec4f, depth: vec4f }\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
-    @vertex fn vs(@location(0) position: vec2f) -> @builtin(position) vec4f { return vec4f(position, u.depth.x, 1); }\n\
-    @fragment fn fs() -> @location(0) vec4f { return u.color; }\n";
+/// Labels of shaders that clear so many colour buffers.
+const LABELS: [&str; COLORS_MAX] = ["clear", "clear 2", "clear 3", "clear 4", "clear 5", "clear 6", "clear 7", "clear 8"];
+
+/// The shader that clears a part of so many colour buffers.
+fn clear_text(colors: usize) -> String {
+    let fields: String = (0..colors).map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();
+    let values: Vec<String> = (0..colors).map(|_| "u.color".to_owned()).collect();
+    format!(
+        "struct Uniforms {{ color: vec4f, depth: vec4f }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
+         struct Pixel {{ {fields}}}\n\
+         @vertex fn vs(@location(0) position: vec2f) -> @builtin(position) vec4f {{ return vec4f(position, u.depth.x, 1); }}\n\
+         @fragment fn fs() -> Pixel {{ return Pixel({}); }}\n",
+        values.join(", ")
+    )
+}
 
 impl Gl {
     /// The scissor in the card's rows; none if it is empty.
@@ -40,7 +52,6 @@ impl Gl {
         let Some(target) = self.aim()? else { return Ok(()) };
         let Some(scissor) = self.scissor() else { return Ok(()) };
         let [width, height] = target.size;
-        let all = if target.alpha { 15 } else { 7 };
         let whole = scissor == Rect { x: 0, y: 0, width, height };
         let state = &self.state;
         let wanted = |bit: u32| mask & bit != 0;
@@ -48,18 +59,28 @@ impl Gl {
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
-        let partial = !whole || channels != 0 && channels != all || !matches!(stencil_mask, 0 | 0xff);
+        // Of each colour buffer all that it keeps.
+        let kept = |alpha: bool| if alpha { 15 } else { 7 };
+        let whole_colors = channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept(alpha) == kept(alpha));
+        let more: Vec<_> = target.more.iter().flatten().collect();
+        let more = more.iter().map(|(color, alpha)| (color.format, if channels == 0 { 0 } else { state.color_mask & kept(*alpha) }));
+        let more: Vec<_> = more.collect();
+        let partial = !whole || channels != 0 && !whole_colors || !matches!(stencil_mask, 0 | 0xff);
         if !partial {
-            self.card.clear((channels == all).then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
+            self.card.clear(whole_colors.then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));
             return Ok(());
         }
         let face = StencilFace { pass_op: StencilOp::Replace, depth_fail_op: StencilOp::Replace, ..StencilFace::default() };
         let fixed = Fixed {
-            shader: self.card.plain_shader("clear", CLEAR_TEXT),
+            shader: {
+                let colors = target.colors().count().max(1);
+                self.card.plain_shader(LABELS[colors - 1], &clear_text(colors))
+            },
             attributes: vec![(0, VertexFormat::Float32x2)],
             streams: false,
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
+            more,
             depth: target.depth.map(|surface| DepthStencil {
                 format: surface.format,
                 depth_write: depth,

@@ -2,6 +2,7 @@
 
 use gfx::state::*;
 
+use super::arb::program::Output;
 use super::arb::{Active, Stage, input};
 use super::call::{Fault, Outcome};
 use super::card::{Draw, Target};
@@ -22,6 +23,18 @@ use super::wgsl;
 /// The kind of texture of a target.
 pub fn kind_of(target: usize) -> Kind {
     [Kind::D1, Kind::D2, Kind::Rectangle, Kind::D3, Kind::Cube][target]
+}
+
+/// What a draw's fragments give to the colour buffers.
+fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
+    let count = target.colors().count().max(1) as u8;
+    let own = fragment.filter(|active| active.program.code.as_ref().is_some_and(|code| !code.broadcast));
+    let written = own.map_or(u8::MAX, |active| {
+        let bit = |output: &Output| if let Output::Color(k) = output { 1 << k } else { 0 };
+        // What a shader does not write is undefined; the first buffer has black then.
+        active.program.outputs.iter().map(bit).fold(1, |all: u8, bit: u8| all | bit)
+    });
+    Colors { count, written, alike: own.is_none(), float: target.colors().any(|(color, _)| color.is_float()) }
 }
 
 impl Gl {
@@ -127,7 +140,7 @@ impl Gl {
                     let [first, count] = texture.levels;
                     surface.texture == texture.bound.0 && (first..first + count).contains(&surface.level)
                 };
-                if [target.color, target.depth].into_iter().flatten().any(read) {
+                if target.surfaces().any(read) {
                     return Err(Fault::Unsupported("drawing into a texture that the draw reads".into()));
                 }
                 biases[unit] = texture.bias + self.state.units[unit].environment.bias;
@@ -151,6 +164,7 @@ impl Gl {
             self.given.limit(lighting, &constant, &summary);
         }
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
+        key.colors = colors_of(&target, fragment.as_ref());
         if self.cuts_fog(&key, batch) {
             // The distance of an end that is cut off is known here alone.
             let modelview = self.modelview.top;
@@ -161,6 +175,9 @@ impl Gl {
             (constant, summary) = (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices));
         }
         let mut bound: Vec<_> = bound.iter().map(|bound| bound.bound).collect();
+        if key.logic.is_some() && (target.more[0].is_some() || target.color.is_some_and(|color| color.is_float())) {
+            return Err(Fault::Unsupported("logic operations on several colour buffers and on floating-point ones".into()));
+        }
         if key.logic.is_some() {
             // The stored colours, as they are before this primitive.
             match target.color.filter(|surface| surface.level == 0 && surface.layer == 0) {

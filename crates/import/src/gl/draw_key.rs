@@ -129,6 +129,7 @@ impl Gl {
             back,
             vertex: None,
             fragment: None,
+            colors: Colors::default(),
         })
     }
 }

@@ -133,7 +133,13 @@ impl Gl {
         };
         let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
         let mask = if noop { 0 } else { self.mask() };
+        let more = |(k, &(color, alpha)): (usize, &(super::card::Surface, bool))| {
+            let kept = if alpha { 15 } else { 7 };
+            let written = key.colors.written & 2 << k != 0 && !noop;
+            (color.format, if written { state.color_mask & kept } else { 0 })
+        };
+        let more = target.more.iter().flatten().enumerate().map(more).collect();
         let streams = batch.sent.is_some() && attributes.len() <= STREAMS_MAX;
-        Ok(Fixed { shader, attributes, streams, primitive, color, depth, blend, mask, textures })
+        Ok(Fixed { shader, attributes, streams, primitive, color, more, depth, blend, mask, textures })
     }
 }

@@ -232,7 +232,8 @@ pub(super) fn color_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn clear_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.state.clear_color = color(call)?;
+    // Bounded where the colour buffer is.
+    gl.state.clear_color = [call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?];
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use gfx::state::Rect;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
-use super::card::{Buffer, COLOR, DEPTH, Surface, Target};
+use super::card::{Buffer, COLORS_MAX, DEPTH, Surface, Target};
 use super::consts as e;
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::draw::kind_of;
@@ -39,13 +39,18 @@ pub struct Framebuffer {
     colors: [Attached; COLORS],
     depth: Attached,
     stencil: Attached,
-    draw: u32,
+    draw: [u32; COLORS_MAX],
     read: u32,
+}
+
+/// Draw buffers of which only the first is used.
+fn alone(buffer: u32) -> [u32; COLORS_MAX] {
+    std::array::from_fn(|k| if k == 0 { buffer } else { e::NONE })
 }
 
 impl Default for Framebuffer {
     fn default() -> Self {
-        let (draw, read) = (e::COLOR_ATTACHMENT0, e::COLOR_ATTACHMENT0);
+        let (draw, read) = (alone(e::COLOR_ATTACHMENT0), e::COLOR_ATTACHMENT0);
         Framebuffer { colors: [Attached::Nothing; COLORS], depth: Attached::Nothing, stencil: Attached::Nothing, draw, read }
     }
 }
@@ -90,15 +95,23 @@ impl Gl {
         if image.is_some_and(|(surface, ..)| surface.format.is_compressed()) {
             return Err(INCOMPLETE);
         }
-        if image.is_some_and(|(_, _, base)| !matches!(base, Base::Rgb | Base::Rgba)) {
-            return Err(Fault::Unsupported("frame buffer objects with colours that are neither RGB nor RGBA".into()));
+        if image.is_some_and(|(_, _, base)| !matches!(base.plain(), Base::Rgb | Base::Rgba | Base::Red | Base::Rg)) {
+            return Err(Fault::Unsupported("frame buffer objects with luminance, alpha, intensity or sRGB".into()));
         }
         Ok(image)
     }
 
     fn target_of(&mut self, name: u32) -> Outcome<Target> {
         let object = self.framebuffers.get(&name).cloned().ok_or(INCOMPLETE)?;
-        let color = self.color_image(&object, object.draw)?;
+        let mut images = [None; COLORS_MAX];
+        for (image, &buffer) in images.iter_mut().zip(&object.draw) {
+            *image = self.color_image(&object, buffer)?;
+        }
+        let count = images.iter().take_while(|image| image.is_some()).count();
+        if images[count..].iter().any(Option::is_some) {
+            return Err(Fault::Unsupported("drawing to several colour buffers with one between them left out".into()));
+        }
+        let color = images[0];
         let (depth, stencil) = (self.image(object.depth)?, self.image(object.stencil)?);
         let attached = depth.or(stencil);
         if depth.is_some() && stencil.is_some() && object.depth != object.stencil {
@@ -107,7 +120,7 @@ impl Gl {
         if attached.is_some_and(|(_, _, base)| base != Base::Depth) {
             return Err(INCOMPLETE);
         }
-        let sizes: Vec<[u32; 2]> = [color, attached].into_iter().flatten().map(|(_, size, _)| size).collect();
+        let sizes: Vec<[u32; 2]> = images.into_iter().chain([attached]).flatten().map(|(_, size, _)| size).collect();
         let &size = sizes.first().ok_or(INCOMPLETE)?;
         if sizes.iter().any(|&other| other != size) {
             return Err(Fault::Unsupported("frame buffer objects with images of different sizes".into()));
@@ -115,11 +128,12 @@ impl Gl {
         Ok(Target {
             size,
             color: color.map(|(surface, ..)| surface),
+            more: std::array::from_fn(|k| images[k + 1].map(|(surface, _, base)| (surface, base.plain() == Base::Rgba))),
             depth: attached.map(|(surface, ..)| surface),
             has_depth: depth.is_some(),
             has_stencil: stencil.is_some(),
             upward: true,
-            alpha: color.is_some_and(|(_, _, base)| base == Base::Rgba),
+            alpha: color.is_some_and(|(_, _, base)| base.plain() == Base::Rgba),
         })
     }
 
@@ -302,7 +316,7 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
     };
     let format = match base {
         Base::Depth => DEPTH,
-        Base::Rgb | Base::Rgba => COLOR,
+        Base::Rgb | Base::Rgba | Base::Red | Base::Rg | Base::Float(..) => base.format(),
         _ => return Err(Fault::Unsupported(format!("render buffers of internal format {}", names::name(internal)))),
     };
     let name = gl.renderbuffer;
@@ -339,7 +353,7 @@ fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
             return Err(INVALID_OPERATION);
         }
         let object = gl.framebuffers.get_mut(&gl.draw_framebuffer).ok_or(INVALID_OPERATION)?;
-        object.draw = buffer;
+        object.draw = alone(buffer);
         return Ok(());
     }
     match buffer {
@@ -358,6 +372,20 @@ pub(super) fn draw_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let buffers = call.numbers(1)?;
+    if gl.draw_framebuffer != 0 {
+        let mut draw = [e::NONE; COLORS_MAX];
+        if buffers.len() > draw.len() {
+            return Err(INVALID_VALUE);
+        }
+        for (to, &buffer) in draw.iter_mut().zip(buffers.iter()) {
+            *to = buffer as u32;
+            if *to != e::NONE && to.wrapping_sub(e::COLOR_ATTACHMENT0) >= COLORS as u32 {
+                return Err(INVALID_ENUM);
+            }
+        }
+        gl.framebuffers.get_mut(&gl.draw_framebuffer).ok_or(INVALID_OPERATION)?.draw = draw;
+        return Ok(());
+    }
     match buffers.iter().filter(|&&buffer| buffer != 0.0).count() {
         0 => set_draw(gl, e::NONE),
         1 if buffers[0] != 0.0 => set_draw(gl, buffers[0] as u32),
@@ -440,6 +468,9 @@ pub(super) fn blit(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Err(Fault::Unsupported("blits of stencil values".into()));
     }
     let Some(target) = gl.aim()? else { return Ok(()) };
+    if target.more[0].is_some() && mask & e::COLOR_BUFFER_BIT != 0 {
+        return Err(Fault::Unsupported("blits into several colour buffers".into()));
+    }
     let Some(scissor) = gl.scissor() else { return Ok(()) };
     for depth in [false, true] {
         let bit = if depth { e::DEPTH_BUFFER_BIT } else { e::COLOR_BUFFER_BIT };

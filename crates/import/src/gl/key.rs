@@ -207,6 +207,27 @@ pub struct ShaderKey {
     pub vertex: Option<VertexKey>,
     /// The fragment program in the place of texture environments, colour sum and fog.
     pub fragment: Option<FragmentKey>,
+    /// What goes to the colour buffers.
+    pub colors: Colors,
+}
+
+/// What fragments give to the colour buffers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Colors {
+    /// How many there are, at least 1.
+    pub count: u8,
+    /// Which of them are written: a bit each.
+    pub written: u8,
+    /// Whether all have the first one's colour.
+    pub alike: bool,
+    /// Whether one of them keeps what is outside of [0, 1].
+    pub float: bool,
+}
+
+impl Default for Colors {
+    fn default() -> Self {
+        Colors { count: 1, written: 1, alike: true, float: false }
+    }
 }
 
 impl ShaderKey {

@@ -1,9 +1,9 @@
 //! Materials beside colour material, in the order in which Mesa lets calls take effect.
 //!
 //! By the standard, colour material sets the materials that it tracks as soon as it is switched on. Mesa keeps what `glMaterial` and `glColor`
-//! give until a primitive begins: materials that were given before colour material was switched on then replace those that it has set, unless
-//! the colour changes there too. Programs that end each frame with a material and begin the next with colour material show the difference
-//! (OpenSceneGraph is one). References are Mesa's.
+//! give until a primitive begins, and takes the colour first: materials that were given before colour material was switched on then replace
+//! what it has set, until the colour changes. Programs that end each frame with a material and begin the next with colour material show the
+//! difference (OpenSceneGraph is one). References are Mesa's.
 
 use super::call::Outcome;
 use super::consts as e;
@@ -105,11 +105,8 @@ impl Gl {
         }
         let color = self.state.current.color;
         let mut kept = self.given.kept(color);
-        if color == self.given.color && self.given.waiting != [0; 2] {
-            let tracked = tracked(&self.state);
-            for side in 0..2 {
-                kept[side] |= self.given.waiting[side] & tracked[side];
-            }
+        for (side, tracked) in tracked(&self.state).into_iter().enumerate() {
+            kept[side] |= self.given.waiting[side] & tracked;
         }
         if kept != self.given.kept {
             // What waits was drawn before.

@@ -64,6 +64,17 @@ pub struct Surface {
     pub layer: u32,
 }
 
+impl Surface {
+    /// Whether values outside of [0, 1] are kept.
+    pub fn is_float(&self) -> bool {
+        use Format::{R16Float, R32Float, Rg16Float, Rg32Float, Rgba16Float, Rgba32Float};
+        matches!(self.format, R16Float | Rg16Float | Rgba16Float | R32Float | Rg32Float | Rgba32Float)
+    }
+}
+
+/// Colour buffers that a draw writes at most.
+pub const COLORS_MAX: usize = 8;
+
 /// What draws go to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Target {
@@ -71,6 +82,8 @@ pub struct Target {
     pub size: [u32; 2],
     /// Colours.
     pub color: Option<Surface>,
+    /// Further colour buffers, each with whether it keeps alpha; behind the first that is none there are no others.
+    pub more: [Option<(Surface, bool)>; COLORS_MAX - 1],
     /// Depth and stencil.
     pub depth: Option<Surface>,
     /// Whether depths are there.
@@ -81,6 +94,19 @@ pub struct Target {
     pub upward: bool,
     /// Whether alpha is kept. Elsewhere it stays 1.
     pub alpha: bool,
+}
+
+impl Target {
+    /// Its colour buffers, each with whether it keeps alpha.
+    pub fn colors(&self) -> impl Iterator<Item = (Surface, bool)> {
+        let alpha = self.alpha;
+        self.color.map(|color| (color, alpha)).into_iter().chain(self.more.into_iter().flatten())
+    }
+
+    /// All images that it has.
+    pub fn surfaces(&self) -> impl Iterator<Item = Surface> {
+        self.colors().map(|(color, _)| color).chain(self.depth)
+    }
 }
 
 /// Which colours of the window are meant.
@@ -144,8 +170,8 @@ impl Pass {
 
     /// Whether it reads or draws to a texture.
     pub fn uses(&self, texture: TextureId) -> bool {
-        let drawn = |surface: Option<Surface>| surface.is_some_and(|surface| surface.texture == texture);
-        self.textures.contains(&texture) || self.target.is_some_and(|target| drawn(target.color) || drawn(target.depth))
+        let drawn = |target: Target| target.surfaces().any(|surface| surface.texture == texture);
+        self.textures.contains(&texture) || self.target.is_some_and(drawn)
     }
 }
 
@@ -162,6 +188,8 @@ pub struct Fixed {
     pub primitive: Primitive,
     /// Format of colours.
     pub color: Option<Format>,
+    /// Formats of further colour buffers, and the channels that are written.
+    pub more: Vec<(Format, u8)>,
     /// Depth and stencil.
     pub depth: Option<DepthStencil>,
     /// Blending.
@@ -175,7 +203,8 @@ pub struct Fixed {
 impl Fixed {
     /// Buffers that draws may write: bits of [`writes`].
     pub fn writes(&self) -> u8 {
-        let mut bits = if self.color.is_some() && self.mask != 0 { writes::COLOR } else { 0 };
+        let colors = self.color.is_some() && self.mask != 0 || self.more.iter().any(|&(_, mask)| mask != 0);
+        let mut bits = if colors { writes::COLOR } else { 0 };
         if let Some(depth) = &self.depth {
             bits |= if depth.depth_write { writes::DEPTH } else { 0 };
             let kept = [depth.stencil_front, depth.stencil_back].iter().all(|face| *face == StencilFace::default());

@@ -237,6 +237,9 @@ impl Gl {
     /// State of a draw of depths or stencil values, before what they change of it.
     fn values_state(&mut self, label: &'static str, text: &str) -> Outcome<Fixed> {
         let target = self.aim()?.ok_or(INVALID_OPERATION)?;
+        if target.more[0].is_some() {
+            return Err(Fault::Unsupported("pixel rectangles in several colour buffers".into()));
+        }
         let shader = self.card.plain_shader(label, text);
         Ok(Fixed {
             shader,
@@ -244,6 +247,7 @@ impl Gl {
             streams: false,
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
+            more: Vec::new(),
             depth: target.depth.map(|surface| DepthStencil {
                 depth_write: false,
                 depth_compare: Compare::Always,

@@ -385,10 +385,14 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     if let Some(active) = source.fragment {
         functions(&active.program, out);
     }
-    if depth {
-        line!(out, "struct Pixel {{ @location(0) color: vec4f, @builtin(frag_depth) depth: f32 }}");
+    let more: Vec<u8> = if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
+    let several = depth || !more.is_empty();
+    if several {
+        let colors: String = more.iter().map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();
+        let depth = if depth { "@builtin(frag_depth) depth: f32 " } else { "" };
+        line!(out, "struct Pixel {{ @location(0) color: vec4f, {colors}{depth}}}");
     }
-    let result = if depth { "Pixel" } else { "@location(0) vec4f" };
+    let result = if several { "Pixel" } else { "@location(0) vec4f" };
     line!(out, "@fragment fn fs(v: Varying{facing}) -> {result} {{");
     if key.line_stipple {
         line!(out, "    let mark = u32(max(v.along, 0.0) / u.line_stipple.x) & 15u;");
@@ -456,7 +460,14 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    let d = vec4u(textureLoad(frame, vec2i(v.position.xy), 0) * 255.0 + 0.5);");
         line!(out, "    c = vec4f(({}) & vec4u(255)) / 255.0;", logic(op));
     }
-    line!(out, "    return {};\n}}", if depth { "Pixel(c, saturate(out_depth.z))" } else { "c" });
+    let further = |k: &u8| if key.colors.alike { ", c".to_owned() } else { format!(", c{k}") };
+    let further: String = more.iter().map(further).collect();
+    let depth = if depth { ", saturate(out_depth.z)" } else { "" };
+    if several {
+        line!(out, "    return Pixel(c{further}{depth});\n}}");
+    } else {
+        line!(out, "    return c;\n}}");
+    }
 }
 
 /// The second colour of the side that is seen.

@@ -42,7 +42,7 @@ pub mod input {
 pub enum Output {
     /// Position in clip space.
     Position,
-    /// Colours: 0 primary and 1 secondary of the front, 2 and 3 of the back. A fragment program has 0 alone.
+    /// Colours: 0 primary and 1 secondary of the front, 2 and 3 of the back. Of fragments: the colour buffers.
     Color(u8),
     /// Fog coordinate.
     Fog,

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::program::{Output, Program, input};
 use super::wgsl;
 use crate::gl::glsl::stage::{self as glsl, way};
-use crate::gl::key::{Kind, ShaderKey};
+use crate::gl::key::{Colors, Kind, ShaderKey};
 use crate::gl::state::UNITS;
 use crate::gl::texture::DepthRead;
 use crate::gl::wgsl::{self as fixed, Detail};
@@ -119,7 +119,17 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
         None => wgsl::body(program, "fragment_params", &bound, out),
     }
     let color = program.outputs.contains(&Output::Color(0));
-    line!(out, "    var c = {};", if color { "saturate(out_color)" } else { "vec4f(0, 0, 0, 1)" });
+    let bounded = |value: String| if key.colors.float { value } else { format!("saturate({value})") };
+    line!(out, "    var c = {};", if color { bounded("out_color".into()) } else { "vec4f(0, 0, 0, 1)".into() });
+    for k in further_colors(key) {
+        line!(out, "    let c{k} = {};", bounded(wgsl::output_name(Output::Color(k))));
+    }
+}
+
+/// Colour buffers behind the first that have a colour of their own.
+pub fn further_colors(key: &ShaderKey) -> impl Iterator<Item = u8> {
+    let Colors { count, written, alike, .. } = key.colors;
+    (1..count).filter(move |k| !alike && written & 1 << k != 0)
 }
 
 /// The functions of programs that read textures.

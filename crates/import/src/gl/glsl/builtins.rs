@@ -1,6 +1,7 @@
 //! Names of the old dialect that OpenGL's state and fixed stages stand behind (OpenGL Shading Language 1.20, chapter 7).
 
 use crate::gl::arb::program::{Matrix, Output, Param, Stage, Term, input};
+use crate::gl::card::COLORS_MAX;
 use crate::gl::state::{LIGHTS, PLANES, UNITS};
 
 /// What a name that begins with `gl_` stands for.
@@ -107,7 +108,10 @@ fn fragment(name: &str) -> Option<(&'static str, Role)> {
         "FogFragCoord" => ("float", Role::Input(input::FOG)),
         "FragColor" | "FragData_0" => ("vec4", Role::Output(Output::Color(0))),
         "FragDepth" => ("float", Role::Output(Output::Depth)),
-        _ => ("vec4", Role::Input(input::TEXTURE + u32::from(numbered(name, "TexCoord_", UNITS)?))),
+        _ => match numbered(name, "FragData_", COLORS_MAX) {
+            Some(k) => ("vec4", Role::Output(Output::Color(k))),
+            None => ("vec4", Role::Input(input::TEXTURE + u32::from(numbered(name, "TexCoord_", UNITS)?))),
+        },
     })
 }
 

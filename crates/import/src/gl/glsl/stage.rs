@@ -12,6 +12,7 @@ use super::sampler::{Read, Sampler};
 use crate::gl::arb::GENERICS;
 use crate::gl::arb::program::{Output, Program, Stage, input};
 use crate::gl::arb::wgsl::{input_name, output_name};
+use crate::gl::card::COLORS_MAX;
 use crate::gl::key::{Expand, ShaderKey};
 use crate::gl::state::UNITS;
 
@@ -64,6 +65,8 @@ pub struct Code {
     pub varyings: Vec<Varying>,
     /// Whether it asks which side is seen.
     pub facing: bool,
+    /// Whether all colour buffers have the colour of `gl_FragColor`.
+    pub broadcast: bool,
     /// Where clip planes cut.
     pub clip: Option<String>,
     /// How each unit's texture is read.
@@ -124,6 +127,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
             _ => Vec::new(),
         },
         facing: false,
+        broadcast: false,
         clip: None,
         ways: [0; UNITS],
     };
@@ -144,16 +148,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
             {
                 return Err(format!("there is no vertex shader that writes {}", read.global.name));
             }
-            let outputs: Vec<&Variable> = of.variables.iter().filter(|v| v.global.storage == Storage::Out).collect();
-            let location = |v: &Variable| v.global.location.or_else(|| (joints.output)(&v.global.name));
-            let first = outputs.iter().find(|v| location(v) == Some(0)).or(outputs.iter().find(|v| location(v).is_none()));
-            if let Some(output) = first {
-                let Layout::Vector(n, ScalarKind::Float) = output.layout else {
-                    return Err(format!("{} is no colour", output.global.name));
-                };
-                let rest = ["0, 0, 1", "0, 1", "1"].get(n - 1).map_or(String::new(), |rest| format!(", {rest}"));
-                code.results.push((Output::Color(0), format!("vec4f({}{rest})", output.wgsl)));
-            }
+            colors(of, joints, &mut code)?;
         }
     }
     for (k, sampler) in of.samplers.iter().enumerate().filter(|(k, _)| of.calls.iter().any(|call| call.sampler == *k)) {
@@ -174,6 +169,47 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
     Ok(program)
 }
 
+/// The outputs of a fragment shader that it declares itself, at their locations.
+fn colors(of: &Translated, joints: &Joints, code: &mut Code) -> Result<(), String> {
+    let outputs: Vec<&Variable> = of.variables.iter().filter(|v| v.global.storage == Storage::Out).collect();
+    let location = |v: &Variable| v.global.location.or_else(|| (joints.output)(&v.global.name));
+    let span = |v: &Variable| v.layout.slots().min(COLORS_MAX) as u32;
+    let mut taken = 0_u64;
+    for output in &outputs {
+        if let Some(first) = location(output).filter(|&first| first < COLORS_MAX as u32) {
+            taken |= ((1 << span(output)) - 1) << first;
+        }
+    }
+    for output in outputs {
+        let name = &output.global.name;
+        let first = match location(output) {
+            Some(first) => first,
+            // A linker chooses; the first that is free.
+            None => {
+                let wanted = (1_u64 << span(output)) - 1;
+                let free = (0..COLORS_MAX as u32).find(|&k| taken & wanted << k == 0);
+                let first = free.ok_or_else(|| format!("no colour buffer is left for {name}"))?;
+                taken |= wanted << first;
+                first
+            }
+        };
+        let mut leaves = Vec::new();
+        output.layout.leaves(&output.wgsl, &mut leaves);
+        for (k, (wgsl, n, kind)) in leaves.into_iter().enumerate() {
+            let location = first as usize + k;
+            if location >= COLORS_MAX {
+                return Err(format!("{name} is colour buffer {location}, of at most {COLORS_MAX}"));
+            }
+            if kind != ScalarKind::Float {
+                return Err(format!("{name} is a colour of whole numbers, which is not supported"));
+            }
+            let rest = ["0, 0, 1", "0, 1", "1"].get(n - 1).map_or(String::new(), |rest| format!(", {rest}"));
+            code.results.push((Output::Color(location as u8), format!("vec4f({wgsl}{rest})")));
+        }
+    }
+    Ok(())
+}
+
 fn builtin(named: &Named, code: &mut Code, program: &mut Program) {
     let wgsl = named.wgsl.clone();
     let part =
@@ -189,6 +225,7 @@ fn builtin(named: &Named, code: &mut Code, program: &mut Program) {
         }
         Role::PointCoord => code.set.push((wgsl, "point_place".into())),
         Role::Output(output) => {
+            code.broadcast |= wgsl.ends_with("FragColor");
             let value = if named.components == 4 { wgsl } else { format!("vec4f({wgsl})") };
             code.results.push((output, value));
         }
