@@ -1,8 +1,8 @@
 //! Materials beside colour material, in the order in which Mesa lets calls take effect.
 //!
 //! By the standard, colour material sets the materials that it tracks as soon as it is switched on. Mesa keeps what `glMaterial` and `glColor`
-//! give until a primitive begins, and takes the colour first: materials that were given before colour material was switched on then replace
-//! what it has set, until the colour changes. Programs that end each frame with a material and begin the next with colour material show the
+//! give until a primitive begins or colour material is switched, and takes the colour first: materials that were given before colour material
+//! was switched on then replace what it has set, until a primitive has another colour. Programs that end each frame with a material and begin the next with colour material show the
 //! difference (OpenSceneGraph is one). References are Mesa's.
 
 use super::call::Outcome;
@@ -98,7 +98,7 @@ impl Given {
 }
 
 impl Gl {
-    /// A primitive begins: what was given takes effect.
+    /// A primitive begins, or colour material was switched: what was given takes effect.
     pub fn materials_meet(&mut self) -> Outcome {
         if self.begun.is_some() || self.compiling.is_some() {
             return Ok(());

@@ -43,8 +43,9 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         gl.given.switch();
     }
     if let Some(bit) = capability(cap) {
+        let switched = on != gl.state.is(cap);
         gl.state.enabled = if on { gl.state.enabled | bit } else { gl.state.enabled & !bit };
-        return Ok(());
+        return if cap == e::COLOR_MATERIAL && switched { gl.materials_meet() } else { Ok(()) };
     }
     if let Some(bit) = super::arb::switch_of(cap) {
         gl.state.programs = if on { gl.state.programs | bit } else { gl.state.programs & !bit };
