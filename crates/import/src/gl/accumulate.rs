@@ -17,7 +17,7 @@ pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if !matches!(op, e::ACCUM | e::LOAD | e::RETURN | e::MULT | e::ADD) {
         return Err(INVALID_ENUM);
     }
-    if gl.draw_framebuffer != 0 {
+    if gl.draw_framebuffer != 0 || gl.accumulates == Some(false) {
         return Err(INVALID_OPERATION);
     }
     let Some(target) = gl.aim()? else {

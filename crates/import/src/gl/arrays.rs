@@ -7,6 +7,7 @@ use super::arb::{GENERICS, Stage};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::Gl;
+use super::names;
 use super::primitive::{Elements, Sent};
 use super::state::{UNITS, Vertex};
 
@@ -40,6 +41,8 @@ struct Array {
     source: Source,
     /// Integers of a generic attribute are normalised.
     normalized: bool,
+    /// So many instances have the same element; 0: each vertex has its own.
+    divisor: u32,
 }
 
 /// All of them.
@@ -131,8 +134,8 @@ fn point(gl: &mut Gl, slot: usize, size: usize, kind: u32, stride: i32, data: &A
         // The recorder gives the contents right before the draw.
         _ => Source::None,
     };
-    let enabled = gl.arrays.slots[slot].enabled;
-    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false };
+    let Array { enabled, divisor, .. } = gl.arrays.slots[slot];
+    gl.arrays.slots[slot] = Array { enabled, size, kind, stride, source, normalized: false, divisor };
     Ok(())
 }
 
@@ -249,6 +252,69 @@ pub(super) fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
+/// What lies behind the end of a buffer object, as wide as the widest element.
+const ZEROS: [u8; 32] = [0; 32];
+
+/// `glVertexAttribDivisor(index, divisor)`
+pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let slot = generic_slot(call)?;
+    gl.arrays.slots[slot].divisor = call.u32(1)?;
+    Ok(())
+}
+
+/// Runs a draw for each of so many instances.
+fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
+    if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
+        return Err(Fault::Limit(format!("{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all")));
+    }
+    // Programs may ask for the number of the instance.
+    let alone = gl.glsl.used();
+    let mut outcome = gl.flush();
+    for instance in 0..count {
+        if outcome.is_err() {
+            break;
+        }
+        gl.instance = instance;
+        outcome = draw(gl);
+        if alone && outcome.is_ok() {
+            outcome = gl.flush();
+        }
+    }
+    gl.instance = 0;
+    outcome
+}
+
+/// `glDrawArraysInstanced(mode, first, count, instances)`
+pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
+    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, first..first.saturating_add(count), false))
+}
+
+/// `glDrawElementsInstanced(mode, count, type, indices, instances)`, and the same with a base vertex behind.
+pub(super) fn draw_elements_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let based = call.function.name.contains("BaseVertex");
+    let indices = based_indices(indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?, if based { call.i32(5)? } else { 0 });
+    let (mode, count) = (call.u32(0)?, indices.len() as u32);
+    instances(gl, call.size(4)?, count, |gl| gl.elements(mode, indices.iter().copied(), true))
+}
+
+/// Indices that count from a base vertex.
+fn based_indices(indices: Vec<u32>, base: i32) -> Vec<u32> {
+    indices.into_iter().map(|index| index.wrapping_add_signed(base)).collect()
+}
+
+/// `glDrawElementsBaseVertex(mode, count, type, indices, base)`
+pub(super) fn draw_elements_based(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let indices = based_indices(indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?, call.i32(4)?);
+    gl.elements(call.u32(0)?, indices.into_iter(), true)
+}
+
+/// `glDrawRangeElementsBaseVertex(mode, start, end, count, type, indices, base)`
+pub(super) fn draw_range_elements_based(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let indices = based_indices(indices(gl, call.size(3)?, call.u32(4)?, call.arg(5))?, call.i32(6)?);
+    gl.elements(call.u32(0)?, indices.into_iter(), true)
+}
+
 /// An enabled array that is ready to be read.
 struct Ready {
     slot: usize,
@@ -259,6 +325,10 @@ struct Ready {
     stride: usize,
     start: usize,
     data: Rc<[u8]>,
+    /// Whether it was recorded for its draw, so that all elements must be there.
+    bounded: bool,
+    /// The element of all vertices, if the array has one for each instance.
+    instance: Option<u32>,
 }
 
 impl Gl {
@@ -267,14 +337,18 @@ impl Gl {
         let mut ready = Vec::new();
         let mut bits = 0;
         for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
-            let (scalar, bytes) = scalar(array.kind).ok_or(INVALID_ENUM)?;
+            let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
+            let (scalar, bytes) = scalar(array.kind).ok_or_else(refused)?;
+            let bounded = matches!(array.source, Source::Memory(_));
             let (data, start): (Rc<[u8]>, usize) = match &array.source {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
                 Source::Memory(bytes) => (bytes.clone(), 0),
                 Source::Buffer(name, at) => (self.buffers.get(name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
             };
             let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
-            ready.push(Ready { slot, scalar, normalized: array.normalized, size: array.size, bytes, stride, start, data });
+            let (normalized, size) = (array.normalized, array.size);
+            let instance = array.divisor.checked_sub(1).map(|_| self.instance / array.divisor);
+            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, bounded, instance });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
@@ -283,9 +357,15 @@ impl Gl {
     fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
         let mut vertex = self.state.current.clone();
         for array in ready {
+            let index = array.instance.unwrap_or(index);
             let at = (index as usize).saturating_mul(array.stride).saturating_add(array.start);
-            let Some(element) = array.data.get(at..at.saturating_add(array.size * array.bytes)) else {
-                return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
+            let element = match array.data.get(at..at.saturating_add(array.size * array.bytes)) {
+                Some(element) => element,
+                // Programs read behind their buffer objects; Mesa finds zeros there.
+                None if !array.bounded => &ZEROS[..array.size * array.bytes],
+                None => {
+                    return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
+                }
             };
             let mut values = [0.0, 0.0, 0.0, 1.0];
             for (value, bytes) in values.iter_mut().zip(element.chunks_exact(array.bytes)) {

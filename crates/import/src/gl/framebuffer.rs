@@ -182,6 +182,10 @@ fn bindings(target: u32) -> Outcome<[bool; 2]> {
 /// The program asks for a kind of window: it has alpha if the list of attributes asks for at least one bit of it. Of several calls, as a
 /// program makes them until one is answered, any may ask.
 pub(super) fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    // A window has an accumulation buffer only if it is asked for, and none of EGL has one.
+    let accumulates = [14.0, 15.0, 16.0, 17.0];
+    let asks = &*call.function.name != "eglChooseConfig";
+    gl.accumulates.get_or_insert(false);
     let (list, alpha_size, flags): (_, _, &[f64]) = match &*call.function.name {
         "eglChooseConfig" => (1, 0x3021, &[]),
         "glXChooseFBConfig" => (2, 11, &[]),
@@ -194,6 +198,9 @@ pub(super) fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     while let Some(name) = rest.next() {
         let value = if flags.contains(name) { 1.0 } else { *rest.next().unwrap_or(&0.0) };
         gl.card.window_alpha |= *name == f64::from(alpha_size) && value > 0.0;
+        if asks && accumulates.contains(name) && value > 0.0 {
+            gl.accumulates = Some(true);
+        }
     }
     Ok(())
 }

@@ -99,6 +99,12 @@ pub struct Gl {
     pub renderbuffer: u32,
     /// What clears the accumulation buffer.
     pub clear_accum: [f32; 4],
+    /// The instance that is drawn.
+    pub instance: u32,
+    /// Whether the window has an accumulation buffer, if the program has chosen the kind of window in the recording.
+    pub accumulates: Option<bool>,
+    /// Drawables whose buffers have been swapped, the last one at the end.
+    pub drawables: Vec<u64>,
     /// The occlusion query that counts draws.
     pub query: Option<u64>,
     /// Uses of occlusion queries.
@@ -184,6 +190,9 @@ impl Gl {
             renderbuffers: BTreeMap::new(),
             renderbuffer: 0,
             clear_accum: [0.0; 4],
+            instance: 0,
+            accumulates: None,
+            drawables: Vec::new(),
             query: None,
             queries: 0,
             textures: BTreeMap::new(),

@@ -8,7 +8,23 @@ use super::matrix;
 use super::names;
 use super::state::{LIGHTS, Material, TARGETS, capability};
 
-pub(super) fn swap(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
+/// Drawables that a program swaps, as they are remembered, at most.
+const DRAWABLES_MAX: usize = 64;
+
+pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let drawable = match call.arg(1) {
+        Arg::Pointer(drawable) => *drawable,
+        Arg::Num(drawable) => *drawable as u64,
+        _ => 0,
+    };
+    // A window that takes the place of another is one window; two that take turns are not.
+    if gl.drawables.last() != Some(&drawable) {
+        if gl.drawables.contains(&drawable) {
+            gl.refuse("windows that are drawn in turn".into());
+        } else if gl.drawables.len() < DRAWABLES_MAX {
+            gl.drawables.push(drawable);
+        }
+    }
     gl.swap()
 }
 

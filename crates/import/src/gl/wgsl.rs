@@ -345,7 +345,9 @@ pub fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
                 line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
             }
-            let reach = if key.expand == Expand::SmoothPoint { "0.5 * size + 1.0" } else { "0.5 * max(size, 1.0)" };
+            // The discs of small points are not smaller than two pixels, as Mesa has them.
+            let least = if key.expand == Expand::SmoothPoint { "2.0" } else { "1.0" };
+            let reach = format!("0.5 * max(size, {least})");
             line!(out, "    let reach = {reach};");
             // A point is clipped by its centre.
             line!(out, "    let p = o.position;");
@@ -354,7 +356,8 @@ pub fn expand(key: &ShaderKey, out: &mut String) {
                 out,
                 "    o.position = select(vec4f(0, 0, -1, 1), vec4f(p.xy + v.corner * reach / u.screen.xy * p.w, p.zw), inside);"
             );
-            line!(out, "    o.corner = vec4f(v.corner * reach, 0.5 * size, 0.0);");
+            let half = if key.expand == Expand::SmoothPoint { "reach" } else { "0.5 * size" };
+            line!(out, "    o.corner = vec4f(v.corner * reach, {half}, 0.0);");
         }
         Expand::Line | Expand::SmoothLine => {
             // corner.x is the side, corner.y the end: -1 the first, 1 the second.
@@ -433,7 +436,8 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    c = vec4f(mix(u.fog_color.rgb, c.rgb, saturate({factor})), c.a);");
     }
     match key.expand {
-        Expand::SmoothPoint => line!(out, "    c.a *= saturate(v.corner.z + 0.5 - length(v.corner.xy));"),
+        // Mesa's llvmpipe draws discs with hard edges.
+        Expand::SmoothPoint => line!(out, "    if length(v.corner.xy) > v.corner.z {{ discard; }}"),
         Expand::SmoothLine => {
             line!(out, "    c.a *= saturate(v.corner.z - abs(v.corner.x)) * saturate(v.corner.w - abs(v.corner.y));")
         }

@@ -117,6 +117,8 @@ pub enum Param {
     Generation(u8, bool, u8),
     /// The colour of a unit's texture environment.
     Environ(u8),
+    /// The number of the instance, in the bits of a whole number.
+    Instance,
     /// Fog colour.
     FogColor,
     /// Density, start, end, 1 / (end - start).

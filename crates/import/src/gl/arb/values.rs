@@ -53,6 +53,7 @@ pub fn state(gl: &Gl, param: Param) -> [f32; 4] {
             if eye { generation.eye } else { generation.object }
         }
         Param::Environ(unit) => state.units[usize::from(unit)].environment.color,
+        Param::Instance => [f32::from_bits(gl.instance); 4],
         Param::FogColor => state.fog_color,
         Param::FogTerms => {
             let [density, start, end] = state.fog;

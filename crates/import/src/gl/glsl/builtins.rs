@@ -196,6 +196,8 @@ fn state(name: &str) -> Option<Builtin> {
             let terms = [Term::Emission, Term::Ambient, Term::Diffuse, Term::Specular, Term::Shininess];
             structure("glx_Material", None, MATERIAL, terms.map(|term| (Param::Material(face, term), 0)).to_vec())
         }
+        // Of vertices alone.
+        "InstanceID" | "InstanceIDARB" => Some(Builtin::new("int", Role::State(vec![(Param::Instance, 0)]))),
         "LightModel" => structure("glx_Model", None, MODEL, vec![(Param::ModelAmbient, 0)]),
         "FrontLightModelProduct" | "BackLightModelProduct" => {
             structure("glx_ModelProduct", None, MODEL_PRODUCT, vec![(Param::SceneColor(face), 0)])

@@ -100,12 +100,28 @@ struct Rewriter {
     declared: BTreeSet<String>,
     /// Words in the bodies of structures.
     members: BTreeSet<String>,
+    /// Functions that have been declared: their names and the types of their parameters.
+    functions: BTreeSet<String>,
 }
 
 /// The number of a component of this name.
 fn component(name: &str) -> Option<&'static str> {
     let at = ["xyzw", "rgba", "stpq"].iter().find_map(|names| names.find(name).filter(|_| name.len() == 1))?;
     Some(["0", "1", "2", "3"][at])
+}
+
+/// The name of a function and the types of its parameters, whose names may be left out.
+fn signature(name: &Token, parameters: &[Token]) -> String {
+    let mut out = name.text.clone();
+    for parameter in parts(parameters) {
+        let qualifiers = ["const", "in", "out", "inout", "highp", "mediump", "lowp"];
+        let mut kind = parameter.iter().filter(|token| !qualifiers.contains(&token.text.as_str()));
+        let brackets: String = parameter.iter().skip_while(|token| !token.is("[")).map(|token| token.text.as_str()).collect();
+        let first = kind.next().map_or("", |token| token.text.as_str());
+        out += &format!(",{}{brackets}", if first == "void" { "" } else { first });
+    }
+    if out.ends_with(',') { out.pop(); }
+    out
 }
 
 /// Rewrites the shaders of one stage: dialect and tokens of each.
@@ -128,7 +144,7 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
             members.extend(body.into_iter().flatten().map(|token| token.text.clone()));
         }
     }
-    let mut rewriter = Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members };
+    let mut rewriter = Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members, functions: BTreeSet::new() };
     let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
     let mut first = 0;
@@ -280,6 +296,7 @@ impl Rewriter {
         let line = tokens[start].line;
         let mut at = start;
         let mut function = false;
+        let mut header = None;
         loop {
             let token = tokens.get(at).ok_or_else(|| Wrong::at(line, "a declaration without an end"))?;
             match token.text.as_str() {
@@ -293,6 +310,7 @@ impl Rewriter {
                             let what = format!("the parameter of type {} of the function {name} is not supported", kind.text);
                             return Err(Wrong::at(kind.line, what));
                         }
+                        header = function.then(|| signature(&tokens[at - 1], &tokens[at + 1..end]));
                     }
                     at = end;
                 }
@@ -306,6 +324,13 @@ impl Rewriter {
                 _ => {}
             }
             at += 1;
+        }
+        if let Some(header) = header {
+            // naga takes a prototype once, and none behind the function.
+            let known = !self.functions.insert(header);
+            if known && tokens[at].is(";") {
+                return Ok(at + 1);
+            }
         }
         let body = self.body(&tokens[start..=at])?;
         self.out.extend(body);
