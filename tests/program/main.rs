@@ -9,6 +9,7 @@ mod draws;
 mod floors;
 mod gl;
 mod gl_features;
+mod gl_later;
 mod gl_lists;
 mod gl_programs;
 mod gl_rest;

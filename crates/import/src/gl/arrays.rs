@@ -265,7 +265,9 @@ pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// Runs a draw for each of so many instances.
 fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
     if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
-        return Err(Fault::Limit(format!("{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all")));
+        return Err(Fault::Limit(format!(
+            "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
+        )));
     }
     // Programs may ask for the number of the instance.
     let alone = gl.glsl.used();

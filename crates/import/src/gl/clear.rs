@@ -63,7 +63,8 @@ impl Gl {
         let kept = |alpha: bool| if alpha { 15 } else { 7 };
         let whole_colors = channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept(alpha) == kept(alpha));
         let more: Vec<_> = target.more.iter().flatten().collect();
-        let more = more.iter().map(|(color, alpha)| (color.format, if channels == 0 { 0 } else { state.color_mask & kept(*alpha) }));
+        let more =
+            more.iter().map(|(color, alpha)| (color.format, if channels == 0 { 0 } else { state.color_mask & kept(*alpha) }));
         let more: Vec<_> = more.collect();
         let partial = !whole || channels != 0 && !whole_colors || !matches!(stencil_mask, 0 | 0xff);
         if !partial {

@@ -25,7 +25,15 @@ impl Gl {
                 let (table, key) =
                     if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
                 match table.get_mut(&key) {
-                    Some(texture) => texture.bind(&mut self.card)?,
+                    Some(texture) => match self.samplers.get_mut(&self.bound_samplers[unit]) {
+                        Some(sampler) => {
+                            texture.exchange_sampling(sampler);
+                            let bound = texture.bind(&mut self.card);
+                            texture.exchange_sampling(sampler);
+                            bound?
+                        }
+                        None => texture.bind(&mut self.card)?,
+                    },
                     None => None,
                 }
             }
@@ -87,9 +95,8 @@ impl Gl {
                 .collect();
             let color_material = tracked(state);
             let two_side = state.two_side && batch.class == Class::Triangles;
-            let shiny = |face: usize| {
-                state.materials[face].specular[..3] != [0.0; 3] || color_material.contains(&tracks::SPECULAR)
-            };
+            let shiny =
+                |face: usize| state.materials[face].specular[..3] != [0.0; 3] || color_material.contains(&tracks::SPECULAR);
             LightingKey {
                 specular: !lights.is_empty() && (shiny(0) || two_side && shiny(1) || back && shiny(1)),
                 lights,

@@ -79,7 +79,12 @@ fn places(format: u32) -> Outcome<(usize, [usize; 4])> {
         e::BGR => (3, [2, 1, 0, 5]),
         e::RGBA => (4, [0, 1, 2, 3]),
         e::BGRA => (4, [2, 1, 0, 3]),
-        e::COLOR_INDEX | e::STENCIL_INDEX | e::DEPTH_COMPONENT | e::DEPTH_STENCIL | INTEGERS_FIRST..=INTEGERS_LAST | RG_INTEGER => {
+        e::COLOR_INDEX
+        | e::STENCIL_INDEX
+        | e::DEPTH_COMPONENT
+        | e::DEPTH_STENCIL
+        | INTEGERS_FIRST..=INTEGERS_LAST
+        | RG_INTEGER => {
             return Err(Fault::Unsupported(format!("pixels of format {}", names::name(format))));
         }
         _ => return Err(INVALID_ENUM),
@@ -154,13 +159,7 @@ fn from_half(bits: u32) -> f32 {
 }
 
 /// Red, green, blue and alpha of each pixel of a rectangle, rows from the bottom.
-pub fn unpack<T: Component>(
-    store: &PixelStore,
-    size: [u32; 3],
-    format: u32,
-    kind: u32,
-    bytes: &[u8],
-) -> Outcome<Vec<[T; 4]>> {
+pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[T; 4]>> {
     // A byte is looked up, since most pixels are bytes.
     let of_byte: [T; 256] = std::array::from_fn(|code| T::of(code as f64 / 255.0));
     let [zero, one] = T::ENDS;

@@ -111,6 +111,10 @@ pub struct Gl {
     pub queries: u64,
     /// Texture objects by name.
     pub textures: BTreeMap<u32, Texture>,
+    /// Samplers by name: of a texture they have how it is sampled.
+    pub samplers: BTreeMap<u32, Texture>,
+    /// The samplers of the units; 0: none.
+    pub bound_samplers: [u32; UNITS],
     /// Textures of name 0, by target.
     pub default_textures: BTreeMap<u32, Texture>,
     /// Display lists.
@@ -196,6 +200,8 @@ impl Gl {
             query: None,
             queries: 0,
             textures: BTreeMap::new(),
+            samplers: BTreeMap::new(),
+            bound_samplers: [0; UNITS],
             default_textures: BTreeMap::new(),
             lists: BTreeMap::new(),
             compiling: None,
@@ -306,6 +312,7 @@ impl Gl {
     fn objects(&self) -> usize {
         let objects = [
             self.textures.len(),
+            self.samplers.len(),
             self.lists.len(),
             self.buffers.len(),
             self.framebuffers.len(),

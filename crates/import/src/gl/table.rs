@@ -257,6 +257,8 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "ClearStencil" => (Server, fragments::clear_stencil),
         "ActiveTexture" => (Server, texturing::active),
         "BindTexture" => (Server, texturing::bind),
+        "BindSampler" => (Server, texturing::bind_sampler),
+        "DeleteSamplers" => (Client, texturing::delete_samplers),
         "DeleteTextures" => (Client, texturing::delete),
         "TexImage1D" => (Server, texturing::image_1d),
         "TexImage2D" => (Server, texturing::image_2d),
@@ -296,6 +298,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         | "FlushMappedBufferRange"
         | "GenLists"
         | "GenTextures"
+        | "GenSamplers"
         | "GenBuffers"
         | "GenQueries"
         | "GenPrograms"
@@ -360,6 +363,7 @@ fn typed(stem: &str) -> Option<(Moment, Run)> {
         "Translate" => (Server, transform::translate),
         "DepthRange" => (Server, transform::depth_range),
         "TexParameter" => (Server, texturing::parameter),
+        "SamplerParameter" => (Server, texturing::sampler_parameter),
         "TexEnv" => (Server, texturing::environment),
         "TexGen" => (Server, texturing::generation),
         "PixelStore" => (Client, pixels::pixel_store),

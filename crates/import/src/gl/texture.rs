@@ -156,6 +156,19 @@ impl Texture {
         }
     }
 
+    /// Exchanges how it is sampled with another, as a sampler that takes its place has it.
+    pub fn exchange_sampling(&mut self, other: &mut Texture) {
+        std::mem::swap(&mut self.min, &mut other.min);
+        std::mem::swap(&mut self.mag, &mut other.mag);
+        std::mem::swap(&mut self.wrap, &mut other.wrap);
+        std::mem::swap(&mut self.border, &mut other.border);
+        std::mem::swap(&mut self.lod, &mut other.lod);
+        std::mem::swap(&mut self.bias, &mut other.bias);
+        std::mem::swap(&mut self.anisotropy, &mut other.anisotropy);
+        std::mem::swap(&mut self.compare, &mut other.compare);
+        std::mem::swap(&mut self.compare_func, &mut other.compare_func);
+    }
+
     fn faces(&self) -> u32 {
         if self.kind == Kind::Cube { 6 } else { 1 }
     }

@@ -388,7 +388,8 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     if let Some(active) = source.fragment {
         functions(&active.program, out);
     }
-    let more: Vec<u8> = if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
+    let more: Vec<u8> =
+        if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
     let several = depth || !more.is_empty();
     if several {
         let colors: String = more.iter().map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();

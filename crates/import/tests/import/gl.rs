@@ -17,6 +17,7 @@ enum Value {
     Enum(u64),
     Floats(Vec<f32>),
     Blob(Vec<u8>),
+    Null,
 }
 
 /// Writes recordings as apitrace does.
@@ -57,6 +58,7 @@ impl Writer {
     fn value(&mut self, value: &Value) {
         let out = &mut self.bytes;
         match value {
+            Value::Null => out.push(0),
             Value::Float(value) => {
                 out.push(5);
                 out.extend_from_slice(&value.to_le_bytes());
@@ -253,6 +255,46 @@ fn what_is_not_supported_is_counted_by_name() {
     let (_, report) = imported(w.file(1 << 20)).expect("a recording");
     let refusal = report.refusal().expect("something is not supported");
     assert_eq!(refusal, format!("glTexImage2DMultisample (3 times, first in call {})", program(6).calls));
+}
+
+#[test]
+fn windows_that_are_drawn_in_turn_are_refused_and_a_new_window_is_not() {
+    let swapped = |drawables: &[u64]| {
+        let mut w = program(6);
+        for &drawable in drawables {
+            w.call("glXSwapBuffers", &[Value::Uint(1), Value::Uint(drawable)]);
+        }
+        imported(w.file(1 << 20)).expect("a recording").1.refusal()
+    };
+    assert_eq!(swapped(&[1002, 1002, 1003, 1003]), None);
+    let refusal = swapped(&[1002, 1003, 1002, 1003]).expect("a refusal");
+    assert!(refusal.starts_with("windows that are drawn in turn (2 times"), "{refusal}");
+}
+
+#[test]
+fn a_window_accumulates_only_if_the_program_asks_for_it() {
+    let errors = |list: &[f32]| {
+        let mut w = Writer::new(6);
+        w.call("glXChooseVisual", &[Value::Uint(1), Value::Uint(0), Value::Floats(list.to_vec())]);
+        w.call("glViewport", &[Value::Uint(0), Value::Uint(0), Value::Uint(8), Value::Uint(8)]);
+        w.call("glAccum", &[Value::Enum(0x101), Value::Float(1.0)]);
+        imported(w.file(1 << 20)).expect("a recording").1.errors.len()
+    };
+    // GLX_RGBA, GLX_ACCUM_RED_SIZE.
+    assert_eq!((errors(&[4.0, 0.0]), errors(&[4.0, 14.0, 8.0, 0.0])), (1, 0));
+}
+
+#[test]
+fn parts_of_no_bytes_and_elements_behind_a_buffer_are_no_damage() {
+    let mut w = program(6);
+    w.call("glBindBuffer", &[Value::Enum(0x8892), Value::Uint(1)]);
+    w.call("glBufferData", &[Value::Enum(0x8892), Value::Uint(16), Value::Null, Value::Enum(0x88e4)]);
+    w.call("glBufferSubData", &[Value::Enum(0x8892), Value::Uint(16), Value::Uint(0), Value::Null]);
+    w.call("glEnableClientState", &[Value::Enum(0x8074)]);
+    w.call("glVertexPointer", &[Value::Uint(2), Value::Enum(0x1406), Value::Uint(0), Value::Null]);
+    w.call("glDrawArrays", &[Value::Enum(4), Value::Uint(0), Value::Uint(3)]);
+    let (_, report) = imported(w.file(1 << 20)).expect("a recording");
+    assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
 }
 
 /// Channels that the program writes to a window that is asked for like this: bit 0 red to bit 3 alpha.

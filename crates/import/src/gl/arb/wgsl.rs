@@ -28,7 +28,9 @@ pub fn input_name(bit: u32) -> String {
 pub fn output_name(output: Output) -> String {
     match output {
         Output::Position => "out_position".into(),
-        Output::Color(k @ 0..4) => ["out_color", "out_secondary", "out_back_color", "out_back_secondary"][usize::from(k)].into(),
+        Output::Color(k @ 0..4) => {
+            ["out_color", "out_secondary", "out_back_color", "out_back_secondary"][usize::from(k)].into()
+        }
         Output::Color(k) => format!("out_color{k}"),
         Output::Fog => "out_fog".into(),
         Output::PointSize => "out_size".into(),

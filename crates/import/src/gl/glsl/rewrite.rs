@@ -120,7 +120,9 @@ fn signature(name: &Token, parameters: &[Token]) -> String {
         let first = kind.next().map_or("", |token| token.text.as_str());
         out += &format!(",{}{brackets}", if first == "void" { "" } else { first });
     }
-    if out.ends_with(',') { out.pop(); }
+    if out.ends_with(',') {
+        out.pop();
+    }
     out
 }
 
@@ -144,7 +146,8 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
             members.extend(body.into_iter().flatten().map(|token| token.text.clone()));
         }
     }
-    let mut rewriter = Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members, functions: BTreeSet::new() };
+    let mut rewriter =
+        Rewriter { stage, dialect, out: Vec::new(), source, declared: BTreeSet::new(), members, functions: BTreeSet::new() };
     let mut shaders = shaders;
     rewriter.invariant(&mut shaders);
     let mut first = 0;

@@ -1,0 +1,190 @@
+//! What came after OpenGL 1.5 and programs of any age use: several colour buffers, floating-point images, swizzles, instances.
+
+use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
+
+const WHITE: [u8; 3] = [255; 3];
+
+/// A program of these shaders, which is used; objects have the numbers n, n + 1 and n + 2.
+fn program(n: usize, vertex: &str, fragment: &str) -> String {
+    let mut calls = format!("glCreateProgram()={}\n", n + 2);
+    for (k, (stage, text)) in [("VERTEX", vertex), ("FRAGMENT", fragment)].into_iter().enumerate() {
+        let (name, program) = (n + k, n + 2);
+        calls += &format!(
+            "glCreateShader(GL_{stage}_SHADER)={name}\nglShaderSource({name},1,\"{text}\",0)\nglCompileShader({name})\n\
+             glAttachShader({program},{name})\n"
+        );
+    }
+    calls + &format!("glLinkProgram({0})\nglUseProgram({0})\n", n + 2)
+}
+
+const PASS: &str = "void main() { gl_Position = gl_Vertex; gl_TexCoord[0] = gl_Vertex * 0.5 + 0.5; }";
+
+/// A frame buffer object with two textures of an internal format, 1 and 2, both of which are drawn to.
+fn two_buffers(internal: &str) -> String {
+    let mut calls = "glBindFramebuffer(GL_FRAMEBUFFER,1)\n".to_owned();
+    for (texture, attachment) in [(1, 0), (2, 1)] {
+        calls += &format!(
+            "glBindTexture(GL_TEXTURE_2D,{texture})\nglTexStorage2D(GL_TEXTURE_2D,1,{internal},16,16)\n\
+             glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+             glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\n\
+             glFramebufferTexture2D(GL_FRAMEBUFFER,GL_COLOR_ATTACHMENT{attachment},GL_TEXTURE_2D,{texture},0)\n"
+        );
+    }
+    calls + "glDrawBuffers(2,{GL_COLOR_ATTACHMENT0,GL_COLOR_ATTACHMENT1})\n"
+}
+
+/// Shows a texture in the window, times a factor.
+fn show(texture: u32, factor: f32) -> String {
+    let fragment =
+        format!("uniform sampler2D t; void main() {{ gl_FragColor = {factor:?} * texture2D(t, gl_TexCoord[0].xy); }}");
+    format!(
+        "glBindFramebuffer(GL_FRAMEBUFFER,0)\nglBindTexture(GL_TEXTURE_2D,{texture})\n{}glRectf(-1,-1,1,1)",
+        program(10, PASS, &fragment)
+    )
+}
+
+#[test]
+fn a_shader_gives_each_colour_buffer_its_own() {
+    let data = "void main() { gl_FragData[0] = vec4(1.0, 0.0, 0.0, 1.0); gl_FragData[1] = vec4(0.0, 2.0, 0.0, 1.0); }";
+    // An array of outputs, and outputs at stated places.
+    let array = "#version 130\nout vec4 c[2]; void main() { c[0] = vec4(1, 0, 0, 1); c[1] = vec4(0, 2, 0, 1); }";
+    let placed = "#version 330\nlayout(location = 1) out vec4 b; layout(location = 0) out vec4 a;\n\
+                  void main() { a = vec4(1, 0, 0, 1); b = vec4(0, 2, 0, 1); }";
+    for fragment in [data, array, placed] {
+        let drawn = |internal: &str, texture: u32, factor: f32| {
+            let draw = format!("{}{}glRectf(-1,-1,1,1)\n", two_buffers(internal), program(20, PASS, fragment));
+            shown(&format!("{draw}{}", show(texture, factor)), &[]).at(8, 8)
+        };
+        assert_eq!(drawn("GL_RGBA8", 1, 1.0), RED);
+        assert_eq!(drawn("GL_RGBA8", 2, 1.0), GREEN);
+        // Eight bits end at 1; floating-point numbers do not.
+        assert!(near(drawn("GL_RGBA8", 2, 0.25), [0, 64, 0]));
+        assert!(near(drawn("GL_RGBA16F", 2, 0.25), [0, 128, 0]));
+        assert!(near(drawn("GL_RGBA32F", 2, 0.25), [0, 128, 0]));
+    }
+}
+
+#[test]
+fn one_colour_goes_to_all_colour_buffers() {
+    let whole = "void main() { gl_FragColor = vec4(0.0, 0.0, 1.0, 1.0); }";
+    for texture in [1, 2] {
+        let own = format!("{}{}glRectf(-1,-1,1,1)\n", two_buffers("GL_RGBA8"), program(20, PASS, whole));
+        assert_eq!(shown(&format!("{own}{}", show(texture, 1.0)), &[]).at(8, 8), BLUE);
+        let fixed = format!("{}glDisable(GL_TEXTURE_2D)\nglColor3f(0,1,0)\n{QUAD}\n", two_buffers("GL_RGBA8"));
+        assert_eq!(shown(&format!("{fixed}{}", show(texture, 1.0)), &[]).at(8, 8), GREEN);
+    }
+}
+
+#[test]
+fn all_colour_buffers_are_cleared() {
+    for texture in [1, 2] {
+        let clear = "glClearColor(1,0,0,1)\nglClear(GL_COLOR_BUFFER_BIT)\nglEnable(GL_SCISSOR_TEST)\nglScissor(0,0,8,16)\n\
+                     glClearColor(0,1,0,1)\nglClear(GL_COLOR_BUFFER_BIT)\nglDisable(GL_SCISSOR_TEST)\n";
+        let image = shown(&format!("{}{clear}{}", two_buffers("GL_RGBA8"), show(texture, 1.0)), &[]);
+        assert_eq!((image.at(4, 8), image.at(12, 8)), (GREEN, RED));
+    }
+    // A floating-point buffer keeps what is greater than 1.
+    let clear = "glClearColor(4,0,0,1)\nglClear(GL_COLOR_BUFFER_BIT)\n";
+    assert!(near(shown(&format!("{}{clear}{}", two_buffers("GL_RGBA16F"), show(2, 0.125)), &[]).at(8, 8), [128, 0, 0]));
+}
+
+#[test]
+fn floating_point_texels_are_kept_with_their_channels() {
+    let bytes: Vec<u8> = [3.0_f32, 0.5, -1.0, 1.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let seen = |internal: &str, result: &str| {
+        let fragment =
+            format!("uniform sampler2D t; void main() {{ vec4 v = texture2D(t, vec2(0.5)); gl_FragColor = {result}; }}");
+        let calls = format!(
+            "glBindTexture(GL_TEXTURE_2D,1)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+             glTexImage2D(GL_TEXTURE_2D,0,{internal},1,1,0,GL_RGBA,GL_FLOAT,*1)\n{}glRectf(-1,-1,1,1)",
+            program(10, PASS, &fragment)
+        );
+        shown(&calls, &[&bytes]).at(8, 8)
+    };
+    for internal in ["GL_RGBA16F_ARB", "GL_RGBA32F_ARB"] {
+        assert!(near(seen(internal, "vec4(v.r / 6.0, v.g, v.b + 1.25, 1.0)"), [128, 128, 64]));
+    }
+    // Red, and red with green; blue is 0 there. 33325 is GL_R16F, 33328 GL_RG32F.
+    assert!(near(seen("33325", "vec4(v.r / 6.0, v.g, v.b, 1.0)"), [128, 0, 0]));
+    assert!(near(seen("33328", "vec4(v.r / 6.0, v.g, v.b, 1.0)"), [128, 128, 0]));
+    assert!(near(seen("GL_LUMINANCE32F_ARB", "v / 6.0"), [128, 128, 128]));
+}
+
+#[test]
+fn what_is_read_of_a_texture_is_swizzled() {
+    // 36422 is GL_TEXTURE_SWIZZLE_RGBA, 36419 GL_TEXTURE_SWIZZLE_G, 33321 GL_R8.
+    let seen = |swizzle: &str| {
+        let calls = format!(
+            "glBindTexture(GL_TEXTURE_2D,1)\nglTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+             glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglTexImage2D(GL_TEXTURE_2D,0,33321,1,1,0,GL_RED,GL_UNSIGNED_BYTE,*1)\n\
+             {swizzle}\nglEnable(GL_TEXTURE_2D)\nglTexEnvi(GL_TEXTURE_ENV,GL_TEXTURE_ENV_MODE,GL_REPLACE)\n{QUAD}"
+        );
+        shown(&calls, &[&[102]]).at(8, 8)
+    };
+    assert_eq!(seen(""), [102, 0, 0]);
+    assert_eq!(seen("glTexParameteriv(GL_TEXTURE_2D,36422,{GL_ZERO,GL_RED,GL_ONE,GL_ONE})"), [0, 102, 255]);
+    assert_eq!(seen("glTexParameteri(GL_TEXTURE_2D,36419,GL_RED)"), [102, 102, 0]);
+}
+
+#[test]
+fn instances_have_numbers_and_elements_of_their_own() {
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    // A quadrilateral at the left edge, a quarter of the window wide, and a colour for each two instances.
+    let corners = floats(&[-1.0, -1.0, -0.5, -1.0, -0.5, 1.0, -1.0, 1.0]);
+    let colors = floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    let vertex = "#version 140\nin vec2 at; in vec3 color; out vec3 c;\n\
+                  void main() { gl_Position = vec4(at + vec2(0.5 * float(gl_InstanceID), 0.0), 0.0, 1.0); c = color; }";
+    let fragment = "#version 140\nin vec3 c; out vec4 o; void main() { o = vec4(c, 1.0); }";
+    let calls = format!(
+        "{}glGetAttribLocation(12,\"at\")=0\nglGetAttribLocation(12,\"color\")=1\n\
+         glEnableVertexAttribArray(0)\nglVertexAttribPointer(0,2,GL_FLOAT,GL_FALSE,0,*1)\n\
+         glEnableVertexAttribArray(1)\nglVertexAttribPointer(1,3,GL_FLOAT,GL_FALSE,0,*2)\nglVertexAttribDivisor(1,2)\n",
+        program(10, vertex, fragment)
+    );
+    let image = shown(&format!("{calls}glDrawArraysInstanced(GL_QUADS,0,4,3)"), &[&corners, &colors]);
+    assert_eq!([2, 6, 10, 14].map(|x| image.at(x, 8)), [RED, RED, GREEN, BLACK]);
+    // Indices that count from a base vertex: those below it are never read.
+    let indices: Vec<u8> = [0_u16, 1, 2, 3].iter().flat_map(|index| index.to_le_bytes()).collect();
+    let moved = floats(&[9.0, 9.0, -1.0, -1.0, -0.5, -1.0, -0.5, 1.0, -1.0, 1.0]);
+    let draw = "glDrawElementsBaseVertex(GL_QUADS,4,GL_UNSIGNED_SHORT,*3,1)";
+    let image = shown(&format!("{calls}{draw}"), &[&moved, &floats(&[0.0, 0.0, 1.0]), &indices]);
+    assert_eq!([2, 6].map(|x| image.at(x, 8)), [BLUE, BLACK]);
+}
+
+#[test]
+fn prototypes_may_stand_behind_their_functions() {
+    let fragment = "float half_(float x) { return 0.5 * x; } float half_(float); float half_(float y); float half_(vec2 v);\n\
+                    void main() { gl_FragColor = vec4(half_(1.0), half_(vec2(2.0)), 0.0, 1.0); }\n\
+                    float half_(vec2 v) { return 0.5 * v.x; }";
+    let calls = format!("{}glRectf(-1,-1,1,1)", program(10, PASS, fragment));
+    assert!(near(shown(&calls, &[]).at(8, 8), [128, 255, 0]));
+}
+
+#[test]
+fn smooth_points_are_discs() {
+    let ortho = "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\nglEnable(GL_POINT_SMOOTH)\n";
+    let lit =
+        |size: &str| shown(&format!("{ortho}glPointSize({size})\nglBegin(GL_POINTS)\nglVertex2f(8,8)\nglEnd()"), &[]).lit();
+    // The corners of the square of 4 x 4 are farther away than 2.
+    let disc: Vec<(usize, usize)> = (6..10).flat_map(|y| (6..10).map(move |x| (x, y))).collect();
+    let corner = |&(x, y): &(usize, usize)| matches!(x, 6 | 9) && matches!(y, 6 | 9);
+    assert_eq!(lit("4"), disc.into_iter().filter(|at| !corner(at)).collect::<Vec<_>>());
+    // Small ones have a radius of 1.
+    assert_eq!(lit("0.5"), [(7, 7), (8, 7), (7, 8), (8, 8)]);
+}
+
+#[test]
+fn a_material_that_waits_stays_beside_colour_material_until_the_colour_changes() {
+    // Only the ambient light of the scene, so that the ambient material is the colour.
+    let lit = "glLightModelfv(GL_LIGHT_MODEL_AMBIENT,{1,1,1,1})\nglEnable(GL_LIGHTING)\n\
+               glColorMaterial(GL_FRONT_AND_BACK,GL_AMBIENT)\n";
+    let of = |calls: &str| shown(&format!("{lit}{calls}\n{QUAD}"), &[]).at(8, 8);
+    let (given, on) = ("glMaterialfv(GL_FRONT_AND_BACK,GL_AMBIENT,{1,0,0,1})\n", "glEnable(GL_COLOR_MATERIAL)\n");
+    assert_eq!(of(&format!("{given}{on}")), RED);
+    assert_eq!(of(&format!("{given}{on}glColor3f(0,1,0)")), GREEN);
+    // A primitive between them has taken the material.
+    let point = "glBegin(GL_POINTS)\nglVertex2f(0,0)\nglEnd()\n";
+    assert_eq!(of(&format!("{given}{point}{on}")), WHITE);
+    // What is kept stays when colour material is switched off.
+    assert_eq!(of(&format!("{given}{on}{point}glDisable(GL_COLOR_MATERIAL)\nglColor3f(0,1,0)")), RED);
+}
