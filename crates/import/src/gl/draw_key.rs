@@ -63,6 +63,7 @@ impl Gl {
             kind: target.map_or(Kind::D2, kind_of),
             base: bound.as_ref().map_or(Base::Rgba, |bound| bound.base),
             swizzle: bound.as_ref().map_or([0, 1, 2, 3], |bound| bound.swizzle),
+            face_edges: !self.seamless && bound.as_ref().is_some_and(|bound| bound.face_edges),
             border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
             depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),

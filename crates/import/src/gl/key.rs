@@ -104,6 +104,8 @@ pub struct UnitKey {
     pub base: Base,
     /// What each component that is read is taken from.
     pub swizzle: [u8; 4],
+    /// Whether filters end at the edges of a cube's faces, as they do where cubes are not seamless.
+    pub face_edges: bool,
     /// Whether its border has a colour that no border of the card has.
     pub border: bool,
     /// Whether it has depths.

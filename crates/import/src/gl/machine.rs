@@ -111,6 +111,8 @@ pub struct Gl {
     pub queries: u64,
     /// Texture objects by name.
     pub textures: BTreeMap<u32, Texture>,
+    /// Whether filters go on over the edges of cubes' faces.
+    pub seamless: bool,
     /// Samplers by name: of a texture they have how it is sampled.
     pub samplers: BTreeMap<u32, Texture>,
     /// The samplers of the units; 0: none.
@@ -200,6 +202,7 @@ impl Gl {
             query: None,
             queries: 0,
             textures: BTreeMap::new(),
+            seamless: false,
             samplers: BTreeMap::new(),
             bound_samplers: [0; UNITS],
             default_textures: BTreeMap::new(),

@@ -77,8 +77,12 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         unit.generated = unit.generated & !(1 << k) | u8::from(on) << k;
         return Ok(());
     }
+    if cap == e::TEXTURE_CUBE_MAP_SEAMLESS {
+        gl.seamless = on;
+        return Ok(());
+    }
     // What is off already, or changes no picture.
-    let harmless = [e::INDEX_LOGIC_OP, e::DEBUG_OUTPUT, e::DEBUG_OUTPUT_SYNCHRONOUS, e::TEXTURE_CUBE_MAP_SEAMLESS];
+    let harmless = [e::INDEX_LOGIC_OP, e::DEBUG_OUTPUT, e::DEBUG_OUTPUT_SYNCHRONOUS];
     if !on || harmless.contains(&cap) {
         return Ok(());
     }

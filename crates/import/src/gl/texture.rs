@@ -118,6 +118,8 @@ pub struct Bound {
     pub depth: DepthRead,
     /// See [`Texture::swizzle`].
     pub swizzle: [u8; 4],
+    /// Whether it is a cube whose filters clamp coordinates to the edges of its faces.
+    pub face_edges: bool,
 }
 
 /// How depths of a texture are read.
@@ -437,7 +439,9 @@ impl Texture {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
         let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear);
-        Ok(Some(Bound { bound, border, bias: self.bias, base, clamp, levels, depth, swizzle: self.swizzle }))
+        let face_edges = kind == Kind::Cube && linear && self.wrap[..2] == [e::CLAMP_TO_EDGE; 2];
+        let (bias, swizzle) = (self.bias, self.swizzle);
+        Ok(Some(Bound { bound, border, bias, base, clamp, levels, depth, swizzle, face_edges }))
     }
 
     /// Its sampler, and the colour of the border as texels are kept, where it is none of the card's.

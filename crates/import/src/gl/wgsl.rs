@@ -509,6 +509,8 @@ fn sample(unit: &UnitKey, out: &mut String) {
             let down = if unit.sprite_up { "0.5" } else { "-0.5" };
             format!("vec3f(0.5 + vec2f(0.5, {down}) * v.corner.xy / v.corner.z, 0.0)")
         }
+        // A direction stays the same when it is divided.
+        (false, true) if unit.kind == Kind::Cube => format!("v.texture{k}.xyz"),
         (false, true) => format!("v.texture{k}.xyz / v.texture{k}.w"),
         (false, false) => format!("v.texture{k}"),
     };
@@ -537,6 +539,12 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     }
     for (part, _) in ["x", "y", "z"].iter().zip(unit.clamp).filter(|&(_, clamp)| clamp) {
         line!(out, "    at{k}.{part} = saturate(at{k}.{part});");
+    }
+    if unit.face_edges {
+        // The card's cubes are seamless: half a texel inside of the face's edge they are not filtered with the next face.
+        line!(out, "    {{\n        let side = abs(at{k});\n        let major = max(max(side.x, side.y), side.z);");
+        line!(out, "        let most = vec3f(major * (1.0 - 1.0 / f32(textureDimensions(image{k}).x)));");
+        line!(out, "        at{k} = select(clamp(at{k}, -most, most), at{k}, side >= vec3f(major));\n    }}");
     }
     let at = match unit.kind {
         Kind::D1 => format!("vec2f(at{k}.x, 0.5)"),

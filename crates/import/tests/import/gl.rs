@@ -260,7 +260,8 @@ fn what_is_not_supported_is_counted_by_name() {
 #[test]
 fn windows_that_are_drawn_in_turn_are_refused_and_a_new_window_is_not() {
     let swapped = |drawables: &[u64]| {
-        let mut w = program(6);
+        let mut w = Writer::new(6);
+        w.call("glViewport", &[Value::Uint(0), Value::Uint(0), Value::Uint(8), Value::Uint(8)]);
         for &drawable in drawables {
             w.call("glXSwapBuffers", &[Value::Uint(1), Value::Uint(drawable)]);
         }
@@ -286,7 +287,8 @@ fn a_window_accumulates_only_if_the_program_asks_for_it() {
 
 #[test]
 fn parts_of_no_bytes_and_elements_behind_a_buffer_are_no_damage() {
-    let mut w = program(6);
+    let mut w = Writer::new(6);
+    w.call("glViewport", &[Value::Uint(0), Value::Uint(0), Value::Uint(8), Value::Uint(8)]);
     w.call("glBindBuffer", &[Value::Enum(0x8892), Value::Uint(1)]);
     w.call("glBufferData", &[Value::Enum(0x8892), Value::Uint(16), Value::Null, Value::Enum(0x88e4)]);
     w.call("glBufferSubData", &[Value::Enum(0x8892), Value::Uint(16), Value::Uint(0), Value::Null]);
