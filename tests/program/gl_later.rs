@@ -188,3 +188,57 @@ fn a_material_that_waits_stays_beside_colour_material_until_the_colour_changes()
     // What is kept stays when colour material is switched off.
     assert_eq!(of(&format!("{given}{on}{point}glDisable(GL_COLOR_MATERIAL)\nglColor3f(0,1,0)")), RED);
 }
+
+#[test]
+fn a_cube_map_is_read_in_all_directions_whatever_its_wrap_modes_are() {
+    // Faces of one texel: red on the positive sides, green on the negative ones.
+    let faces: String = ["POSITIVE_X", "NEGATIVE_X", "POSITIVE_Y", "NEGATIVE_Y", "POSITIVE_Z", "NEGATIVE_Z"]
+        .iter()
+        .enumerate()
+        .map(|(k, face)| {
+            format!("glTexImage2D(GL_TEXTURE_CUBE_MAP_{face},0,GL_RGB,1,1,0,GL_RGB,GL_UNSIGNED_BYTE,*{})\n", 1 + k % 2)
+        })
+        .collect();
+    for wrap in ["GL_CLAMP", "GL_CLAMP_TO_EDGE", "GL_REPEAT"] {
+        let at = |coordinates: &str| {
+            let calls = format!(
+                "glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglBindTexture(GL_TEXTURE_CUBE_MAP,1)\n{faces}\
+                 glTexParameteri(GL_TEXTURE_CUBE_MAP,GL_TEXTURE_MIN_FILTER,GL_LINEAR)\n\
+                 glTexParameteri(GL_TEXTURE_CUBE_MAP,GL_TEXTURE_WRAP_S,{wrap})\n\
+                 glTexParameteri(GL_TEXTURE_CUBE_MAP,GL_TEXTURE_WRAP_T,{wrap})\n\
+                 glEnable(GL_TEXTURE_CUBE_MAP)\nglTexEnvi(GL_TEXTURE_ENV,GL_TEXTURE_ENV_MODE,GL_REPLACE)\n\
+                 glTexCoord4f({coordinates})\nglBegin(GL_QUADS)\nglVertex2f(-1,-1)\nglVertex2f(1,-1)\nglVertex2f(1,1)\n\
+                 glVertex2f(-1,1)\nglEnd()"
+            );
+            shown(&calls, &[&[255, 0, 0], &[0, 255, 0]]).at(8, 8)
+        };
+        // A direction has no length, and its last coordinate means nothing.
+        assert_eq!([at("2,0.1,0,1"), at("-2,0.1,0,1"), at("0,0.1,-0.5,0")], [RED, GREEN, GREEN], "{wrap}");
+        if wrap != "GL_REPEAT" {
+            // Beside the edge of a face nothing of the next face is seen.
+            assert_eq!([at("1,-0.9,0,1"), at("0.9,-1,0,1")], [RED, GREEN], "{wrap}");
+        }
+    }
+}
+
+#[test]
+fn a_sampler_takes_the_place_of_the_textures_own() {
+    let bytes = [255, 0, 0, 0, 255, 0];
+    let seen = |calls: &str| {
+        let calls = format!(
+            "glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglBindTexture(GL_TEXTURE_2D,1)\n\
+             glTexParameteri(GL_TEXTURE_2D,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\n\
+             glTexImage2D(GL_TEXTURE_2D,0,GL_RGB,2,1,0,GL_RGB,GL_UNSIGNED_BYTE,*1)\nglEnable(GL_TEXTURE_2D)\n\
+             glTexEnvi(GL_TEXTURE_ENV,GL_TEXTURE_ENV_MODE,GL_REPLACE)\n\
+             glSamplerParameteri(5,GL_TEXTURE_MIN_FILTER,GL_NEAREST)\nglSamplerParameteri(5,GL_TEXTURE_MAG_FILTER,GL_NEAREST)\n\
+             glSamplerParameteri(5,GL_TEXTURE_WRAP_S,GL_CLAMP_TO_EDGE)\n{calls}\nglTexCoord2f(2.25,0.5)\n{QUAD}"
+        );
+        shown(&calls, &[&bytes]).at(8, 8)
+    };
+    assert_eq!([seen(""), seen("glBindSampler(0,5)"), seen("glBindSampler(0,5)\nglBindSampler(0,0)")], [RED, GREEN, RED]);
+}
+
+#[test]
+fn a_viewport_far_away_shows_nothing_and_is_no_error() {
+    assert_eq!(shown(&format!("glViewport(4,-2147483400,7,255)\n{QUAD}"), &[]).lit(), []);
+}

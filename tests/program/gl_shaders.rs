@@ -304,6 +304,7 @@ fn what_is_not_supported_is_named_with_its_line() {
         ),
         ("uniform usampler2D t;\nvoid main() {}", "line 1: the type usampler2D is not supported"),
         ("void f() {}", "fragment shader: "),
+        ("(1)\nvoid main() {}", "fragment shader, line 1: "),
         (
             "varying vec3 missing;\nvoid main() { gl_FragColor = vec4(missing, 1.0); }",
             "the vertex shader does not write missing",

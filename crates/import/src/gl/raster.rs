@@ -21,6 +21,8 @@ pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.drawables.last() != Some(&drawable) {
         if gl.drawables.contains(&drawable) {
             gl.refuse("windows that are drawn in turn".into());
+            gl.drawables.retain(|&known| known != drawable);
+            gl.drawables.push(drawable);
         } else if gl.drawables.len() < DRAWABLES_MAX {
             gl.drawables.push(drawable);
         }

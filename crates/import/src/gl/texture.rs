@@ -438,8 +438,10 @@ impl Texture {
         if depth != DepthRead::No && !matches!(kind, Kind::D1 | Kind::D2 | Kind::Rectangle) {
             return Err(Fault::Unsupported("depth textures that are cube maps".into()));
         }
-        let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear);
-        let face_edges = kind == Kind::Cube && linear && self.wrap[..2] == [e::CLAMP_TO_EDGE; 2];
+        // A direction is not clamped.
+        let clamp = self.wrap.map(|wrap| wrap == e::CLAMP && linear && kind != Kind::Cube);
+        let edges = self.wrap[..2].iter().all(|wrap| matches!(*wrap, e::CLAMP | e::CLAMP_TO_EDGE));
+        let face_edges = kind == Kind::Cube && linear && edges;
         let (bias, swizzle) = (self.bias, self.swizzle);
         Ok(Some(Bound { bound, border, bias, base, clamp, levels, depth, swizzle, face_edges }))
     }

@@ -306,7 +306,8 @@ impl Rewriter {
                 "(" | "[" => {
                     let end = closing(tokens, at).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
                     if token.is("(") && !function {
-                        function = !tokens[start..at].iter().any(|token| token.is("="));
+                        // A bracket without a name before it is naga's to refuse.
+                        function = at > start && !tokens[start..at].iter().any(|token| token.is("="));
                         let samplers = tokens[at..end].iter().find(|token| sampler(&token.text).is_some());
                         if let Some(kind) = samplers.filter(|_| function) {
                             let name = &tokens[at - 1].text;
