@@ -190,7 +190,7 @@ fn a_material_that_waits_stays_beside_colour_material_until_the_colour_changes()
 }
 
 #[test]
-fn a_cube_map_is_read_in_all_directions_whatever_its_wrap_modes_are() {
+fn a_cube_map_is_read_in_all_directions_and_not_over_the_edges_of_faces() {
     // Faces of one texel: red on the positive sides, green on the negative ones.
     let faces: String = ["POSITIVE_X", "NEGATIVE_X", "POSITIVE_Y", "NEGATIVE_Y", "POSITIVE_Z", "NEGATIVE_Z"]
         .iter()
@@ -199,7 +199,7 @@ fn a_cube_map_is_read_in_all_directions_whatever_its_wrap_modes_are() {
             format!("glTexImage2D(GL_TEXTURE_CUBE_MAP_{face},0,GL_RGB,1,1,0,GL_RGB,GL_UNSIGNED_BYTE,*{})\n", 1 + k % 2)
         })
         .collect();
-    for wrap in ["GL_CLAMP", "GL_CLAMP_TO_EDGE", "GL_REPEAT"] {
+    for wrap in ["GL_CLAMP", "GL_CLAMP_TO_EDGE"] {
         let at = |coordinates: &str| {
             let calls = format!(
                 "glPixelStorei(GL_UNPACK_ALIGNMENT,1)\nglBindTexture(GL_TEXTURE_CUBE_MAP,1)\n{faces}\
@@ -214,10 +214,8 @@ fn a_cube_map_is_read_in_all_directions_whatever_its_wrap_modes_are() {
         };
         // A direction has no length, and its last coordinate means nothing.
         assert_eq!([at("2,0.1,0,1"), at("-2,0.1,0,1"), at("0,0.1,-0.5,0")], [RED, GREEN, GREEN], "{wrap}");
-        if wrap != "GL_REPEAT" {
-            // Beside the edge of a face nothing of the next face is seen.
-            assert_eq!([at("1,-0.9,0,1"), at("0.9,-1,0,1")], [RED, GREEN], "{wrap}");
-        }
+        // Beside the edge of a face nothing of the next face is seen.
+        assert_eq!([at("1,-0.9,0,1"), at("0.9,-1,0,1")], [RED, GREEN], "{wrap}");
     }
 }
 
@@ -241,4 +239,14 @@ fn a_sampler_takes_the_place_of_the_textures_own() {
 #[test]
 fn a_viewport_far_away_shows_nothing_and_is_no_error() {
     assert_eq!(shown(&format!("glViewport(4,-2147483400,7,255)\n{QUAD}"), &[]).lit(), []);
+}
+
+#[test]
+fn one_buffer_is_cleared_with_a_value_of_its_own() {
+    let depth = "glClearBufferfv(GL_DEPTH,0,{0.25})\nglEnable(GL_DEPTH_TEST)\nglColor3f(0,0,1)\n";
+    let color = "glClearColor(0,1,0,1)\nglClearBufferfv(GL_COLOR,0,{1,0,0,1})\n";
+    // At depth 0.5 nothing passes; the value of glClear is another one.
+    assert_eq!(shown(&format!("{color}{depth}{QUAD}"), &[]).at(8, 8), RED);
+    assert_eq!(shown(&format!("{color}{depth}glClearBufferfi(GL_DEPTH_STENCIL,0,1,0)\n{QUAD}"), &[]).at(8, 8), BLUE);
+    assert_eq!(shown(&format!("{color}glClear(GL_COLOR_BUFFER_BIT)"), &[]).at(8, 8), GREEN);
 }

@@ -2,7 +2,7 @@
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
-use super::machine::Gl;
+use super::machine::{Gl, parameters};
 use super::names;
 
 pub(super) fn scissor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -245,6 +245,44 @@ pub(super) fn clear_depth(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn clear_stencil(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.state.clear_stencil = call.i32(0)?;
     Ok(())
+}
+
+/// `glClearBuffer(buffer, index, values)`, and `glClearBufferfi(buffer, index, depth, stencil)`.
+pub(super) fn clear_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (buffer, index) = (call.u32(0)?, call.u32(1)?);
+    let values = if buffer == e::DEPTH_STENCIL { vec![call.f64(2)?, call.f64(3)?] } else { parameters(call, 2)? };
+    let value = |k: usize| values.get(k).copied().ok_or_else(|| Fault::Damaged(format!("fewer than {} values", k + 1)));
+    let saved = (gl.state.clear_color, gl.state.clear_depth, gl.state.clear_stencil);
+    let bits = match buffer {
+        e::COLOR => {
+            let several = gl.aim()?.is_some_and(|target| target.more[0].is_some());
+            if several || index != 0 {
+                return Err(Fault::Unsupported("clears of one of several colour buffers".into()));
+            }
+            if call.function.name.contains("iv") {
+                return Err(Fault::Unsupported(format!("{} of colours", call.function.name)));
+            }
+            gl.state.clear_color = [value(0)? as f32, value(1)? as f32, value(2)? as f32, value(3)? as f32];
+            e::COLOR_BUFFER_BIT
+        }
+        _ if index != 0 => return Err(INVALID_VALUE),
+        e::DEPTH => {
+            gl.state.clear_depth = value(0)?.clamp(0.0, 1.0) as f32;
+            e::DEPTH_BUFFER_BIT
+        }
+        e::STENCIL => {
+            gl.state.clear_stencil = value(0)? as i32;
+            e::STENCIL_BUFFER_BIT
+        }
+        e::DEPTH_STENCIL => {
+            (gl.state.clear_depth, gl.state.clear_stencil) = (value(0)?.clamp(0.0, 1.0) as f32, value(1)? as i32);
+            e::DEPTH_BUFFER_BIT | e::STENCIL_BUFFER_BIT
+        }
+        _ => return Err(INVALID_ENUM),
+    };
+    let outcome = if gl.render_mode == e::RENDER { gl.clear_buffers(bits) } else { Ok(()) };
+    (gl.state.clear_color, gl.state.clear_depth, gl.state.clear_stencil) = saved;
+    outcome
 }
 
 pub(super) fn clear(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

@@ -252,6 +252,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "CompressedTexImage2D" => (Server, texturing::compressed_2d),
         "CompressedTexSubImage2D" => (Server, texturing::compressed_part_2d),
         "Clear" => (Server, fragments::clear),
+        "ClearBufferfv" | "ClearBufferiv" | "ClearBufferuiv" | "ClearBufferfi" => (Server, fragments::clear_buffer),
         "ClearColor" => (Server, fragments::clear_color),
         "ClearDepth" | "ClearDepthf" => (Server, fragments::clear_depth),
         "ClearStencil" => (Server, fragments::clear_stencil),
