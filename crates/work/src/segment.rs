@@ -33,7 +33,7 @@ pub struct Primitive {
     pub triangles: u8,
     /// Whether it had to be clipped against a plane.
     pub clipped: bool,
-    /// Outside the view volume, which is found out by cutting it: nothing is left ([`Needless::frustum`]).
+    /// Outside the view volume, which is found out by cutting it: nothing is left ([`Needless::frustum`](crate::Needless::frustum)).
     pub cut_away: bool,
     /// How it ended.
     pub outcome: Outcome,
@@ -83,7 +83,7 @@ pub struct Triangle {
     pub first_visit: u32,
     /// Screen tiles in which it covers samples.
     pub visits: u32,
-    /// Where it ends, if nothing of it is drawn and that is not found out before ([`Needless`]).
+    /// Where it ends, if nothing of it is drawn and that is not found out before ([`Needless`](crate::Needless)).
     pub end: End,
 }
 
@@ -162,7 +162,7 @@ pub struct TileWork {
     pub payload: Vec<u32>,
     /// Requests of shaded quads.
     pub requests: Vec<Request>,
-    /// Lines of the requests: address / [`LINE`].
+    /// Lines of the requests: address / [`LINE`](crate::LINE).
     pub lines: Vec<u32>,
     /// Costs of the quads.
     pub costs: CostTable,
