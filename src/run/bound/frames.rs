@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::{Bound, FrameEstimate, Traffic};
-use crate::machine::{Config, PhaseReport};
+use crate::machine::{Config, Machine, PhaseReport};
 use crate::render::Held;
 use crate::run::exit::{Exit, Frame, reference};
 use crate::run::functional::funnel_tree;
@@ -72,23 +72,27 @@ const LIMITED: usize = 4;
 /// configuration.
 pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mut Vec<Vec<PhaseReport>>) {
     let Ok(mut bound) = Bound::new(config) else { return };
+    // No more pieces than the machine has that they are simulated on.
+    let held = Held { pieces: Machine::pieces(config), ..Held::default() };
     let run = move |work: Work| {
-        let mut profiler = Profiler::default();
-        if !bound.deals() {
-            profiler = profiler.whole();
-        }
+        let mut profiler = if bound.deals() { Profiler::default() } else { Profiler::default().whole() };
+        let mut waiting = Vec::new();
         for event in work {
-            let profile = profiler.event(&event);
-            if let Event::EndFrame(_) = event {
-                out.push(bound.frame(&profile.unwrap_or_default()).phases());
+            let ends = matches!(event, Event::EndFrame(_));
+            waiting.push(event);
+            // A frame's work waits for its end, if there is not too much of it: before that all processors render.
+            if !ends && (waiting.len() as u64) < held.pieces {
+                continue;
             }
+            let profile = waiting.drain(..).filter_map(|event| profiler.event(&event)).last();
+            out.extend(profile.map(|profile| bound.frame(&profile).phases()));
             if out.len() == LIMITED {
                 break;
             }
         }
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
+    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
 }
 
 /// Adds estimates for a configuration to a rendering.
