@@ -24,8 +24,11 @@ use crate::work::Event;
 /// Which frames only warm up for others.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
-/// Bytes of work that may wait for all machines, and bytes of pictures that may wait for the frames in front of them.
-const WAITING: u64 = 16 << 20;
+/// Bytes of work that may wait for all machines. The more, the earlier the next run begins: with less than a run's work, machines wait.
+const WORK_WAITING: u64 = 21 << 20;
+
+/// Bytes of pictures that may wait for the frames in front of them.
+const PICTURES_WAITING: u64 = 8 << 20;
 
 /// Where the machines of runs begin, and which frames are in a run.
 enum Begin<'w> {
@@ -51,7 +54,7 @@ impl Room {
     /// Waits until there is room. What is larger than all of it gets it alone.
     fn take(&self, bytes: u64) {
         let mut taken = locked(&self.taken);
-        while *taken > 0 && *taken + bytes > WAITING {
+        while *taken > 0 && *taken + bytes > WORK_WAITING {
             taken = self.freed.wait(taken).unwrap_or_else(PoisonError::into_inner);
         }
         *taken += bytes;
@@ -190,7 +193,7 @@ impl<'e> Outlet<'e> {
     fn put(&self, run: usize, frame: Frame) {
         let mut state = locked(&self.state);
         let bytes = bytes(&frame);
-        while state.next != run && state.waiting > 0 && state.waiting + bytes > WAITING {
+        while state.next != run && state.waiting > 0 && state.waiting + bytes > PICTURES_WAITING {
             state = self.wait(state);
         }
         if state.next == run {
