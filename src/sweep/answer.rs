@@ -19,7 +19,7 @@ const ALIKE: f64 = 1.02;
 /// Values of another axis that are listed.
 const LISTED: usize = 8;
 
-/// What is told of an axis.
+/// What an axis does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// Its path.
@@ -159,7 +159,7 @@ fn moved(name: &str, values: &[(Setting, f64)]) -> Option<String> {
     Some(format!("`{name}` is least, {}, and most, {}{from}.", at(low), at(high)))
 }
 
-/// What is told of each axis, the one that does most first.
+/// What each axis does, the one that does most first.
 pub fn findings(sweep: &Outcome<'_>) -> Vec<Finding> {
     let mut findings = Vec::new();
     for effect in sweep.effects() {

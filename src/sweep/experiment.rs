@@ -108,7 +108,7 @@ pub struct Experiment {
     /// Statistics that are kept: paths, each with all below it. Empty: all.
     #[serde(default)]
     pub keep: Vec<String>,
-    /// What is told of machines beside cycles: formulae over statistics that are kept, banks, frames and traces summed.
+    /// What is measured of machines beside cycles: formulae over statistics that are kept, banks, frames and traces summed.
     #[serde(default)]
     pub measures: Vec<String>,
     /// What a machine costs, a formula over its knobs as links have: the page sets it against cycles. Empty: the bytes of DRAM traffic are.

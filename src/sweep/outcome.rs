@@ -77,7 +77,7 @@ pub struct Outcome<'s> {
     pub machines: Vec<Machine>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
-    /// What is told of each beside its cycles, as written.
+    /// What is measured of each beside its cycles, as written.
     pub measures: Vec<String>,
     /// The axes.
     pub axes: Vec<Axis>,

@@ -42,7 +42,7 @@ pub struct Plan {
     links: Vec<Link>,
     /// What a machine costs; none: the experiment does not say.
     cost: Option<Link>,
-    /// What is told of machines beside cycles: the text, and what it says.
+    /// What is measured of machines beside cycles: the text, and what it says.
     measures: Vec<(String, Formula)>,
     chosen: Chosen,
 }
@@ -122,7 +122,7 @@ impl Plan {
             .transpose()
     }
 
-    /// What is told of machines beside cycles: each as written, and what it says.
+    /// What is measured of machines beside cycles: each as written, and what it says.
     pub fn measures(&self) -> &[(String, Formula)] {
         &self.measures
     }
