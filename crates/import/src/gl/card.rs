@@ -9,7 +9,7 @@ use trace::command::*;
 use trace::record::{self, Recorder};
 
 use super::pass::Pass;
-pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Surface, Target};
+pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Surface, Target, kept_channels};
 
 /// Format of the window's colours. Where the window has no alpha, it stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;

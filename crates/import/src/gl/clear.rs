@@ -3,7 +3,7 @@
 use gfx::state::*;
 
 use super::call::Outcome;
-use super::card::{COLORS_MAX, Draw, Fixed};
+use super::card::{COLORS_MAX, Draw, Fixed, kept_channels};
 use super::consts as e;
 use super::machine::Gl;
 
@@ -44,7 +44,7 @@ impl Gl {
     pub fn mask(&self) -> u8 {
         let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
         let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;
-        if off { 0 } else { self.state.color_mask & if target.alpha { 15 } else { 7 } }
+        if off { 0 } else { self.state.color_mask & kept_channels(target.alpha) }
     }
 
     /// Clears buffers, or the part of them that scissor and masks leave.
@@ -60,12 +60,10 @@ impl Gl {
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
         // Of each colour buffer all that it keeps.
-        let kept = |alpha: bool| if alpha { 15 } else { 7 };
-        let whole_colors = channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept(alpha) == kept(alpha));
-        let more: Vec<_> = target.more.iter().flatten().collect();
-        let more =
-            more.iter().map(|(color, alpha)| (color.format, if channels == 0 { 0 } else { state.color_mask & kept(*alpha) }));
-        let more: Vec<_> = more.collect();
+        let whole_colors =
+            channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept_channels(alpha) == kept_channels(alpha));
+        let written = |alpha: bool| if channels == 0 { 0 } else { state.color_mask & kept_channels(alpha) };
+        let more = target.more.iter().flatten().map(|(color, alpha)| (color.format, written(*alpha))).collect();
         let partial = !whole || channels != 0 && !whole_colors || !matches!(stencil_mask, 0 | 0xff);
         if !partial {
             self.card.clear(whole_colors.then_some(color), depth.then_some(z), (stencil_mask == 0xff).then_some(stencil));

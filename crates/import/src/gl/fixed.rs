@@ -3,7 +3,7 @@
 use gfx::state::*;
 
 use super::call::{Fault, Outcome};
-use super::card::{Fixed, Target};
+use super::card::{Fixed, Target, kept_channels};
 use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::{Expand, ShaderKey};
@@ -134,7 +134,7 @@ impl Gl {
         let noop = state.is(e::COLOR_LOGIC_OP) && state.logic == e::NOOP;
         let mask = if noop { 0 } else { self.mask() };
         let more = |(k, &(color, alpha)): (usize, &(super::card::Surface, bool))| {
-            let kept = if alpha { 15 } else { 7 };
+            let kept = kept_channels(alpha);
             let written = key.colors.written & 2 << k != 0 && !noop;
             (color.format, if written { state.color_mask & kept } else { 0 })
         };

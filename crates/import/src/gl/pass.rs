@@ -96,6 +96,11 @@ pub struct Target {
     pub alpha: bool,
 }
 
+/// The channels that a colour buffer keeps, a bit each: all, or all but alpha.
+pub fn kept_channels(alpha: bool) -> u8 {
+    if alpha { 15 } else { 7 }
+}
+
 impl Target {
     /// Its colour buffers, each with whether it keeps alpha.
     pub fn colors(&self) -> impl Iterator<Item = (Surface, bool)> {
