@@ -4,7 +4,7 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts};
+use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts};
 use crate::mem::{ClientCounts, DramCounts};
 use crate::sim::{ChannelCounts, Description, UnitCounts};
 use crate::stats::{Cycles, Declaration, Group, page};
@@ -95,12 +95,7 @@ const SORT: &[Declaration] = &[
         "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
     one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
-    one(
-        "passes_needing_order",
-        "passes",
-        "Sort-last-image: passes whose picture may depend on an order that its pipelines do not keep: blended, stencilled, or with draws that treat depths or channels differently.",
-    ),
-    one("passes_out_of_order", "", "Their numbers and labels, up to 16."),
+    one("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];
 
@@ -166,7 +161,11 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
         ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
         ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
         ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),
-        ("sort", "What redistribution costs.", all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS].concat())),
+        (
+            "sort",
+            "What redistribution costs.",
+            all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
+        ),
         (
             "sort.loss",
             "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",

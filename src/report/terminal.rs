@@ -7,7 +7,7 @@ use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
 use crate::run::bound::STATED_ERRORS;
 use crate::run::functional::funnel_of;
-use crate::run::replay::{Fidelity, Frame, Options, Outcome, seconds};
+use crate::run::replay::{Fidelity, Frame, Options, Outcome};
 use crate::work::Surface;
 
 /// Draws that are listed.
@@ -105,7 +105,7 @@ fn knobs(changed: &[KnobDifference], config: &str) -> String {
 /// Cycles, frames a second, and the host's time.
 fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String {
     let mhz = options.config.card.clock_mhz;
-    let time = seconds(cycles, &options.config);
+    let time = options.config.seconds(cycles);
     let frames = done.sampled.as_ref().map_or(seen.frames as f64, |sampled| sampled.frames as f64);
     let rate = if time > 0.0 { frames / time } else { 0.0 };
     let (host, all) = (done.machine_time.as_secs_f64(), done.clock_time.as_secs_f64());
@@ -138,7 +138,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
     // Of a sample it is not known what the other frames drew.
     let drawing = seen.phases.drawing();
     let apart = if done.sampled.is_none() && drawing > 0 && (drawing as f64) < cycles {
-        let rate = frames / seconds(drawing as f64, &options.config);
+        let rate = frames / options.config.seconds(drawing as f64);
         let drawing = summary::grouped(drawing);
         format!("\ndrawing alone, without transfers and scan-out: {drawing} cycles, {rate:.1} a second")
     } else {

@@ -163,11 +163,6 @@ pub struct Outcome {
     pub clock_time: Duration,
 }
 
-/// Seconds of so many cycles on a card.
-pub fn seconds(cycles: f64, config: &Config) -> f64 {
-    cycles / (f64::from(config.card.clock_mhz) * 1e6)
-}
-
 /// What a replay came to, with its frames.
 #[derive(Clone, Debug)]
 pub struct Replay {

@@ -97,8 +97,7 @@ impl Keep {
         let (paths, values) = self.of(&report.tree);
         let places: HashMap<&str, u32> = paths.iter().map(String::as_str).zip(0..).collect();
         let passes = report.phases.iter().map(|phase| pass(phase, &places)).collect();
-        let seconds = report.tree.number("seconds").unwrap_or(0.0);
-        (paths, Row { frame: report.number, cycles: report.cycles, seconds, passes, values })
+        (paths, Row { frame: report.number, cycles: report.cycles, seconds: report.seconds, passes, values })
     }
 }
 

@@ -29,6 +29,8 @@ pub struct FrameReport {
     pub number: u32,
     /// Cycles that it took.
     pub cycles: Cycle,
+    /// The same in seconds, at the card's clock.
+    pub seconds: f64,
     /// Its statistics, by the names of the design.
     pub tree: Tree,
     /// What the command processor did one after another: the cycles add up to the frame's.
@@ -37,6 +39,14 @@ pub struct FrameReport {
     pub picture: Option<Picture>,
     /// What a free-running display has shown since the frame before.
     pub shown: Shown,
+}
+
+stats::counters! {
+    /// What a sort class counts whose pipelines do not keep API order among them; the others have no such counter.
+    pub struct PassOrderCounts {
+        /// Sort-last-image: passes whose picture may depend on an order that its pipelines do not keep: blended, stencilled, or with draws that treat depths or channels differently.
+        passes_needing_order: "passes",
+    }
 }
 
 /// A run.
@@ -264,7 +274,7 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
     let (cycles, mut tree) = (*cycles, Tree::new());
     tree.count("cycles", cycles);
-    tree.real("seconds", cycles as f64 / (f64::from(machine.config.card.clock_mhz) * 1e6));
+    tree.real("seconds", machine.config.seconds(cycles as f64));
     tree.extend(counted.clone());
 
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
@@ -282,7 +292,7 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
     if !machine.card.apart.copies.is_empty() {
-        leaves.count("passes_needing_order", disordered.len() as u64);
+        leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
         leaves.text("passes_out_of_order", &names(disordered));
     }
     if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
@@ -343,7 +353,7 @@ impl Readings {
         let phases = self.tallies.frame(machine, self.last.cycles, now.cycles);
         self.last = now;
         let shown = machine.circuit.scanout.take_shown();
-        FrameReport { number, cycles, tree, phases, picture, shown }
+        FrameReport { number, cycles, seconds: machine.config.seconds(cycles as f64), tree, phases, picture, shown }
     }
 
     /// The run has ended.

@@ -3,8 +3,8 @@
 use anyhow::{Context, Result, ensure};
 
 use crate::accuracy::{Row, Setting};
-use crate::machine::Config;
 use crate::machine::config::SortClass;
+use crate::machine::{Config, PassOrderCounts};
 use crate::render::{self, Held, Options};
 use crate::run::machines;
 use crate::sim::Clock;
@@ -197,7 +197,7 @@ impl Stage {
                 shown.picture == Some((frame.surface, blake3::hash(&frame.bytes)))
             };
             let differing = ran.shown.iter().zip(frames).filter(|pair| !same(pair)).count() as u64;
-            let disordered = ran.total.number("sort.passes_needing_order").unwrap_or(0.0) as u64;
+            let PassOrderCounts { passes_needing_order: disordered } = ran.total.group("sort");
             // Only a class that names the passes whose order it does not keep may show another picture.
             if disordered == 0 {
                 self.row(Row::none(format!("{class}: frames that are not the renderer's"), differing));

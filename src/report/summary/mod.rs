@@ -4,7 +4,7 @@ mod phases;
 
 pub use phases::{Phases, draw};
 
-use crate::machine::LossCounts;
+use crate::machine::{LossCounts, PassOrderCounts};
 use crate::mem::{CacheCounts, ClientCounts, DramCounts};
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
@@ -186,8 +186,8 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         row("quads tested early", grouped(early.asked), culled);
     }
     if class == "sort-last-image" {
-        let passes = total.number("sort.passes_needing_order").unwrap_or(0.0);
-        row("passes needing order", grouped(passes as u64), text("sort.passes_out_of_order").to_owned());
+        let PassOrderCounts { passes_needing_order: passes } = total.group("sort");
+        row("passes needing order", grouped(passes), text("sort.passes_out_of_order").to_owned());
     }
 
     // 2. Where the pipelines' cycles went.

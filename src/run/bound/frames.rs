@@ -12,7 +12,6 @@ use crate::run::functional::funnel_tree;
 use crate::run::host::Stopwatch;
 use crate::run::profiles::{Profiled, Reader};
 use crate::run::rendering::{Consumer, Rendering, Work};
-use crate::run::replay::seconds;
 use crate::stats::{Node, Tree};
 use crate::work::profile::Profiler;
 use crate::work::{Event, Funnel};
@@ -46,7 +45,7 @@ impl Estimated {
     pub fn tree(&self, config: &Config) -> Tree {
         let mut tree = Tree::new();
         tree.count("cycles", self.cycles.round() as u64);
-        tree.real("seconds", seconds(self.cycles, config));
+        tree.real("seconds", config.seconds(self.cycles));
         tree.set("funnel", Node::Tree(funnel_tree(&self.funnel)));
         let dram = tree.child("memory").child("dram");
         dram.count("read_bytes", self.memory.read.round() as u64);

@@ -17,7 +17,7 @@ use super::apart::simulate_apart;
 use super::bound::frames::{Estimated, estimate};
 use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
-use super::replay::{Fidelity, Options, Outcome, seconds};
+use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL, random};
 use survey::{CacheCount, Count, Survey, Way};
 
@@ -245,7 +245,7 @@ fn of_survey(
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
     let mut total = Tree::weighted(&trees);
     let cycles = Count::Cycles.of(&total);
-    total.real("seconds", seconds(cycles, &options.config));
+    total.real("seconds", options.config.seconds(cycles));
     let trees: Vec<&Tree> = counted.iter().collect();
     estimated(&mut total, survey, &clusters, &drawn, &trees);
     let margins = intervals(survey, &clusters, &drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {

@@ -198,6 +198,11 @@ config! {
 }
 
 impl Config {
+    /// Seconds of so many cycles at the card's clock.
+    pub fn seconds(&self, cycles: f64) -> f64 {
+        cycles / (f64::from(self.card.clock_mhz) * 1e6)
+    }
+
     /// A built-in configuration.
     ///
     /// # Errors

@@ -245,16 +245,17 @@ fn apply(config: &mut Config, file: &str, path: &str, given: &Given) -> Result<(
     Err(ConfigError::Value { file: file.to_owned(), key: path.to_owned(), value, allowed })
 }
 
-/// The key that is nearest to one that there is not.
+/// The key that is nearest to one that there is not: one that has sections in front of it, else the one with the fewest edits.
 fn hint(path: &str) -> String {
     let config = Config::default();
     let paths = config
         .sections()
         .into_iter()
         .flat_map(|(section, knobs)| knobs.knobs().iter().map(move |knob| join(section, knob.name)));
-    let nearest = paths.min_by_key(|known| edits(known, path));
+    let in_section = |known: &str| known.strip_suffix(path).is_some_and(|sections| sections.ends_with('.'));
+    let nearest = paths.min_by_key(|known| (!in_section(known), edits(known, path)));
     nearest
-        .filter(|known| edits(known, path) <= 2 + path.len() / 3)
+        .filter(|known| in_section(known) || edits(known, path) <= 2 + path.len() / 3)
         .map_or(String::new(), |known| format!("; {known} is the nearest"))
 }
 
@@ -275,6 +276,9 @@ mod tests {
             assert_eq!(message(text), format!("mine.ron: {NO_CONFIGURATION}"), "{text}");
         }
         assert_eq!(message("(pipelnes: 4)"), "mine.ron:1:2: there is no key pipelnes; pipelines is the nearest");
+        // `clip.latency` has fewer edits, and another section.
+        let nearest = message("(extends: \"baseline\", l2: (latency: 9))");
+        assert_eq!(nearest, "mine.ron:1:28: there is no key l2.latency; memory.l2.latency is the nearest");
         assert!(message("(pipelines: 4)").contains("extends nothing must be complete"), "{}", message("(pipelines: 4)"));
         assert_eq!(message("// (extends: 1)\n# A page"), format!("mine.ron: {NO_CONFIGURATION}"));
     }
