@@ -81,7 +81,7 @@ fn part(name: &str) -> Vec<PathBuf> {
 
 #[test]
 fn what_and_when_stay_apart() {
-    for name in ["gfx", "shader", "render", "trace", "import"] {
+    for name in ["gfx", "shader", "render", "trace", "wgpu_text", "import"] {
         for file in part(name) {
             let text = fs::read_to_string(&file).expect("source text");
             assert!(!text.contains("Cycle"), "{} knows a cycle", file.display());

@@ -1,7 +1,9 @@
-//! Floor 0: naga's IR in RON text, as wgpu's traces have it.
+//! Floor 0: shaders in naga's IR as RON text, as wgpu's traces have it, and in SPIR-V.
 //!
 //! A package of its own, because the code that reads the text of 200 types is ten times as long as what needs it and no faster where
-//! it is optimised for speed: the build gives it the optimisation of a parser.
+//! it is optimised: the build leaves that out.
+
+use std::cell::Cell;
 
 /// Reads a module. It is what the text says, not validated.
 ///
@@ -9,4 +11,17 @@
 /// RON's, with the place in the text.
 pub fn read(text: &str) -> Result<naga::Module, ron::error::SpannedError> {
     ron::from_str(text)
+}
+
+/// Reads a module of SPIR-V, and counts the words that it has taken: on an error, the last one belongs to the instruction at fault.
+///
+/// # Errors
+/// naga's.
+pub fn read_spirv(
+    words: &[u32],
+    options: &naga::front::spv::Options,
+    taken: &Cell<usize>,
+) -> Result<naga::Module, naga::front::spv::Error> {
+    let counted = words.iter().copied().inspect(|_| taken.set(taken.get() + 1));
+    naga::front::spv::Frontend::new(counted, options).parse()
 }

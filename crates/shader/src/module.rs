@@ -179,9 +179,8 @@ fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
 /// Reads a SPIR-V module. naga says of no error where it is, but it asks for one word after the other.
 fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<Place>, String)> {
     let taken = std::cell::Cell::new(0);
-    let counted = words.iter().copied().inspect(|_| taken.set(taken.get() + 1));
     let parsed = guarded(|| {
-        let parsed = naga::front::spv::Frontend::new(counted, options).parse();
+        let parsed = ir_text::read_spirv(words, options, &taken);
         parsed.map_err(|error| (matches!(error, naga::front::spv::Error::IncompleteData), chain(&error)))
     });
     parsed.unwrap_or_else(|message| Err((false, message))).map_err(|(is_cut, message)| {

@@ -6,7 +6,7 @@ use trace::command::Data;
 use trace::{Builder, Reading, check_name};
 
 use super::objects::Reason;
-use super::schema;
+use wgpu_text as schema;
 
 /// Gives the payload of actions to a trace.
 pub struct Blobs {

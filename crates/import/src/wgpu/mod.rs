@@ -12,8 +12,6 @@
 //! What is out of scope is refused by name, with the place in the file: ray tracing, external textures, mesh pipelines,
 //! multiview, conservative rasterisation, and texture formats that are not ours.
 
-pub mod schema;
-
 mod blob;
 mod copy;
 mod lifetime;

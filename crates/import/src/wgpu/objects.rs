@@ -7,7 +7,7 @@ use gfx::state::ViewDimension;
 use num::*;
 use trace::command::*;
 
-use super::schema::Id;
+use wgpu_text::Id;
 
 /// Why an action cannot be imported.
 pub type Reason = String;

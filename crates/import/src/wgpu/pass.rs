@@ -6,8 +6,8 @@ use trace::command::*;
 
 use super::objects::Reason;
 use super::pipeline::check_multiview;
-use super::schema::{self, DrawCommandFamily, Id, LoadOp, Pass, PassChannel, StoreOp};
 use super::translate::Translator;
+use wgpu_text::{self as schema, DrawCommandFamily, Id, LoadOp, Pass, PassChannel, StoreOp};
 
 /// The data beside a pass's commands.
 struct Streams {

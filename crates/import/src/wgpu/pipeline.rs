@@ -6,8 +6,8 @@ use trace::command::*;
 
 use super::objects::*;
 use super::resource::check_samples;
-use super::schema::{self, DataKind, Id};
 use super::translate::Translator;
+use wgpu_text::{self as schema, DataKind, Id};
 
 impl Translator {
     pub(super) fn create_shader(&mut self, id: Id, label: Option<String>, data: schema::Data) -> Result<(), Reason> {

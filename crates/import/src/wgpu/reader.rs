@@ -4,12 +4,10 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
-
 use host::ron_reason;
 use trace::{Place, TraceError};
 
-use super::schema::Action;
+use wgpu_text::{Action, Wrong};
 
 /// Reads actions.
 pub struct Reader<'a> {
@@ -75,7 +73,7 @@ impl<'a> Reader<'a> {
         }
         let (number, place) = (self.count, self.place);
         let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(rest.len())];
-        let wrong = |found: ron::de::SpannedError, ends: bool| {
+        let wrong = |Wrong { error: found, ends }| {
             // The span is relative to the action.
             let at = found.span.end;
             let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
@@ -84,12 +82,7 @@ impl<'a> Reader<'a> {
             let reason = format!("action {number} ({name}): {}{ends}", ron_reason(&found.code));
             TraceError::new(self.file, reason).at(Some(place))
         };
-        let mut deserializer = ron::Deserializer::from_str(rest).map_err(|error| wrong(error, false))?;
-        let action = Action::deserialize(&mut deserializer).map_err(|error| {
-            let ends = deserializer.remainder().trim().is_empty();
-            wrong(deserializer.span_error(error), ends)
-        })?;
-        let read = rest.len() - deserializer.remainder().len();
+        let (action, read) = wgpu_text::action(rest).map_err(wrong)?;
         self.advance(read);
         self.count += 1;
         self.skip_trivia();

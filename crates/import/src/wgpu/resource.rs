@@ -6,8 +6,8 @@ use trace::command::*;
 
 use super::copy;
 use super::objects::*;
-use super::schema::{self, Id};
 use super::translate::Translator;
+use wgpu_text::{self as schema, Id};
 
 /// Anisotropy at most: wgpu clamps greater values.
 const ANISOTROPY_MAX: u16 = 16;

@@ -8,7 +8,7 @@ use trace::{Builder, Place, Reading, Trace, TraceError};
 use super::blob::Blobs;
 use super::lifetime;
 use super::objects::{Objects, Reason, Surface};
-use super::schema::{self, Action, Id};
+use wgpu_text::{self as schema, Action, Id};
 
 /// Translates the actions of one trace, in order.
 pub struct Translator {

@@ -1,4 +1,6 @@
-//! A serde schema, of our own, of the traces that wgpu 30 writes: one RON list of [`Action`]s.
+//! Floor 1: a serde schema, of our own, of the traces that wgpu 30 writes: one RON list of [`Action`]s.
+//!
+//! A package of its own, as `ir_text` is: code that reads text need not be optimised, what translates the actions is.
 //!
 //! Names and shapes follow what `wgpu-core` and `wgpu-types` 30.0.1 serialise. Structs refuse unknown fields: a field that
 //! this schema does not know could change the picture, so it must not be skipped in silence. What has no meaning for
@@ -17,6 +19,30 @@ pub use state::*;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+
+/// Why some text is no action.
+#[derive(Debug)]
+pub struct Wrong {
+    /// RON's reason, with the place in the text.
+    pub error: ron::error::SpannedError,
+    /// Whether the text ends inside the action.
+    pub ends: bool,
+}
+
+/// Reads the action at the beginning of some text, and how many bytes of it that took.
+///
+/// # Errors
+/// If there is none, or one that this schema does not know.
+pub fn action(text: &str) -> Result<(Action, usize), Wrong> {
+    let mut deserializer = ron::Deserializer::from_str(text).map_err(|error| Wrong { error, ends: false })?;
+    match Action::deserialize(&mut deserializer) {
+        Ok(action) => Ok((action, text.len() - deserializer.remainder().len())),
+        Err(error) => {
+            let ends = deserializer.remainder().trim().is_empty();
+            Err(Wrong { error: deserializer.span_error(error), ends })
+        }
+    }
+}
 
 /// An object's name in a wgpu trace: the address that it had. Addresses come back for later objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
