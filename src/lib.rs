@@ -7,16 +7,16 @@
 //! | 0 | [`num`], [`host`] |
 //! | 1 | [`gfx`], [`trace`], [`knob`], [`stats`], [`sim`] |
 //! | 2 | [`work`], [`shader`], [`mem`], [`import`] |
-//! | 3 | [`render`], [`mod@unit`], [`synthetic`] |
+//! | 3 | [`render`], [`mod@unit`], [`synthetic`], [`picture`] |
 //! | 4 | [`machine`] |
-//! | 5 | [`run`], [`report`] |
-//! | 6 | [`accuracy`], [`sweep`], [`why`](mod@why) |
-//! | 7 | [`cli`] |
+//! | 5 | [`run`] |
+//! | 6 | [`report`] |
+//! | 7 | [`accuracy`], [`sweep`], [`why`](mod@why) |
+//! | 8 | [`cli`] |
 
-pub use {gfx, host, import, knob, machine, mem, num, render, shader, sim, stats, synthetic, trace, unit, work};
+pub use {gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit, work};
 
 pub mod report;
-pub mod run;
 
 pub mod accuracy;
 pub mod sweep;

@@ -27,8 +27,8 @@ echo '|---|--:|--:|--:|'
 row '`cargo build --release`, from nothing' 2:00 cargo build --locked --release
 touch crates/unit/src/setup.rs
 row '`cargo build --release`, after one file of `unit`' 0:40 cargo build --locked --release
-touch src/run/replay.rs
-row '`cargo build --release`, after one file of `src/run`' '' cargo build --locked --release
+touch src/report/folder.rs
+row '`cargo build --release`, after one file of `src`' '' cargo build --locked --release
 cargo test --locked -p fillrate-unit > "$work/log" 2>&1
 touch crates/unit/src/setup.rs
 row '`cargo test -p fillrate-unit`, after one file of it' 0:30 cargo test --locked -p fillrate-unit

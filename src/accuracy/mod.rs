@@ -1,4 +1,4 @@
-//! Floor 6: what a correct model must reproduce, measured on the model itself.
+//! Floor 7: what a correct model must reproduce, measured on the model itself.
 //!
 //! A [`Target`] is a yardstick: an identity, a closed form or a rule of a specification. Its check makes its own input, runs the code
 //! that a replay runs, and leaves [`Row`]s of what was expected and what came out. With [`Setting::inject_fault`] a check spoils what it hands

@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use image::{ImageFormat, ImageReader};
 use serde::Deserialize;
 
 use crate::host::{self, Links};
 use crate::import;
 use crate::machine::Config;
-use crate::report::picture::picture;
+use crate::picture::picture;
 use crate::run::replay::{Fidelity, Options, replay};
 
 /// Bytes of a manifest at most.
@@ -160,14 +159,8 @@ impl Recording {
                 let ((w, h), (rw, rh)) = (ours.dimensions(), wanted.dimensions());
                 bail!("frame {number} of {} is {w} x {h} pixels, {} {rw} x {rh}", found.path.display(), path.display());
             }
-            let (mut off, mut squares) = (0_u64, 0_u64);
-            for (p, q) in ours.pixels().zip(wanted.pixels()) {
-                let d: [u8; 3] = std::array::from_fn(|c| p.0[c].abs_diff(q.0[c]));
-                off += u64::from(d.iter().any(|&d| d > TOLERANCE));
-                squares += d.iter().map(|&d| u64::from(d) * u64::from(d)).sum::<u64>();
-            }
+            let (off, psnr) = picture::rgb_difference(&ours, &wanted, TOLERANCE);
             let pixels = f64::from(wanted.width()) * f64::from(wanted.height());
-            let psnr = if squares == 0 { f64::INFINITY } else { 10.0 * (65_025.0 * 3.0 * pixels / squares as f64).log10() };
             rows.push(Row { frame: number, psnr, off: 100.0 * off as f64 / pixels });
         }
         Ok(rows)
@@ -196,7 +189,6 @@ fn references(folder: &Path) -> Result<BTreeMap<u32, PathBuf>> {
 
 fn read_image(path: &Path) -> Result<image::RgbImage> {
     let fail = || format!("cannot read {}", path.display());
-    let format = ImageFormat::from_path(path).with_context(fail)?;
-    let file = std::io::BufReader::new(host::open(path, Links::Follow).with_context(fail)?);
-    Ok(ImageReader::with_format(file, format).decode().with_context(fail)?.into_rgb8())
+    let file = host::open(path, Links::Follow).with_context(fail)?;
+    Ok(picture::read(file).with_context(fail)?.into_rgb8())
 }

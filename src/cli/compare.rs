@@ -1,10 +1,8 @@
 //! `fillrate compare`
 
-use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
-use image::{ImageFormat, ImageReader};
 use serde_json::Value;
 
 use super::{Verdict, configs};
@@ -12,7 +10,8 @@ use crate::accuracy::references::{Manifest, Standing, TOLERANCE as TOLERANCE_OF_
 use crate::host;
 use crate::host::{Links, one_line};
 use crate::machine::config::BUILT_IN;
-use crate::report::compare::{self, Banks, ImageDifference, Leaves, Size, StatisticDifference, TOLERANCE};
+use crate::picture::{self, Difference, TOLERANCE};
+use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
 
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;
@@ -233,17 +232,17 @@ fn folders(arguments: &Arguments) -> Result<bool> {
     Ok(same)
 }
 
-fn difference(a: &Path, b: &Path) -> Result<ImageDifference> {
+fn difference(a: &Path, b: &Path) -> Result<Difference> {
     let open = |path: &Path| {
         let fail = || format!("cannot read {}", path.display());
-        let file = BufReader::new(host::open(path, Links::Follow).with_context(fail)?);
-        anyhow::Ok(ImageReader::new(file).with_guessed_format()?.decode().with_context(fail)?.into_rgba8())
+        let file = host::open(path, Links::Follow).with_context(fail)?;
+        anyhow::Ok(picture::read(file).with_context(fail)?.into_rgba8())
     };
     let images = (open(a)?, open(b)?);
-    compare::images(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))
+    picture::compare(&images.0, &images.1).map_err(|reason| anyhow!("{} and {}: {reason}", a.display(), b.display()))
 }
 
-fn found(d: &ImageDifference) -> String {
+fn found(d: &Difference) -> String {
     format!(
         "{} pixels, {} different, {} off by more than {TOLERANCE} ({:.4} %), largest difference {}, PSNR {:.2} dB",
         d.pixels,
@@ -255,15 +254,14 @@ fn found(d: &ImageDifference) -> String {
     )
 }
 
-fn write(path: &Path, d: &ImageDifference) -> Result<()> {
+fn write(path: &Path, d: &Difference) -> Result<()> {
     let fail = || format!("cannot write {}", path.display());
-    let mut png = Vec::new();
-    d.picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).with_context(fail)?;
+    let png = picture::png(&d.picture).with_context(fail)?;
     host::write_file(path, &png).with_context(fail)
 }
 
 /// Whether no more pixels are off than may be.
-fn fits(d: &ImageDifference, arguments: &Arguments) -> bool {
+fn fits(d: &Difference, arguments: &Arguments) -> bool {
     100.0 * d.off_share() <= arguments.allow.unwrap_or(0.0)
 }
 

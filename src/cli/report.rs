@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
-use image::{ImageFormat, ImageReader};
 use serde_json::{Map, Value};
 
 use super::Verdict;
 use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
+use crate::picture::picture;
 use crate::report::files::{About, json_frame, json_head};
 use crate::report::html::data::{Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
 use crate::report::html::{plots, word};
-use crate::report::picture::picture;
 use crate::run::maps::{Look, look};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
@@ -89,9 +88,7 @@ impl Gathering {
         self.picture = None;
         if let Some((surface, bytes)) = &frame.shown {
             let image = picture(surface, bytes).map_err(|reason| anyhow!("frame {}: {reason}", frame.number))?;
-            let mut png = std::io::Cursor::new(Vec::new());
-            image.write_to(&mut png, ImageFormat::Png)?;
-            self.picture = Some(png.into_inner());
+            self.picture = Some(picture::png(&image)?);
         }
         Ok(())
     }
@@ -203,8 +200,7 @@ fn png(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = host::open(path, host::Links::Follow).with_context(read)?;
     std::io::Read::read_to_end(&mut std::io::Read::take(file, PICTURE_MAX), &mut bytes).with_context(read)?;
-    let reader = ImageReader::with_format(std::io::Cursor::new(&bytes), ImageFormat::Png);
-    reader.decode().with_context(|| format!("{name} is no picture of a replay"))?;
+    picture::read_png(&bytes).with_context(|| format!("{name} is no picture of a replay"))?;
     Ok(bytes)
 }
 

@@ -9,9 +9,9 @@ use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, csv_rows, json_end, json_frame, json_head};
 use super::phases::{self, draw_rows, pass_rows};
-use super::picture::picture;
 use crate::host::{self, Part};
 use crate::machine::Shown;
+use crate::picture;
 use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::unit::scanout::Collision;
@@ -249,12 +249,8 @@ impl Album {
     fn put(&mut self, what: &str, number: u64, surface: &Surface, bytes: &[u8]) -> Result<()> {
         let again = |(shown, known, _): &(Surface, Vec<u8>, Vec<u8>)| shown == surface && known == bytes;
         if !self.last.as_ref().is_some_and(again) {
-            let mut image = picture(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
-            // A screen shows no alpha.
-            image.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
-            let mut png = Vec::new();
-            image.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
-            self.last = Some((*surface, bytes.to_vec(), png));
+            let image = picture::opaque(surface, bytes).map_err(|reason| anyhow!("{what} {number}: {reason}"))?;
+            self.last = Some((*surface, bytes.to_vec(), picture::png(&image)?));
         }
         let Some((.., png)) = &self.last else { return Ok(()) };
         put(&self.out, &format!("{what}-{number:04}.png"), png)

@@ -1,4 +1,4 @@
-//! Floor 5: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
+//! Floor 6: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
 
 pub mod compare;
 pub mod diagram;
@@ -8,7 +8,6 @@ pub mod html;
 pub mod limits;
 pub mod pages;
 pub mod phases;
-pub mod picture;
 pub mod plots;
 pub mod summary;
 pub mod terminal;

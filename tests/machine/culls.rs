@@ -258,7 +258,7 @@ fn a_triangle_that_setup_takes_for_one_that_ends_is_missing() {
 #[test]
 fn the_bound_fidelity_says_that_it_does_not_know() {
     let config = machine("sort-middle", 4, &["clip.cull_facing"], &[]);
-    let error = fillrate::run::bound::Bound::new(&config).err().map(|error| error.to_string()).unwrap_or_default();
+    let error = run::bound::Bound::new(&config).err().map(|error| error.to_string()).unwrap_or_default();
     assert!(error.contains("clip.cull_facing"), "{error}");
     let _ = Machine::new(&config).unwrap();
 }

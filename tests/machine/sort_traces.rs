@@ -26,7 +26,7 @@ const MACHINES: [(&str, &[&str]); 6] = [
 const SCENES_NEEDING_ORDER: &[&str] = &["panel", "particles", "sprites"];
 
 /// Quads from which on a trace is drawn by one machine of each class only, since more take long.
-const LARGE: u64 = 200_000;
+const LARGE: u64 = 50_000;
 
 /// Room for the largest workgroups of the programs.
 const ROOM: [&str; 2] = ["core.warps=32", "core.registers=65536"];
@@ -37,7 +37,7 @@ fn work(trace: &Path, shade: Shade) -> Vec<Event> {
     let trace = import::open(trace).unwrap_or_else(|error| panic!("{error}"));
     let key = RenderKey { shade, ..RenderKey::default() };
     // Of a long sequence the first frames.
-    let options = Options { record: true, key, frames: (0..4).into(), ..Options::default() };
+    let options = Options { record: true, key, frames: (0..2).into(), ..Options::default() };
     let mut events = Vec::new();
     let mut keep = |event| {
         events.push(event);

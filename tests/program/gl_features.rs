@@ -5,7 +5,7 @@ use std::path::Path;
 use fillrate::gfx::state::Topology;
 use fillrate::import::gl::{Report, import_frames};
 use fillrate::machine::Config;
-use fillrate::report::picture::picture;
+use fillrate::picture::picture;
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::trace::command::Command;
 use fillrate::trace::{Reading, Trace, TraceError, check};

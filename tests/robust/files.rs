@@ -223,16 +223,16 @@ fn deep_and_endless_text_is_refused() {
     let wgpu = format!("[{}", "Action(".repeat(100_000));
     let native = |text: String| format!("Trace(version: 1, files: {{}}, commands: [{text}");
     let texts = [
-        native("[".repeat(1_000_000)),
-        native("Draw(".repeat(1_000_000)),
-        native("/*".repeat(1_000_000)),
-        native(format!("InsertDebugMarker(\"{}\"), 7", "x".repeat(20_000_000))),
-        native("9".repeat(20_000_000)),
-        native("Z".repeat(20_000_000)),
-        "(".repeat(1_000_000),
+        native("[".repeat(300_000)),
+        native("Draw(".repeat(300_000)),
+        native("/*".repeat(300_000)),
+        native(format!("InsertDebugMarker(\"{}\"), 7", "x".repeat(5_000_000))),
+        native("9".repeat(5_000_000)),
+        native("Z".repeat(5_000_000)),
+        "(".repeat(300_000),
         wgpu,
-        "[".repeat(1_000_000),
-        format!("[{}", "9".repeat(20_000_000)),
+        "[".repeat(300_000),
+        format!("[{}", "9".repeat(5_000_000)),
         format!("[CreateBuffer({}", "(label: Some(".repeat(200_000)),
     ];
     for text in texts {

@@ -89,7 +89,7 @@ fn killed(run: &Run, mut look: impl FnMut()) {
         let output = child.wait().expect("it ends");
         look();
         ends += u32::from(output.signal().is_none());
-        wait = wait * 3 / 2;
+        wait *= 2;
     }
     assert!(ends > 0, "it never came to its end");
 }

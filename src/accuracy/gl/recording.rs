@@ -7,7 +7,7 @@ use anyhow::{Context, Result, anyhow, ensure};
 
 use crate::import::gl::{Report, import_bytes};
 use crate::machine::Config;
-use crate::report::picture::picture;
+use crate::picture::picture;
 use crate::run::replay::{Fidelity, Frame, Options, replay};
 use crate::trace::{Reading, Trace};
 

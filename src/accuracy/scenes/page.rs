@@ -8,7 +8,7 @@ use anyhow::{Result, anyhow};
 use super::{Outcome, SCENES};
 use crate::accuracy::Row;
 use crate::host;
-use crate::report::picture::picture;
+use crate::picture;
 
 fn number(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1e12 { format!("{}", value + 0.0) } else { format!("{value:.4}") }
@@ -53,12 +53,10 @@ pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     for outcome in outcomes {
         let Some(image) = &outcome.played.picture else { continue };
-        let mut shown = picture(&image.surface, &image.bytes).map_err(|reason| anyhow!("{}: {reason}", outcome.scene.name))?;
         // A page has a background of its own.
-        shown.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
-        let mut png = Vec::new();
-        let opaque = image::DynamicImage::ImageRgba8(shown).to_rgb8();
-        opaque.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)?;
+        let shown =
+            picture::opaque(&image.surface, &image.bytes).map_err(|reason| anyhow!("{}: {reason}", outcome.scene.name))?;
+        let png = picture::png_rgb(&image::DynamicImage::ImageRgba8(shown).to_rgb8())?;
         host::write_file(&folder.join(format!("{}.png", outcome.scene.name)), &png)?;
     }
     Ok(())

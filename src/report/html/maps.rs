@@ -1,6 +1,6 @@
 //! Heat maps beside the picture: what each pixel cost, with a read-out under the pointer.
 
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -11,11 +11,8 @@ use crate::run::maps::{Kind, Map, Maps, Surface};
 /// as they are.
 fn encoded(surface: &Surface, map: &Map) -> Vec<u8> {
     let bytes = map.values.iter().flat_map(|&value| value.min(0xFF_FFFF).to_be_bytes().into_iter().skip(1)).collect();
-    let mut out = std::io::Cursor::new(Vec::new());
-    let image = RgbImage::from_raw(surface.columns, surface.rows, bytes);
-    // Writing into memory does not fail; a picture without pixels is not made.
-    image.map(|image| image.write_to(&mut out, ImageFormat::Png));
-    out.into_inner()
+    // A picture without pixels is not made.
+    RgbImage::from_raw(surface.columns, surface.rows, bytes).and_then(|image| picture::png_rgb(&image).ok()).unwrap_or_default()
 }
 
 /// The largest value, and the one that 99.5 % of the cells with any stay below.

@@ -1,0 +1,70 @@
+//! Files of pictures.
+
+use std::fs::File;
+use std::io::{BufReader, Cursor};
+
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader, RgbImage, RgbaImage};
+
+/// A PNG file of a picture with alpha.
+///
+/// # Errors
+/// If the picture has no pixels.
+pub fn png(image: &RgbaImage) -> Result<Vec<u8>, ImageError> {
+    let mut file = Cursor::new(Vec::new());
+    image.write_to(&mut file, ImageFormat::Png)?;
+    Ok(file.into_inner())
+}
+
+/// A PNG file of a picture without alpha.
+///
+/// # Errors
+/// If the picture has no pixels.
+pub fn png_rgb(image: &RgbImage) -> Result<Vec<u8>, ImageError> {
+    let mut file = Cursor::new(Vec::new());
+    image.write_to(&mut file, ImageFormat::Png)?;
+    Ok(file.into_inner())
+}
+
+/// Reads a PNG or PNM file. Its first bytes say which it is.
+///
+/// # Errors
+/// If it cannot be read, is neither, or is damaged, or if the picture is too large.
+pub fn read(file: File) -> Result<DynamicImage, ImageError> {
+    ImageReader::new(BufReader::new(file)).with_guessed_format().map_err(ImageError::IoError)?.decode()
+}
+
+/// Reads the bytes of a PNG file.
+///
+/// # Errors
+/// If they are none, if it is damaged, or if the picture is too large.
+pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
+    ImageReader::with_format(Cursor::new(file), ImageFormat::Png).decode()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgb, Rgba};
+    use std::io::{Seek, Write};
+
+    fn on_disk(bytes: &[u8]) -> File {
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(bytes).unwrap();
+        file.rewind().unwrap();
+        file
+    }
+
+    #[test]
+    fn files_are_read_as_they_were_written() {
+        let image = RgbaImage::from_fn(7, 3, |x, y| Rgba([x as u8 * 30, y as u8 * 80, 9, 255 - x as u8]));
+        let file = png(&image).unwrap();
+        assert_eq!(read(on_disk(&file)).unwrap().into_rgba8(), image);
+        assert_eq!(read_png(&file).unwrap().into_rgba8(), image);
+        let opaque = RgbImage::from_fn(5, 2, |x, y| Rgb([x as u8, y as u8, 200]));
+        assert_eq!(read(on_disk(&png_rgb(&opaque).unwrap())).unwrap().into_rgb8(), opaque);
+        let pnm = [&b"P6 2 1 255\n"[..], &[1, 2, 3, 4, 5, 6]].concat();
+        assert_eq!(read(on_disk(&pnm)).unwrap().into_rgb8().into_raw(), [1, 2, 3, 4, 5, 6]);
+        assert!(read_png(&pnm).is_err());
+        assert!(read(on_disk(&file[..file.len() / 2])).is_err() && read(on_disk(b"no picture")).is_err());
+    }
+}

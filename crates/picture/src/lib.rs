@@ -1,0 +1,10 @@
+//! Floor 3: pictures: a surface's bytes as one, files of them, and how two differ. What touches every pixel for the reports is here, since the
+//! package of the program is not optimised.
+
+mod difference;
+mod file;
+mod surface;
+
+pub use difference::{Difference, TOLERANCE, compare, rgb_difference};
+pub use file::{png, png_rgb, read, read_png};
+pub use surface::{opaque, picture};

@@ -1,0 +1,403 @@
+//! The `bound` fidelity: cycles from counts, without a simulation.
+//!
+//! A frame is phases that follow each other (passes, dispatches, transfers, scan-out). In each, every unit has so much work and a
+//! rate (the roofline of Williams et al. 2009 with a roof for each unit). In a pass, runs of primitives flow through geometry and the
+//! pipelines that own the screen ([`flow`]), so that imbalance and what queues hold are in it; then the slowest of that, of DRAM and
+//! of the ports takes the time. What nothing overlaps comes on top: the way of the first item through the machine and of the last
+//! block to memory. What a sort class adds has a file of its own: lists of tiles ([`binned`]), routers ([`routed`]), batches that are dealt and
+//! taken in order ([`dealt`]), composition ([`images`]). What a ROP's cache misses comes from counts of what first-in-first-out caches of several sizes miss, what a texture
+//! cache misses from the times between lookups of the same line ([`texture`]), what the second-level cache misses from one in miniature
+//! ([`memory`]), whose contents stay from frame to frame. Arbitration and conflicts of banks are not in it.
+
+mod binned;
+mod dealt;
+mod flow;
+pub mod frames;
+mod images;
+mod memory;
+mod pass;
+mod routed;
+mod shading;
+mod texture;
+mod traffic;
+
+use anyhow::{Result, bail};
+
+use memory::Shared;
+pub use memory::Traffic;
+use shading::Requests;
+
+use machine::class::Sorted;
+use machine::config::MemoryKind;
+use machine::{Config, PhaseReport};
+use mem::REQUEST_BYTES;
+use num::Cycle;
+use unit::assembly::Deal;
+use unit::block_sets::BlockSets;
+use unit::compression::Codec;
+use unit::core::Instructions;
+use unit::depth::PassEnd;
+use unit::fetch::{Reuse, VertexDeal};
+use unit::phase::{Phase, PhaseKind};
+use unit::route::Retained;
+use unit::scanout::ScanoutMode;
+use unit::sorting::{EarlyTest, Keep};
+use unit::traverse::{HierarchicalTest, Walk};
+use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
+use work::{BLOCK, LINE, TILE};
+
+/// What a colour or depth block that leaves its cache takes of its raw size, where compression is on: between flat blocks (an eighth)
+/// and such that cannot be compressed. Measured over the traces of the repository.
+const COMPRESSED: f64 = 0.5;
+
+/// The same where pixels have several samples, most of which are alike.
+const COMPRESSED_SAMPLES: f64 = 0.36;
+
+/// What a block of an attachment takes in memory of its raw size.
+fn compressed(attachment: &AttachmentProfile) -> f64 {
+    if attachment.multisampled { COMPRESSED_SAMPLES } else { COMPRESSED }
+}
+
+/// Blocks along the edge of a screen tile.
+const BLOCKS: u32 = TILE / BLOCK;
+
+/// Cycles in crossbar, slice, return path and the asking unit, one each.
+const HOPS: f64 = 4.0;
+
+/// What DRAM sustains of what its refreshes leave, in streams with some turns of the bus and misses of rows.
+const STREAMING: f64 = 0.93;
+
+/// What the median error in cycles does not exceed on the baseline, over the traces of `docs/data/fidelity.md`, and what no error exceeds; in per
+/// cent.
+pub const STATED_ERRORS: [u32; 2] = [3, 20];
+
+/// Cycles of a phase.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhaseEstimate {
+    /// What it is.
+    pub kind: PhaseKind,
+    /// Number of the pass or dispatch in the trace.
+    pub number: u32,
+    /// Label.
+    pub label: String,
+    /// Cycles.
+    pub cycles: f64,
+    /// The unit that bounds it.
+    pub limit: &'static str,
+    /// Each unit's own time.
+    pub units: Vec<(&'static str, f64)>,
+    /// What it does to the second-level cache and DRAM.
+    pub memory: Traffic,
+    /// Lookups of the first-level texture caches by fragments, and misses.
+    pub textures: [f64; 2],
+}
+
+/// Cycles of a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameEstimate {
+    /// The trace's own number.
+    pub number: u32,
+    /// Its phases in order.
+    pub phases: Vec<PhaseEstimate>,
+}
+
+impl FrameEstimate {
+    /// The phases with whole cycles, as a report has them.
+    pub fn phases(&self) -> Vec<PhaseReport> {
+        let phase =
+            |p: &PhaseEstimate| Phase { kind: p.kind, number: p.number, label: p.label.clone(), begin: 0, limit: p.limit };
+        self.phases.iter().map(|p| PhaseReport::estimated(phase(p), p.cycles.round() as Cycle)).collect()
+    }
+}
+
+/// What a phase touches in memory.
+struct Touched<'p> {
+    sampled: &'p Sampled,
+    touches: &'p [Touch],
+}
+
+/// Estimates for one configuration, of frames one after another.
+pub struct Bound<'c> {
+    config: &'c Config,
+    sorted: Sorted,
+    /// Whether what is sorted waits in bins until the pass is complete.
+    binned: bool,
+    pipelines: f64,
+    /// Cycles of an access that the second-level cache has, and of one that it has not, unloaded.
+    hit_latency: f64,
+    memory_latency: f64,
+    /// Bytes a cycle of all DRAM channels.
+    dram_rate: f64,
+    /// Blocks that can be in use at once in a colour cache, and in a depth cache, before a set is full of them.
+    in_use: [f64; 2],
+    /// The second-level cache, from frame to frame.
+    shared: Shared,
+    /// Batches and fences dealt so far.
+    turn: u64,
+}
+
+/// The work of the units in a phase, in cycles.
+#[derive(Default)]
+struct Roofs {
+    units: Vec<(&'static str, f64)>,
+}
+
+impl Roofs {
+    fn add(&mut self, unit: &'static str, cycles: f64) {
+        match self.units.iter_mut().find(|(known, _)| *known == unit) {
+            Some((_, sum)) => *sum += cycles,
+            None => self.units.push((unit, cycles)),
+        }
+    }
+
+    fn slowest(&self) -> (&'static str, f64) {
+        self.units.iter().copied().fold(("nothing", 0.0), |most, unit| if unit.1 > most.1 { unit } else { most })
+    }
+}
+
+impl<'c> Bound<'c> {
+    /// Estimates for a configuration.
+    ///
+    /// # Errors
+    /// If a knob has an effect that is not estimated; it is named.
+    pub fn new(config: &'c Config) -> Result<Bound<'c>> {
+        let (sorted, binned) = (config.card.sort.class().sorted, config.card.sort.class().one_place);
+        let unknown = [
+            ("bin.hide=true", binned && config.bin.hide, "quads that are held back"),
+            ("bin.skip_same_tiles=true", binned && config.bin.skip_same_tiles, "tiles that are left out"),
+            ("order.early", config.order.early != EarlyTest::None, "early tests of quads that others own"),
+            ("order.keep=\"where-needed\"", config.order.keep == Keep::WhereNeeded, "quads in any order"),
+            (
+                "route.mode=\"immediate\"",
+                sorted == Sorted::Primitives && config.route.mode == Retained::Immediate,
+                "vertices that are sent",
+            ),
+            ("traverse.walk other than blocks", config.traverse.walk != Walk::Blocks, "walks that test single pixels"),
+            (
+                "scanout.mode=\"free-running\"",
+                config.scanout.mode == ScanoutMode::FreeRunning,
+                "displays that run while frames are drawn",
+            ),
+            (
+                "codec=\"references\"",
+                config.color.codec != Codec::Planes || config.depth.codec != Codec::Planes,
+                "blocks compressed by references",
+            ),
+            (
+                "cache_sets=\"position\"",
+                config.color.cache_sets != BlockSets::Hashed || config.depth.cache_sets != BlockSets::Hashed,
+                "sets by position",
+            ),
+            ("color.masked_writes=true", config.color.masked_writes, "blocks that are written in part"),
+            ("fetch.line_bytes other than 64", config.fetch.line_bytes != 64, "longer lines of attributes"),
+            ("fetch.port_bytes", config.fetch.port_bytes != 0, "a port of the attribute cache"),
+            ("fetch.deal=\"first\"", config.fetch.deal == VertexDeal::First, "vertices that are not dealt in turn"),
+            ("assembly.deal=\"contiguous\"", config.assembly.deal == Deal::Contiguous, "one run of a pass for each pipeline"),
+            (
+                "fetch.reuse_until=\"assembled\"",
+                config.fetch.reuse_until == Reuse::Assembled,
+                "vertices that are kept for their last index",
+            ),
+            (
+                "core.instructions=\"vector\"",
+                config.core.instructions == Instructions::Vector,
+                "instructions on several components",
+            ),
+            ("traverse.hierarchical_lines", config.traverse.hierarchical_lines != 0, "bounds behind a cache"),
+            (
+                "traverse.hierarchical_test=\"quad\"",
+                config.traverse.hierarchical_test == HierarchicalTest::Quad,
+                "quads that hierarchical Z rejects",
+            ),
+            ("depth.pass_end=\"keep\"", config.depth.pass_end == PassEnd::Keep, "depths that stay in the cache"),
+        ];
+        if let Some((knob, _, what)) = unknown.iter().find(|(_, set, _)| *set) {
+            bail!("the bound fidelity knows nothing of {what} ({knob}): use cycle");
+        }
+        if let Some((name, _)) = config.clip.culls().iter().find(|(_, on)| !on) {
+            bail!("the bound fidelity knows nothing of triangles that are not drawn ({name}=false): use cycle");
+        }
+        Ok(Bound::proxy(config))
+    }
+
+    /// Whether geometry belongs to pipelines, which get primitives in batches: only then does it read what
+    /// [`Profiler::whole`](work::profile::Profiler::whole) leaves out.
+    pub fn deals(&self) -> bool {
+        self.sorted.own_geometry()
+    }
+
+    /// Estimates without knobs that have an effect which is not estimated: near enough to tell frames apart, not to be reported.
+    pub fn proxy(config: &'c Config) -> Bound<'c> {
+        let (memory, dram) = (&config.memory, &config.dram);
+        let tick = f64::from(dram.card_cycles) / f64::from(dram.clock);
+        let ways = 2.0 * f64::from(memory.port_latency);
+        let ideal = memory.kind == MemoryKind::Ideal;
+        let hit_latency =
+            ways + if ideal { f64::from(memory.ideal_latency) } else { 2.0 * f64::from(config.l2.latency) + HOPS };
+        let array = if ideal { 0.0 } else { tick * f64::from(dram.t_rcd + dram.cl + dram.burst_cycles) };
+        let memory_latency = hit_latency + array;
+        let refresh = if dram.t_refi == 0 { 0.0 } else { f64::from(dram.t_rfc) / f64::from(dram.t_refi) };
+        let peak = f64::from(dram.channels) * f64::from(dram.burst_bytes) / (f64::from(dram.burst_cycles) * tick);
+        let dram_rate = if ideal { f64::from(memory.ideal_bytes_per_cycle) } else { peak * (1.0 - refresh) * STREAMING };
+        let in_use =
+            [(config.color.cache_blocks, config.color.cache_ways), (config.depth.cache_blocks, config.depth.cache_ways)]
+                .map(|(blocks, ways)| in_use(blocks, ways));
+        let pipelines = f64::from(config.card.pipelines);
+        let class = config.card.sort.class();
+        Bound {
+            config,
+            sorted: class.sorted,
+            binned: class.one_place,
+            pipelines,
+            hit_latency,
+            memory_latency,
+            dram_rate,
+            in_use,
+            shared: Shared::new(config),
+            turn: 0,
+        }
+    }
+
+    /// The time of the frame that comes next, by phases. What it finds in the second-level cache is what the frames before have left.
+    pub fn frame(&mut self, frame: &FrameProfile) -> FrameEstimate {
+        let sampled = &frame.sampled;
+        self.shared.follow(sampled.shift);
+        let mut begin = 0;
+        let mut phases = Vec::with_capacity(frame.phases.len());
+        for (at, phase) in frame.phases.iter().enumerate() {
+            let count = sampled.touches[begin..].iter().take_while(|touch| usize::from(touch.phase) == at).count();
+            let touches = &sampled.touches[begin..begin + count];
+            phases.push(self.phase(phase, &Touched { sampled, touches }));
+            begin += count;
+        }
+        FrameEstimate { number: frame.number, phases }
+    }
+
+    fn phase(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
+        if let PhaseProfile::Pass { .. } = phase {
+            return self.pass(phase, touched);
+        }
+        let mut memory = Traffic::default();
+        touched.touches.iter().for_each(|touch| memory += self.plain(touch, touched.sampled.shift));
+        let mut roofs = Roofs::default();
+        roofs.add("dram", self.dram(&memory));
+        let miss = self.latency(&memory);
+        let mut textures = [0.0; 2];
+        let (kind, number, label, latency) = match phase {
+            PhaseProfile::Pass { .. } => unreachable!("done above"),
+            PhaseProfile::Dispatch { number, label, cost, registers, lines, runs } => {
+                roofs.add("command", *runs as f64 * f64::from(self.config.command.command_cycles));
+                let cores = self.pipelines * f64::from(self.config.core.per_pipeline);
+                // A line is missed once; a warp waits for the last of its lines.
+                let misses = *lines as f64 / (cost.texture_lines + cost.access_lines).max(1) as f64;
+                let packets = f64::from(self.config.core.warp_width) / 4.0;
+                let lookups = (cost.texture_lines + cost.access_lines) as f64 / cost.requests().max(1) as f64;
+                let requests = Requests {
+                    missed: 1.0 - libm::pow(1.0 - misses.min(1.0), lookups * packets),
+                    latency: miss,
+                    line: misses.min(1.0),
+                    port: LINE as f64 / f64::from(self.config.memory.port_width),
+                };
+                let shading = self.shading(cost, 4.0, *registers, &requests);
+                roofs.add("core", shading.core * cost.runs as f64 / cores);
+                roofs.add("texture", shading.texture * cost.runs as f64 / cores);
+                textures = [(cost.texture_lines + cost.access_lines) as f64, *lines as f64];
+                (PhaseKind::Dispatch, *number, label.clone(), shading.latency + 2.0 * self.memory_latency)
+            }
+            PhaseProfile::Transfers { transfers } => {
+                let (mut cycles, mut latencies) = (0.0, 0.0);
+                for &[read, written] in transfers {
+                    let (read, written) = (read as f64, written as f64);
+                    // What goes and what comes have wires of their own.
+                    let port = read.max(written) / f64::from(self.config.memory.port_width);
+                    cycles += port.max(self.in_flight(read, self.config.command.copy_misses, miss));
+                    latencies += if read > 0.0 { miss } else { 0.0 } + f64::from(self.config.command.command_cycles);
+                }
+                roofs.add("command", cycles);
+                (PhaseKind::Transfers, 0, String::new(), latencies)
+            }
+            &PhaseProfile::ScanOut { bytes } => {
+                if !self.config.scanout.enabled {
+                    memory = Traffic::default();
+                    roofs = Roofs::default();
+                }
+                let bytes = if self.config.scanout.enabled { bytes as f64 } else { 0.0 };
+                let port = bytes / f64::from(self.config.memory.port_width);
+                roofs.add("scanout", port.max(self.in_flight(bytes, self.config.scanout.misses, miss)));
+                (PhaseKind::ScanOut, 0, String::new(), if bytes > 0.0 { miss } else { 0.0 })
+            }
+        };
+        let (limit, most) = roofs.slowest();
+        PhaseEstimate { kind, number, label, cycles: most + latency, limit, units: roofs.units, memory, textures }
+    }
+
+    /// What a touch that no first-level cache has does to the second level.
+    fn plain(&mut self, touch: &Touch, shift: u8) -> Traffic {
+        if !self.shared.follows(touch.line, shift) {
+            return Traffic::default();
+        }
+        let groups = 4 * LINE * u64::from(touch.class);
+        match touch.by {
+            Toucher::Read => self.shared.access(touch.line, groups, false),
+            Toucher::Write => self.shared.access(touch.line, groups, true),
+            Toucher::Store => {
+                let mut traffic = self.shared.access(touch.line, LINE, false);
+                traffic += Traffic { lookups: 0.0, ..self.shared.access(touch.line, LINE, true) };
+                traffic
+            }
+            Toucher::Vertex if touch.class > 0 => self.shared.access(touch.line, groups, false),
+            _ => self.shared.access(touch.line, LINE, false),
+        }
+    }
+
+    /// Bytes that a channel writes at once: from as many writes in its window as make them go first down to half of that.
+    fn batch(&self) -> f64 {
+        f64::from(self.config.dram.write_high.div_ceil(2)) * f64::from(self.config.l2.line_bytes)
+    }
+
+    /// Cycles that DRAM takes for some traffic. Its buses turn round for each batch of writes, and back.
+    fn dram(&self, memory: &Traffic) -> f64 {
+        let dram = &self.config.dram;
+        let moved = (memory.read + memory.written) / self.dram_rate;
+        if self.config.memory.kind == MemoryKind::Ideal {
+            return moved;
+        }
+        let batch = self.batch() * f64::from(dram.channels);
+        let turn =
+            f64::from(dram.t_rtw + dram.cwl + dram.t_wtr + dram.cl) * f64::from(dram.card_cycles) / f64::from(dram.clock);
+        moved + memory.written.min(memory.read) / batch * turn
+    }
+
+    /// Cycles of an access of some traffic, unloaded.
+    fn latency(&self, memory: &Traffic) -> f64 {
+        self.hit_latency + memory.miss_rate() * (self.memory_latency - self.hit_latency)
+    }
+
+    /// Cycles of a stream of reads, of which so many are in flight at most (Little).
+    fn in_flight(&self, bytes: f64, misses: u32, latency: f64) -> f64 {
+        bytes / REQUEST_BYTES as f64 * latency / f64::from(misses)
+    }
+}
+
+/// How many blocks, thrown at random into the sets of a cache, fall before one finds its set full: on average. With as many sets as
+/// ways to each and time for throws that is Poisson's, it is the time for which all sets have room (Flajolet, Gardy and Thimonier 1992).
+fn in_use(blocks: u32, ways: u32) -> f64 {
+    let ways = ways.min(blocks).max(1);
+    let sets = f64::from((blocks / ways).max(1));
+    let step = 1.0 / 64.0;
+    let (mut sum, mut load) = (0.0, 0.5 * step);
+    loop {
+        // The part of the sets with at most as many blocks as ways.
+        let (mut term, mut room) = (1.0, 1.0);
+        for k in 1..=ways {
+            term *= load / f64::from(k);
+            room += term;
+        }
+        let all = libm::pow(libm::exp(-load) * room, sets);
+        sum += all * step;
+        load += step;
+        if all < 1e-3 {
+            return (sum * sets).min(f64::from(blocks)).max(1.0);
+        }
+    }
+}

@@ -1,0 +1,430 @@
+//! The time of a render pass.
+
+use super::flow::Rates;
+use super::images::Composed;
+use super::memory::Traffic;
+use super::shading::Requests;
+use super::texture::{Missed, Sharing, missed};
+use super::traffic::PassTraffic;
+use super::{BLOCKS, Bound, PhaseEstimate, Roofs, Touched, compressed};
+use machine::class::Sorted;
+use machine::config::MemoryKind;
+use mem::REQUEST_BYTES;
+use unit::interleave::Interleave;
+use unit::phase::PhaseKind;
+use work::profile::{
+    AttachmentProfile, BLOCK_CACHES, BUNDLE, Cell, DEALT, DrawProfile, LINES_FOLLOWED, LineProfile, PhaseProfile, REUSE,
+};
+use work::{BLOCK, LINE, TILE};
+
+/// Vertices of a warp where primitives come one by one from several routers, so that warps start before they are full: measured over
+/// the traces of the repository, on the baseline.
+const ROUTED: f64 = 8.0;
+
+impl Bound<'_> {
+    pub(super) fn pass(&mut self, phase: &PhaseProfile, touched: &Touched) -> PhaseEstimate {
+        let PhaseProfile::Pass {
+            number,
+            label,
+            size,
+            draws,
+            windows,
+            cells,
+            color,
+            depth,
+            blocks,
+            block_misses,
+            copies,
+            lines,
+        } = phase
+        else {
+            unreachable!("a pass")
+        };
+        let config = self.config;
+        let owners = self.owners(*size, cells);
+        let (textures, missed) = self.textures(draws, lines);
+        let binned = self.binned;
+        let lists = binned.then(|| self.lists(draws, windows, cells));
+        let followed = lists.as_ref().map(|lists| self.followed(lists, windows, cells, *size));
+        let shown = self.shown(draws);
+        let images = self.sorted == Sorted::Images;
+        let copies = if images { self.copies(copies) } else { 1.0 };
+        // What is composed is all resolved, drawn or not.
+        let all = f64::from(size[0].div_ceil(BLOCK) * size[1].div_ceil(BLOCK));
+        let drawn = if images && self.pipelines > 1.0 { all } else { blocks[1] as f64 };
+        let resolved = drawn / (blocks[1] as f64).max(1.0);
+        let traffic = self.traffic(
+            color,
+            depth.as_ref(),
+            &missed,
+            touched,
+            lists.as_ref().zip(followed.as_ref()),
+            [shown, copies, resolved],
+        );
+
+        let mut roofs = Roofs::default();
+        let segments = draws.iter().map(|draw| draw.segments).sum::<u64>();
+        roofs.add("command", (segments + 2) as f64 * f64::from(config.command.command_cycles));
+        let quads = f64::from(config.core.warp_width) / 4.0;
+        let part = 1.0 - libm::exp(-missed.bundle * quads / f64::from(BUNDLE));
+        let requests = Requests {
+            missed: part,
+            latency: self.latency(&traffic.textures),
+            line: missed.rate,
+            port: LINE as f64 / f64::from(config.memory.port_width),
+        };
+        // Lines of indices that the second level has lost wait behind what is written meanwhile, the longer the sooner a pass is over. Where
+        // geometry waits for pixels anyway, as in sort-middle, the trip to the second level alone is nearer to the truth.
+        let index = self.latency(&traffic.indices);
+        let first: f64 = draws
+            .iter()
+            .map(|draw| self.rates(&mut Roofs::default(), draw, &requests, index))
+            .zip(draws)
+            .map(|(rates, draw)| rates.geometry * draw.primitives as f64)
+            .sum();
+        let meanwhile = if binned { &traffic.binned } else { &traffic.all };
+        let lines = f64::from(config.fetch.index_lines) * traffic.indices.miss_rate();
+        let waits = index + self.behind_writes(meanwhile, lines, first.max(self.dram(meanwhile)));
+        let index = if self.sorted == Sorted::Triangles && !binned { self.hit_latency } else { waits };
+        let mut rates: Vec<Rates> = draws.iter().map(|draw| self.rates(&mut roofs, draw, &requests, index)).collect();
+        let pins = self.attachments(&mut roofs, color, depth.as_ref(), blocks, block_misses, cells, &traffic);
+        rates.iter_mut().for_each(|rates| (rates.color_block, rates.depth_block) = (pins[0], pins[1]));
+        let quads: f64 = draws.iter().map(|draw| draw.fragment.requests() as f64).sum();
+        let units = rates.iter().zip(draws).map(|(r, d)| r.texture * d.fragment.runs as f64).sum::<f64>() / self.pipelines;
+        let cycles = self.dram(&traffic.all).max(units);
+        let each = units * self.pipelines * f64::from(config.core.per_pipeline) / quads.max(1.0);
+        let stalled = self.stalled(&traffic, quads, [cycles, each]);
+        rates.iter_mut().zip(draws).filter(|(_, draw)| draw.fragment.runs > 0).for_each(|(rates, draw)| {
+            rates.texture += stalled * draw.fragment.requests() as f64 / draw.fragment.runs as f64;
+        });
+        let (mut geometry, mut roofs) = if lists.is_some() { (roofs, Roofs::default()) } else { (Roofs::default(), roofs) };
+        let mut binning = 0.0;
+        let fluid = match &lists {
+            None if matches!(self.sorted, Sorted::Fragments | Sorted::Images) => {
+                self.dealt(&mut roofs, (draws, &rates), &owners, (windows, cells))
+            }
+            None if self.sorted == Sorted::Primitives => self.routed(&mut roofs, &rates, &owners, (windows, cells)),
+            None => self.fluid(&mut roofs, &rates, &owners, windows, cells),
+            Some(lists) => {
+                let (work, attachments) = ((&windows[..], &cells[..]), (&color[..], depth.as_ref()));
+                let mut both = [geometry, roofs];
+                let read = self.latency(&traffic.listed);
+                let [first, drawn] = self.tiles(&mut both, lists, &rates, (&owners, *size), work, attachments, read);
+                [geometry, roofs] = both;
+                geometry.add("dram", self.dram(&traffic.binned));
+                binning = first.max(geometry.slowest().1);
+                drawn
+            }
+        };
+        let port = f64::from(config.memory.port_width);
+        let cores = self.pipelines * f64::from(config.core.per_pipeline);
+        let misses = textures[1] / cores;
+        roofs.add("texture port", misses * LINE as f64 / port);
+        roofs.add("texture misses", misses * requests.latency / f64::from(config.texture.misses));
+        let mut memory = traffic.all;
+        let l2 = &config.l2;
+        // Of a tile-based machine that is what is left when all is binned.
+        let rest = memory.without(&traffic.binned);
+        roofs.add("l2", rest.lookups / f64::from(l2.slices * l2.lookups_per_cycle));
+        roofs.add("dram", self.dram(&rest));
+        let (mut limit, mut most) = roofs.slowest();
+        if fluid > most {
+            // What is between units that take turns at being the slowest.
+            (limit, most) = (if most > 0.9 * fluid { limit } else { "imbalance" }, fluid);
+        }
+        if binning > most {
+            limit = geometry.slowest().0;
+        }
+        most += binning;
+        geometry.units.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles));
+        let latency = rates.iter().map(|rates| rates.latency).fold(0.0, f64::max);
+        let first_and_last = if draws.iter().any(|draw| draw.primitives > 0) { latency + self.fill() } else { 0.0 };
+        // Copies are composed when all is drawn.
+        let composed = if images && !draws.is_empty() {
+            self.composed(draws, (color, depth.as_ref()), *size, blocks[1] as f64 * copies)
+        } else {
+            Composed::default()
+        };
+        roofs.add("compose", composed.cycles);
+        memory += composed.traffic;
+        limit = if composed.cycles > most {
+            if self.dram(&composed.traffic) > composed.units { "dram" } else { "compose" }
+        } else {
+            limit
+        };
+        // Resolves begin when all is drawn.
+        let resolve = self.resolve(color, drawn, &traffic.resolved);
+        roofs.add("resolve", resolve);
+        memory += traffic.resolved;
+        limit = if resolve > most.max(composed.cycles) { "resolve" } else { limit };
+        let skipped = draws.is_empty() && resolve == 0.0 && config.command.skip_empty_passes;
+        let barrier = if skipped { 0.0 } else { f64::from(config.command.barrier_cycles) };
+        let cycles = most + first_and_last + composed.cycles + resolve + barrier;
+        let (kind, number, label) = (PhaseKind::Pass, *number, label.clone());
+        PhaseEstimate { kind, number, label, cycles, limit, units: roofs.units, memory, textures }
+    }
+
+    /// What a pass leaves of an attachment in memory, of its raw size.
+    pub(super) fn left(&self, attachment: &AttachmentProfile) -> f64 {
+        let c = self.config;
+        let composed = self.sorted == Sorted::Images && c.card.pipelines > 1;
+        let compression = if composed { c.compose.compression } else { c.color.compression };
+        if compression { compressed(attachment) } else { 1.0 }
+    }
+
+    /// Cycles of resolving what is resolved, block after block: one that nothing was drawn into is only written; others are read too, over
+    /// the same wires, behind whatever the port has queued, and are waited for in order.
+    fn resolve(&self, color: &[AttachmentProfile], drawn: f64, traffic: &Traffic) -> f64 {
+        let Some(attachment) = color.iter().find(|attachment| attachment.resolved > 0) else { return 0.0 };
+        let (config, request) = (&self.config.resolve, REQUEST_BYTES as f64);
+        let part = self.left(attachment);
+        let blocks = color.iter().map(|attachment| attachment.resolved as f64 / request).sum::<f64>().max(1.0);
+        let drawn = drawn.min(blocks);
+        let written = (request / f64::from(self.config.memory.port_width)).max(f64::from(config.block_cycles));
+        let asked = (attachment.block_bytes as f64 * part / request).ceil();
+        let queued = f64::from(self.config.memory.port_queue) * (written + asked) / (1.0 + asked);
+        let misses = f64::from(config.misses);
+        let units = (blocks - drawn) * written + drawn * (written + asked);
+        let wait = self.latency(traffic) + queued + self.behind_writes(traffic, misses * traffic.miss_rate(), units);
+        let read = (written + asked).max(wait * asked / misses);
+        ((blocks - drawn) * written + drawn * read).max(self.dram(traffic))
+    }
+
+    /// How much longer the last of so many reads is under way because DRAM is writing what some traffic of so many cycles writes: half of a
+    /// batch, if one of them meets any.
+    fn behind_writes(&self, traffic: &Traffic, reads: f64, cycles: f64) -> f64 {
+        if self.config.memory.kind == MemoryKind::Ideal {
+            return 0.0;
+        }
+        let batch = self.batch() / self.dram_rate * f64::from(self.config.dram.channels);
+        let writing = (traffic.written / self.dram_rate / cycles.max(1.0)).min(1.0);
+        (1.0 - libm::pow(1.0 - writing, reads)) * 0.5 * batch
+    }
+
+    /// Who owns each cell; none: all in turn.
+    fn owners(&self, size: [u32; 2], cells: &[Cell]) -> Vec<Option<u8>> {
+        let distribute = &self.config.distribute;
+        let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, distribute.tile);
+        interleave.begin_pass(size[0], size[1]);
+        // Tiles that are smaller than a screen tile share it evenly.
+        let own = |[x, y]: [u16; 2]| {
+            (distribute.tile >= TILE).then(|| interleave.owner(u32::from(x) * BLOCKS, u32::from(y) * BLOCKS))
+        };
+        cells.iter().map(|cell| own(cell.tile)).collect()
+    }
+
+    /// Lookups of the texture caches and their misses, and which these are.
+    fn textures(&self, draws: &[DrawProfile], lines: &LineProfile) -> ([f64; 2], Missed) {
+        let config = self.config;
+        let sum = |of: fn(&DrawProfile) -> u64| draws.iter().map(of).sum::<u64>() as f64;
+        let quads = sum(|draw| draw.fragment.runs);
+        let lookups = sum(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
+        // Those that have most lookups say how many warps are under way.
+        let most = draws.iter().max_by_key(|draw| draw.fragment.texture_lines + draw.fragment.access_lines);
+        let warps = most.map_or(1.0, |draw| self.resident(draw.registers[1]));
+        let cores = f64::from(config.core.per_pipeline);
+        let warps = warps.min(f64::from(config.dispatch.reorder) / cores).max(1.0);
+        let ways = config.texture.cache_ways.min(config.texture.cache_lines);
+        let sharing = Sharing {
+            requests: sum(|draw| draw.fragment.requests()) / quads.max(1.0),
+            resident: (warps * f64::from(config.core.warp_width) / f64::from(4 * BUNDLE)).max(1.0),
+            pipelines: self.pipelines,
+            sets: f64::from(config.texture.cache_lines / ways),
+            ways,
+            bundles: quads / f64::from(BUNDLE),
+            followed: f64::from(LINES_FOLLOWED),
+        };
+        let missed = missed(lines, &sharing);
+        ([lookups, missed.rate * lookups], missed)
+    }
+
+    /// Cycles that a quad's request costs a texture unit on average because quads leave it in order and DRAM is writing: of as many quads as
+    /// are between address and filter all wait for one whose line lies behind a batch of writes. A pass takes `cycles` otherwise, a request `each`.
+    fn stalled(&self, traffic: &PassTraffic, quads: f64, [cycles, each]: [f64; 2]) -> f64 {
+        let (dram, texture) = (&self.config.dram, &self.config.texture);
+        if quads == 0.0 || self.config.memory.kind == MemoryKind::Ideal {
+            return 0.0;
+        }
+        let batch = self.batch() / self.dram_rate * f64::from(dram.channels);
+        let writing = (traffic.all.written / self.dram_rate / cycles.max(1.0)).min(1.0);
+        let fifo = f64::from(texture.fifo);
+        let reads = traffic.textures.read / LINE as f64 / quads * fifo;
+        let covered = fifo * each;
+        let wait = self.memory_latency + f64::from(texture.latency) + 0.5 * batch - covered;
+        (1.0 - libm::pow(1.0 - writing, reads)) * wait.max(0.0) / fifo
+    }
+
+    /// Cycles of the first item from the command processor to the ROPs, without what shaders take, and of the last block to memory.
+    pub(super) fn fill(&self) -> f64 {
+        let c = self.config;
+        let ways = [
+            c.command.command_cycles,
+            c.fetch.latency,
+            c.assembly.latency,
+            c.clip.latency,
+            c.network.link_latency,
+            c.setup.latency,
+            c.traverse.latency,
+            c.depth.latency,
+            c.depth.output_latency,
+            c.interpolate.latency,
+            c.dispatch.latency,
+            c.dispatch.output_latency,
+            c.color.latency,
+        ];
+        ways.iter().map(|&n| f64::from(n)).sum::<f64>() + 2.0 * self.memory_latency
+    }
+
+    /// What the units take for an item of a draw; adds what its geometry takes in all.
+    fn rates(&self, roofs: &mut Roofs, draw: &DrawProfile, requests: &Requests, index: f64) -> Rates {
+        let c = self.config;
+        let per = |n: u64, rate: u32| n as f64 / f64::from(rate);
+        // Fronts that fetch and assemble, and units that clip, for all primitives or for those of one pipeline.
+        let own = self.sorted.own_geometry();
+        let units = if own { 1.0 } else { f64::from(c.card.geometry_units) };
+        let fronts = if own { self.pipelines } else { 1.0 };
+
+        // Geometry, for all primitives. Who gets them in batches shades vertices again that the batch before has.
+        let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
+        let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
+        let vertices = if own { vertices + again * f64::from(DEALT) / f64::from(c.assembly.batch) } else { vertices };
+        let attribute_lines = (draw.vertex_bytes as f64 / LINE as f64).max(draw.attributes.min(1) as f64);
+        let lookups = vertices * attribute_lines / f64::from(c.fetch.lookups_per_cycle);
+        let distinct = draw.shaded_vertices[REUSE.len() - 1].min(draw.vertex.runs) as f64;
+        let fetched = distinct * draw.vertex_bytes as f64 + (draw.indices * draw.index_bytes) as f64;
+        let shading = self.shading(
+            &draw.vertex,
+            1.0,
+            draw.registers[0],
+            &Requests { missed: 1.0, latency: self.memory_latency, ..Requests::default() },
+        );
+        // A batch is in flight from its indices to the assembly of its last primitive.
+        let stay = shading.latency + self.memory_latency + f64::from(c.fetch.latency + c.assembly.latency);
+        // The last batch of a segment is half full on average.
+        let full = f64::from(c.core.warp_width).min(if self.sorted == Sorted::Primitives { ROUTED } else { f64::INFINITY });
+        let batches = vertices / full + 0.5 * draw.segments as f64;
+        let invocations = batches * f64::from(c.core.warp_width);
+        // Lanes that are empty ask nothing.
+        let asking = invocations.min(vertices + (0.5 * draw.segments as f64) * f64::from(c.core.warp_width));
+        // Indices of a segment are asked for when those of the one before have been read.
+        let indices = if draw.index_bytes > 0 && !own { draw.segments as f64 * self.hit_latency } else { 0.0 };
+        // So many lines of them are held or on their way; each behind these comes after a trip to the second level, once one is read.
+        let (bytes, lines) = (draw.index_bytes.max(1) as f64, f64::from(c.fetch.index_lines));
+        let behind = (draw.indices * draw.index_bytes) as f64 / LINE as f64 - draw.segments as f64 * lines;
+        let trip = index + LINE as f64 / bytes / f64::from(c.fetch.indices_per_cycle);
+        let stream = behind.max(0.0) * trip / lines;
+        let clipping =
+            per(draw.primitives, c.clip.primitives_per_cycle) + (draw.clipped * u64::from(c.clip.clip_cycles)) as f64;
+        let fragment = self.shading(&draw.fragment, 4.0, draw.registers[1], requests);
+        // A segment has its place until the last of it is written.
+        let held = draw.segments as f64 * (shading.latency + fragment.latency + self.fill());
+        let held = held / f64::from(c.command.segments);
+        let geometry = [
+            ("command", if own { 0.0 } else { held }),
+            ("fetch", per(draw.indices, c.fetch.indices_per_cycle).max(lookups).max(stream) + indices),
+            ("vertex batches", batches * stay / f64::from(c.fetch.batches)),
+            ("fetch port", fetched / f64::from(c.memory.port_width)),
+            ("assembly", per(draw.primitives, c.assembly.primitives_per_cycle)),
+            ("clip", clipping / units),
+            ("distribute", per(draw.triangles, c.distribute.triangles_per_cycle) / units),
+        ];
+        // Where primitives are routed it is not known here how many come to which.
+        let shares = if self.sorted == Sorted::Primitives { 0.0 } else { 1.0 / fronts };
+        geometry.iter().for_each(|&(unit, cycles)| roofs.add(unit, cycles * shares));
+        roofs.add("command", if own { held } else { 0.0 });
+        let slowest = geometry.iter().map(|unit| unit.1).fold(0.0, f64::max);
+        let primitives = (draw.primitives.max(1)) as f64;
+        let cores = self.pipelines / fronts * f64::from(c.core.per_pipeline);
+
+        // Rasterisers.
+        let turns = draw.varyings.div_ceil(u64::from(c.interpolate.words_per_cycle)).max(1);
+        let written = (draw.targets - draw.blended) as f64 / f64::from(c.color.quads_per_cycle);
+        let route = (vertices / f64::from(c.route.vertices_per_cycle))
+            .max(per(draw.primitives, c.route.primitives_per_cycle))
+            .max(stream);
+        Rates {
+            route: route / primitives,
+            geometry: slowest / primitives,
+            vertex_core: shading.core * invocations / cores / primitives,
+            vertex_texture: shading.texture * asking / cores / primitives,
+            latency: shading.latency + fragment.latency,
+            shaded: fragment.latency,
+            setup: f64::from(c.setup.interval) / f64::from(c.setup.triangles_per_cycle),
+            test: 1.0 / f64::from(c.traverse.tests_per_cycle),
+            block: 1.0 / f64::from(c.traverse.blocks_per_cycle),
+            group: 4.0 / f64::from(c.traverse.quads_per_cycle),
+            depth: if draw.depth { 4.0 / f64::from(c.depth.quads_per_cycle) } else { 0.0 },
+            interpolate: turns as f64 / f64::from(c.interpolate.quads_per_cycle),
+            dispatch: 1.0 / f64::from(c.dispatch.quads_per_cycle),
+            core: fragment.core / f64::from(c.core.per_pipeline),
+            texture: fragment.texture / f64::from(c.core.per_pipeline),
+            color: written + draw.blended as f64 / f64::from(c.color.blends_per_cycle),
+            color_block: 0.0,
+            depth_block: 0.0,
+        }
+    }
+
+    /// Adds what the attachments of a pass move through their ports; the cycles that each block takes at least in colour and in depth.
+    fn attachments(
+        &self,
+        roofs: &mut Roofs,
+        color: &[AttachmentProfile],
+        depth: Option<&AttachmentProfile>,
+        blocks: &[u64; 2],
+        misses: &[[u64; BLOCK_CACHES.len()]; 2],
+        cells: &[Cell],
+        traffic: &PassTraffic,
+    ) -> [f64; 2] {
+        let (port, c) = (f64::from(self.config.memory.port_width), self.config);
+        let sum = |of: fn(&Cell) -> u32| cells.iter().map(|cell| u64::from(of(cell))).sum::<u64>() as f64;
+        let groups = sum(|cell| cell.groups) / sum(|cell| cell.seen).max(1.0);
+        let uses = [sum(|cell| cell.pins), sum(|cell| cell.seen)];
+        let mut least = [0.0; 2];
+        let mut rop =
+            |unit: &'static str, attachment: &AttachmentProfile, side: usize, cache: f64, knobs: (bool, u32, u32, u32)| {
+                let (compression, fifo, requests, latency) = knobs;
+                let part = if compression { compressed(attachment) } else { 1.0 };
+                let bytes = attachment.block_bytes as f64;
+                let distinct = blocks[1 - side] as f64;
+                let missed = interpolated(&BLOCK_CACHES, &misses[1 - side], (cache * self.pipelines) as usize);
+                // What is not cleared by flag is read at the first touch; what came back is read again.
+                let first = if attachment.loads || !c.color.fast_clear { distinct } else { 0.0 };
+                let filled = first + (missed - distinct).max(0.0);
+                let (read, written) = (filled * bytes * part, missed * bytes * part);
+                roofs.add(unit, read.max(written) / self.pipelines / port);
+                // Blocks between lookup and use stay in their sets, and go on in order: of as many as find room at once, all wait for one
+                // that is missed.
+                let at_once = self.in_use[side].min(f64::from(fifo) / groups.max(1.0)).max(1.0);
+                // A block that is in use already takes no further place.
+                let others = interpolated(&BLOCK_CACHES, &misses[1 - side], (at_once * self.pipelines) as usize).max(1.0);
+                let again = (others / uses[side].max(1.0)).min(1.0);
+                let filled = (filled / others).min(1.0);
+                // What leaves goes first, and what comes takes its time on the wires.
+                let moved = 2.0 * bytes * part / port + bytes * part / f64::from(c.l2.width);
+                let wait = self.latency(&traffic.fills[side]) + f64::from(latency) + moved;
+                let turn = again * (1.0 - libm::pow(1.0 - filled, at_once)) * wait / at_once;
+                let in_flight = again * filled * (bytes * part / REQUEST_BYTES as f64).ceil() * wait / f64::from(requests);
+                least[side] += turn.max(in_flight);
+            };
+        for attachment in color {
+            let knobs = (c.color.compression, c.color.fifo, c.color.misses, c.color.latency);
+            rop("color port", attachment, 0, f64::from(c.color.cache_blocks) / color.len() as f64, knobs);
+        }
+        if let Some(depth) = depth {
+            let knobs = (c.depth.compression, c.depth.fifo, c.depth.misses, c.depth.latency);
+            rop("depth port", depth, 1, f64::from(c.depth.cache_blocks), knobs);
+        }
+        least
+    }
+}
+
+/// A count behind a cache of some size, between those for which it is known.
+fn interpolated<const N: usize>(sizes: &[usize; N], counts: &[u64; N], size: usize) -> f64 {
+    let above = sizes.iter().position(|&known| known >= size).unwrap_or(N - 1);
+    let below = above.saturating_sub(1);
+    if above == below || size >= sizes[above] || size <= sizes[below] {
+        return counts[if size <= sizes[below] { below } else { above }] as f64;
+    }
+    let part = (size - sizes[below]) as f64 / (sizes[above] - sizes[below]) as f64;
+    counts[below] as f64 + part * (counts[above] as f64 - counts[below] as f64)
+}

@@ -1,0 +1,97 @@
+//! What shaders take of cores and texture units.
+
+use super::Bound;
+use work::Class;
+use work::profile::ShaderProfile;
+
+/// What a run of a shader takes of a core and its texture unit, in cycles, and how long a warp is under way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Shading {
+    pub core: f64,
+    pub texture: f64,
+    pub latency: f64,
+}
+
+/// How requests of warps fare in the first-level cache.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Requests {
+    /// The part of them that miss a line or more,
+    pub missed: f64,
+    /// and how long that takes.
+    pub latency: f64,
+    /// Misses a lookup of a line,
+    pub line: f64,
+    /// and how long each occupies the port to memory, on which the lookups behind it wait.
+    pub port: f64,
+}
+
+/// How long a request waits, on average, behind those before it that are waited for `latency` cycles each, where `rate` of these come
+/// a cycle, at random: what is left of the last one's time.
+fn behind(rate: f64, latency: f64) -> f64 {
+    if rate * latency < 1e-3 { 0.5 * rate * latency * latency } else { latency - (1.0 - libm::exp(-rate * latency)) / rate }
+}
+
+impl Bound<'_> {
+    /// Warps that a core has under way, at most.
+    pub(super) fn resident(&self, registers: u32) -> f64 {
+        let core = &self.config.core;
+        let room = f64::from(core.registers) / f64::from(core.warp_width * registers.max(1));
+        f64::from(core.warps).min(room).max(1.0)
+    }
+
+    /// What shader runs (quads, vertices, packets of four invocations) take.
+    pub(super) fn shading(&self, cost: &ShaderProfile, invocations: f64, registers: u32, requests: &Requests) -> Shading {
+        if cost.runs == 0 {
+            return Shading::default();
+        }
+        let (core, texture) = (&self.config.core, &self.config.texture);
+        let lanes = [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes].map(f64::from);
+        let latencies = [core.float_latency, core.integer_latency, core.special_latency, core.control_latency].map(f64::from);
+        let width = f64::from(core.warp_width);
+        let runs = width / invocations;
+        let each = |sum: u64| sum as f64 / cost.runs as f64;
+        let instructions: [f64; Class::COUNT] = cost.instructions.map(each);
+        let issue = instructions.iter().sum::<f64>() / f64::from(core.issue);
+        let class = instructions.iter().zip(lanes).map(|(n, lanes)| n * width / lanes).fold(issue, f64::max);
+        let chain: f64 = instructions.iter().zip(latencies).map(|(n, latency)| n * latency).sum();
+        let resident = self.resident(registers);
+
+        // The texture unit, a warp.
+        let asked = each(cost.textures + cost.accesses);
+        // Quads are addressed in order, so a miss that the port does not take yet holds up all behind it. The misses of one quad go one by one,
+        // and quads without any (Poisson) share cycles with each other only.
+        let own = requests.line * each(cost.texture_lines + cost.access_lines) / asked.max(1e-9);
+        let quads = asked * (own * requests.port + libm::exp(-own) / f64::from(texture.quads_per_cycle));
+        let lines = each(cost.texture_lines + cost.access_lines) / f64::from(texture.lookups_per_cycle);
+        let filters = each(cost.operations) / f64::from(texture.filters_per_cycle);
+        let unit = quads.max(lines).max(filters) * runs;
+        if asked == 0.0 {
+            return Shading { core: class.max(chain / resident) / runs, texture: 0.0, latency: chain };
+        }
+
+        // What is behind a miss waits with it; how often that is depends on how fast warps come, which depends on how long they wait.
+        let plain = f64::from(texture.latency) + unit / asked;
+        let Requests { missed, latency, .. } = *requests;
+        let (mut apart, mut stay, mut fifo) = (class.max(unit), 0.0, 0.0);
+        for _ in 0..3 {
+            let wait = missed * latency + (1.0 - missed) * behind(asked * missed / apart, latency);
+            stay = chain + asked * (plain + wait);
+            // Quads between address and filter.
+            fifo = asked * runs * (f64::from(texture.latency) + wait) / f64::from(texture.fifo);
+            apart = 0.5 * (apart + class.max(unit).max(fifo).max(stay / resident));
+        }
+        Shading { core: class.max(stay / resident) / runs, texture: unit.max(fifo) / runs, latency: stay }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_comes_at_random_waits_what_is_left() {
+        assert!((behind(1e-6, 100.0) - 0.005).abs() < 1e-4);
+        assert!((behind(10.0, 100.0) - 99.9).abs() < 1e-6);
+        assert!((behind(0.01, 100.0) - 100.0 * libm::exp(-1.0)).abs() < 1e-9);
+    }
+}

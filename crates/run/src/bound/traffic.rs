@@ -1,0 +1,194 @@
+//! What a pass moves between the first-level caches and the second level.
+
+use super::binned::{Followed, Lists};
+use super::images::copy;
+use super::memory::Traffic;
+use super::texture::Missed;
+use super::{Bound, Touched, compressed};
+use machine::class::Sorted;
+use work::LINE;
+use work::profile::{AttachmentProfile, BLOCK_CACHES, FIRST, FLAT, Touch, Toucher};
+
+/// What a pass does to the second-level cache.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PassTraffic {
+    pub all: Traffic,
+    pub textures: Traffic,
+    /// Blocks read, of colour and of depth.
+    pub fills: [Traffic; 2],
+    /// Of resolves, at the end.
+    pub resolved: Traffic,
+    /// Of indices.
+    pub indices: Traffic,
+    /// Of tile-based machines, what is moved while they bin, and by lists while these are read.
+    pub binned: Traffic,
+    pub listed: Traffic,
+}
+
+/// How blocks of attachments go between their caches and the second level.
+struct Blocks<'p> {
+    /// Colour attachments by location, and that of depth.
+    color: [Option<&'p AttachmentProfile>; 8],
+    depth: Option<&'p AttachmentProfile>,
+    /// Misses of caches as large as [`BLOCK_CACHES`] says have left the cache of colours, or of depths, up to this one.
+    levels: [u8; 2],
+    /// The part of their touches by covered quads that changes something.
+    shown: f64,
+    /// Copies that a block is drawn in, and blocks that are resolved for each that is drawn.
+    copies: f64,
+    resolved: f64,
+    /// Blocks stay on the chip from their first touch to the end of their tile.
+    on_chip: bool,
+}
+
+impl Bound<'_> {
+    /// What a pass does to the second-level cache. Of a tile-based machine geometry comes first, with lists that are written; then they are
+    /// read as tiles are drawn.
+    pub(super) fn traffic(
+        &mut self,
+        color: &[AttachmentProfile],
+        depth: Option<&AttachmentProfile>,
+        missed: &Missed,
+        touched: &Touched,
+        lists: Option<(&Lists, &Followed)>,
+        [shown, copies, resolved]: [f64; 3],
+    ) -> PassTraffic {
+        let c = self.config;
+        let mut sum = PassTraffic::default();
+        // A block has left its cache where as many others have come as all pipelines' caches hold.
+        let class = |blocks: f64| BLOCK_CACHES.iter().position(|&known| known as f64 * std::f64::consts::SQRT_2 > blocks);
+        let level = |blocks: f64| class(blocks * self.pipelines / copies).unwrap_or(BLOCK_CACHES.len() - 1) as u8;
+        let levels =
+            [level(f64::from(c.color.cache_blocks) / color.len().max(1) as f64), level(f64::from(c.depth.cache_blocks))];
+        let mut targets = [None; 8];
+        targets.iter_mut().zip(color).for_each(|(target, attachment)| *target = Some(attachment));
+        let blocks = Blocks { color: targets, depth, levels, shown, copies, resolved, on_chip: lists.is_some() };
+        // What is missed as likely as not is missed every other time.
+        let mut due = [0.0; 3];
+        // What is missed again soon is in the second level, unless that has hardly more room than all first levels together.
+        let first = f64::from(c.texture.cache_lines * c.core.per_pipeline) * self.pipelines * LINE as f64;
+        let second = f64::from(c.l2.slices) * f64::from(c.l2.lines * c.l2.line_bytes);
+        let lost = if second < 2.0 * first { missed.inner } else { 0.0 };
+        let inner = Traffic { lookups: missed.inner, misses: lost, read: lost * LINE as f64, written: 0.0 };
+        (sum.textures, sum.all) = (inner, inner);
+        let Some((lists, followed)) = lists else {
+            touched.touches.iter().for_each(|touch| self.touch(&mut sum, touch, &blocks, missed, &mut due, touched));
+            return sum;
+        };
+        // Lists and the rest come in proportion to their numbers.
+        for (write, groups) in [(true, &followed.written), (false, &followed.read)] {
+            let own = |touch: &&Touch| (touch.by == Toucher::Vertex) == write;
+            let count = touched.touches.iter().filter(own).count().max(1);
+            let mut begin = 0;
+            for (at, touch) in touched.touches.iter().filter(own).map(Some).chain([None]).enumerate() {
+                let end = if touch.is_some() { groups.len() * at / count } else { groups.len() };
+                for &(line, bytes) in &groups[begin..end] {
+                    sum.listed += self.shared.access(line, bytes, write);
+                }
+                begin = end;
+                if let Some(touch) = touch {
+                    self.touch(&mut sum, touch, &blocks, missed, &mut due, touched);
+                }
+            }
+            if write {
+                sum.listed.read += lists.completed();
+                sum.binned = sum.all;
+                sum.binned += std::mem::take(&mut sum.listed);
+                sum.all = sum.binned;
+            }
+        }
+        sum.all += sum.listed;
+        sum
+    }
+
+    /// Adds what a touch does; `due`: what textures have missed of a whole line so far, and what is hidden of a block.
+    fn touch(
+        &mut self,
+        sum: &mut PassTraffic,
+        touch: &Touch,
+        blocks: &Blocks,
+        missed: &Missed,
+        due: &mut [f64; 3],
+        touched: &Touched,
+    ) {
+        let c = self.config;
+        if !self.shared.follows(touch.line, touched.sampled.shift) {
+            return;
+        }
+        let (attachment, level, compression, fast_clear) = match touch.by {
+            Toucher::Texture => {
+                due[0] += missed.class(touch.class);
+                if due[0] >= 0.5 {
+                    due[0] -= 1.0;
+                    let traffic = self.plain(touch, touched.sampled.shift);
+                    sum.textures += traffic;
+                    sum.all += traffic;
+                }
+                return;
+            }
+            Toucher::Resolve => {
+                if let Some(attachment) = blocks.color.iter().flatten().find(|attachment| attachment.resolved > 0) {
+                    let bytes = (attachment.block_bytes as f64 * self.left(attachment)) as u64;
+                    let traffic = self.shared.access(touch.line, bytes, false);
+                    sum.resolved += traffic.times(blocks.resolved);
+                }
+                return;
+            }
+            Toucher::Write => {
+                sum.resolved += self.plain(touch, touched.sampled.shift);
+                return;
+            }
+            Toucher::Color => {
+                let target = blocks.color[usize::from(touch.step & !FLAT).min(7)].or(blocks.color[0]);
+                (target, blocks.levels[0], c.color.compression, c.color.fast_clear)
+            }
+            Toucher::Depth => (blocks.depth, blocks.levels[1], c.depth.compression, c.color.fast_clear),
+            _ => {
+                let traffic = self.plain(touch, touched.sampled.shift);
+                if touch.by == Toucher::Vertex && touch.class > 0 {
+                    sum.indices += traffic;
+                }
+                sum.all += traffic;
+                return;
+            }
+        };
+        let Some(attachment) = attachment else { return };
+        if touch.near <= level || blocks.on_chip && touch.near != FIRST {
+            return;
+        }
+        // Of what is hidden the ROP reads depths, and no more.
+        due[1] += if touch.near == FIRST { 0.0 } else { 1.0 - blocks.shown };
+        let hidden = due[1] >= 0.5;
+        due[1] -= f64::from(u8::from(hidden));
+        if hidden && touch.by == Toucher::Color {
+            return;
+        }
+        let part = if compression { compressed(attachment) } else { 1.0 };
+        let flat = compression && touch.step & FLAT != 0;
+        let bytes = if flat { LINE } else { (attachment.block_bytes as f64 * part) as u64 };
+        // Each of its copies is touched for a first time.
+        let apart = self.sorted == Sorted::Images && self.pipelines > 1.0;
+        let mut copies = 1.0;
+        if touch.near == FIRST {
+            due[2] += blocks.copies - 1.0;
+            copies += due[2].floor();
+            due[2] -= due[2].floor();
+        }
+        let left = attachment.stores || !blocks.on_chip;
+        let mut traffic = Traffic::default();
+        for at in 0..copies as u32 {
+            // Until a pipeline has written a block of its own it reads the surface's.
+            let own = if apart { copy(touch.line, at) } else { touch.line };
+            if touch.near != FIRST || attachment.loads || !fast_clear {
+                let fill = self.shared.access(if touch.near == FIRST { touch.line } else { own }, bytes, false);
+                sum.fills[usize::from(touch.by == Toucher::Depth)] += fill;
+                traffic += fill;
+            }
+            // What is read only leaves without a trace, and so does what is not wanted of a tile.
+            if left && !hidden && (touch.by == Toucher::Color || touch.step & !FLAT != 0) {
+                traffic += self.shared.access(own, bytes, true);
+            }
+        }
+        sum.all += traffic;
+    }
+}

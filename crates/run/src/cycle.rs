@@ -1,0 +1,70 @@
+//! The `cycle` fidelity: a machine that reads the work of a rendering.
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::exit::Exit;
+use super::host::Stopwatch;
+use super::rendering::{Consumer, Rendering, Work};
+use machine::{Config, FrameReport, Machine, Shown, Watcher};
+use num::Cycle;
+use render::Held;
+use sim::Clock;
+use stats::Tree;
+
+/// What simulating frames came to.
+#[derive(Clone, Debug, Default)]
+pub struct Simulated {
+    /// Cycles.
+    pub cycles: Cycle,
+    /// Statistics over all frames.
+    pub total: Tree,
+    /// Host time in the machine (processor time where the system tells).
+    pub machine_time: Duration,
+    /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
+    pub warming_time: Duration,
+    /// What a free-running display has shown since the last frame ended.
+    pub display: Shown,
+}
+
+/// Adds a machine to a rendering.
+///
+/// # Errors
+/// If knobs do not fit each other.
+pub fn simulate<'r>(
+    rendering: &mut Rendering<'r>,
+    (config, clock): (&'r Config, Clock),
+    mut exit: Exit<'r>,
+    out: &'r mut Simulated,
+) -> Result<()> {
+    let mut machine = Machine::new(config)?;
+    if exit.per_draw {
+        machine.watch_draws();
+    }
+    let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: exit.keeps };
+    let run = move |work: Work| {
+        let busy = Stopwatch::start();
+        let (closed, mut failed) = (Cell::new(false), None);
+        let watcher = exit.timeline.take().map(|timeline| timeline as &mut dyn Watcher);
+        let each = |frame: FrameReport| {
+            if failed.is_some() {
+                return;
+            }
+            failed = exit.put(frame.into()).err();
+            closed.set(failed.is_some());
+        };
+        let run = machine.run_watched(work.take_while(|_| !closed.get()), clock, each, watcher);
+        let machine_time = busy.elapsed();
+        // A machine that lost its input has nothing to add.
+        if let Some(failed) = failed {
+            return Err(failed);
+        }
+        let run = run?;
+        *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown, ..Simulated::default() };
+        Ok(())
+    };
+    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+    Ok(())
+}

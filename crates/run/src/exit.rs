@@ -1,0 +1,70 @@
+//! Where frames leave a replay.
+
+use anyhow::Result;
+
+use super::timeline::Timeline;
+use machine::{FrameReport, PhaseReport, Shown};
+use stats::Tree;
+use work::{EndFrame, Surface};
+
+/// One frame of a replay.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Its number in the trace.
+    pub number: u32,
+    /// What is shown and its bytes; none where nothing was ever drawn.
+    pub shown: Option<(Surface, Vec<u8>)>,
+    /// Its statistics.
+    pub tree: Tree,
+    /// What was done one after another; empty where no time is simulated.
+    pub phases: Vec<PhaseReport>,
+    /// What a free-running display has shown since the frame before.
+    pub display: Shown,
+}
+
+impl From<FrameReport> for Frame {
+    fn from(frame: FrameReport) -> Frame {
+        let FrameReport { number, picture, tree, phases, shown: display, .. } = frame;
+        Frame { number, shown: picture.map(|picture| (picture.surface, picture.bytes)), tree, phases, display }
+    }
+}
+
+/// Takes frames in order, each when it ends.
+pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
+
+/// Takes frames, and says so.
+pub struct Exit<'e> {
+    /// Takes them.
+    pub taker: Box<Taker<'e>>,
+    /// Whether the taker keeps them, which the account of memory is told.
+    pub keeps: bool,
+    /// Whether frames report their draws, of a machine that is simulated.
+    pub per_draw: bool,
+    /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
+    pub limits: bool,
+    /// Reads the machine while it runs, under the cycle fidelity.
+    pub timeline: Option<&'e mut Timeline>,
+    /// Hears the number of each.
+    pub progress: &'e (dyn Fn(u32) + Sync),
+}
+
+impl<'e> Exit<'e> {
+    /// Frames go to a taker that does not keep them.
+    pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
+        Exit { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, timeline: None, progress: &|_| () }
+    }
+
+    /// A frame has ended.
+    ///
+    /// # Errors
+    /// Why the taker takes no more.
+    pub fn put(&mut self, frame: Frame) -> Result<()> {
+        (self.progress)(frame.number);
+        (self.taker)(frame)
+    }
+}
+
+/// What a frame shows, where the renderer's picture is the picture.
+pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Vec<u8>)> {
+    end.shown.map(|surface| (surface, end.reference.to_vec()))
+}

@@ -1,0 +1,67 @@
+//! Several machines behind one rendering, compared by their statistics and by what they show.
+
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::cycle::{Simulated, simulate};
+use super::exit::{Exit, Frame};
+use super::rendering::Rendering;
+use machine::Config;
+use num::Cycle;
+use render;
+use sim::Clock;
+use stats::Tree;
+use trace::Trace;
+use work::Surface;
+
+/// What a frame shows, without its bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// The frame.
+    pub number: u32,
+    /// What is shown, and the hash of its bytes.
+    pub picture: Option<(Surface, blake3::Hash)>,
+}
+
+impl Shown {
+    fn of(frame: &Frame) -> Shown {
+        let picture = frame.shown.as_ref().map(|(surface, bytes)| (*surface, blake3::hash(bytes)));
+        Shown { number: frame.number, picture }
+    }
+}
+
+/// What a machine came to.
+#[derive(Clone, Debug, Default)]
+pub struct Ran {
+    /// What its frames show, in order.
+    pub shown: Vec<Shown>,
+    /// Cycles.
+    pub cycles: Cycle,
+    /// Statistics over all frames.
+    pub total: Tree,
+    /// Host time in the machine (processor time where the system tells).
+    pub machine_time: Duration,
+}
+
+/// Runs machines on a trace, which is rendered once for all that ask for the same work. They compute one at a time and by turns, so that what else
+/// the host does is spread over all of them.
+///
+/// # Errors
+/// If the trace cannot be rendered, or a machine stops.
+pub fn run(trace: &Trace, machines: &[(&Config, Clock)]) -> Result<Vec<Ran>> {
+    let mut shown: Vec<Vec<Shown>> = vec![Vec::new(); machines.len()];
+    let mut simulated: Vec<Simulated> = vec![Simulated::default(); machines.len()];
+    let mut rendering = Rendering::new(trace, render::Options::default());
+    rendering.one_at_a_time();
+    for ((&machine, shown), out) in machines.iter().zip(&mut shown).zip(&mut simulated) {
+        let exit = Exit::new(|frame: Frame| {
+            shown.push(Shown::of(&frame));
+            Ok(())
+        });
+        simulate(&mut rendering, machine, exit, out)?;
+    }
+    rendering.run()?;
+    let ran = |(shown, Simulated { cycles, total, machine_time, .. })| Ran { shown, cycles, total, machine_time };
+    Ok(shown.into_iter().zip(simulated).map(ran).collect())
+}

@@ -1,0 +1,303 @@
+//! One rendering, many questions: a trace is rendered once per render key, and its work is handed to any number of consumers.
+//!
+//! A consumer reads events on a thread of its own, as an iterator. The renderer hands every event to all consumers and waits for the slowest:
+//! what is in flight is a window of [`EVENTS_IN_FLIGHT`] events, however long the trace and however many the consumers. A consumer that finds no
+//! event is suspended inside of `next`, and goes on where it was: nothing that it computes can depend on how far the rendering is. Of those
+//! that have events only so many run at a time as there are turns.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow};
+use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
+
+use super::profiles::{self, Reader};
+use render::{self, Held, Needs, Stop};
+use trace::Trace;
+use work::{Event, RenderKey};
+
+/// Events in flight between the renderer and a consumer; segments are bounded, and so is what waits.
+pub const EVENTS_IN_FLIGHT: usize = 8;
+
+/// Reads the work of a rendering.
+pub struct Consumer<'c> {
+    /// What it keeps of the events, those in flight left out.
+    pub held: Held,
+    /// Whether it needs more of a draw than its counts.
+    pub recorded: bool,
+    /// Reads all events. One that returns an error hears no more of them; the others do.
+    pub run: Box<dyn FnOnce(Work) -> Result<()> + Send + 'c>,
+}
+
+/// The events of a rendering in order.
+pub struct Work {
+    events: Receiver<Event>,
+    turn: Turn,
+}
+
+impl Iterator for Work {
+    type Item = Event;
+
+    fn next(&mut self) -> Option<Event> {
+        match self.events.try_recv() {
+            Ok(event) => Some(event),
+            Err(TryRecvError::Disconnected) => None,
+            Err(TryRecvError::Empty) => {
+                self.turn.end();
+                let event = self.events.recv().ok();
+                self.turn.begin();
+                event
+            }
+        }
+    }
+}
+
+/// A consumer's turn to compute, which it has while it has events.
+struct Turn {
+    free: Receiver<()>,
+    back: Sender<()>,
+    mine: bool,
+}
+
+impl Turn {
+    fn begin(&mut self) {
+        // The channel lives as long as this has both its ends.
+        self.mine = self.free.recv().is_ok();
+    }
+
+    fn end(&mut self) {
+        if std::mem::take(&mut self.mine) {
+            let _ = self.back.send(());
+        }
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// What renderings took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rendered {
+    /// Host time on the clock, without the time in which the renderer waited for consumers.
+    pub time: Duration,
+    /// Host time of making profiles (processor time where the system tells).
+    pub profiling: Duration,
+}
+
+/// A rendering of a trace, with those that read it.
+pub struct Rendering<'r> {
+    trace: &'r Trace,
+    options: render::Options,
+    turns: usize,
+    /// Who reads the work of each render key.
+    readers: Vec<(RenderKey, Readers<'r>)>,
+}
+
+#[derive(Default)]
+struct Readers<'r> {
+    consumers: Vec<Consumer<'r>>,
+    /// Those who read profiles of frames share one consumer.
+    profiles: Vec<Reader<'r>>,
+}
+
+impl<'r> Rendering<'r> {
+    /// A rendering that nobody reads yet. Of the options it takes the frames, the skips and the watch.
+    pub fn new(trace: &'r Trace, options: render::Options) -> Rendering<'r> {
+        Rendering { trace, options, turns: rayon::current_num_threads(), readers: Vec::new() }
+    }
+
+    /// Leaves out what nobody needs, and records some frames only; none: all.
+    pub fn needs(&mut self, needs: Needs, recorded: Option<render::FrameSet>) {
+        self.options.needs = Some(Arc::new(needs));
+        self.options.recorded = recorded;
+    }
+
+    /// Lets machines begin anew in some frames: they are told what they load there, whatever an earlier one knows.
+    pub fn begin_anew(&mut self, frames: render::FrameSet) {
+        self.options.begins = Some(frames);
+    }
+
+    /// How many consumers may compute at a time.
+    pub fn turns(&self) -> usize {
+        self.turns.max(1)
+    }
+
+    /// Lets consumers compute one at a time, so that none disturbs the other's host time.
+    pub fn one_at_a_time(&mut self) {
+        self.turns = 1;
+    }
+
+    /// Adds a consumer of the work that a key asks for.
+    pub fn consume(&mut self, key: RenderKey, consumer: Consumer<'r>) {
+        self.of(key).consumers.push(consumer);
+    }
+
+    /// Adds a reader of the frames' profiles.
+    pub fn profile(&mut self, key: RenderKey, reader: Reader<'r>) {
+        self.of(key).profiles.push(reader);
+    }
+
+    fn of(&mut self, key: RenderKey) -> &mut Readers<'r> {
+        let at = self.readers.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
+            self.readers.push((key, Readers::default()));
+            self.readers.len() - 1
+        });
+        &mut self.readers[at].1
+    }
+
+    /// Renders the trace once for each key.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered; else the error of the first consumer, in the order in which they were added, that has one.
+    pub fn run(self) -> Result<Rendered> {
+        let mut rendered = Rendered::default();
+        for (key, Readers { mut consumers, profiles }) in self.readers {
+            let mut profiling = Duration::ZERO;
+            if !profiles.is_empty() {
+                consumers.push(profiles::consumer(key.shade, profiles, &mut profiling));
+            }
+            let pieces = consumers.iter().map(|consumer| consumer.held.pieces).max().unwrap_or(0);
+            let held = Held {
+                images: consumers.iter().map(|consumer| consumer.held.images).sum(),
+                // All read the same pieces, and none is further behind than the window.
+                pieces: pieces + EVENTS_IN_FLIGHT as u64,
+                frames: consumers.iter().any(|consumer| consumer.held.frames),
+            };
+            let record = consumers.iter().any(|consumer| consumer.recorded);
+            let options = render::Options { key, record, held, ..self.options.clone() };
+            rendered.time += render(self.trace, &options, consumers, self.turns)?;
+            rendered.profiling += profiling;
+        }
+        Ok(rendered)
+    }
+}
+
+/// Renders once; the time that it took, without that of waiting.
+fn render(trace: &Trace, options: &render::Options, consumers: Vec<Consumer<'_>>, turns: usize) -> Result<Duration> {
+    let (back, free) = channel::unbounded();
+    for _ in 0..turns.max(1) {
+        let _ = back.send(());
+    }
+    let (mut sends, mut runs) = (Vec::new(), Vec::new());
+    for Consumer { run, .. } in consumers {
+        let (send, events) = channel::bounded(EVENTS_IN_FLIGHT);
+        let mut work = Work { events, turn: Turn { free: free.clone(), back: back.clone(), mine: false } };
+        sends.push(send);
+        runs.push(move || {
+            work.turn.begin();
+            run(work)
+        });
+    }
+    std::thread::scope(|scope| {
+        let start = |name: &str| std::thread::Builder::new().name(name.into());
+        // Consumers see the end of the stream when the senders go with the renderer.
+        let renderer = move || {
+            let (begin, mut waited) = (Instant::now(), Duration::ZERO);
+            let rendered = render::render(trace, options, &mut |event| {
+                let full = Instant::now();
+                sends.retain(|send| send.send(event.clone()).is_ok());
+                waited += full.elapsed();
+                if sends.is_empty() { Err(Stop) } else { Ok(()) }
+            });
+            rendered.map(|_| begin.elapsed().saturating_sub(waited))
+        };
+        let renderer = start("renderer").spawn_scoped(scope, renderer).context("cannot start the renderer's thread")?;
+        // The first consumer has this thread.
+        let mut runs = runs.into_iter();
+        let first = runs.next();
+        let started: Vec<_> = runs.map(|run| start("consumer").spawn_scoped(scope, run)).collect();
+        let mut results: Vec<Result<()>> = first.map(|run| run()).into_iter().collect();
+        for thread in started {
+            let joined = thread.context("cannot start a consumer's thread").and_then(|thread| {
+                thread.join().map_err(|_| anyhow!("a consumer of the work stopped on an internal error"))?
+            });
+            results.push(joined);
+        }
+        let rendered = renderer.join().map_err(|_| anyhow!("the renderer stopped on an internal error"))?;
+        // What the renderer says comes first: a machine that lost its input has nothing to add.
+        let time = rendered?;
+        results.into_iter().collect::<Result<()>>()?;
+        Ok(time)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+    use anyhow::bail;
+
+    use super::*;
+    use gfx::format::Format;
+    use trace::record::{Recorder, texture_2d};
+
+    const FRAMES: usize = 100;
+
+    fn frames() -> Trace {
+        let mut card = Recorder::new("frames");
+        let texture = card.create_texture("shown", texture_2d(4, 4, Format::Rgba8Unorm));
+        (0..FRAMES).for_each(|_| card.present(texture));
+        card.finish()
+    }
+
+    fn counts<'c>(run: impl FnOnce(Work) -> Result<()> + Send + 'c) -> Consumer<'c> {
+        Consumer { held: Held::default(), recorded: false, run: Box::new(run) }
+    }
+
+    #[test]
+    fn all_read_the_same_work_and_nobody_runs_ahead() {
+        let trace = frames();
+        let other = RenderKey { early_z: false, ..RenderKey::default() };
+        for turns in [1, 4] {
+            let [fast, slow, alone] = [0; 3].map(AtomicUsize::new);
+            let mut rendering = Rendering::new(&trace, render::Options::default());
+            rendering.turns = turns;
+            let first = counts(|work| {
+                for _ in work {
+                    let own = fast.fetch_add(1, SeqCst) + 1;
+                    assert!(own <= slow.load(SeqCst) + EVENTS_IN_FLIGHT + 2, "{own} events, the other {}", slow.load(SeqCst));
+                }
+                Ok(())
+            });
+            rendering.consume(RenderKey::default(), first);
+            let second = counts(|work| {
+                for _ in work {
+                    std::thread::sleep(Duration::from_micros(200));
+                    slow.fetch_add(1, SeqCst);
+                }
+                Ok(())
+            });
+            rendering.consume(RenderKey::default(), second);
+            let third = counts(|work| {
+                alone.store(work.count(), SeqCst);
+                Ok(())
+            });
+            rendering.consume(other, third);
+            rendering.run().expect("it renders");
+            assert_eq!([fast, slow, alone].map(AtomicUsize::into_inner), [FRAMES; 3]);
+        }
+    }
+
+    #[test]
+    fn a_consumer_that_fails_leaves_the_others_their_work() {
+        let trace = frames();
+        let read = AtomicUsize::new(0);
+        let mut rendering = Rendering::new(&trace, render::Options::default());
+        rendering.one_at_a_time();
+        rendering.consume(RenderKey::default(), counts(|work| bail!("failed after {}", work.take(3).count())));
+        let other = counts(|work| {
+            read.store(work.count(), SeqCst);
+            bail!("failed at the end")
+        });
+        rendering.consume(RenderKey::default(), other);
+        assert_eq!(rendering.run().expect_err("it fails").to_string(), "failed after 3");
+        assert_eq!(read.into_inner(), FRAMES);
+
+        let mut rendering = Rendering::new(&trace, render::Options::default());
+        rendering.consume(RenderKey::default(), counts(|_| bail!("nobody reads")));
+        assert_eq!(rendering.run().expect_err("it fails").to_string(), "nobody reads");
+    }
+}

@@ -1,0 +1,367 @@
+//! The `sampled` fidelity: some frames are simulated and stand for all. In `bound` they are estimated, and stand for all in the same way.
+//!
+//! The commands are read three times: for what depends on what ([`Dependencies`]), in which nothing is drawn; for a [`survey`] of all frames, by
+//! which those to be simulated are chosen ([`clusters`]); and once more with work recorded for these alone, where only what they read of
+//! other frames is drawn.
+
+pub mod clusters;
+mod ridge;
+pub mod survey;
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, anyhow, bail};
+
+use super::apart::simulate_apart;
+use super::bound::frames::{Estimated, estimate};
+use super::exit::{Exit, Frame};
+use super::host::Stopwatch;
+use super::replay::{Fidelity, Options, Outcome};
+use clusters::{Clusters, Interval, LEVEL, random};
+use survey::{CacheCount, Count, Survey, Way};
+
+use machine::Machine;
+use mem::CacheCounts;
+use render::{Dependencies, FrameSet, Want};
+use stats::{Group, Node, Tree};
+use trace::Trace;
+use unit::scanout::ScanoutMode;
+
+/// How frames are sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    /// Frames to be drawn, simulated and counted beside the first, which always is: at least 2, for an interval.
+    pub samples: u32,
+    /// Of the sampling generator.
+    pub seed: u64,
+    /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
+    /// ([`apply`](unit::apply)) are; the others simulate these frames.
+    pub warm_up: u32,
+    /// Takes as many samples as the whole replay has time for on this host, by the time that the first two take; not
+    /// `samples` then. The statistics say how many they were: with as many the result comes again.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Sampling { samples: 8, seed: 1, warm_up: 1, time_limit: None }
+    }
+}
+
+/// Caches of which misses are estimated.
+const ESTIMATED: [&str; 2] = ["texture", "l2"];
+
+/// What is estimated over all frames.
+#[derive(Clone, Debug)]
+pub struct Sampled {
+    /// Frames of the sequence.
+    pub frames: u64,
+    /// Frames that were simulated and counted.
+    pub counted: u64,
+    /// Frames that were simulated, those that warm up among them.
+    pub simulated: u64,
+    /// Estimates with intervals.
+    pub margins: Vec<Margin>,
+}
+
+/// What an interval is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// A count.
+    Count(Count),
+    /// The hit rate of a kind of cache.
+    HitRate(String),
+}
+
+impl std::fmt::Display for Quantity {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Quantity::Count(count) => count.fmt(f),
+            Quantity::HitRate(cache) => write!(f, "caches.{cache}.hit_rate"),
+        }
+    }
+}
+
+/// An estimate with its interval.
+#[derive(Clone, Debug)]
+pub struct Margin {
+    /// What it is of.
+    pub of: Quantity,
+    /// What the statistics over all frames have.
+    pub value: f64,
+    /// Half the interval's width.
+    pub margin: f64,
+}
+
+/// Sorted ranges of frame numbers: those drawn, each with those that warm up for it.
+fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
+    let mut numbers = numbers.to_vec();
+    numbers.sort_unstable();
+    let mut ranges: Vec<Range<u32>> = Vec::new();
+    for number in numbers {
+        let begin = number.saturating_sub(warm_up).max(first);
+        match ranges.last_mut() {
+            Some(last) if last.end >= begin => last.end = number + 1,
+            _ => ranges.push(begin..number + 1),
+        }
+    }
+    ranges.into_iter().collect()
+}
+
+/// Replays a trace with some of its frames simulated, which leave as they end; the statistics over all are estimates, with the intervals of the
+/// most important.
+///
+/// # Errors
+/// If the trace cannot be rendered, has too few frames, or the machine stops.
+pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+    let watch = Stopwatch::start();
+    let sampler = Sampler::new(trace, options)?;
+    let samples = match sampling.time_limit {
+        Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
+        None => sampling.samples,
+    };
+    let outcome = sampler.run(&Sampling { samples, ..*sampling }, exit)?;
+    Ok(Outcome { clock_time: watch.clock(), ..outcome })
+}
+
+/// A sequence that has been surveyed: any number of its frames can be drawn and simulated, again and again.
+pub struct Sampler<'t> {
+    trace: &'t Trace,
+    options: &'t Options,
+    dependencies: Dependencies,
+    survey: Survey,
+    /// Host time of the survey.
+    time: Duration,
+}
+
+impl<'t> Sampler<'t> {
+    /// Surveys all frames.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered, or the configuration's display does not let frames be taken apart.
+    pub fn new(trace: &'t Trace, options: &'t Options) -> Result<Sampler<'t>> {
+        if options.config.scanout.mode == ScanoutMode::FreeRunning {
+            bail!(
+                "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
+                 they show depends on all frames before; use cycle"
+            );
+        }
+        let watch = Stopwatch::start();
+        let dependencies = Dependencies::of(trace, options.frames.end)?;
+        let survey = survey::survey(trace, options, &dependencies)?;
+        Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
+    }
+
+    /// What is known of all frames.
+    pub fn survey(&self) -> &Survey {
+        &self.survey
+    }
+
+    /// As many samples as the rest of a time limit allows, by the time that the first two take.
+    fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
+        let all = self.survey.numbers.len() as u32;
+        if all <= 3 {
+            return Ok(sampling.samples);
+        }
+        let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
+        self.run(&two, Exit::new(|_| Ok(())))?;
+        let left = limit.saturating_sub(watch.clock()).as_secs_f64();
+        let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
+        Ok((more as u32).clamp(2, all - 2))
+    }
+
+    /// Simulates some frames for all. The times of what comes out include the survey.
+    ///
+    /// # Errors
+    /// If the trace cannot be rendered, has too few frames, or the machine stops.
+    pub fn run(&self, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+        let outcome = of_survey(&self.survey, &self.dependencies, self.trace, self.options, sampling, exit)?;
+        Ok(Outcome {
+            machine_time: outcome.machine_time + self.survey.time,
+            clock_time: outcome.clock_time + self.time,
+            ..outcome
+        })
+    }
+}
+
+/// Simulates some frames for all, by a survey of them.
+fn of_survey(
+    survey: &Survey,
+    dependencies: &Dependencies,
+    trace: &Trace,
+    options: &Options,
+    sampling: &Sampling,
+    exit: Exit<'_>,
+) -> Result<Outcome> {
+    let watch = Stopwatch::start();
+    let all = survey.numbers.len();
+    if sampling.samples < 2 {
+        bail!("{} frames to be sampled give no interval: 2 are the least", sampling.samples);
+    }
+    if all <= sampling.samples as usize + 1 {
+        bail!("{all} frames are too few to sample the first and {} others: use cycle", sampling.samples);
+    }
+    let clusters = Clusters::new(&survey.signatures, sampling.samples as usize);
+    if clusters.members.len() < 3 {
+        bail!(
+            "the {} frames behind the first are all alike, and one cannot give an interval: use cycle with --frames",
+            all - 1
+        );
+    }
+    let drawn = clusters.draw(&mut random(sampling.seed));
+    let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
+    let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
+    let simulated_frames = chosen.count();
+    // On other machines, frames that warm up are simulated.
+    let functional = Machine::warms(&options.config);
+    let warms_up = |number: u32| functional && !numbers.contains(&number);
+
+    // What was counted of the frames drawn; those that warm up are not reported.
+    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
+    let Exit { mut taker, keeps, progress, per_draw, .. } = exit;
+    let count = |frame: Frame| {
+        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
+        counted[at] = Some(frame.tree.clone());
+        taker(frame)
+    };
+    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
+    let runs = chosen.ranges().to_vec();
+    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
+    let mut rendering = options.rendering_of(trace, chosen);
+    rendering.needs(needs, None);
+    let exit = Exit { keeps, progress, per_draw, ..Exit::new(count) };
+    match options.fidelity {
+        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, exit, &mut by_estimate)?,
+        _ => simulate_apart(&mut rendering, (&options.config, options.clock), runs, &warms_up, exit, &mut machine_time),
+    }
+    rendering.run()?;
+    machine_time += by_estimate.time;
+    let found = counted.into_iter().zip(&numbers);
+    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
+    let counted = found.collect::<Result<Vec<Tree>>>()?;
+
+    let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
+    let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
+    let mut total = Tree::weighted(&trees);
+    let cycles = Count::Cycles.of(&total);
+    total.real("seconds", options.config.seconds(cycles));
+    let trees: Vec<&Tree> = counted.iter().collect();
+    estimated(&mut total, survey, &clusters, &drawn, &trees);
+    let margins = intervals(survey, &clusters, &drawn, &trees).into_iter().map(|(of, Interval { margin, .. })| {
+        let value = match &of {
+            Quantity::Count(count) => count.of(&total),
+            Quantity::HitRate(cache) => {
+                let sum = |what| Count::Cache(cache.clone(), what).of(&total);
+                sum(CacheCount::Hits) / sum(CacheCount::Accesses).max(1.0)
+            }
+        };
+        Margin { of, value, margin }
+    });
+    let sampled =
+        Sampled { frames: all as u64, counted: drawn.len() as u64, simulated: simulated_frames, margins: margins.collect() };
+    sampled.put(&mut total);
+    Ok(Outcome {
+        cycles: Some(cycles),
+        total,
+        sampled: Some(sampled),
+        machine_time,
+        clock_time: watch.clock(),
+        ..Outcome::default()
+    })
+}
+
+impl Sampled {
+    /// Puts it into the statistics over all frames.
+    fn put(&self, total: &mut Tree) {
+        let node = total.child("sampled");
+        node.count("frames", self.frames);
+        node.count("counted_frames", self.counted);
+        node.count("simulated_frames", self.simulated);
+        node.real("level", LEVEL);
+        for Margin { of, margin, .. } in &self.margins {
+            node.child("margins").real(&of.to_string(), *margin);
+        }
+    }
+}
+
+/// Puts what caches and DRAM do into the total, by what is estimated of just that.
+fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) {
+    let sum = |by: &Count, own: &dyn Fn(&Tree) -> f64| -> f64 {
+        let weights = clusters.weights(drawn, &survey.estimates(by));
+        weights.iter().zip(frames).map(|(weight, tree)| weight * own(tree)).sum()
+    };
+    for count in [Count::Dram(Way::Read), Count::Dram(Way::Write), Count::Client("texture".into(), Way::Read)] {
+        if count.is_in(total) {
+            let bytes = sum(&count, &|tree| count.of(tree)).round() as u64;
+            count.put(total, bytes);
+        }
+    }
+    for cache in ESTIMATED {
+        for at in 0..survey::banks(total, cache).len() {
+            let of = |by: CacheCount, what: CacheCount| {
+                let own = |tree: &Tree| survey::banks(tree, cache).get(at).map_or(0.0, |counts| what.of(counts));
+                sum(&Count::Cache(cache.to_owned(), by), &own).round() as u64
+            };
+            let misses = of(CacheCount::Misses, CacheCount::Misses);
+            let evictions = of(CacheCount::Misses, CacheCount::Evictions);
+            let accesses = of(CacheCount::Accesses, CacheCount::Accesses).max(misses);
+            let counts = CacheCounts { accesses, hits: accesses - misses, misses, evictions };
+            total.child("caches").element(cache, at).extend(counts.tree());
+        }
+    }
+}
+
+/// The intervals of the cycles, of the bytes of each client and of DRAM, and of the hit rate of each kind of cache; of the caches of
+/// which misses are estimated, of these too.
+fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&Tree]) -> Vec<(Quantity, Interval)> {
+    let mut found = Vec::new();
+    let Some(first) = frames.first() else { return found };
+    let mut counts = vec![Count::Cycles];
+    counts.extend(survey::traffic(first));
+    counts.push(Count::DramBytes);
+    for count in counts {
+        let interval = survey.total(clusters, drawn, &count, frames);
+        found.push((Quantity::Count(count), interval));
+    }
+    let Some(Node::Tree(caches)) = first.get("caches") else { return found };
+    for (cache, _) in caches.entries() {
+        let of = |what| Count::Cache(cache.to_owned(), what);
+        let total = |what| survey.total(clusters, drawn, &of(what), frames);
+        let accesses = total(CacheCount::Accesses);
+        if accesses.value <= 0.0 {
+            continue;
+        }
+        let hit_rate = Quantity::HitRate(cache.to_owned());
+        if ESTIMATED.contains(&cache) {
+            // Lookups are known all but exactly: the rate is off by what misses are.
+            let misses = total(CacheCount::Misses);
+            let rate = 1.0 - misses.value / accesses.value;
+            found.push((hit_rate, Interval { value: rate, margin: misses.margin / accesses.value }));
+            found.push((Quantity::Count(of(CacheCount::Misses)), misses));
+            continue;
+        }
+        let counts = |what| frames.iter().map(|tree| of(what).of(tree)).collect();
+        let (hits, lookups): (Vec<f64>, Vec<f64>) = (counts(CacheCount::Hits), counts(CacheCount::Accesses));
+        let rate = total(CacheCount::Hits).value / accesses.value;
+        // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
+        let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
+        let margin = clusters.total(drawn, &survey.estimates(&Count::Cycles), &beside).margin / accesses.value;
+        found.push((hit_rate, Interval { value: rate, margin }));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_warm_up_for_each_other() {
+        let all = |set: FrameSet| (0..30).filter(|&frame| set.contains(frame)).collect::<Vec<u32>>();
+        assert_eq!(all(ranges(&[7, 3, 8, 20], 0, 1)), [2, 3, 6, 7, 8, 19, 20]);
+        assert_eq!(ranges(&[7, 3, 8, 20], 0, 1).count(), 7);
+        assert_eq!(all(ranges(&[5], 5, 3)), [5]);
+        assert_eq!(ranges(&[5, 0], 0, 2), [0..1, 3..6].into_iter().collect());
+    }
+}

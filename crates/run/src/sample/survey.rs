@@ -1,0 +1,354 @@
+//! What is estimated of all frames, by which they are compared and to which counts are in proportion.
+//!
+//! Some frames, evenly spaced, are recorded and estimated ([`Bound`]); of the others only counts are taken ([`Counts`]), without colours where
+//! nothing reads them ([`Needs`](render::Needs)). What is estimated of those follows from their counts by ridge regression over the recorded
+//! frames (two-phase sampling with regression: Cochran, Sampling Techniques, 1977, chapter 12).
+
+use std::fmt;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::clusters::{Clusters, Interval, signature};
+use super::ridge::Ridge;
+use crate::bound::{Bound, PhaseEstimate};
+use crate::host::Stopwatch;
+use crate::rendering::{Consumer, Work};
+use crate::replay::Options;
+use mem::{CacheCounts, ClientCounts, DramCounts};
+use render::{Dependencies, FrameSet, Held, Want};
+use stats::{Node, Tree};
+use trace::Trace;
+use work::Event;
+use work::profile::Profiler;
+
+/// Reading or writing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Reading.
+    Read,
+    /// Writing.
+    Write,
+}
+
+impl Way {
+    /// What the statistics call its bytes.
+    fn name(self) -> &'static str {
+        match self {
+            Way::Read => "read_bytes",
+            Way::Write => "write_bytes",
+        }
+    }
+}
+
+/// What a cache counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CacheCount {
+    /// Lookups.
+    Accesses,
+    /// Lookups that found their line.
+    Hits,
+    /// Lookups that did not.
+    Misses,
+    /// Lines that made room.
+    Evictions,
+}
+
+impl CacheCount {
+    /// What the statistics call it.
+    fn name(self) -> &'static str {
+        match self {
+            CacheCount::Accesses => "accesses",
+            CacheCount::Hits => "hits",
+            CacheCount::Misses => "misses",
+            CacheCount::Evictions => "evictions",
+        }
+    }
+
+    /// That of some caches.
+    pub fn of(self, counts: &CacheCounts) -> f64 {
+        let count = match self {
+            CacheCount::Accesses => counts.accesses,
+            CacheCount::Hits => counts.hits,
+            CacheCount::Misses => counts.misses,
+            CacheCount::Evictions => counts.evictions,
+        };
+        count as f64
+    }
+}
+
+/// Something that machines count and whose sum over all frames is estimated.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Count {
+    /// Cycles.
+    Cycles,
+    /// Bytes of a client of memory.
+    Client(String, Way),
+    /// Bytes of DRAM.
+    Dram(Way),
+    /// Bytes of DRAM both ways.
+    DramBytes,
+    /// What all caches of a kind count.
+    Cache(String, CacheCount),
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Count::Cycles => f.write_str("cycles"),
+            Count::Client(name, way) => write!(f, "memory.clients.{name}.{}", way.name()),
+            Count::Dram(way) => write!(f, "memory.dram.{}", way.name()),
+            Count::DramBytes => f.write_str("memory.dram.bytes"),
+            Count::Cache(name, what) => write!(f, "caches.{name}.{}", what.name()),
+        }
+    }
+}
+
+/// Where DRAM's counters stand.
+const DRAM: &str = "memory.dram";
+
+/// Where those of a client stand.
+fn client(name: &str) -> String {
+    format!("memory.clients.{name}")
+}
+
+/// The caches of a kind, in the statistics of a machine.
+pub(super) fn banks(tree: &Tree, cache: &str) -> Vec<CacheCounts> {
+    match tree.get(&format!("caches.{cache}")) {
+        Some(Node::List(banks)) => banks.iter().map(Tree::read).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// The bytes of each client of memory and of DRAM, as the statistics of a machine have them.
+pub(super) fn traffic(tree: &Tree) -> Vec<Count> {
+    let ways = [Way::Read, Way::Write];
+    let mut found = Vec::new();
+    if let Some(Node::Tree(clients)) = tree.get("memory.clients") {
+        let names = clients.entries().map(|(name, _)| name);
+        found.extend(names.flat_map(|name| ways.map(|way| Count::Client(name.to_owned(), way))));
+    }
+    found.extend(ways.map(Count::Dram).into_iter().filter(|count| count.is_in(tree)));
+    found
+}
+
+impl Count {
+    /// Whether the statistics of a machine have it.
+    pub fn is_in(&self, tree: &Tree) -> bool {
+        match self {
+            Count::Cycles => true,
+            Count::Client(name, _) => tree.get(&client(name)).is_some(),
+            Count::Dram(_) | Count::DramBytes => tree.get(DRAM).is_some(),
+            Count::Cache(name, _) => !banks(tree, name).is_empty(),
+        }
+    }
+
+    /// Its value in the statistics of a machine; the sum over a kind of cache.
+    pub fn of(&self, tree: &Tree) -> f64 {
+        let bytes = |read: u64, written: u64, way: &Way| (if *way == Way::Read { read } else { written }) as f64;
+        match self {
+            Count::Cycles => tree.number("cycles").unwrap_or(0.0),
+            Count::Client(name, way) => {
+                let counts: ClientCounts = tree.group(&client(name));
+                bytes(counts.read_bytes, counts.write_bytes, way)
+            }
+            Count::Dram(way) => {
+                let counts: DramCounts = tree.group(DRAM);
+                bytes(counts.read_bytes, counts.write_bytes, way)
+            }
+            Count::DramBytes => Count::Dram(Way::Read).of(tree) + Count::Dram(Way::Write).of(tree),
+            Count::Cache(name, what) => what.of(&tree.group(&format!("caches.{name}"))),
+        }
+    }
+
+    /// Puts bytes of a client or of DRAM into statistics that have them.
+    pub(super) fn put(&self, tree: &mut Tree, bytes: u64) {
+        let memory = tree.child("memory");
+        match self {
+            Count::Client(name, way) => memory.child("clients").child(name).count(way.name(), bytes),
+            Count::Dram(way) => memory.child("dram").count(way.name(), bytes),
+            Count::Cycles | Count::DramBytes | Count::Cache(..) => {}
+        }
+    }
+
+    /// To what it is in proportion: what is estimated of just this, where it is, else cycles.
+    fn by(&self) -> usize {
+        use CacheCount::{Accesses, Misses};
+        match self {
+            Count::Dram(Way::Read) => 1,
+            Count::Dram(Way::Write) => 2,
+            Count::DramBytes => 3,
+            Count::Cache(name, Accesses) if name == "l2" => 4,
+            Count::Cache(name, Misses) if name == "l2" => 5,
+            Count::Cache(name, Accesses) if name == "texture" => 6,
+            Count::Cache(name, Misses) if name == "texture" => 7,
+            // Texture caches read the lines that they miss.
+            Count::Client(name, Way::Read) if name == "texture" => 7,
+            _ => 0,
+        }
+    }
+}
+
+/// What is estimated of a frame, in the order of [`Count::by`].
+const ESTIMATES: [fn(&PhaseEstimate) -> f64; 8] = [
+    |phase| phase.cycles,
+    |phase| phase.memory.read,
+    |phase| phase.memory.written,
+    |phase| phase.memory.read + phase.memory.written,
+    |phase| phase.memory.lookups,
+    |phase| phase.memory.misses,
+    |phase| phase.textures[0],
+    |phase| phase.textures[1],
+];
+
+/// The estimates of all frames: a few numbers each.
+#[derive(Clone, Debug, Default)]
+pub struct Survey {
+    /// The trace's own numbers of the frames.
+    pub numbers: Vec<u32>,
+    /// Their signatures.
+    pub signatures: Vec<Vec<f64>>,
+    estimates: Vec<[f64; ESTIMATES.len()]>,
+    /// Host time of profiles and estimates, rendering left out.
+    pub time: Duration,
+}
+
+/// Recorded frames of a survey; all of a sequence of not more than twice as many.
+const RECORDED: u32 = 16;
+
+/// The frames that are recorded of so many, the first being `first`.
+fn recorded(first: u32, frames: u32) -> FrameSet {
+    if frames <= 2 * RECORDED {
+        return (first..first + frames).into();
+    }
+    // In the middle of as many equal parts.
+    let middle = |part: u32| first + ((2 * u64::from(part) + 1) * u64::from(frames) / (2 * u64::from(RECORDED))) as u32;
+    (0..RECORDED).map(middle).map(|frame| frame..frame + 1).collect()
+}
+
+/// A survey of the frames of a replay.
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> Result<Survey> {
+    let config = &options.config;
+    let range = options.frames.start..options.frames.end.min(dependencies.frames());
+    let recorded = recorded(range.start, range.len() as u32);
+    let needs = dependencies.needs(|frame| match () {
+        _ if recorded.contains(frame) => Want::All,
+        _ if range.contains(&frame) => Want::Counts,
+        _ => Want::Nothing,
+    });
+    let mut survey = Survey::default();
+    let mut rendering = options.rendering(trace);
+    rendering.needs(needs, Some(recorded.clone()));
+    let key = config.render_key();
+    let out = &mut survey;
+    let run = move |work: Work| {
+        let watch = Stopwatch::start();
+        let (mut bound, mut profiler, mut units) = (Bound::proxy(config), Profiler::new(key.shade), Vec::new());
+        let (mut counts, mut known) = (vec![Counts::default()], Vec::new());
+        let mut number = range.start;
+        for event in work {
+            let records = recorded.contains(number);
+            let counted = counts.last_mut().expect("one is under way");
+            counted.add(&event, records, key.early_z);
+            let profile = if records { profiler.event(&event) } else { None };
+            let Event::EndFrame(end) = &event else { continue };
+            if let Some(profile) = profile {
+                let estimate = bound.frame(&profile);
+                let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
+                let signature = signature(work, &mut units);
+                known.push((out.numbers.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
+            }
+            out.numbers.push(end.number);
+            number = end.number + 1;
+            counts.push(Counts::default());
+        }
+        counts.pop();
+        predict(out, &counts, known, units.len());
+        out.time = watch.elapsed();
+        Ok(())
+    };
+    rendering.consume(key, Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
+    rendering.run()?;
+    Ok(survey)
+}
+
+/// Frames that were estimated: place in the sequence, signature, estimates.
+type Known = (usize, Vec<f64>, [f64; ESTIMATES.len()]);
+
+/// Estimates all frames: those that are known by what is known, the others by their counts.
+fn predict(survey: &mut Survey, counts: &[Counts], known: Vec<Known>, units: usize) {
+    let places: Vec<usize> = known.iter().map(|(place, ..)| *place).collect();
+    let model = Ridge::new(counts.iter().map(|counts| counts.0.map(|count| count as f64)).collect(), &places);
+    let fit = |of: &dyn Fn(&Known) -> f64| model.fit(&known.iter().map(of).collect::<Vec<f64>>());
+    let signatures: Vec<Vec<f64>> =
+        (0..units).map(|unit| fit(&|(_, signature, _)| signature.get(unit).copied().unwrap_or(0.0))).collect();
+    let estimates: Vec<Vec<f64>> = (0..ESTIMATES.len()).map(|at| fit(&|(_, _, estimates)| estimates[at])).collect();
+    survey.signatures = (0..counts.len()).map(|frame| signatures.iter().map(|unit| unit[frame]).collect()).collect();
+    survey.estimates = (0..counts.len()).map(|frame| std::array::from_fn(|at| estimates[at][frame])).collect();
+    for (place, signature, estimates) in known {
+        (survey.signatures[place], survey.estimates[place]) = (signature, estimates);
+    }
+}
+
+/// What is counted in a frame without its work: draws, passes, samples of attachments, vertices read, vertices shaded, primitives, clipped
+/// primitives, triangles, blocks of 8 x 8 pixels, quads, fragments, quads that pass the early test, invocations of dispatches, bytes moved, bytes shown.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts([u64; 15]);
+
+impl Counts {
+    /// Adds an event of a frame that is recorded or not; whether recorded fragments are tested early where they may be.
+    fn add(&mut self, event: &Event, recorded: bool, early: bool) {
+        let add = |to: &mut [u64; 15], at: usize, n: u64| to[at] += n;
+        let to = &mut self.0;
+        match event {
+            Event::Draw(_) => add(to, 0, 1),
+            Event::BeginPass(pass) => {
+                add(to, 1, 1);
+                let attachments = (pass.color.iter().flatten().count() + usize::from(pass.depth.is_some())) as u64;
+                add(to, 2, attachments * u64::from(pass.width) * u64::from(pass.height) * u64::from(pass.samples));
+            }
+            Event::Segment(segment) | Event::Applied(segment) => {
+                // Without a record a draw is one segment.
+                add(to, 0, u64::from(!recorded));
+                let funnel = &segment.funnel;
+                let counted = [
+                    funnel.vertices_in,
+                    funnel.vertices_shaded,
+                    funnel.primitives_in,
+                    funnel.clipped,
+                    funnel.triangles_setup,
+                    funnel.tiles_visited,
+                    funnel.quads_rasterized,
+                    funnel.fragments_covered,
+                    // Without colours tests come early wherever they may.
+                    if early { funnel.quads_rasterized - funnel.quads_early_culled } else { 0 },
+                ];
+                counted.into_iter().enumerate().for_each(|(at, n)| add(to, 3 + at, n));
+            }
+            Event::Dispatch(dispatch) => add(to, 12, dispatch.groups * u64::from(dispatch.invocations)),
+            Event::Transfer(transfer) => add(to, 13, transfer.bytes),
+            Event::EndFrame(end) => {
+                if let Some(shown) = end.shown {
+                    add(to, 14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
+                }
+            }
+            Event::Contents(_) | Event::EndPass | Event::Groups(_) => {}
+        }
+    }
+}
+
+impl Survey {
+    /// What is estimated by frame, of what a count is in proportion to.
+    pub fn estimates(&self, count: &Count) -> Vec<f64> {
+        self.estimates.iter().map(|frame| frame[count.by()]).collect()
+    }
+
+    /// The sum over all frames of what was counted in those drawn.
+    pub fn total(&self, clusters: &Clusters, drawn: &[usize], count: &Count, frames: &[&Tree]) -> Interval {
+        let own: Vec<f64> = frames.iter().map(|tree| count.of(tree)).collect();
+        clusters.total(drawn, &self.estimates(count), &own)
+    }
+}
