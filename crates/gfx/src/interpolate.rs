@@ -362,9 +362,13 @@ pub fn attribute_run(weights: &Weights, quads: std::ops::Range<usize>, values: [
     debug_assert_eq!(quads(one), quads(out));
     let quads = out.as_chunks_mut::<4>().0.iter_mut().zip(one.as_chunks::<4>().0).zip(two.as_chunks::<4>().0);
     for ((out, one), two) in quads {
+        // Copies: were it not sure that writing one lane leaves the weights of the next, the compiler would take one at a time.
+        let (one, two) = (*one, *two);
+        let mut values = [0.0; 4];
         for p in 0..4 {
-            out[p] = combine(k, one[p], two[p]);
+            values[p] = combine(k, one[p], two[p]);
         }
+        *out = values;
     }
 }
 

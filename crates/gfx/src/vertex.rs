@@ -3,6 +3,8 @@
 //! Every WebGPU vertex format. Missing components are 0, a missing fourth is 1 (of the attribute's type). Reads are robust:
 //! an attribute that does not lie wholly inside the bound range is decoded from zero bytes.
 
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
 use num::{LANES, Lanes, Words};
 
 use super::state::VertexFormat;
@@ -130,14 +132,13 @@ impl VertexSource<'_> {
         let words = self.words.words();
         let encoding = encoding(format);
         if inside && aligned % 4 == 0 {
-            use std::sync::atomic::Ordering::Relaxed;
             match encoding {
                 Encoding::Bits32 => {
-                    for i in 0..n {
-                        let source = &words[at[i] / 4..at[i] / 4 + components];
-                        for c in 0..components {
-                            out[c].0[i] = source[c].load(Relaxed);
-                        }
+                    match components {
+                        1 => copy::<1>(words, &at[..n], out),
+                        2 => copy::<2>(words, &at[..n], out),
+                        3 => copy::<3>(words, &at[..n], out),
+                        _ => copy::<4>(words, &at[..n], out),
                     }
                     return;
                 }
@@ -165,6 +166,17 @@ impl VertexSource<'_> {
             for c in 0..components {
                 out[c].0[i] = value[c];
             }
+        }
+    }
+}
+
+/// Copies attributes of `N` words that begin at these bytes.
+#[inline(always)]
+fn copy<const N: usize>(words: &[AtomicU32], at: &[usize], out: &mut [Lanes; 4]) {
+    for (i, at) in at.iter().enumerate().take(LANES) {
+        let source: &[AtomicU32; N] = words[at / 4..].first_chunk().expect("places were checked");
+        for c in 0..N {
+            out[c].0[i] = source[c].load(Relaxed);
         }
     }
 }

@@ -165,6 +165,12 @@ impl TileSurface {
         let words = self.shape.words();
         self.par_tiles().for_each(|(_, mut tile)| {
             tile.materialise(words);
+            if words == 1 {
+                // Depth of 24 bits beside stencil, above all: one run of memory.
+                let (keep, put) = (!mask[0], value[0] & mask[0]);
+                tile.codes.iter_mut().for_each(|code| *code = *code & keep | put);
+                return;
+            }
             for texels in tile.codes.chunks_exact_mut(4 * words) {
                 for (w, run) in texels.chunks_exact_mut(4).enumerate() {
                     for code in run {

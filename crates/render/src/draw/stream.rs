@@ -45,8 +45,10 @@ pub struct Stream {
     pub vertices: usize,
     /// Instances in order.
     pub groups: Vec<Group>,
-    /// Dense: which vertices are used.
+    /// Dense: which vertices are used; all threads set them.
     marks: Vec<AtomicU8>,
+    /// The same, a bit a vertex.
+    used: Vec<u64>,
     /// Not dense: the index of each vertex.
     indices: Vec<u32>,
     table: Table,
@@ -72,21 +74,31 @@ impl Stream {
         }
     }
 
-    /// Whether vertex `slot` is used, for 64 vertices from `first` on.
+    /// Which vertices are used, from `first` on up to the next multiple of 64.
     pub fn used(&self, first: usize) -> u64 {
-        let n = self.vertices.saturating_sub(first).min(64);
         if !self.indices.is_empty() {
+            let n = self.vertices.saturating_sub(first).min(64);
             return if n == 64 { u64::MAX } else { (1 << n) - 1 };
         }
-        let marks = &self.marks[first..first + n];
-        marks.iter().enumerate().fold(0, |mask, (i, mark)| mask | u64::from(mark.load(Relaxed)) << i)
+        self.used.get(first / 64).map_or(0, |used| used >> (first % 64))
     }
 
     /// Vertex and instance index of `out.len()` vertices from `first` on.
     pub fn identify(&self, first: usize, index: &mut [u32], instance: &mut [u32]) {
         let mut group = self.groups.partition_point(|g| g.slot as usize <= first) - 1;
+        let last = self.vertices - 1;
+        if self.indices.is_empty() && self.groups.get(group + 1).is_none_or(|g| g.slot as usize >= first + index.len()) {
+            // All of one instance, as most are: numbers that rise by one.
+            let g = self.groups[group];
+            let (start, last) = (first as u32 - g.slot, last as u32 - g.slot);
+            for (i, out) in (0..).zip(index) {
+                *out = g.index.wrapping_add((start + i).min(last));
+            }
+            instance.fill(g.instance);
+            return;
+        }
         for i in 0..index.len() {
-            let slot = (first + i).min(self.vertices - 1);
+            let slot = (first + i).min(last);
             while self.groups.get(group + 1).is_some_and(|g| g.slot as usize <= slot) {
                 group += 1;
             }
@@ -191,6 +203,8 @@ impl Stream {
         } else {
             each(parts, pieces, |(group, entries)| number(group, entries));
         }
+        self.used.clear();
+        self.used.extend(self.marks.chunks_mut(64).map(bits));
     }
 
     fn number_in_order(&mut self, pieces: &[Piece]) {
@@ -207,6 +221,17 @@ impl Stream {
         }
         self.vertices = self.indices.len();
     }
+}
+
+/// Up to 64 marks, each 0 or 1, as bits.
+fn bits(marks: &mut [AtomicU8]) -> u64 {
+    let byte = |marks: &mut [AtomicU8]| {
+        let mut eight = [0; 8];
+        eight.iter_mut().zip(marks).for_each(|(out, mark)| *out = *mark.get_mut());
+        // Each mark meets the one power of two that lifts it to its place in the uppermost byte; nothing carries.
+        u64::from_le_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56
+    };
+    (0..).zip(marks.chunks_mut(8)).fold(0, |all, (k, marks)| all | byte(marks) << (8 * k))
 }
 
 /// Does something for every part of a stream: on all threads if it is long enough, several short parts at a time.
