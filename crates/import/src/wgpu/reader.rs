@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use host::ron_reason;
+use num::edits;
 use trace::{Place, TraceError};
 
 use wgpu_text::{Action, Wrong};
@@ -79,7 +80,7 @@ impl<'a> Reader<'a> {
             let column = if at.line == 1 { place.column + at.col - 1 } else { at.col };
             let place = Place { line: place.line + at.line - 1, column };
             let ends = if ends { ": the file ends inside this action, it is truncated" } else { "" };
-            let reason = format!("action {number} ({name}): {}{ends}", ron_reason(&found.code));
+            let reason = format!("action {number} ({name}): {}{ends}", reason(&found.code));
             TraceError::new(self.file, reason).at(Some(place))
         };
         let (action, read) = wgpu_text::action(rest).map_err(wrong)?;
@@ -114,6 +115,19 @@ impl<'a> Reader<'a> {
     fn error(&self, reason: impl std::fmt::Display) -> TraceError {
         TraceError::new(self.file, reason).at(Some(self.place))
     }
+}
+
+/// What is wrong with an action. Of the names that would be right only the nearest is told: there are up to fifty.
+fn reason(error: &ron::Error) -> String {
+    let (what, within, expected, found) = match error {
+        ron::Error::NoSuchEnumVariant { expected, found, outer } => ("variant", outer, expected, found),
+        ron::Error::NoSuchStructField { expected, found, outer } => ("field", outer, expected, found),
+        other => return ron_reason(other),
+    };
+    let within = within.as_ref().map_or(String::new(), |outer| format!(" of {outer}"));
+    let nearest = expected.iter().min_by_key(|known| edits(known, found));
+    let nearest = nearest.map_or(String::new(), |nearest| format!("; {nearest} is the nearest"));
+    format!("there is no {what} {found}{within}{nearest}")
 }
 
 /// The place after some text.

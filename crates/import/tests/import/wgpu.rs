@@ -223,14 +223,14 @@ fn errors_say_where_and_what() {
         ),
         (
             "[DropBuffer(PointerId(1)),\n Explode(3),]",
-            "trace.ron:2:9: action 1 (Explode): Unexpected variant named `Explode` in enum `Action`",
+            "trace.ron:2:9: action 1 (Explode): there is no variant Explode of Action; Init is the nearest",
         ),
         ("[DropBuffer(PointerId(0))]", "action 0 (DropBuffer): "),
         ("[DropBuffer(\n  7)]", "trace.ron:2:3: action 0 (DropBuffer): "),
         ("[Submit(1, [RunRender", "the file ends inside this action, it is truncated"),
         (
             "[CreateBuffer(PointerId(1), (label: None, size: 4, usage: \"\", mapped_at_creation: false, color: 3))]",
-            "Unexpected field named `color`",
+            "there is no field color of ",
         ),
         (
             "[CreateTextureView(id: PointerId(1), parent: PointerId(2), desc: ())]",
