@@ -475,3 +475,18 @@ impl Rewriter {
         source
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What stands before the bracket of a function is its name: at the start of a shader there is nothing.
+    #[test]
+    fn a_bracket_at_the_start_of_a_shader_is_no_function() {
+        for text in ["(1)\nvoid main() {}", "(sampler2D s)\nvoid main() {}"] {
+            let source =
+                rewrite(Stage::Fragment, vec![tokens::preprocess(text).expect("tokens")]).expect("text for naga to refuse");
+            assert!(source.text.contains("main"), "{}", source.text);
+        }
+    }
+}
