@@ -4,5 +4,6 @@ mod fuzz;
 mod gl;
 mod oracle;
 mod peers;
+mod recorder;
 mod shaders;
 mod wgpu;
