@@ -1,4 +1,4 @@
-//! Client arrays and buffer objects.
+//! Client arrays, generic attributes and vertex array objects.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -10,9 +10,6 @@ use super::machine::Gl;
 use super::names;
 use super::primitive::{Elements, Sent};
 use super::state::{UNITS, Vertex};
-
-/// Vertices of one draw at most.
-const VERTICES_MAX: u32 = 1 << 22;
 
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
 /// from 16 on. The bits are those of [`Vertex::over`].
@@ -59,7 +56,8 @@ pub struct Arrays {
     objects: BTreeMap<u32, (Box<[Array; SLOTS]>, u32)>,
 }
 
-fn scalar(kind: u32) -> Option<(Scalar, usize)> {
+/// The scalar of a type, and its bytes.
+pub(super) fn scalar(kind: u32) -> Option<(Scalar, usize)> {
     Some(match kind {
         e::BYTE => (Scalar::Byte, 1),
         e::UNSIGNED_BYTE => (Scalar::Ubyte, 1),
@@ -73,7 +71,8 @@ fn scalar(kind: u32) -> Option<(Scalar, usize)> {
     })
 }
 
-fn read(scalar: Scalar, b: &[u8]) -> f64 {
+/// A number of some bytes.
+pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
     match scalar {
         Scalar::Byte => f64::from(b[0] as i8),
         Scalar::Ubyte => f64::from(b[0]),
@@ -262,61 +261,6 @@ pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-/// Runs a draw for each of so many instances.
-fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
-    if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
-        return Err(Fault::Limit(format!(
-            "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
-        )));
-    }
-    // Programs may ask for the number of the instance.
-    let alone = gl.glsl.used();
-    let mut outcome = gl.flush();
-    for instance in 0..count {
-        if outcome.is_err() {
-            break;
-        }
-        gl.instance = instance;
-        outcome = draw(gl);
-        if alone && outcome.is_ok() {
-            outcome = gl.flush();
-        }
-    }
-    gl.instance = 0;
-    outcome
-}
-
-/// `glDrawArraysInstanced(mode, first, count, instances)`
-pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
-    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, first..first.saturating_add(count), false))
-}
-
-/// `glDrawElementsInstanced(mode, count, type, indices, instances)`, and the same with a base vertex behind.
-pub(super) fn draw_elements_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let based = call.function.name.contains("BaseVertex");
-    let indices = based_indices(indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?, if based { call.i32(5)? } else { 0 });
-    let (mode, count) = (call.u32(0)?, indices.len() as u32);
-    instances(gl, call.size(4)?, count, |gl| gl.elements(mode, indices.iter().copied(), true))
-}
-
-/// Indices that count from a base vertex.
-fn based_indices(indices: Vec<u32>, base: i32) -> Vec<u32> {
-    indices.into_iter().map(|index| index.wrapping_add_signed(base)).collect()
-}
-
-/// `glDrawElementsBaseVertex(mode, count, type, indices, base)`
-pub(super) fn draw_elements_based(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let indices = based_indices(indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?, call.i32(4)?);
-    gl.elements(call.u32(0)?, indices.into_iter(), true)
-}
-
-/// `glDrawRangeElementsBaseVertex(mode, start, end, count, type, indices, base)`
-pub(super) fn draw_range_elements_based(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let indices = based_indices(indices(gl, call.size(3)?, call.u32(4)?, call.arg(5))?, call.i32(6)?);
-    gl.elements(call.u32(0)?, indices.into_iter(), true)
-}
-
 /// An enabled array that is ready to be read.
 struct Ready {
     slot: usize,
@@ -402,7 +346,7 @@ impl Gl {
     }
 
     /// Draws elements of the arrays.
-    fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
+    pub(super) fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
@@ -431,77 +375,6 @@ impl Gl {
         self.elements = None;
         outcome
     }
-}
-
-pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
-    if count > VERTICES_MAX {
-        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
-    }
-    gl.elements(mode, first..first.saturating_add(count), false)
-}
-
-fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
-    if count > VERTICES_MAX {
-        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
-    }
-    let (scalar, bytes) =
-        scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
-    let bound = gl.arrays.bound[1];
-    let in_buffer = |at: u64| Ok((gl.buffers.get(&bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
-    let (data, start): (Rc<[u8]>, usize) = match data {
-        Arg::Blob(bytes) => (bytes.clone(), 0),
-        Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,
-        Arg::Num(at) if bound != 0 => in_buffer(*at as u64)?,
-        Arg::Null if bound != 0 => in_buffer(0)?,
-        Arg::Nums(numbers) => return Ok(numbers.iter().take(count as usize).map(|&n| n as u32).collect()),
-        _ if count == 0 => return Ok(Vec::new()),
-        _ => return Err(Fault::Damaged("the indices were not recorded".into())),
-    };
-    let end = start.saturating_add((count as usize).saturating_mul(bytes));
-    let Some(part) = data.get(start..end) else {
-        return Err(Fault::Damaged(format!("{count} indices reach past {} bytes", data.len())));
-    };
-    Ok(part.chunks_exact(bytes).map(|bytes| read(scalar, bytes) as u32).collect())
-}
-
-pub(super) fn draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let indices = indices(gl, call.size(1)?, call.u32(2)?, call.arg(3))?;
-    gl.elements(call.u32(0)?, indices.into_iter(), true)
-}
-
-pub(super) fn draw_range_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let indices = indices(gl, call.size(3)?, call.u32(4)?, call.arg(5))?;
-    gl.elements(call.u32(0)?, indices.into_iter(), true)
-}
-
-pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, firsts, counts) = (call.u32(0)?, call.numbers(1)?, call.numbers(2)?);
-    for (&first, &count) in firsts.iter().zip(counts.iter()) {
-        let (first, count) = (first as u32, count as u32);
-        if count > VERTICES_MAX {
-            return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
-        }
-        gl.elements(mode, first..first.saturating_add(count), false)?;
-    }
-    Ok(())
-}
-
-/// `glMultiDrawElements(mode, counts, type, indices, number)`
-pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
-    let of = |k: usize| match call.arg(3) {
-        Arg::List(list) => list.get(k).cloned(),
-        Arg::Nums(offsets) => offsets.get(k).map(|&at| Arg::Num(at)),
-        _ => None,
-    };
-    for (k, &count) in counts.iter().enumerate() {
-        let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
-        let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
-        let indices = indices(gl, count, kind, &data)?;
-        gl.elements(mode, indices.into_iter(), true)?;
-    }
-    Ok(())
 }
 
 pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -554,69 +427,6 @@ pub(super) fn pop_client(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
     }
     if mask & e::CLIENT_PIXEL_STORE_BIT != 0 {
         gl.unpack = unpack;
-    }
-    Ok(())
-}
-
-fn target(call: &Call) -> Outcome<usize> {
-    match call.u32(0)? {
-        e::ARRAY_BUFFER => Ok(0),
-        e::ELEMENT_ARRAY_BUFFER => Ok(1),
-        e::PIXEL_UNPACK_BUFFER => Ok(2),
-        e::PIXEL_PACK_BUFFER => Ok(3),
-        _ => Err(INVALID_ENUM),
-    }
-}
-
-pub(super) fn bind_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let name = call.u32(1)?;
-    match target(call)? {
-        2 => gl.unpack.buffer = name,
-        3 => gl.pack_buffer = name,
-        target => gl.arrays.bound[target] = name,
-    }
-    if name != 0 {
-        gl.buffers.entry(name).or_insert_with(|| Rc::from([]));
-    }
-    Ok(())
-}
-
-pub(super) fn buffer_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (bound, size) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64);
-    if bound == 0 {
-        return Err(INVALID_OPERATION);
-    }
-    let bytes: Rc<[u8]> = match call.arg(2) {
-        Arg::Blob(bytes) => bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from),
-        _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
-        _ => vec![0; size as usize].into(),
-    };
-    gl.buffers.insert(bound, bytes);
-    Ok(())
-}
-
-pub(super) fn buffer_sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
-    let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
-    if call.f64(2)? == 0.0 {
-        return Ok(());
-    }
-    let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
-    let mut all = buffer.to_vec();
-    let part = all.get_mut(at..at.saturating_add(bytes.len())).ok_or(INVALID_VALUE)?;
-    part.copy_from_slice(bytes);
-    *buffer = all.into();
-    Ok(())
-}
-
-pub(super) fn delete_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    for &name in call.numbers(1)?.iter() {
-        let name = name as u32;
-        gl.buffers.remove(&name);
-        let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
-        for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
-            *bound = 0;
-        }
     }
     Ok(())
 }

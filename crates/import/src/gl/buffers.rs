@@ -1,6 +1,9 @@
-//! Contents of buffer objects that a program writes through a mapping: recorders tell them by a call of `memcpy`.
+//! Buffer objects. What a program writes through a mapping recorders tell by a call of `memcpy`.
 
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
+use std::rc::Rc;
+
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::consts as e;
 use super::machine::Gl;
 
 /// A mapped buffer object.
@@ -20,6 +23,69 @@ pub struct Mapping {
 
 /// Mapped buffers at most.
 const MAPPINGS_MAX: usize = 1 << 16;
+
+fn target(call: &Call) -> Outcome<usize> {
+    match call.u32(0)? {
+        e::ARRAY_BUFFER => Ok(0),
+        e::ELEMENT_ARRAY_BUFFER => Ok(1),
+        e::PIXEL_UNPACK_BUFFER => Ok(2),
+        e::PIXEL_PACK_BUFFER => Ok(3),
+        _ => Err(INVALID_ENUM),
+    }
+}
+
+pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let name = call.u32(1)?;
+    match target(call)? {
+        2 => gl.unpack.buffer = name,
+        3 => gl.pack_buffer = name,
+        target => gl.arrays.bound[target] = name,
+    }
+    if name != 0 {
+        gl.buffers.entry(name).or_insert_with(|| Rc::from([]));
+    }
+    Ok(())
+}
+
+pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (bound, size) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64);
+    if bound == 0 {
+        return Err(INVALID_OPERATION);
+    }
+    let bytes: Rc<[u8]> = match call.arg(2) {
+        Arg::Blob(bytes) => bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from),
+        _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
+        _ => vec![0; size as usize].into(),
+    };
+    gl.buffers.insert(bound, bytes);
+    Ok(())
+}
+
+pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
+    let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
+    if call.f64(2)? == 0.0 {
+        return Ok(());
+    }
+    let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
+    let mut all = buffer.to_vec();
+    let part = all.get_mut(at..at.saturating_add(bytes.len())).ok_or(INVALID_VALUE)?;
+    part.copy_from_slice(bytes);
+    *buffer = all.into();
+    Ok(())
+}
+
+pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    for &name in call.numbers(1)?.iter() {
+        let name = name as u32;
+        gl.buffers.remove(&name);
+        let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
+        for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
+            *bound = 0;
+        }
+    }
+    Ok(())
+}
 
 fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> Outcome {
     let target = call.u32(0)?;
@@ -44,7 +110,7 @@ pub(super) fn map(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn map_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (offset, length) = (call.f64(1)?, call.f64(2)?);
     if offset < 0.0 || length < 0.0 {
-        return Err(super::call::INVALID_VALUE);
+        return Err(INVALID_VALUE);
     }
     add(gl, call, offset as u64, Some(length as u64))
 }
@@ -77,7 +143,6 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 impl Gl {
     /// The buffer object that is bound to a target.
     pub fn bound_buffer(&self, target: u32) -> Outcome<u32> {
-        use super::consts as e;
         Ok(match target {
             e::ARRAY_BUFFER => self.arrays.bound[0],
             e::ELEMENT_ARRAY_BUFFER => self.arrays.bound[1],

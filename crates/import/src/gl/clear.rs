@@ -6,6 +6,25 @@ use super::call::Outcome;
 use super::card::{COLORS_MAX, Draw, Fixed, kept_channels};
 use super::consts as e;
 use super::machine::Gl;
+use super::state::State;
+
+/// What buffers are cleared to.
+#[derive(Clone, Copy, Debug)]
+pub struct ClearValues {
+    /// Colour.
+    pub color: [f32; 4],
+    /// Depth.
+    pub depth: f32,
+    /// Stencil value, of which the lowest 8 bits count.
+    pub stencil: i32,
+}
+
+impl ClearValues {
+    /// Those of the state.
+    pub fn of(state: &State) -> ClearValues {
+        ClearValues { color: state.clear_color, depth: state.clear_depth, stencil: state.clear_stencil }
+    }
+}
 
 /// Labels of shaders that clear so many colour buffers.
 const LABELS: [&str; COLORS_MAX] = ["clear", "clear 2", "clear 3", "clear 4", "clear 5", "clear 6", "clear 7", "clear 8"];
@@ -47,8 +66,8 @@ impl Gl {
         if off { 0 } else { self.state.color_mask & kept_channels(target.alpha) }
     }
 
-    /// Clears buffers, or the part of them that scissor and masks leave.
-    pub fn clear_buffers(&mut self, mask: u32) -> Outcome {
+    /// Clears buffers to these values, or the part of them that scissor and masks leave.
+    pub fn clear_buffers(&mut self, mask: u32, values: ClearValues) -> Outcome {
         let Some(target) = self.aim()? else { return Ok(()) };
         let Some(scissor) = self.scissor() else { return Ok(()) };
         let [width, height] = target.size;
@@ -58,7 +77,7 @@ impl Gl {
         let channels = if wanted(e::COLOR_BUFFER_BIT) { self.mask() } else { 0 };
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
-        let (color, z, stencil) = (state.clear_color, state.clear_depth, state.clear_stencil as u32 & 0xff);
+        let (color, z, stencil) = (values.color, values.depth, values.stencil as u32 & 0xff);
         // Of each colour buffer all that it keeps.
         let whole_colors =
             channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept_channels(alpha) == kept_channels(alpha));

@@ -1,6 +1,7 @@
 //! What happens to fragments, and clears.
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
+use super::clear::ClearValues;
 use super::consts as e;
 use super::machine::{Gl, parameters};
 use super::names;
@@ -252,7 +253,7 @@ pub(super) fn clear_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (buffer, index) = (call.u32(0)?, call.u32(1)?);
     let values = if buffer == e::DEPTH_STENCIL { vec![call.f64(2)?, call.f64(3)?] } else { parameters(call, 2)? };
     let value = |k: usize| values.get(k).copied().ok_or_else(|| Fault::Damaged(format!("fewer than {} values", k + 1)));
-    let saved = (gl.state.clear_color, gl.state.clear_depth, gl.state.clear_stencil);
+    let mut to = ClearValues::of(&gl.state);
     let bits = match buffer {
         e::COLOR => {
             let several = gl.aim()?.is_some_and(|target| target.more[0].is_some());
@@ -262,27 +263,25 @@ pub(super) fn clear_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             if call.function.name.contains("iv") {
                 return Err(Fault::Unsupported(format!("{} of colours", call.function.name)));
             }
-            gl.state.clear_color = [value(0)? as f32, value(1)? as f32, value(2)? as f32, value(3)? as f32];
+            to.color = [value(0)? as f32, value(1)? as f32, value(2)? as f32, value(3)? as f32];
             e::COLOR_BUFFER_BIT
         }
         _ if index != 0 => return Err(INVALID_VALUE),
         e::DEPTH => {
-            gl.state.clear_depth = value(0)?.clamp(0.0, 1.0) as f32;
+            to.depth = value(0)?.clamp(0.0, 1.0) as f32;
             e::DEPTH_BUFFER_BIT
         }
         e::STENCIL => {
-            gl.state.clear_stencil = value(0)? as i32;
+            to.stencil = value(0)? as i32;
             e::STENCIL_BUFFER_BIT
         }
         e::DEPTH_STENCIL => {
-            (gl.state.clear_depth, gl.state.clear_stencil) = (value(0)?.clamp(0.0, 1.0) as f32, value(1)? as i32);
+            (to.depth, to.stencil) = (value(0)?.clamp(0.0, 1.0) as f32, value(1)? as i32);
             e::DEPTH_BUFFER_BIT | e::STENCIL_BUFFER_BIT
         }
         _ => return Err(INVALID_ENUM),
     };
-    let outcome = if gl.render_mode == e::RENDER { gl.clear_buffers(bits) } else { Ok(()) };
-    (gl.state.clear_color, gl.state.clear_depth, gl.state.clear_stencil) = saved;
-    outcome
+    if gl.render_mode == e::RENDER { gl.clear_buffers(bits, to) } else { Ok(()) }
 }
 
 pub(super) fn clear(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -294,7 +293,7 @@ pub(super) fn clear(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if gl.render_mode != e::RENDER {
         return Ok(());
     }
-    gl.clear_buffers(mask)?;
+    gl.clear_buffers(mask, ClearValues::of(&gl.state))?;
     let Some(area) = (if mask & e::ACCUM_BUFFER_BIT != 0 { gl.scissor() } else { None }) else { return Ok(()) };
     gl.card.clear_accumulation(gl.clear_accum, area);
     Ok(())

@@ -16,6 +16,11 @@
 //! * A call that raises an OpenGL error has no effect.
 //! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
 
+/// A line of code.
+macro_rules! line {
+    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
+}
+
 mod accumulate;
 mod arb;
 mod arrays;
@@ -28,6 +33,8 @@ mod consts;
 mod copies;
 mod draw;
 mod draw_key;
+mod elements;
+mod environment;
 mod evaluator;
 mod fixed;
 mod fragments;
@@ -52,10 +59,12 @@ mod raster;
 mod reader;
 mod rectangles;
 mod s3tc;
+mod samplers;
 mod state;
 mod stipple;
 mod summary;
 mod table;
+mod texels;
 mod texture;
 mod texturing;
 mod transform;

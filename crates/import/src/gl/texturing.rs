@@ -1,13 +1,11 @@
-//! Texture objects, images, parameters and environments.
+//! Texture objects and their images.
 
 use gfx::format::Format;
 
-use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::image::{self, Base};
-use super::key::Kind;
-use super::machine::{Gl, parameters};
-use super::matrix;
+use super::machine::Gl;
 use super::names;
 use super::state::{TARGETS, UNITS};
 use super::texture::{Level, Texture};
@@ -29,7 +27,7 @@ pub(super) fn active(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// Targets of textures that came after OpenGL 1.5: arrays, buffers, several samples, external images.
 const LATER_TARGETS: [u32; 7] = [0x8c18, 0x8c1a, 0x9009, 0x8c2a, 0x9100, 0x9102, 0x8d65];
 
-fn target_of(target: u32) -> Outcome<usize> {
+pub(super) fn target_of(target: u32) -> Outcome<usize> {
     if LATER_TARGETS.contains(&target) {
         return Err(Fault::Unsupported(format!("textures of target {}", names::name(target))));
     }
@@ -78,7 +76,11 @@ fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
 const PLANAR: &[u32] = &[e::TEXTURE_2D, e::TEXTURE_RECTANGLE];
 
 /// The texture that a target of the active unit means, and the card.
-fn with<T>(gl: &mut Gl, target: usize, run: impl FnOnce(&mut Texture, &mut super::card::Card) -> Outcome<T>) -> Outcome<T> {
+pub(super) fn with<T>(
+    gl: &mut Gl,
+    target: usize,
+    run: impl FnOnce(&mut Texture, &mut super::card::Card) -> Outcome<T>,
+) -> Outcome<T> {
     let unit = gl.state.active;
     gl.texture(unit, target);
     let name = gl.state.units[unit].bound[target];
@@ -487,222 +489,4 @@ pub(super) fn copy_sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     })?;
     let source = gl.read_source(depth)?;
     with(gl, target, |texture, card| texture.copy_slice(card, level, to, source, from, size))
-}
-
-pub(super) fn parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (target, name, values) = (target_of(call.u32(0)?)?, call.u32(1)?, parameters(call, 2)?);
-    with(gl, target, |texture, _| set_parameter(texture, name, &values, shape))
-}
-
-/// `glSamplerParameter(sampler, name, values)`
-pub(super) fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (name, values) = (call.u32(1)?, parameters(call, 2)?);
-    let own = matches!(
-        name,
-        e::TEXTURE_MIN_FILTER
-            | e::TEXTURE_MAG_FILTER
-            | e::TEXTURE_WRAP_S
-            | e::TEXTURE_WRAP_T
-            | e::TEXTURE_WRAP_R
-            | e::TEXTURE_BORDER_COLOR
-            | e::TEXTURE_MIN_LOD
-            | e::TEXTURE_MAX_LOD
-            | e::TEXTURE_LOD_BIAS
-            | e::TEXTURE_COMPARE_FUNC
-            | e::TEXTURE_COMPARE_MODE
-            | e::TEXTURE_MAX_ANISOTROPY_EXT
-            | SRGB_DECODE
-    );
-    if !own {
-        return Err(INVALID_ENUM);
-    }
-    let sampler = call.u32(0)?;
-    if sampler == 0 {
-        return Err(INVALID_OPERATION);
-    }
-    set_parameter(gl.samplers.entry(sampler).or_insert_with(|| Texture::new(Kind::D2)), name, &values, shape)
-}
-
-/// `glBindSampler(unit, sampler)`
-pub(super) fn bind_sampler(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (unit, sampler) = (call.u32(0)? as usize, call.u32(1)?);
-    if unit >= UNITS {
-        return if sampler == 0 { Ok(()) } else { Err(Fault::Unsupported(format!("samplers of texture unit {unit}"))) };
-    }
-    if sampler != 0 {
-        gl.samplers.entry(sampler).or_insert_with(|| Texture::new(Kind::D2));
-    }
-    gl.bound_samplers[unit] = sampler;
-    Ok(())
-}
-
-pub(super) fn delete_samplers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.flush()?;
-    for &name in call.numbers(1)?.iter() {
-        gl.samplers.remove(&(name as u32));
-        gl.bound_samplers.iter_mut().filter(|bound| **bound == name as u32).for_each(|bound| *bound = 0);
-    }
-    Ok(())
-}
-
-/// A parameter of a texture or a sampler.
-fn set_parameter(texture: &mut Texture, name: u32, values: &[f64], shape: Shape) -> Outcome {
-    let value = *values.first().ok_or(INVALID_VALUE)?;
-    let word = value as i64 as u32;
-    let filters = [e::NEAREST, e::LINEAR];
-    match name {
-        e::TEXTURE_MIN_FILTER
-            if filters.contains(&word) || (e::NEAREST_MIPMAP_NEAREST..=e::LINEAR_MIPMAP_LINEAR).contains(&word) =>
-        {
-            texture.min = word;
-        }
-        e::TEXTURE_MAG_FILTER if filters.contains(&word) => texture.mag = word,
-        e::TEXTURE_MIN_FILTER | e::TEXTURE_MAG_FILTER => return Err(INVALID_ENUM),
-        e::TEXTURE_WRAP_S => texture.wrap[0] = word,
-        e::TEXTURE_WRAP_T => texture.wrap[1] = word,
-        e::TEXTURE_WRAP_R => texture.wrap[2] = word,
-        e::TEXTURE_BORDER_COLOR => {
-            let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
-            let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
-            texture.border = std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
-        }
-        e::TEXTURE_MIN_LOD => texture.lod[0] = value as f32,
-        e::TEXTURE_MAX_LOD => texture.lod[1] = value as f32,
-        e::TEXTURE_BASE_LEVEL if (0.0..=1000.0).contains(&value) => texture.range[0] = word,
-        e::TEXTURE_BASE_LEVEL => return Err(INVALID_VALUE),
-        e::TEXTURE_MAX_LEVEL if value >= 0.0 => texture.range[1] = word,
-        e::TEXTURE_MAX_LEVEL => return Err(INVALID_VALUE),
-        e::TEXTURE_MAX_ANISOTROPY_EXT => texture.anisotropy = value as f32,
-        e::GENERATE_MIPMAP => texture.generate = value != 0.0,
-        e::TEXTURE_PRIORITY => {}
-        e::DEPTH_TEXTURE_MODE => match word {
-            e::LUMINANCE => texture.depth_mode = Base::Luminance,
-            e::INTENSITY => texture.depth_mode = Base::Intensity,
-            e::ALPHA => texture.depth_mode = Base::Alpha,
-            e::RED => texture.depth_mode = Base::Red,
-            _ => return Err(INVALID_ENUM),
-        },
-        e::TEXTURE_COMPARE_FUNC if (e::NEVER..=e::ALWAYS).contains(&word) => {
-            texture.compare_func = super::fixed::compare(word);
-            texture.compare = texture.compare.map(|_| texture.compare_func);
-        }
-        e::TEXTURE_COMPARE_MODE if matches!(word, e::NONE | e::COMPARE_REF_TO_TEXTURE) => {
-            texture.compare = (word != e::NONE).then_some(texture.compare_func);
-        }
-        e::TEXTURE_LOD_BIAS => texture.bias = value as f32,
-        SWIZZLE_R..=SWIZZLE_A => texture.swizzle[(name - SWIZZLE_R) as usize] = swizzled(word)?,
-        SWIZZLE_RGBA => {
-            let values = values.get(..4).ok_or_else(|| Fault::Damaged("a swizzle of fewer than 4 numbers".into()))?;
-            for (part, &value) in texture.swizzle.iter_mut().zip(values) {
-                *part = swizzled(value as i64 as u32)?;
-            }
-        }
-        SRGB_DECODE if word == SKIP_DECODE => {
-            return Err(Fault::Unsupported("textures of sRGB that are read without decoding".into()));
-        }
-        SRGB_DECODE => {}
-        _ => return Err(INVALID_ENUM),
-    }
-    Ok(())
-}
-
-const SWIZZLE_R: u32 = 0x8e42;
-const SWIZZLE_A: u32 = 0x8e45;
-const SWIZZLE_RGBA: u32 = 0x8e46;
-const SRGB_DECODE: u32 = 0x8a48;
-const SKIP_DECODE: u32 = 0x8a4a;
-
-/// The number of what a component is taken from: a channel, 4 for zero, 5 for one.
-fn swizzled(word: u32) -> Outcome<u8> {
-    Ok(match word {
-        e::RED => 0,
-        e::GREEN => 1,
-        e::BLUE => 2,
-        e::ALPHA => 3,
-        e::ZERO => 4,
-        e::ONE => 5,
-        _ => return Err(INVALID_ENUM),
-    })
-}
-
-pub(super) fn environment(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
-    let (target, name, values) = (call.u32(0)?, call.u32(1)?, parameters(call, 2)?);
-    let value = *values.first().ok_or(INVALID_VALUE)?;
-    let word = value as i64 as u32;
-    let unit = gl.state.active;
-    let env = &mut gl.state.units[unit].environment;
-    match (target, name) {
-        (e::TEXTURE_FILTER_CONTROL, e::TEXTURE_LOD_BIAS) => env.bias = value as f32,
-        (e::POINT_SPRITE, e::COORD_REPLACE) => {
-            let bit = 1 << unit;
-            gl.state.point_sprites = gl.state.point_sprites & !bit | if value != 0.0 { bit } else { 0 };
-        }
-        (e::TEXTURE_ENV, e::TEXTURE_ENV_MODE) => match word {
-            e::MODULATE | e::DECAL | e::BLEND | e::REPLACE | e::ADD | e::COMBINE => env.mode = word,
-            _ => return Err(INVALID_ENUM),
-        },
-        (e::TEXTURE_ENV, e::TEXTURE_ENV_COLOR) => {
-            let float = matches!(shape.scalar, Scalar::Float | Scalar::Double);
-            let values = values.get(..4).ok_or_else(|| Fault::Damaged("a colour of fewer than 4 numbers".into()))?;
-            let color: [f32; 4] =
-                std::array::from_fn(|k| if float { values[k] as f32 } else { shape.scalar.normalized(values[k]) });
-            env.color = color.map(|value| value.clamp(0.0, 1.0));
-        }
-        (e::TEXTURE_ENV, e::COMBINE_RGB | e::COMBINE_ALPHA) => {
-            let plain = matches!(word, e::REPLACE | e::MODULATE | e::ADD | e::ADD_SIGNED | e::INTERPOLATE | e::SUBTRACT);
-            if !plain && (name == e::COMBINE_ALPHA || !matches!(word, e::DOT3_RGB | e::DOT3_RGBA)) {
-                return Err(INVALID_ENUM);
-            }
-            env.combine[usize::from(name == e::COMBINE_ALPHA)] = word;
-        }
-        (e::TEXTURE_ENV, e::SRC0_RGB..=e::SRC2_RGB) => env.sources[0][(name - e::SRC0_RGB) as usize] = source(word)?,
-        (e::TEXTURE_ENV, e::SRC0_ALPHA..=e::SRC2_ALPHA) => env.sources[1][(name - e::SRC0_ALPHA) as usize] = source(word)?,
-        (e::TEXTURE_ENV, e::OPERAND0_RGB..=e::OPERAND2_RGB) => {
-            env.operands[0][(name - e::OPERAND0_RGB) as usize] = operand(word)?
-        }
-        (e::TEXTURE_ENV, e::OPERAND0_ALPHA..=e::OPERAND2_ALPHA) => {
-            env.operands[1][(name - e::OPERAND0_ALPHA) as usize] = operand(word)?;
-        }
-        (e::TEXTURE_ENV, e::RGB_SCALE | e::ALPHA_SCALE) => {
-            if ![1.0, 2.0, 4.0].contains(&value) {
-                return Err(INVALID_VALUE);
-            }
-            env.scales[usize::from(name == e::ALPHA_SCALE)] = value as f32;
-        }
-        _ => return Err(INVALID_ENUM),
-    }
-    Ok(())
-}
-
-fn source(word: u32) -> Outcome<u32> {
-    let unit = word.wrapping_sub(e::TEXTURE0) < UNITS as u32;
-    if unit || matches!(word, e::TEXTURE | e::CONSTANT | e::PRIMARY_COLOR | e::PREVIOUS) { Ok(word) } else { Err(INVALID_ENUM) }
-}
-
-fn operand(word: u32) -> Outcome<u32> {
-    let known = matches!(word, e::SRC_COLOR | e::ONE_MINUS_SRC_COLOR | e::SRC_ALPHA | e::ONE_MINUS_SRC_ALPHA);
-    if known { Ok(word) } else { Err(INVALID_ENUM) }
-}
-
-pub(super) fn generation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, parameters(call, 2)?);
-    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(matrix::IDENTITY);
-    let unit = &mut gl.state.units[gl.state.active];
-    let generation = unit.generation.get_mut(coordinate).ok_or(INVALID_ENUM)?;
-    let plane = || -> Outcome<[f32; 4]> {
-        let values = values.get(..4).ok_or_else(|| Fault::Damaged("a plane of fewer than 4 numbers".into()))?;
-        Ok(std::array::from_fn(|k| values[k] as f32))
-    };
-    match name {
-        e::TEXTURE_GEN_MODE => match values.first().map(|&value| value as u32) {
-            Some(mode @ (e::OBJECT_LINEAR | e::EYE_LINEAR)) => generation.mode = mode,
-            Some(mode @ e::SPHERE_MAP) if coordinate < 2 => generation.mode = mode,
-            Some(mode @ (e::REFLECTION_MAP | e::NORMAL_MAP)) if coordinate < 3 => generation.mode = mode,
-            _ => return Err(INVALID_ENUM),
-        },
-        e::OBJECT_PLANE => generation.object = plane()?,
-        e::EYE_PLANE => generation.eye = matrix::transform_plane(plane()?, &inverse),
-        _ => return Err(INVALID_ENUM),
-    }
-    Ok(())
 }

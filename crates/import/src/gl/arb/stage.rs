@@ -7,13 +7,9 @@ use super::wgsl;
 use crate::gl::glsl::stage::{self as glsl, way};
 use crate::gl::key::{Colors, Kind, ShaderKey};
 use crate::gl::state::UNITS;
+use crate::gl::texels::{self, Detail};
 use crate::gl::texture::DepthRead;
-use crate::gl::wgsl::{self as fixed, Detail};
-
-/// A line of code.
-macro_rules! line {
-    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
-}
+use crate::gl::wgsl as fixed;
 
 /// A vertex program in the place of the fixed functions.
 pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
@@ -164,7 +160,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
             match unit {
                 Some(unit) => {
                     line!(out, "    var at{k} = coordinates;");
-                    fixed::read(unit, detail, out);
+                    texels::read(unit, detail, out);
                     line!(out, "    return texel{k};\n}}");
                 }
                 // A texture that is not complete.
@@ -186,7 +182,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
                     let at = if unit.kind == Kind::D3 { "at" } else { "at.xy" };
                     let read = format!("textureLoad(image{k}, {at}, level)");
                     let read = if unit.depth == DepthRead::No { read } else { format!("vec4f({read})") };
-                    line!(out, "    let t = {read};\n    return {};\n}}", fixed::swizzled(unit));
+                    line!(out, "    let t = {read};\n    return {};\n}}", texels::swizzled(unit));
                 }
                 None => line!(out, "    return vec4f(0, 0, 0, 1);\n}}"),
             }

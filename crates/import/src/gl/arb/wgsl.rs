@@ -4,11 +4,6 @@ use std::fmt::Write;
 
 use super::program::*;
 
-/// A line of code.
-macro_rules! line {
-    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
-}
-
 const LETTERS: [&str; 6] = ["x", "y", "z", "w", "0", "1"];
 
 /// The variable of an input.

@@ -16,11 +16,6 @@ use crate::gl::card::COLORS_MAX;
 use crate::gl::key::{Expand, ShaderKey};
 use crate::gl::state::UNITS;
 
-/// A line of code.
-macro_rules! line {
-    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
-}
-
 /// Ways to read a texture: a bit each.
 pub mod way {
     /// At coordinates.

@@ -1,0 +1,127 @@
+//! Draws from arrays: vertices in a row, or those that indices name.
+
+use std::rc::Rc;
+
+use super::arrays::{read, scalar};
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::machine::Gl;
+
+/// Vertices of one draw at most.
+const VERTICES_MAX: u32 = 1 << 22;
+
+fn bounded(count: u32) -> Outcome {
+    if count > VERTICES_MAX {
+        return Err(Fault::Limit(format!("{count} vertices in one draw, at most {VERTICES_MAX}")));
+    }
+    Ok(())
+}
+
+/// `glDrawArrays(mode, first, count)`
+pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
+    bounded(count)?;
+    gl.elements(mode, first..first.saturating_add(count), false)
+}
+
+/// `glDrawArraysInstanced(mode, first, count, instances)`
+pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
+    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, first..first.saturating_add(count), false))
+}
+
+/// Runs a draw for each of so many instances.
+fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
+    if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
+        return Err(Fault::Limit(format!(
+            "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
+        )));
+    }
+    // Programs may ask for the number of the instance.
+    let alone = gl.glsl.used();
+    let mut outcome = gl.flush();
+    for instance in 0..count {
+        if outcome.is_err() {
+            break;
+        }
+        gl.instance = instance;
+        outcome = draw(gl);
+        if alone && outcome.is_ok() {
+            outcome = gl.flush();
+        }
+    }
+    gl.instance = 0;
+    outcome
+}
+
+/// A call has start and end behind the mode.
+pub(super) const RANGE: u8 = 1;
+/// It has a number of instances behind the indices.
+pub(super) const INSTANCED: u8 = 2;
+/// Last of all it has what is added to each index.
+pub(super) const BASED: u8 = 4;
+
+/// `glDrawElements(mode, count, type, indices)`, with [`RANGE`], [`INSTANCED`] and [`BASED`] among `PARTS`.
+pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let at = if PARTS & RANGE != 0 { 3 } else { 1 };
+    let behind = at + 3;
+    let mut indices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
+    if PARTS & BASED != 0 {
+        let base = call.i32(behind + usize::from(PARTS & INSTANCED != 0))?;
+        indices.iter_mut().for_each(|index| *index = index.wrapping_add_signed(base));
+    }
+    let mode = call.u32(0)?;
+    if PARTS & INSTANCED == 0 {
+        return gl.elements(mode, indices.into_iter(), true);
+    }
+    let count = indices.len() as u32;
+    instances(gl, call.size(behind)?, count, |gl| gl.elements(mode, indices.iter().copied(), true))
+}
+
+fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
+    bounded(count)?;
+    let (scalar, bytes) =
+        scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
+    let bound = gl.arrays.bound[1];
+    let in_buffer = |at: u64| Ok((gl.buffers.get(&bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
+    let (data, start): (Rc<[u8]>, usize) = match data {
+        Arg::Blob(bytes) => (bytes.clone(), 0),
+        Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,
+        Arg::Num(at) if bound != 0 => in_buffer(*at as u64)?,
+        Arg::Null if bound != 0 => in_buffer(0)?,
+        Arg::Nums(numbers) => return Ok(numbers.iter().take(count as usize).map(|&n| n as u32).collect()),
+        _ if count == 0 => return Ok(Vec::new()),
+        _ => return Err(Fault::Damaged("the indices were not recorded".into())),
+    };
+    let end = start.saturating_add((count as usize).saturating_mul(bytes));
+    let Some(part) = data.get(start..end) else {
+        return Err(Fault::Damaged(format!("{count} indices reach past {} bytes", data.len())));
+    };
+    Ok(part.chunks_exact(bytes).map(|bytes| read(scalar, bytes) as u32).collect())
+}
+
+pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, firsts, counts) = (call.u32(0)?, call.numbers(1)?, call.numbers(2)?);
+    for (&first, &count) in firsts.iter().zip(counts.iter()) {
+        let (first, count) = (first as u32, count as u32);
+        bounded(count)?;
+        gl.elements(mode, first..first.saturating_add(count), false)?;
+    }
+    Ok(())
+}
+
+/// `glMultiDrawElements(mode, counts, type, indices, number)`
+pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    let (mode, counts, kind) = (call.u32(0)?, call.numbers(1)?, call.u32(2)?);
+    let of = |k: usize| match call.arg(3) {
+        Arg::List(list) => list.get(k).cloned(),
+        Arg::Nums(offsets) => offsets.get(k).map(|&at| Arg::Num(at)),
+        _ => None,
+    };
+    for (k, &count) in counts.iter().enumerate() {
+        let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
+        let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
+        let indices = indices(gl, count, kind, &data)?;
+        gl.elements(mode, indices.into_iter(), true)?;
+    }
+    Ok(())
+}
