@@ -19,7 +19,7 @@ use fillrate::num::{Limits, ShaderId, Words};
 use fillrate::render::draw::{BufferRange, DrawCall, IndexRange, Range, RenderPass, Skips};
 use fillrate::render::pipeline::RenderPipeline;
 use fillrate::render::surface::{Shape, TileSurface};
-use fillrate::render::{Ledger, Options, render};
+use fillrate::render::{Ledger, Need, Options, render};
 use fillrate::shader::{self, Module, Resource, Resources};
 use fillrate::trace::command::{RenderPipelineDesc, Stage};
 use fillrate::work::RenderKey;
@@ -255,7 +255,8 @@ fn run(name: &str, workload: &Workload, frames: usize, skips: Skips, record: boo
             blend_constant: [0.0; 4],
             stencil_reference: 0,
             count_samples: false,
-            colors: true,
+            need: Need::Colors,
+            areas: false,
             key: RenderKey::default(),
             record,
             signature: None,

@@ -72,6 +72,8 @@ pub struct Options {
     pub begins: Option<FrameSet>,
     /// What has to be run; none: everything.
     pub needs: Option<Arc<Needs>>,
+    /// Whether segments carry what their primitives are expected to cover by their areas.
+    pub areas: bool,
     /// Frames whose events are handed on; the others are rendered for what they leave behind.
     pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
@@ -90,6 +92,7 @@ impl Default for Options {
             recorded: None,
             begins: None,
             needs: None,
+            areas: false,
             frames: (0..u32::MAX).into(),
             skips: Skips::default(),
             held: Held::default(),

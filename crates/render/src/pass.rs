@@ -417,7 +417,8 @@ impl ActivePass {
             blend_constant: state.blend_constant,
             stencil_reference: state.stencil_reference,
             count_samples: self.open_occlusion.is_some(),
-            colors: self.need == Need::Colors,
+            need: self.need,
+            areas: renderer.options.areas,
             key: renderer.options.key,
             record: renderer.recording(),
             signature,
@@ -435,7 +436,11 @@ impl ActivePass {
         renderer.overwritten += outcome.overwritten;
         if !renderer.recording() {
             // Without recorded work the funnel is all that there is to hand on.
-            renderer.emit(Event::Segment(Arc::new(Segment { funnel: outcome.funnel, ..Segment::default() })))?;
+            renderer.emit(Event::Segment(Arc::new(Segment {
+                funnel: outcome.funnel,
+                areas: outcome.areas,
+                ..Segment::default()
+            })))?;
         }
         if let Some((_, passed)) = &mut self.open_occlusion {
             *passed += outcome.samples_passed;

@@ -24,7 +24,9 @@ pub use funnel::Funnel;
 pub use groups::{Dispatch, Groups, Packet};
 pub use key::{Cull, Needless, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};
-pub use segment::{Block, End, Outcome, Primitive, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex, Visit};
+pub use segment::{
+    Areas, Block, End, Outcome, Primitive, QUAD_SHADED, Quad, Request, Segment, TileWork, Triangle, Vertex, Visit,
+};
 
 /// Bytes of a memory line, the granularity at which work names memory.
 pub const LINE: u64 = 64;

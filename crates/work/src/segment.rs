@@ -216,4 +216,29 @@ pub struct Segment {
     pub costs: CostTable,
     /// What was thrown away where, in API order on a machine with full post-transform reuse.
     pub funnel: Funnel,
+    /// What its primitives are expected to cover; zero where nobody asks.
+    pub areas: Areas,
+}
+
+/// What primitives are expected to cover, estimated from their areas and extents without traversal, in 1/256, so that sums do not depend on
+/// their order; and what is left of them in some tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Areas {
+    /// Fragments, in 1/256.
+    pub fragments: u64,
+    /// Quads, in 1/256.
+    pub quads: u64,
+    /// Blocks of 8 x 8 pixels, in 1/256.
+    pub blocks: u64,
+    /// Quads of one screen tile in four that pass the early tests; all that are rasterised there where tests come late.
+    pub visible: u64,
+}
+
+impl std::ops::AddAssign for Areas {
+    fn add_assign(&mut self, other: Areas) {
+        self.fragments += other.fragments;
+        self.quads += other.quads;
+        self.blocks += other.blocks;
+        self.visible += other.visible;
+    }
 }

@@ -8,8 +8,9 @@ use gfx::setup::is_small;
 use gfx::setup::{self, Bounds, ScreenVertex, Shape, Triangle};
 use gfx::state::{PolygonMode, Topology};
 use num::{SUBPIXEL, prefetch};
-use work::{Funnel, Outcome, TILE};
+use work::{Areas, Funnel, Outcome, TILE};
 
+use super::areas;
 use super::frame::{PreparedDraw, Worker};
 use super::needless::Late;
 use super::plan::{Piece, entries_of};
@@ -92,6 +93,8 @@ pub struct Batch {
     references: Vec<u32>,
     /// Quads that the triangles may touch, roughly and not less than half.
     pub quads_estimate: u64,
+    /// What the triangles are expected to cover, where that is wanted.
+    pub areas: Areas,
     pub funnel: Funnel,
 }
 
@@ -147,6 +150,8 @@ pub struct Input<'a, 'f> {
     pub late_setup: bool,
     /// Whether small triangles are marked ([`SMALL`]).
     pub mark_small: bool,
+    /// Whether [`Batch::areas`] is wanted.
+    pub areas: bool,
 }
 
 /// Whether setup may be left to the tiles.
@@ -233,6 +238,7 @@ impl Batch {
         self.ended.clear();
         self.late.clear();
         self.quads_estimate = 0;
+        self.areas = Areas::default();
         self.funnel = Funnel::default();
         worker.pairs.clear();
         self.assemble(input, &mut worker.pairs);
@@ -274,6 +280,9 @@ impl Batch {
         pairs: &mut Vec<(u32, u32)>,
     ) {
         let reference = self.corners.len() as u32 | if small { SMALL } else { 0 };
+        if input.areas {
+            self.areas += areas::of_triangle(screen, bounds);
+        }
         let tiles = tiles_of(&bounds);
         let [x0, y0, x1, y1] = tiles;
         if x0 == x1 && y0 == y1 {
@@ -296,11 +305,17 @@ impl Batch {
     ) {
         let reference = self.triangles.len() as u32;
         let b = triangle.bounds;
-        if input.record {
-            let at = |v: u32| {
-                let made = v & MADE != 0;
-                if made { self.made_screen[(v & !MADE) as usize] } else { input.vertices.screen[v as usize] }
+        let at = |v: u32| {
+            let made = v & MADE != 0;
+            if made { self.made_screen[(v & !MADE) as usize] } else { input.vertices.screen[v as usize] }
+        };
+        if input.areas {
+            self.areas += match triangle.shape {
+                Shape::Triangle => areas::of_triangle(&corners.vertices.map(at), b),
+                _ => areas::of_thin(b),
             };
+        }
+        if input.record {
             let corners = corners.vertices.map(at);
             self.unclipped.push(input.frame.setup.unclipped(triangle.shape, &corners));
             let (w, h) = (u64::from(b.x1 - b.x0), u64::from(b.y1 - b.y0));

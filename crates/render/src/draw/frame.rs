@@ -17,6 +17,7 @@ use shader::{
 };
 use work::{Needless, Shade};
 
+use super::super::needs::Need;
 use super::pending::Pending;
 use super::{DrawCall, DrawError, Drawn, Skips};
 use crate::ledger::Ledger;
@@ -148,12 +149,13 @@ impl<'a> PreparedDraw<'a> {
             .filter(|state| !state.is_idle());
         let fragment = pipeline.fragment();
         let interface = fragment.map(Program::interface);
-        let early = pipeline.early && (call.key.early_z || fragment.is_none() || !call.colors);
+        let colored = call.need == Need::Colors;
+        let early = pipeline.early && (call.key.early_z || fragment.is_none() || !colored);
         let frag_depth = interface.and_then(|i| i.output(BuiltIn::FragDepth));
         let mask_output = interface.and_then(|i| i.output(BuiltIn::SampleMask));
         let depth_payload = if frag_depth.is_some() { 4 * samples as usize / 4 } else { 0 };
         let (mut targets, mut payload_words) = targets(call, colors, depth_payload).map_err(misfit)?;
-        if !call.colors {
+        if !colored {
             (targets, payload_words) = (Vec::new(), depth_payload);
         }
         let side_effects = interface.is_some_and(|i| i.side_effects);

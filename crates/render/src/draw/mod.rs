@@ -5,6 +5,7 @@
 //! ([`primitive`], [`batch`]), and the tiles ([`tile`]), each of which one thread takes through traversal, tests, shading and blending with
 //! every primitive of the segment in API order. What a thread computes never depends on which thread it is.
 
+mod areas;
 mod batch;
 mod clip_distance;
 mod cull;
@@ -32,9 +33,10 @@ use std::sync::{Arc, Mutex};
 use gfx::state::{IndexFormat, Rect, Viewport};
 use num::Words;
 use shader::Resources;
-use work::{Funnel, RenderKey, Signature};
+use work::{Areas, Funnel, RenderKey, Signature};
 
 use super::ledger::Ledger;
+use super::needs::Need;
 use super::pipeline::RenderPipeline;
 
 pub use super::surface::aspect_masks;
@@ -132,8 +134,10 @@ pub struct DrawCall<'a> {
     pub stencil_reference: u32,
     /// An occlusion query is open.
     pub count_samples: bool,
-    /// Whether colours are wanted; if not, shaders run for coverage, depth and what they write to memory alone.
-    pub colors: bool,
+    /// What is needed of it. Without colours, fragment shaders run for coverage, depth and what they write to memory alone.
+    pub need: Need,
+    /// Whether areas are wanted ([`Drawn::areas`]); they are in any case in a survey.
+    pub areas: bool,
     /// What the work depends on.
     pub key: RenderKey,
     /// Whether work is recorded.
@@ -158,6 +162,8 @@ pub struct Drawn {
     pub funnel: Funnel,
     /// Fragments whose colours were not computed ([`Skips::overwritten`]); the funnel has them as shaded and written.
     pub overwritten: u64,
+    /// What primitives are expected to cover, where that is wanted.
+    pub areas: Areas,
 }
 
 impl std::ops::AddAssign for Drawn {
@@ -165,6 +171,7 @@ impl std::ops::AddAssign for Drawn {
         self.samples_passed += other.samples_passed;
         self.funnel += other.funnel;
         self.overwritten += other.overwritten;
+        self.areas += other.areas;
     }
 }
 

@@ -9,8 +9,10 @@ use gfx::format::Format;
 use host::one_line;
 use num::{LimitExceeded, LimitOverrun, Meter};
 use shader::{Program, ShaderFault};
-use work::{Cull, Culling, Event, Segment};
+use work::{Cull, Culling, Event, Funnel, Segment};
 
+use super::super::needs::Need;
+use super::areas;
 use super::batch::{self, Batch};
 use super::cull;
 use super::frame::{PreparedDraw, Workers};
@@ -290,6 +292,7 @@ impl RenderPass {
             record: call.record,
             late_setup,
             mark_small: late_setup && batch::mark_small(frame),
+            areas: call.areas || call.need == Need::Survey,
         };
         each(&mut batches[..n], |batch| workers.with(|worker| batch.run(&input, worker)));
         batches.truncate(n.max(64));
@@ -314,8 +317,11 @@ impl RenderPass {
     ) -> Result<Drawn, DrawError> {
         let tiles = self.tiles();
         let batches = &mut scratch.batches[..scratch.batches_used];
-        let touched: Vec<usize> =
-            (0..(tiles[0] * tiles[1]) as usize).filter(|t| batches.iter().any(|b| b.touches(*t))).collect();
+        let drawn_here = |tile: usize| {
+            let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
+            (call.need != Need::Survey || areas::surveys([x, y])) && batches.iter().any(|batch| batch.touches(tile))
+        };
+        let touched: Vec<usize> = (0..(tiles[0] * tiles[1]) as usize).filter(|&tile| drawn_here(tile)).collect();
         call.ledger.quads.charge(batches.iter().map(Batch::references).sum())?;
         let input = SegmentInput { frame, pieces, batches, vertices: &scratch.vertices, growth };
         let workers = &scratch.workers;
@@ -347,15 +353,22 @@ impl RenderPass {
         result?;
         call.ledger.quads.add(drawn.funnel.quads_rasterized);
         call.ledger.quads.verify()?;
-        each(batches, Batch::count_uncovered);
+        if call.need == Need::Survey {
+            // Of some tiles only.
+            drawn.funnel = Funnel::default();
+        } else {
+            each(batches, Batch::count_uncovered);
+        }
         let funnel = &mut drawn.funnel;
         *funnel += segment.funnel;
         for batch in batches.iter() {
             *funnel += batch.funnel;
+            drawn.areas += batch.areas;
             funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
         }
         if call.record {
             segment.funnel = *funnel;
+            segment.areas = drawn.areas;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
             let vertices = std::mem::take(&mut scratch.vertices);
             let signed = call.signature.is_some().then(|| signature::vertices(&vertices));

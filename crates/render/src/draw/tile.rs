@@ -7,9 +7,10 @@ use gfx::setup::{Bounds, Triangle};
 use gfx::traverse::{Block, Blocks};
 use num::Meter;
 use shader::{Bound, ShaderFault};
-use work::{Funnel, TILE};
+use work::{Areas, Funnel, TILE};
 
 use super::Drawn;
+use super::areas;
 use super::batch::{Batch, NUMBER, SMALL, WHOLE};
 use super::frame::{FragmentWeights, PreparedDraw, Worker};
 use super::pending::{Pending, PendingQuad};
@@ -225,7 +226,8 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
         }
     }
     let TileRun { counts: funnel, samples_passed, overwritten, fault, .. } = run;
-    worker.drawn += Drawn { samples_passed, funnel, overwritten };
+    let visible = if areas::surveys(job.at) { funnel.quads_rasterized - funnel.quads_early_culled } else { 0 };
+    worker.drawn += Drawn { samples_passed, funnel, overwritten, areas: Areas { visible, ..Areas::default() } };
     fault.map_or(Ok(()), Err)
 }
 

@@ -18,7 +18,7 @@ use trace::{Trace, TraceError};
 pub enum Want {
     /// Nothing of its own: only what later frames read of it.
     Nothing,
-    /// How many vertices, primitives, triangles, quads and covered fragments there are.
+    /// How many vertices, primitives and triangles there are, and about how much they cover and is seen of them ([`work::Areas`]).
     Counts,
     /// Everything: its picture, its work.
     All,
@@ -29,6 +29,8 @@ pub enum Want {
 pub enum Need {
     /// Nothing is drawn.
     Nothing,
+    /// Vertices and primitives; depth and stencil of one screen tile in four. What primitives cover is estimated by their areas.
+    Survey,
     /// Coverage, depth, stencil and what shaders write to memory, without colours.
     Coverage,
     /// Everything.
@@ -120,9 +122,9 @@ impl Needs {
         self.pictures.get(frame as usize).copied().unwrap_or(true)
     }
 
-    /// How many passes are left out, are drawn without colours, and are drawn whole.
-    pub fn passes(&self) -> [u64; 3] {
-        [Need::Nothing, Need::Coverage, Need::Colors]
+    /// How many passes are left out, surveyed, drawn without colours, and drawn whole.
+    pub fn passes(&self) -> [u64; 4] {
+        [Need::Nothing, Need::Survey, Need::Coverage, Need::Colors]
             .map(|need| self.passes.iter().filter(|&&pass| pass == need).count() as u64)
     }
 }
@@ -154,11 +156,12 @@ impl Dependencies {
                 Kind::Pass => {
                     let need = match colored {
                         true => Need::Colors,
-                        false if want == Want::Counts || lives(&step.writes) => Need::Coverage,
+                        false if lives(&step.writes) => Need::Coverage,
+                        false if want == Want::Counts => Need::Survey,
                         false => Need::Nothing,
                     };
                     passes.push(need);
-                    (need >= Need::Coverage, need >= Need::Coverage)
+                    (need > Need::Nothing, need > Need::Nothing)
                 }
                 Kind::Dispatch => {
                     let run = all || lives(&step.writes);

@@ -7,7 +7,7 @@ use render::{self, Dependencies, Need, Options, Want};
 use trace::Trace;
 use trace::command::*;
 use trace::record::{self, Recorder, whole};
-use work::{Event, Funnel};
+use work::{Areas, Event, Funnel};
 
 /// All programs; what is drawn where follows from the number of the instance.
 const PROGRAMS: &str = "
@@ -157,11 +157,12 @@ fn random_frames(seed: u64) -> Trace {
     card.finish()
 }
 
-/// What a frame shows, and the counts that do not depend on colours.
+/// What a frame shows, the counts that do not depend on colours (the first four: nor on coverage), and what its primitives are expected to cover.
 #[derive(Debug, PartialEq, Eq)]
 struct Frame {
     picture: Vec<u8>,
     counts: [u64; 7],
+    areas: Areas,
 }
 
 fn counts(funnel: &Funnel) -> [u64; 7] {
@@ -178,12 +179,16 @@ fn counts(funnel: &Funnel) -> [u64; 7] {
 }
 
 fn rendered(trace: &Trace, options: &Options) -> Vec<Frame> {
-    let (mut frames, mut funnel) = (Vec::new(), Funnel::default());
+    let (mut frames, mut funnel, mut areas) = (Vec::new(), Funnel::default(), Areas::default());
     let mut each = |event| {
         match event {
-            Event::Segment(segment) => funnel += segment.funnel,
+            Event::Segment(segment) => {
+                funnel += segment.funnel;
+                areas += segment.areas;
+            }
             Event::EndFrame(end) => {
-                frames.push(Frame { picture: end.reference.to_vec(), counts: counts(&std::mem::take(&mut funnel)) });
+                let (counts, areas) = (counts(&std::mem::take(&mut funnel)), std::mem::take(&mut areas));
+                frames.push(Frame { picture: end.reference.to_vec(), counts, areas });
             }
             _ => {}
         }
@@ -195,29 +200,33 @@ fn rendered(trace: &Trace, options: &Options) -> Vec<Frame> {
 
 #[test]
 fn what_is_left_out_changes_nothing_that_is_asked_for() {
-    let mut left_out = [0; 3];
+    let mut left_out = [0; 4];
     for seed in 0..40 {
         let trace = random_frames(seed);
-        let all = rendered(&trace, &Options::default());
+        let all = rendered(&trace, &Options { areas: true, ..Options::default() });
         let dependencies = Dependencies::of(&trace, u32::MAX).expect("it renders");
         assert_eq!(dependencies.frames(), FRAMES);
         for asked in 0..FRAMES {
             for others in [Want::Nothing, Want::Counts] {
                 let needs = dependencies.needs(|frame| if frame == asked { Want::All } else { others });
                 needs.passes().iter().zip(&mut left_out).for_each(|(n, sum)| *sum += n);
-                let some = rendered(&trace, &Options { needs: Some(needs.into()), ..Options::default() });
+                let some = rendered(&trace, &Options { needs: Some(needs.into()), areas: true, ..Options::default() });
                 for (at, (some, all)) in some.iter().zip(&all).enumerate() {
                     if at == asked as usize {
                         assert_eq!(some, all, "seed {seed}, frame {at}");
                     } else if others == Want::Counts {
-                        assert_eq!(some.counts, all.counts, "seed {seed}, frame {at}, asked for {asked}");
+                        assert_eq!(
+                            (&some.counts[..4], some.areas),
+                            (&all.counts[..4], all.areas),
+                            "seed {seed}, frame {at}, asked for {asked}"
+                        );
                         assert!(some.picture.is_empty());
                     }
                 }
             }
         }
     }
-    // A good part is left out, or drawn without colours.
+    // A good part is left out, ends behind geometry, or is drawn without colours.
     let passes: u64 = left_out.iter().sum();
     assert!(left_out.iter().all(|&n| 10 * n > passes), "{left_out:?} of {passes}");
 }

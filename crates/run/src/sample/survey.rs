@@ -19,8 +19,8 @@ use mem::{CacheCounts, ClientCounts, DramCounts};
 use render::{Dependencies, FrameSet, Held, Want};
 use stats::{Node, Tree};
 use trace::Trace;
-use work::Event;
 use work::profile::Profiler;
+use work::{Areas, Event};
 
 /// Reading or writing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -242,6 +242,7 @@ pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> 
     let mut survey = Survey::default();
     let mut rendering = options.rendering(trace);
     rendering.needs(needs, Some(recorded.clone()));
+    rendering.areas();
     let key = config.render_key();
     let out = &mut survey;
     let run = move |work: Work| {
@@ -294,45 +295,40 @@ fn predict(survey: &mut Survey, counts: &[Counts], known: Vec<Known>, units: usi
 }
 
 /// What is counted in a frame without its work: draws, passes, samples of attachments, vertices read, vertices shaded, primitives, clipped
-/// primitives, triangles, blocks of 8 x 8 pixels, quads, fragments, quads that pass the early test, invocations of dispatches, bytes moved, bytes shown.
+/// primitives, triangles; blocks of 8 x 8 pixels, quads, fragments and visible quads as [`Areas`] have them; invocations of dispatches, bytes
+/// moved, bytes shown.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts([u64; 15]);
 
 impl Counts {
     /// Adds an event of a frame that is recorded or not; whether recorded fragments are tested early where they may be.
     fn add(&mut self, event: &Event, recorded: bool, early: bool) {
-        let add = |to: &mut [u64; 15], at: usize, n: u64| to[at] += n;
-        let to = &mut self.0;
+        let mut add = |at: usize, n: u64| self.0[at] += n;
         match event {
-            Event::Draw(_) => add(to, 0, 1),
+            Event::Draw(_) => add(0, 1),
             Event::BeginPass(pass) => {
-                add(to, 1, 1);
+                add(1, 1);
                 let attachments = (pass.color.iter().flatten().count() + usize::from(pass.depth.is_some())) as u64;
-                add(to, 2, attachments * u64::from(pass.width) * u64::from(pass.height) * u64::from(pass.samples));
+                add(2, attachments * u64::from(pass.width) * u64::from(pass.height) * u64::from(pass.samples));
             }
             Event::Segment(segment) | Event::Applied(segment) => {
                 // Without a record a draw is one segment.
-                add(to, 0, u64::from(!recorded));
+                add(0, u64::from(!recorded));
                 let funnel = &segment.funnel;
-                let counted = [
-                    funnel.vertices_in,
-                    funnel.vertices_shaded,
-                    funnel.primitives_in,
-                    funnel.clipped,
-                    funnel.triangles_setup,
-                    funnel.tiles_visited,
-                    funnel.quads_rasterized,
-                    funnel.fragments_covered,
-                    // Without colours tests come early wherever they may.
-                    if early { funnel.quads_rasterized - funnel.quads_early_culled } else { 0 },
-                ];
-                counted.into_iter().enumerate().for_each(|(at, n)| add(to, 3 + at, n));
+                let counted =
+                    [funnel.vertices_in, funnel.vertices_shaded, funnel.primitives_in, funnel.clipped, funnel.triangles_setup];
+                counted.into_iter().enumerate().for_each(|(at, n)| add(3 + at, n));
+                // Frames that are recorded are known by the same estimates as the others.
+                let Areas { fragments, quads, blocks, visible } = segment.areas;
+                // Without colours tests come early wherever they may.
+                let visible = if early { visible } else { 0 };
+                [blocks, quads, fragments, visible].into_iter().enumerate().for_each(|(at, n)| add(8 + at, n));
             }
-            Event::Dispatch(dispatch) => add(to, 12, dispatch.groups * u64::from(dispatch.invocations)),
-            Event::Transfer(transfer) => add(to, 13, transfer.bytes),
+            Event::Dispatch(dispatch) => add(12, dispatch.groups * u64::from(dispatch.invocations)),
+            Event::Transfer(transfer) => add(13, transfer.bytes),
             Event::EndFrame(end) => {
                 if let Some(shown) = end.shown {
-                    add(to, 14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
+                    add(14, u64::from(shown.width) * u64::from(shown.height) * u64::from(shown.format.block_bytes()));
                 }
             }
             Event::Contents(_) | Event::EndPass | Event::Groups(_) => {}

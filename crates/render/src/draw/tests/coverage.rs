@@ -152,3 +152,47 @@ fn visible(o: [f32; 4], a: [f32; 4], b: [f32; 4], [px, py]: [u32; 2], (width, he
         s.abs() < 29.9 && t.abs() < 29.9 && w > 0.01 && z > 0.01 * w && z < 0.99 * w
     })
 }
+
+/// Triangles of about a size, in pixels, anywhere in and around a window.
+fn scattered(size: f32, seed: u32) -> Scene {
+    let mut next = random(seed);
+    let mut scene = Scene::new(Vec::new());
+    scene.extent = (256, 256);
+    let pixels = |v: f32| v / 128.0;
+    for _ in 0..4_000 {
+        let middle = [0; 2].map(|_: i32| unit(next()) * (1.0 + pixels(size)));
+        for _ in 0..3 {
+            let [x, y] = middle.map(|v| v + pixels(size) * unit(next()));
+            scene.vertices.push([x, y, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]);
+        }
+    }
+    let n = scene.vertices.len() as u32;
+    scene.draws = std::iter::once(0..n).collect();
+    scene
+}
+
+#[test]
+fn areas_tell_what_triangles_cover() {
+    for (size, seed) in [(0.5, 3), (1.0, 4), (2.0, 5), (8.0, 6), (40.0, 7), (200.0, 8), (1000.0, 9)] {
+        let scene = scattered(size, seed);
+        let Drawn { funnel, areas, .. } = scene.draw_as(How { areas: true, ..USUAL }).drawn;
+        let ratio = |expected: u64, counted: u64| expected as f64 / 256.0 / counted as f64;
+        let ratios = [
+            ratio(areas.fragments, funnel.fragments_covered),
+            ratio(areas.quads, funnel.quads_rasterized),
+            ratio(areas.blocks, funnel.tiles_visited),
+        ];
+        // Fragments are exact on average; what meets quads and blocks between their outer centres need not hold one.
+        let random = 3.0 / (funnel.fragments_covered as f64).sqrt();
+        assert!((ratios[0] - 1.0).abs() < 0.005 + random, "size {size}: {ratios:?}");
+        assert!(ratios[1..].iter().all(|ratio| (0.95..1.30).contains(ratio)), "size {size}: {ratios:?}");
+        // Recorded or not, with or without fragments, the areas are the same.
+        for how in [How { record: true, areas: true, ..USUAL }, How { need: Need::Survey, ..USUAL }] {
+            let other = scene.draw_as(how).drawn;
+            assert_eq!(other.areas, areas);
+            assert_eq!(other.funnel.triangles_setup, funnel.triangles_setup);
+            let none = how.need == Need::Survey;
+            assert_eq!(other.funnel.fragments_covered, if none { 0 } else { funnel.fragments_covered });
+        }
+    }
+}

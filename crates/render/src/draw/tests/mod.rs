@@ -62,6 +62,8 @@ struct How {
     record: bool,
     key: RenderKey,
     count: bool,
+    need: Need,
+    areas: bool,
 }
 
 const USUAL: How = How {
@@ -78,6 +80,8 @@ const USUAL: How = How {
         cull: work::Cull::None,
     },
     count: false,
+    need: Need::Colors,
+    areas: false,
 };
 
 fn stage(entry: &str) -> Stage {
@@ -220,7 +224,8 @@ impl Scene {
                 blend_constant: [0.0; 4],
                 stencil_reference: self.reference,
                 count_samples: how.count,
-                colors: true,
+                need: how.need,
+                areas: how.areas,
                 key: how.key,
                 signature: None,
                 record: how.record,
