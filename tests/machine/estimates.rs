@@ -6,8 +6,10 @@ use std::path::Path;
 use fillrate::accuracy::sequences::SEQUENCES;
 use fillrate::import;
 use fillrate::machine::{Config, PhaseReport};
+use fillrate::render::Dependencies;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
+use fillrate::run::sample::survey::{CacheCount, Count, Survey, survey_in_parts};
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
 
@@ -240,6 +242,28 @@ fn some_frames_stand_for_all() {
     for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
         let n = |replay: &Replay| replay.total.number(path).expect(path);
         assert!((n(&some) / n(&whole) - 1.0).abs() < 0.1, "{path}: {} for {}", n(&some), n(&whole));
+    }
+}
+
+#[test]
+fn a_survey_does_not_depend_on_its_parts() {
+    let trace =
+        Trace::open(Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/flight.zip")).expect("a trace of the repository");
+    let particles = (SEQUENCES[1].record)(40).finish();
+    for (trace, frames) in [(&trace, 7..47), (&particles, 0..u32::MAX)] {
+        let config = Config::built_in("baseline").expect("it is built in");
+        let options = Options { frames, ..Options::new(config, Fidelity::Functional) };
+        let dependencies = Dependencies::of(trace, options.frames.end).expect("it renders");
+        let surveys = [1, 2, 5].map(|parts| survey_in_parts(trace, &options, &dependencies, parts).expect("it renders"));
+        assert_eq!(surveys[0].numbers.len(), 40);
+        let estimates = |survey: &Survey| {
+            [Count::Cycles, Count::DramBytes, Count::Cache("l2".into(), CacheCount::Accesses)].map(|of| survey.estimates(&of))
+        };
+        for survey in &surveys[1..] {
+            assert_eq!(survey.numbers, surveys[0].numbers);
+            assert_eq!(survey.signatures, surveys[0].signatures);
+            assert_eq!(estimates(survey), estimates(&surveys[0]));
+        }
     }
 }
 

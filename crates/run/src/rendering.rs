@@ -115,11 +115,6 @@ impl<'r> Rendering<'r> {
         self.options.recorded = recorded;
     }
 
-    /// Lets segments carry what their primitives are expected to cover.
-    pub fn areas(&mut self) {
-        self.options.areas = true;
-    }
-
     /// Lets machines begin anew in some frames: they are told what they load there, whatever an earlier one knows.
     pub fn begin_anew(&mut self, frames: render::FrameSet) {
         self.options.begins = Some(frames);

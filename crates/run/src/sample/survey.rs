@@ -5,21 +5,21 @@
 //! frames (two-phase sampling with regression: Cochran, Sampling Techniques, 1977, chapter 12).
 
 use std::fmt;
+use std::ops::Range;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result, anyhow};
 
 use super::clusters::{Clusters, Interval, signature};
 use super::ridge::Ridge;
 use crate::bound::{Bound, PhaseEstimate};
 use crate::host::Stopwatch;
-use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
-use render::{Dependencies, FrameSet, Held, Want};
+use render::{self, Dependencies, FrameSet, Want};
 use stats::{Node, Tree};
 use trace::Trace;
-use work::profile::Profiler;
+use work::profile::{FrameProfile, Profiler};
 use work::{Areas, Event};
 
 /// Reading or writing.
@@ -226,54 +226,125 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
     (0..RECORDED).map(middle).map(|frame| frame..frame + 1).collect()
 }
 
+/// Parts that a sequence is cut into, which are rendered side by side.
+const PARTS: u32 = 2;
+
 /// A survey of the frames of a replay.
 ///
 /// # Errors
 /// If the trace cannot be rendered.
 pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> Result<Survey> {
-    let config = &options.config;
+    survey_in_parts(trace, options, dependencies, PARTS)
+}
+
+/// A survey whose frames are cut into parts. Each is rendered from the start of the trace, and draws of the frames before it what
+/// its own read. So the parts do not wait for each other. What comes out does not depend on their number.
+///
+/// # Errors
+/// If the trace cannot be rendered.
+pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependencies, parts: u32) -> Result<Survey> {
     let range = options.frames.start..options.frames.end.min(dependencies.frames());
     let recorded = recorded(range.start, range.len() as u32);
-    let needs = dependencies.needs(|frame| match () {
-        _ if recorded.contains(frame) => Want::All,
-        _ if range.contains(&frame) => Want::Counts,
-        _ => Want::Nothing,
-    });
-    let mut survey = Survey::default();
-    let mut rendering = options.rendering(trace);
-    rendering.needs(needs, Some(recorded.clone()));
-    rendering.areas();
-    let key = config.render_key();
-    let out = &mut survey;
-    let run = move |work: Work| {
+    let bound = |part: u32| range.start + (range.len() as u64 * u64::from(part) / u64::from(parts)) as u32;
+    let ranges: Vec<Range<u32>> = (0..parts).map(|part| bound(part)..bound(part + 1)).filter(|part| !part.is_empty()).collect();
+    // All threads together are as many as there are for one rendering.
+    let side_by_side = rayon::current_num_threads().min(ranges.len()).max(1);
+    let threads = rayon::current_num_threads().div_ceil(side_by_side);
+    let pool = || rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pools = (0..side_by_side).map(|_| pool()).collect::<Result<Vec<_>, _>>().context("cannot start threads")?;
+    let mut read: Vec<Result<Read>> = Vec::new();
+    for ranges in ranges.chunks(side_by_side) {
+        std::thread::scope(|scope| {
+            let mut started = Vec::new();
+            for (pool, frames) in pools.iter().zip(ranges) {
+                let (frames, recorded) = (frames.clone(), &recorded);
+                let one = move || pool.install(|| read_part(trace, options, dependencies, frames, recorded));
+                started.push(std::thread::Builder::new().name("survey".into()).spawn_scoped(scope, one));
+            }
+            read.extend(started.into_iter().map(|thread| {
+                let joined = thread.context("cannot start a thread")?.join();
+                joined.map_err(|_| anyhow!("a part of the survey stopped on an internal error"))?
+            }));
+        });
+    }
+    let (mut survey, mut counts, mut known) = (Survey::default(), Vec::new(), Vec::new());
+    let (mut bound, mut units) = (Bound::proxy(&options.config), Vec::new());
+    for part in read {
+        let Read { frames, time } = part?;
+        survey.time += time;
         let watch = Stopwatch::start();
-        let (mut bound, mut profiler, mut units) = (Bound::proxy(config), Profiler::new(key.shade), Vec::new());
-        let (mut counts, mut known) = (vec![Counts::default()], Vec::new());
-        let mut number = range.start;
-        for event in work {
-            let records = recorded.contains(number);
-            let counted = counts.last_mut().expect("one is under way");
-            counted.add(&event, records, key.early_z);
-            let profile = if records { profiler.event(&event) } else { None };
-            let Event::EndFrame(end) = &event else { continue };
+        for Counted { number, counts: of_frame, profile } in frames {
             if let Some(profile) = profile {
                 let estimate = bound.frame(&profile);
                 let work = estimate.phases.iter().flat_map(|phase| phase.units.iter().copied());
                 let signature = signature(work, &mut units);
-                known.push((out.numbers.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
+                known.push((counts.len(), signature, ESTIMATES.map(|of| estimate.phases.iter().map(of).sum())));
             }
-            out.numbers.push(end.number);
-            number = end.number + 1;
-            counts.push(Counts::default());
+            survey.numbers.push(number);
+            counts.push(of_frame);
         }
-        counts.pop();
-        predict(out, &counts, known, units.len());
-        out.time = watch.elapsed();
-        Ok(())
-    };
-    rendering.consume(key, Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
-    rendering.run()?;
+        survey.time += watch.elapsed();
+    }
+    predict(&mut survey, &counts, known, units.len());
     Ok(survey)
+}
+
+/// A frame as its part was read.
+struct Counted {
+    number: u32,
+    counts: Counts,
+    /// Of frames that are recorded.
+    profile: Option<FrameProfile>,
+}
+
+/// A part that was read.
+struct Read {
+    frames: Vec<Counted>,
+    /// Host time of profiles.
+    time: Duration,
+}
+
+/// Reads some frames on the threads of the pool that it runs in.
+fn read_part(
+    trace: &Trace,
+    options: &Options,
+    dependencies: &Dependencies,
+    frames: Range<u32>,
+    recorded: &FrameSet,
+) -> Result<Read> {
+    let key = options.config.render_key();
+    let needs = dependencies.needs(|frame| match () {
+        _ if !frames.contains(&frame) => Want::Nothing,
+        _ if recorded.contains(frame) => Want::All,
+        _ => Want::Counts,
+    });
+    let rendering = render::Options {
+        key,
+        record: true,
+        recorded: Some(recorded.clone()),
+        needs: Some(needs.into()),
+        areas: true,
+        ..options.render_options(frames.clone().into())
+    };
+    let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
+    let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
+    render::render(trace, &rendering, &mut |event| {
+        let records = recorded.contains(number);
+        counts.add(&event, records, key.early_z);
+        let watch = records.then(Stopwatch::start);
+        let profile = if records { profiler.event(&event) } else { None };
+        read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
+        if let Event::EndFrame(end) = &event {
+            read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
+            if records {
+                // A profile knows nothing of the frames before, which may be in another part.
+                profiler = Profiler::new(key.shade);
+            }
+            number = end.number + 1;
+        }
+        Ok(())
+    })?;
+    Ok(read)
 }
 
 /// Frames that were estimated: place in the sequence, signature, estimates.
