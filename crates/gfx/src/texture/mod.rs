@@ -2,8 +2,8 @@
 //!
 //! A [`View`] holds the texels of a texture view in a form that filters read directly, built once for each content of the
 //! texture. Sampling works on whole batches of 64 lanes, 16 quads; the level of detail is that of a quad. State is looked at
-//! once a batch: the common case (four 8-bit channels, two dimensions, linear) has a path of its own, and everything else goes
-//! through one general filter, a lane at a time.
+//! once a batch: the common case (four 8-bit channels, two dimensions, linear) has a path of its own, other flat textures are
+//! sampled in stages over all lanes, and everything else goes through one general filter, a lane at a time.
 //!
 //! The rules are Vulkan's ("Image Operations"), where that leaves freedom: exact scale factors, unrounded level weights, sRGB
 //! decoded before filtering, seamless cubes with the missing corner texel's weight given to the other three, comparison of each
@@ -18,6 +18,7 @@ mod general;
 mod lod;
 mod record;
 mod sampler;
+mod staged;
 mod taps;
 mod view;
 
@@ -69,7 +70,7 @@ impl View {
     /// Samples the lanes of `mask`. `out` receives the bits of four `f32`; a comparison gives its result in the first. Lanes
     /// outside the mask may be written too. Implicit levels of detail read the coordinates of all lanes of a quad, masked or not.
     pub fn sample(&self, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
-        if !fast::sample(self, sampler, args, out) {
+        if !fast::sample(self, sampler, args, out) && !staged::sample(self, sampler, args, mask, out) {
             general::sample(self, sampler, args, mask, out);
         }
     }

@@ -377,6 +377,45 @@ proptest! {
     }
 
     #[test]
+    fn stages_over_all_lanes_have_the_bits_of_the_general_filter(
+        address in proptest::array::uniform2(proptest::sample::select(AddressMode::ALL.to_vec())),
+        filters in proptest::array::uniform3(any::<bool>()),
+        size in [1_u32..40, 1_u32..40],
+        format in 0_usize..5,
+        lod in 0_usize..5,
+        odd in proptest::collection::vec(any::<u32>(), LANES),
+        coords in proptest::collection::vec(-3.0_f32..3.0, 4 * LANES),
+        near in any::<bool>(),
+        layer in 0_u32..4,
+        compare in proptest::option::of(proptest::sample::select(Compare::ALL.to_vec())),
+    ) {
+        let format =
+            [Format::Rgba8Unorm, Format::Bgra8UnormSrgb, Format::Depth32Float, Format::Rgba32Float, Format::Bc1RgbaUnorm][format];
+        let levels = 32 - size[0].max(size[1]).leading_zeros();
+        let dimension = if layer == 0 { ViewDimension::D2 } else { ViewDimension::D2Array };
+        let view = view_of(&image([size[0], size[1], layer.max(1)], levels, format), dimension);
+        let [mag, min, mipmap] = filters.map(|linear| if linear { FilterMode::Linear } else { FilterMode::Nearest });
+        let address = [address[0], address[1], AddressMode::Repeat];
+        let desc = SamplerDesc { address, mag, min, mipmap, compare, border: BorderColor::OpaqueWhite, ..SamplerDesc::default() };
+        let scale = if near { 0.1 } else { 1.0 };
+        // Every seventh lane has any bits.
+        let lanes: [Lanes; 4] = std::array::from_fn(|c| {
+            Lanes(std::array::from_fn(|i| if i % 7 == c { odd[i] } else { (coords[4 * i + c] * scale).to_bits() }))
+        });
+        let [u, v, level, reference] = &lanes;
+        let gradient = Lod::Gradient { dx: [u, v, v], dy: [v, level, u] };
+        let lod = [Lod::Auto, Lod::Level(level), Lod::Bias(level), Lod::Zero, gradient][lod];
+        let layers = Lanes(std::array::from_fn(|i| (i as u32 / 5) % layer.max(1)));
+        let mut args = operands([u, v, v], lod);
+        args.layer = (layer > 0).then_some(&layers);
+        args.compare = compare.map(|_| reference);
+        let (mut stages, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
+        prop_assert!(staged::sample(&view, &Sampler::new(&desc), &args, !0, &mut stages));
+        general::sample(&view, &Sampler::new(&desc), &args, !0, &mut exact);
+        prop_assert!(stages == exact);
+    }
+
+    #[test]
     fn fast_comparison_agrees_with_the_general_one(
         address in [addresses(), addresses()],
         size in [1_u32..40, 1_u32..40],

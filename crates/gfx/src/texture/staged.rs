@@ -1,0 +1,405 @@
+//! What [`super::general`] computes of a flat texture, in stages over all lanes instead of a lane at a time: texels that are not
+//! filtered, filters of which one is for magnification alone, borders, formats of numbers, comparison in several levels.
+//!
+//! Each number comes from the operations of the general filter in the same order, so both have the same bits; a test compares them.
+//! Stages are straight loops: levels, places along each axis, texels, arithmetic. Reading a texel is the one that is not vectors.
+
+use super::fast::{Geometry, following, integer, split};
+use super::general::reference;
+use super::lod::Selection;
+use super::sampler::{BORDER, fold};
+use super::view::{ROWS, Texels};
+use super::{Lod, Sample, Sampler, View, ellipse};
+use crate::simd::wide;
+use crate::state::{AddressMode, ViewDimension};
+use crate::texel::srgb_table;
+use num::{LANES, Lanes, Mask};
+
+/// Four channels of all lanes.
+type Values = [[f32; LANES]; 4];
+
+/// A place in a store that no texel has: the border.
+const OUTSIDE: u32 = u32::MAX;
+
+/// Lanes from which on stages over all of them take less time than the live ones one after another.
+const LANES_MIN: u32 = 6;
+
+/// Samples where the view, sampler and operands allow; says whether they did.
+#[inline]
+pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) -> bool {
+    let flat = matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array);
+    if !flat
+        || mask.count_ones() < LANES_MIN
+        || args.offset != [0; 3]
+        || view.samples != 1
+        || ellipse::applies(view, sampler, args)
+    {
+        return false;
+    }
+    match &view.texels {
+        Texels::Unorm8(columns) => sample_wide(view, Unorm(columns.as_flattened()), sampler, args, out),
+        Texels::Srgb8 { codes, .. } => sample_wide(view, Srgb(codes, srgb_table()), sampler, args, out),
+        Texels::F32(texels) => sample_wide(view, Single(texels), sampler, args, out),
+        Texels::F32x4(texels) => sample_wide(view, Float(texels), sampler, args, out),
+        Texels::U32x4(_) => return false,
+    }
+    true
+}
+
+/// A store of texels.
+trait Store: Copy {
+    /// The place of each lane's texel of a level.
+    #[inline(always)]
+    fn places(at: &Geometry, x: &[i32; LANES], y: &[i32; LANES], out: &mut [u32; LANES]) {
+        for i in 0..LANES {
+            out[i] = at.base[i].wrapping_add((y[i] as u32).wrapping_mul(at.stride[i])).wrapping_add(x[i] as u32);
+        }
+    }
+
+    /// The texels at places of the store; anything where there is none.
+    fn texels(self, places: &[u32; LANES], out: &mut Values);
+}
+
+/// The words of columns of four 8-bit channels.
+#[derive(Clone, Copy)]
+struct Unorm<'a>(&'a [u32]);
+
+/// Four 8-bit channels, three of them sRGB.
+#[derive(Clone, Copy)]
+struct Srgb<'a>(&'a [u32], &'a [f32; 256]);
+
+/// One number.
+#[derive(Clone, Copy)]
+struct Single<'a>(&'a [f32]);
+
+/// Four numbers.
+#[derive(Clone, Copy)]
+struct Float<'a>(&'a [[f32; 4]]);
+
+impl Store for Unorm<'_> {
+    #[inline(always)]
+    fn places(at: &Geometry, x: &[i32; LANES], y: &[i32; LANES], out: &mut [u32; LANES]) {
+        for i in 0..LANES {
+            // Exact for numbers of 16 bits.
+            let group = (y[i] as u32).wrapping_mul(43_691) >> 17;
+            let row = (y[i] as u32).wrapping_sub(group.wrapping_mul(ROWS));
+            let column = at.base[i].wrapping_add(group.wrapping_mul(at.stride[i])).wrapping_add(x[i] as u32);
+            out[i] = column.wrapping_mul(4).wrapping_add(row);
+        }
+    }
+
+    #[inline(always)]
+    fn texels(self, places: &[u32; LANES], out: &mut Values) {
+        let mut codes = [0; LANES];
+        read(self.0, places, &mut codes);
+        for (c, channel) in out.iter_mut().enumerate() {
+            for i in 0..LANES {
+                channel[i] = (codes[i] >> (8 * c) & 0xff) as i32 as f32 / 255.0;
+            }
+        }
+    }
+}
+
+impl Store for Srgb<'_> {
+    #[inline(always)]
+    fn texels(self, places: &[u32; LANES], out: &mut Values) {
+        let mut codes = [0; LANES];
+        read(self.0, places, &mut codes);
+        for i in 0..LANES {
+            let [r, g, b, _] = codes[i].to_le_bytes();
+            for (channel, code) in out.iter_mut().zip([r, g, b]) {
+                channel[i] = self.1[usize::from(code)];
+            }
+        }
+        for i in 0..LANES {
+            out[3][i] = (codes[i] >> 24) as i32 as f32 / 255.0;
+        }
+    }
+}
+
+impl Store for Single<'_> {
+    #[inline(always)]
+    fn texels(self, places: &[u32; LANES], out: &mut Values) {
+        read(self.0, places, &mut out[0]);
+        (out[1], out[2], out[3]) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
+    }
+}
+
+impl Store for Float<'_> {
+    #[inline(always)]
+    fn texels(self, places: &[u32; LANES], out: &mut Values) {
+        for i in 0..LANES {
+            let texel = self.0.get(places[i] as usize).copied().unwrap_or_default();
+            for (channel, value) in out.iter_mut().zip(texel) {
+                channel[i] = value;
+            }
+        }
+    }
+}
+
+/// Reads a store at each lane's place.
+#[inline(always)]
+fn read<T: Copy + Default>(store: &[T], places: &[u32; LANES], out: &mut [T; LANES]) {
+    for i in 0..LANES {
+        out[i] = store.get(places[i] as usize).copied().unwrap_or_default();
+    }
+}
+
+wide! {
+    fn sample_wide [S: Store] (view: &View, store: S, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) = sample_body;
+}
+
+/// How the lanes of a batch filter the texels of a level.
+#[derive(Clone, Copy)]
+enum Filters<'a> {
+    Nearest,
+    Linear,
+    /// Lanes by their levels of detail: the marked ones are filtered.
+    Both(&'a [u32; LANES]),
+}
+
+#[inline(always)]
+fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+    let lambda = Selection::new(view, sampler, args).lambda;
+    let (mut first, mut weight, mut marked) = ([0_u32; LANES], [0.0_f32; LANES], [0_u32; LANES]);
+    let mut most = 0.0_f32;
+    if view.levels.len() > 1 {
+        for i in 0..LANES {
+            (first[i], weight[i]) = split(lambda[i], view.levels.len(), sampler);
+            most = if weight[i] > most { weight[i] } else { most };
+        }
+    }
+    let filters = if sampler.mag_linear == sampler.min_linear {
+        if sampler.mag_linear { Filters::Linear } else { Filters::Nearest }
+    } else {
+        let mut count = 0;
+        for i in 0..LANES {
+            marked[i] = u32::from((lambda[i] > 0.0) == sampler.min_linear);
+            count += marked[i];
+        }
+        match count {
+            0 => Filters::Nearest,
+            64 => Filters::Linear,
+            _ => Filters::Both(&marked),
+        }
+    };
+    let reference: Option<[f32; LANES]> = args.compare.map(|r| r.f32().map(|r| reference(view, r)));
+    let quads = matches!(args.lod, Lod::Auto);
+    let level = |level: &[u32; LANES], out: &mut Values| {
+        let at = Geometry::new(view, args, level, quads);
+        match filters {
+            Filters::Nearest => nearest(store, sampler, args, &at, reference.as_ref(), out),
+            Filters::Linear => linear(store, sampler, args, &at, reference.as_ref(), out),
+            Filters::Both(marked) => {
+                let mut filtered = [[0.0; LANES]; 4];
+                nearest(store, sampler, args, &at, reference.as_ref(), out);
+                linear(store, sampler, args, &at, reference.as_ref(), &mut filtered);
+                for (out, filtered) in out.iter_mut().zip(&filtered) {
+                    for i in 0..LANES {
+                        out[i] = if marked[i] != 0 { filtered[i] } else { out[i] };
+                    }
+                }
+            }
+        }
+    };
+    let mut value = [[0.0; LANES]; 4];
+    level(&first, &mut value);
+    if most > 0.0 {
+        let mut second = [[0.0; LANES]; 4];
+        first.iter_mut().for_each(|level| *level = following(view, *level));
+        level(&first, &mut second);
+        for (a, b) in value.iter_mut().zip(&second) {
+            for i in 0..LANES {
+                let mixed = a[i] + (b[i] - a[i]) * weight[i];
+                a[i] = if weight[i] > 0.0 { mixed } else { a[i] };
+            }
+        }
+    }
+    for (out, value) in out.iter_mut().zip(&value) {
+        *out.f32_mut() = *value;
+    }
+}
+
+/// The nearest texel of each lane.
+#[inline(always)]
+fn nearest<S: Store>(
+    store: S,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    at: &Geometry,
+    reference: Option<&[f32; LANES]>,
+    out: &mut Values,
+) {
+    let (mut x, mut y, mut places) = ([0; LANES], [0; LANES], [0; LANES]);
+    nearest_along(sampler.address[0], args.coords[0].f32(), &at.width, &mut x);
+    nearest_along(sampler.address[1], args.coords[1].f32(), &at.height, &mut y);
+    S::places(at, &x, &y, &mut places);
+    mark_outside(sampler, &x, &y, &mut places);
+    let mut sum = Sum::new(out, reference);
+    sum.add(store, sampler, &places, &[1.0; LANES]);
+    sum.finish();
+}
+
+/// The four texels about each lane's place.
+#[inline(always)]
+fn linear<S: Store>(
+    store: S,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    at: &Geometry,
+    reference: Option<&[f32; LANES]>,
+    out: &mut Values,
+) {
+    let (mut x, mut y) = (Axis::ZERO, Axis::ZERO);
+    linear_along(sampler.address[0], args.coords[0].f32(), &at.width, &mut x);
+    linear_along(sampler.address[1], args.coords[1].f32(), &at.height, &mut y);
+    let mut sum = Sum::new(out, reference);
+    let (mut places, mut weight) = ([0; LANES], [0.0; LANES]);
+    for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        S::places(at, &x.texel[right], &y.texel[below], &mut places);
+        mark_outside(sampler, &x.texel[right], &y.texel[below], &mut places);
+        for i in 0..LANES {
+            let share = |axis: &Axis, second: usize| if second == 0 { 1.0 - axis.weight[i] } else { axis.weight[i] };
+            weight[i] = share(&x, right) * share(&y, below);
+        }
+        sum.add(store, sampler, &places, &weight);
+    }
+    sum.finish();
+}
+
+/// Puts lanes whose texel is in the border outside of the store.
+#[inline(always)]
+fn mark_outside(sampler: &Sampler, x: &[i32; LANES], y: &[i32; LANES], places: &mut [u32; LANES]) {
+    if bordered(sampler) {
+        for i in 0..LANES {
+            places[i] = if x[i] == BORDER || y[i] == BORDER { OUTSIDE } else { places[i] };
+        }
+    }
+}
+
+#[inline(always)]
+fn bordered(sampler: &Sampler) -> bool {
+    sampler.address[..2].contains(&AddressMode::ClampToBorder)
+}
+
+/// A weighted sum of texels, or of the results of comparing them.
+struct Sum<'a> {
+    values: &'a mut Values,
+    reference: Option<&'a [f32; LANES]>,
+}
+
+impl<'a> Sum<'a> {
+    #[inline(always)]
+    fn new(values: &'a mut Values, reference: Option<&'a [f32; LANES]>) -> Sum<'a> {
+        *values = [[0.0; LANES]; 4];
+        Sum { values, reference }
+    }
+
+    #[inline(always)]
+    fn add<S: Store>(&mut self, store: S, sampler: &Sampler, places: &[u32; LANES], weight: &[f32; LANES]) {
+        let mut texels = [[0.0; LANES]; 4];
+        store.texels(places, &mut texels);
+        if bordered(sampler) {
+            for (channel, border) in texels.iter_mut().zip(sampler.border) {
+                for i in 0..LANES {
+                    channel[i] = if places[i] == OUTSIDE { border } else { channel[i] };
+                }
+            }
+        }
+        match self.reference {
+            None => {
+                for (sum, texel) in self.values.iter_mut().zip(&texels) {
+                    for i in 0..LANES {
+                        sum[i] += texel[i] * weight[i];
+                    }
+                }
+            }
+            Some(reference) => {
+                for i in 0..LANES {
+                    let passes = sampler.compare.test(reference[i], texels[0][i]);
+                    self.values[0][i] += if passes { weight[i] } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish(self) {
+        if self.reference.is_some() {
+            self.values[3] = [1.0; LANES];
+        }
+    }
+}
+
+/// The two texels of each lane along an axis, and the weight of the second.
+struct Axis {
+    texel: [[i32; LANES]; 2],
+    weight: [f32; LANES],
+}
+
+impl Axis {
+    const ZERO: Axis = Axis { texel: [[0; LANES]; 2], weight: [0.0; LANES] };
+}
+
+/// [`super::sampler::nearest`] of all lanes.
+#[inline(always)]
+fn nearest_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [i32; LANES]) {
+    #[inline(always)]
+    fn of(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [i32; LANES]) {
+        for i in 0..LANES {
+            out[i] = wrap(mode, integer((fold(mode, u[i]) * size[i]).floor()), integer(size[i]));
+        }
+    }
+    // One loop a mode: the compiler makes vectors of what it knows.
+    match mode {
+        AddressMode::ClampToEdge => of(AddressMode::ClampToEdge, u, size, out),
+        AddressMode::Repeat => of(AddressMode::Repeat, u, size, out),
+        AddressMode::MirrorRepeat => of(AddressMode::MirrorRepeat, u, size, out),
+        AddressMode::ClampToBorder => of(AddressMode::ClampToBorder, u, size, out),
+    }
+}
+
+/// [`super::sampler::linear`] of all lanes.
+#[inline(always)]
+fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut Axis) {
+    #[inline(always)]
+    fn of(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut Axis) {
+        for i in 0..LANES {
+            let place = fold(mode, u[i]) * size[i] - 0.5;
+            let whole = place.floor();
+            let (texel, n) = (integer(whole), integer(size[i]));
+            (out.texel[0][i], out.texel[1][i]) = (wrap(mode, texel, n), wrap(mode, texel + 1, n));
+            out.weight[i] = place - whole;
+        }
+    }
+    match mode {
+        AddressMode::ClampToEdge => of(AddressMode::ClampToEdge, u, size, out),
+        AddressMode::Repeat => of(AddressMode::Repeat, u, size, out),
+        AddressMode::MirrorRepeat => of(AddressMode::MirrorRepeat, u, size, out),
+        AddressMode::ClampToBorder => of(AddressMode::ClampToBorder, u, size, out),
+    }
+}
+
+/// [`super::sampler::wrap`] without a division, for places of a folded coordinate: from -1 to `n` (mirrored: to `2 n`) where they
+/// repeat, any others.
+#[inline(always)]
+fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
+    match mode {
+        AddressMode::ClampToEdge => i.clamp(0, n - 1),
+        AddressMode::Repeat => {
+            let i = if i < 0 { i + n } else { i };
+            if i < n { i } else { i - n }
+        }
+        AddressMode::MirrorRepeat => {
+            let i = if i < n { i } else { 2 * n - 1 - i };
+            i.max(0)
+        }
+        AddressMode::ClampToBorder => {
+            if i >= 0 && i < n {
+                i
+            } else {
+                BORDER
+            }
+        }
+    }
+}
