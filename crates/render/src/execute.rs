@@ -451,7 +451,7 @@ impl<'t, 's> Renderer<'t, 's> {
         } else if let Some((id, level, layer)) = shown {
             let format = self.res.textures.get(id.0)?.image.format;
             end.sprites = self.show_sprites(Some(format))?.into();
-            let texture = self.res.flushed(id)?;
+            let texture = self.res.textures.get(id.0)?;
             let surface: Surface = texture.surface(id, level, layer);
             let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));
             end.drawn = texture.images.get(&(level, layer)).is_some_and(|state| state.machine_knows && state.drawn);

@@ -98,7 +98,7 @@ impl ActivePass {
                 Some(value) => Load::Clear(clear_bits(format.kind(), value)),
                 None => Load::Load,
             };
-            let mut tiles = take_tiles(&mut renderer.res, place)?;
+            let mut tiles = take_tiles(&mut renderer.res, place, load != Load::Load)?;
             if let Load::Clear(bits) = load {
                 tiles.clear(stored_words(format, bits));
             }
@@ -149,7 +149,6 @@ impl ActivePass {
             let surface = renderer.res.textures.get(place.texture.0)?.surface(place.texture, place.level, place.layer);
             check_extent(&surface)?;
             renderer.claim_images(&surface)?;
-            let mut tiles = take_tiles(&mut renderer.res, place)?;
             let depth_load = attachment.depth_clear.map_or(Load::Load, |z| Load::Clear([z.to_bits(), 0, 0, 0]));
             let stencil_load = attachment.stencil_clear.map_or(Load::Load, |s| Load::Clear([0, s & 0xff, 0, 0]));
             let value = [attachment.depth_clear.unwrap_or(0.0).to_bits(), attachment.stencil_clear.unwrap_or(0) & 0xff, 0, 0];
@@ -160,6 +159,7 @@ impl ActivePass {
                 mask[i] |= if stencil_load != Load::Load { stencil_mask[i] } else { 0 };
             }
             let both: [u32; 4] = std::array::from_fn(|i| depth_mask[i] | stencil_mask[i]);
+            let mut tiles = take_tiles(&mut renderer.res, place, mask == both)?;
             if mask == both {
                 tiles.clear(stored_words(format, value));
             } else if mask != [0; 4] {
@@ -538,8 +538,8 @@ fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Resul
     Ok((Place { texture: view.texture, level: view.range.base_level, layer }, view.range.format))
 }
 
-/// An image's contents as tiles, out of the texture for the length of the pass.
-fn take_tiles(res: &mut Resources, place: Place) -> Result<TileSurface, Fault> {
+/// An image's contents as tiles, out of the texture for the length of the pass; any contents where all of them are `cleared` next.
+fn take_tiles(res: &mut Resources, place: Place, cleared: bool) -> Result<TileSurface, Fault> {
     let texture = res.textures.get_mut(place.texture.0)?;
     let state = texture.images.entry((place.level, place.layer)).or_default();
     if let Some(tiles) = state.tiles.take() {
@@ -551,7 +551,9 @@ fn take_tiles(res: &mut Resources, place: Place) -> Result<TileSurface, Fault> {
     state.working = Some(res.ledger.claim("the tiles of an attachment", shape.tiled_bytes())?);
     res.ledger.bytes.charge(shape.tiled_bytes())?;
     let mut tiles = TileSurface::new(shape);
-    tiles.load(&texture.words, texture.image.offset(place.level, place.layer));
+    if !cleared {
+        tiles.load(&texture.words, texture.image.offset(place.level, place.layer));
+    }
     Ok(tiles)
 }
 

@@ -199,11 +199,14 @@ impl Texture {
         }
     }
 
-    /// Bytes of one image; the words must be flushed before.
+    /// The newest bytes of one image. What a pass has drawn stays in its tiles, for the next one.
     pub fn image_bytes(&self, level: u32, layer: u32) -> Arc<[u8]> {
         let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
         let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
-        self.words.read(self.image.offset(level, layer), unshared);
+        match self.images.get(&(level, layer)).and_then(|state| state.tiles.as_ref()) {
+            Some(tiles) => tiles.read(unshared),
+            None => self.words.read(self.image.offset(level, layer), unshared),
+        }
         bytes
     }
 }

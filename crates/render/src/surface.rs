@@ -84,6 +84,11 @@ impl Shape {
         4 * across * down * self.tile_words() as u64
     }
 
+    /// Whether a pixel is one whole word.
+    fn is_plain(&self) -> bool {
+        self.samples == 1 && self.format.block_bytes() == 4
+    }
+
     /// Bytes of the linear image.
     pub fn bytes(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height) * u64::from(self.samples) * u64::from(self.format.block_bytes())
@@ -124,6 +129,9 @@ fn fill(codes: &mut [u32], words: usize, value: [u32; 4]) {
     }
 }
 
+/// All bits of a texel.
+pub const ALL: [u32; 4] = [u32::MAX; 4];
+
 /// An attachment's working storage.
 #[derive(Clone, Debug)]
 pub struct TileSurface {
@@ -131,6 +139,9 @@ pub struct TileSurface {
     codes: Vec<u32>,
     clear: Vec<bool>,
     value: [u32; 4],
+    /// Bits that every texel has as `value` has them. OpenGL programs that have a stencil buffer and leave it alone clear depths beside it
+    /// every frame: what is known of it spares the pass over memory.
+    known: [u32; 4],
 }
 
 impl TileSurface {
@@ -138,8 +149,13 @@ impl TileSurface {
     pub fn new(shape: Shape) -> TileSurface {
         let [tx, ty] = shape.tiles();
         let tiles = (tx * ty) as usize;
-        let mut surface =
-            TileSurface { shape, codes: vec![0; tiles * shape.tile_words()], clear: vec![true; tiles], value: [0; 4] };
+        let mut surface = TileSurface {
+            shape,
+            codes: vec![0; tiles * shape.tile_words()],
+            clear: vec![true; tiles],
+            value: [0; 4],
+            known: ALL,
+        };
         surface.clear([0; 4]);
         surface
     }
@@ -152,18 +168,24 @@ impl TileSurface {
     /// Sets every texel to a stored texel's words (its bytes, little-endian).
     pub fn clear(&mut self, value: [u32; 4]) {
         self.value = value;
+        self.known = ALL;
         self.clear.fill(true);
     }
 
     /// Sets the bits of every texel that `mask` selects (an aspect: see [`aspect_masks`]) and keeps the others.
     pub fn clear_masked(&mut self, value: [u32; 4], mask: [u32; 4]) {
         let merge = |old: u32, w: usize| old & !mask[w] | value[w] & mask[w];
-        if self.clear.iter().all(|&c| c) {
-            self.clear(std::array::from_fn(|w| merge(self.value[w], w)));
+        let words = self.shape.words();
+        let merged: [u32; 4] = std::array::from_fn(|w| merge(self.value[w], w));
+        let knows = |bits: fn(u32) -> u32| (0..words).all(|w| bits(mask[w]) & !self.known[w] == 0);
+        if knows(|mask| mask) && merged == self.value {
             return;
         }
-        let words = self.shape.words();
-        self.par_tiles().for_each(|(_, mut tile)| {
+        if knows(|mask| !mask) {
+            self.clear(merged);
+            return;
+        }
+        self.par_tiles(mask).for_each(|(_, mut tile)| {
             tile.materialise(words);
             if words == 1 {
                 // Depth of 24 bits beside stencil, above all: one run of memory.
@@ -179,11 +201,16 @@ impl TileSurface {
                 }
             }
         });
+        self.value = merged;
+        for w in 0..words {
+            self.known[w] |= mask[w];
+        }
     }
 
-    /// All tiles in row-major order, to hand to threads.
-    pub fn tiles_mut(&mut self) -> impl Iterator<Item = TileMut<'_>> {
+    /// All tiles in row-major order, to hand to threads. `written` are the bits of texels that may be written.
+    pub fn tiles_mut(&mut self, written: [u32; 4]) -> impl Iterator<Item = TileMut<'_>> {
         let value = self.value;
+        self.forget(written);
         self.codes.chunks_exact_mut(self.shape.tile_words()).zip(&mut self.clear).map(move |(codes, clear)| TileMut {
             codes,
             clear,
@@ -191,14 +218,21 @@ impl TileSurface {
         })
     }
 
-    /// One tile, to draw into.
-    pub fn tile_mut(&mut self, index: usize) -> TileMut<'_> {
+    /// One tile, to draw into. `written` are the bits of texels that may be written.
+    pub fn tile_mut(&mut self, index: usize, written: [u32; 4]) -> TileMut<'_> {
+        self.forget(written);
         let n = self.shape.tile_words();
         TileMut { codes: &mut self.codes[index * n..(index + 1) * n], clear: &mut self.clear[index], value: self.value }
     }
 
-    fn par_tiles(&mut self) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
-        let tiles: Vec<_> = self.tiles_mut().enumerate().collect();
+    fn forget(&mut self, written: [u32; 4]) {
+        for (known, written) in self.known.iter_mut().zip(written) {
+            *known &= !written;
+        }
+    }
+
+    fn par_tiles(&mut self, written: [u32; 4]) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
+        let tiles: Vec<_> = self.tiles_mut(written).enumerate().collect();
         tiles.into_par_iter()
     }
 
@@ -209,7 +243,7 @@ impl TileSurface {
     pub fn load(&mut self, from: &Words, offset: u64) {
         let shape = self.shape;
         let across = shape.tiles()[0] as usize;
-        self.par_tiles().for_each(|(index, tile)| {
+        self.par_tiles(ALL).for_each(|(index, tile)| {
             *tile.clear = false;
             let geometry = TileGeometry::new(shape, index, across);
             geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
@@ -243,9 +277,38 @@ impl TileSurface {
 
     /// The texels as a linear image: rows top to bottom, pixels left to right, samples in order, tightly packed.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let words = Words::new(self.shape.bytes());
-        self.store(&words, 0);
-        words.to_vec()
+        let mut out = vec![0; self.shape.bytes() as usize];
+        self.read(&mut out);
+        out
+    }
+
+    /// Copies the texels out as a linear image, as [`TileSurface::to_bytes`] gives it.
+    ///
+    /// # Panics
+    /// If there are fewer bytes than the image has.
+    pub fn read(&self, out: &mut [u8]) {
+        let shape = self.shape;
+        if !shape.is_plain() {
+            let words = Words::new(shape.bytes());
+            self.store(&words, 0);
+            return words.read(0, &mut out[..shape.bytes() as usize]);
+        }
+        let across = shape.tiles()[0] as usize;
+        let row = 4 * shape.width as usize;
+        let rows_of_tiles = out[..shape.bytes() as usize].par_chunks_mut(row * TILE as usize).enumerate();
+        rows_of_tiles.for_each(|(ty, out)| {
+            for (y, out) in out.chunks_exact_mut(row).enumerate() {
+                for (tx, out) in out.chunks_mut(4 * TILE as usize).enumerate() {
+                    let (pixels, _) = out.as_chunks_mut::<4>();
+                    match self.tile(ty * across + tx) {
+                        None => pixels.fill(self.value[0].to_le_bytes()),
+                        Some(codes) => {
+                            each_pair(codes, y as u32, pixels, |code| code.to_le_bytes());
+                        }
+                    }
+                }
+            }
+        });
     }
 
     /// The words of one texel: pixel, sample.
@@ -268,7 +331,7 @@ impl TileSurface {
         let mut out = TileSurface::new(Shape { samples: 1, ..self.shape });
         let (words, samples) = (self.shape.words(), self.shape.samples as usize);
         out.clear(self.value);
-        out.par_tiles().for_each(|(index, tile)| {
+        out.par_tiles(ALL).for_each(|(index, tile)| {
             let Some(codes) = self.tile(index) else { return };
             *tile.clear = false;
             let mut gathered = [0; 16];
@@ -330,7 +393,7 @@ fn row_offset(shape: Shape, geometry: &TileGeometry, row: u32, offset: u64) -> u
 fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], from: &Words, offset: u64) {
     let mut at = row_offset(shape, geometry, row, offset);
     let (words, samples) = (shape.words(), shape.samples as usize);
-    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+    if shape.is_plain() && at.is_multiple_of(4) {
         let source = &from.words()[at / 4..at / 4 + geometry.width as usize];
         for (x, word) in source.iter().enumerate() {
             codes[texel_at(x as u32, row)] = word.load(std::sync::atomic::Ordering::Relaxed);
@@ -356,6 +419,19 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
     }
 }
 
+/// Copies the start of a row of a tile of one word and one sample, a quad's two texels at a time.
+#[inline(always)]
+fn each_pair<T>(codes: &[u32], y: u32, out: &mut [T], f: impl Fn(u32) -> T) {
+    let first = texel_at(0, y);
+    for (x, pair) in out.chunks_mut(2).enumerate() {
+        // Blocks of four quads a row.
+        let at = first + 4 * (x % 4) + x / 4 * (BLOCK * BLOCK) as usize;
+        for (out, code) in pair.iter_mut().zip(&codes[at..at + 2]) {
+            *out = f(*code);
+        }
+    }
+}
+
 /// Index of a pixel's code in a tile of one word and one sample.
 #[inline(always)]
 fn texel_at(x: u32, y: u32) -> usize {
@@ -365,7 +441,7 @@ fn texel_at(x: u32, y: u32) -> usize {
 fn store_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: Option<&[u32]>, value: [u32; 4], to: &Words, offset: u64) {
     let mut at = row_offset(shape, geometry, row, offset);
     let (words, samples) = (shape.words(), shape.samples as usize);
-    if words == 1 && samples == 1 && shape.format.block_bytes() == 4 && at.is_multiple_of(4) {
+    if shape.is_plain() && at.is_multiple_of(4) {
         let target = &to.words()[at / 4..at / 4 + geometry.width as usize];
         for (x, word) in target.iter().enumerate() {
             let code = codes.map_or(value[0], |c| c[texel_at(x as u32, row)]);
@@ -455,10 +531,70 @@ mod tests {
         surface.clear_masked([0x0900_0000, 0, 0, 0], [0xff00_0000, 0, 0, 0]);
         assert_eq!(surface.texel(64, 2, 0)[0], 0x09ff_ffff);
         assert!(surface.tile(0).is_none(), "no memory has been touched");
-        surface.tiles_mut().next().unwrap().materialise(1);
+        surface.tiles_mut(ALL).next().unwrap().materialise(1);
         surface.clear_masked([5, 0, 0, 0], [0x00ff_ffff, 0, 0, 0]);
         assert_eq!(surface.texel(0, 0, 0)[0], 0x0900_0005);
         assert_eq!(surface.texel(64, 2, 0)[0], 0x0900_0005);
+    }
+
+    #[test]
+    fn depths_are_cleared_beside_a_stencil_that_nobody_wrote_without_a_pass_over_memory() {
+        let shape = Shape { format: Format::Depth24PlusStencil8, width: 65, height: 3, samples: 1 };
+        let (depth, stencil) = aspect_masks(shape.format);
+        let mut surface = TileSurface::new(shape);
+        surface.clear([0x0700_0001, 0, 0, 0]);
+        surface.tile_mut(0, depth).materialise(1);
+        surface.tile_mut(0, depth).codes[0] = 0x0700_0005;
+        surface.clear_masked([9, 0, 0, 0], depth);
+        assert!(surface.tile(0).is_none());
+        assert_eq!(surface.texel(0, 0, 0)[0], 0x0700_0009);
+        surface.tile_mut(0, stencil).materialise(1);
+        surface.clear_masked([4, 0, 0, 0], depth);
+        assert!(surface.tile(0).is_some());
+    }
+
+    #[test]
+    fn clears_and_draws_in_any_order_leave_what_they_leave_in_a_plain_image() {
+        for format in [Format::Depth24PlusStencil8, Format::Depth32FloatStencil8] {
+            let shape = Shape { format, width: 70, height: 2, samples: 1 };
+            let (depth, stencil) = aspect_masks(format);
+            let both: [u32; 4] = std::array::from_fn(|w| depth[w] | stencil[w]);
+            let words = shape.words();
+            let mut random = num::Random::new(3);
+            let mut surface = TileSurface::new(shape);
+            let mut plain = vec![[0_u32; 4]; 140];
+            for step in 0..2000 {
+                let bits = random.bits();
+                let mask = [depth, stencil, both][(bits >> 8) as usize % 3];
+                // Few values, so that some are there already.
+                let value: [u32; 4] = std::array::from_fn(|w| (0x0101_0101 * (bits >> (2 * w + 16) & 3)) & both[w]);
+                let set = |texel: &mut [u32; 4]| (0..4).for_each(|w| texel[w] = texel[w] & !mask[w] | value[w] & mask[w]);
+                match bits & 3 {
+                    0 if bits >> 2 & 3 == 0 => {
+                        surface.clear(value);
+                        plain.fill(value);
+                    }
+                    0 | 1 => {
+                        surface.clear_masked(value, mask);
+                        plain.iter_mut().for_each(set);
+                    }
+                    _ => {
+                        let x = bits >> 24 & 63;
+                        let mut tile = surface.tile_mut(0, mask);
+                        tile.materialise(words);
+                        let mut texel = plain[x as usize];
+                        set(&mut texel);
+                        for w in 0..words {
+                            tile.codes[(quad_of(x, 0) as usize * words + w) * 4 + x as usize % 2] = texel[w];
+                        }
+                        plain[x as usize] = texel;
+                    }
+                }
+                for (i, want) in plain.iter().enumerate() {
+                    assert_eq!(surface.texel(i as u32 % 70, i as u32 / 70, 0)[..words], want[..words], "{format:?} {step} {i}");
+                }
+            }
+        }
     }
 
     #[test]

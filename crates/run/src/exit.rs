@@ -1,5 +1,7 @@
 //! Where frames leave a replay.
 
+use std::sync::Arc;
+
 use anyhow::Result;
 
 use super::timeline::Timeline;
@@ -13,7 +15,7 @@ pub struct Frame {
     /// Its number in the trace.
     pub number: u32,
     /// What is shown and its bytes; none where nothing was ever drawn.
-    pub shown: Option<(Surface, Vec<u8>)>,
+    pub shown: Option<(Surface, Arc<[u8]>)>,
     /// Its statistics.
     pub tree: Tree,
     /// What was done one after another; empty where no time is simulated.
@@ -25,7 +27,7 @@ pub struct Frame {
 impl From<FrameReport> for Frame {
     fn from(frame: FrameReport) -> Frame {
         let FrameReport { number, picture, tree, phases, shown: display, .. } = frame;
-        Frame { number, shown: picture.map(|picture| (picture.surface, picture.bytes)), tree, phases, display }
+        Frame { number, shown: picture.map(|picture| (picture.surface, picture.bytes.into())), tree, phases, display }
     }
 }
 
@@ -65,6 +67,6 @@ impl<'e> Exit<'e> {
 }
 
 /// What a frame shows, where the renderer's picture is the picture.
-pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Vec<u8>)> {
-    end.shown.map(|surface| (surface, end.reference.to_vec()))
+pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Arc<[u8]>)> {
+    end.shown.map(|surface| (surface, end.reference.clone()))
 }

@@ -185,29 +185,15 @@ fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample
     };
     let reference: Option<[f32; LANES]> = args.compare.map(|r| r.f32().map(|r| reference(view, r)));
     let quads = matches!(args.lod, Lod::Auto);
-    let level = |level: &[u32; LANES], out: &mut Values| {
-        let at = Geometry::new(view, args, level, quads);
-        match filters {
-            Filters::Nearest => nearest(store, sampler, args, &at, reference.as_ref(), out),
-            Filters::Linear => linear(store, sampler, args, &at, reference.as_ref(), out),
-            Filters::Both(marked) => {
-                let mut filtered = [[0.0; LANES]; 4];
-                nearest(store, sampler, args, &at, reference.as_ref(), out);
-                linear(store, sampler, args, &at, reference.as_ref(), &mut filtered);
-                for (out, filtered) in out.iter_mut().zip(&filtered) {
-                    for i in 0..LANES {
-                        out[i] = if marked[i] != 0 { filtered[i] } else { out[i] };
-                    }
-                }
-            }
-        }
-    };
-    let mut value = [[0.0; LANES]; 4];
-    level(&first, &mut value);
-    if most > 0.0 {
-        let mut second = [[0.0; LANES]; 4];
-        first.iter_mut().for_each(|level| *level = following(view, *level));
-        level(&first, &mut second);
+    let mut values = [[[0.0; LANES]; 4]; 2];
+    let blend = most > 0.0;
+    let mut level = first;
+    for value in &mut values[..1 + usize::from(blend)] {
+        filter(store, sampler, args, &Geometry::new(view, args, &level, quads), filters, reference.as_ref(), value);
+        level.iter_mut().for_each(|level| *level = following(view, *level));
+    }
+    let [mut value, second] = values;
+    if blend {
         for (a, b) in value.iter_mut().zip(&second) {
             for i in 0..LANES {
                 let mixed = a[i] + (b[i] - a[i]) * weight[i];
@@ -217,6 +203,33 @@ fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample
     }
     for (out, value) in out.iter_mut().zip(&value) {
         *out.f32_mut() = *value;
+    }
+}
+
+/// What each lane's filter makes of its level. No closure: one that is not inlined has not the instruction sets of its function.
+#[inline(always)]
+fn filter<S: Store>(
+    store: S,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    at: &Geometry,
+    filters: Filters<'_>,
+    reference: Option<&[f32; LANES]>,
+    out: &mut Values,
+) {
+    match filters {
+        Filters::Nearest => nearest(store, sampler, args, at, reference, out),
+        Filters::Linear => linear(store, sampler, args, at, reference, out),
+        Filters::Both(marked) => {
+            let mut filtered = [[0.0; LANES]; 4];
+            nearest(store, sampler, args, at, reference, out);
+            linear(store, sampler, args, at, reference, &mut filtered);
+            for (out, filtered) in out.iter_mut().zip(&filtered) {
+                for i in 0..LANES {
+                    out[i] = if marked[i] != 0 { filtered[i] } else { out[i] };
+                }
+            }
+        }
     }
 }
 
@@ -385,7 +398,8 @@ fn linear_along(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &
 #[inline(always)]
 fn wrap(mode: AddressMode, i: i32, n: i32) -> i32 {
     match mode {
-        AddressMode::ClampToEdge => i.clamp(0, n - 1),
+        // No `clamp`: its check of the bounds would keep the loop from becoming vectors.
+        AddressMode::ClampToEdge => i.max(0).min(n - 1),
         AddressMode::Repeat => {
             let i = if i < 0 { i + n } else { i };
             if i < n { i } else { i - n }

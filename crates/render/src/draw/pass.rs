@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use crate::surface::{Shape, TileSurface};
+use crate::surface::{ALL, Shape, TileSurface, aspect_masks};
 use gfx::format::Format;
 use host::one_line;
 use num::{LimitExceeded, LimitOverrun, Meter};
@@ -176,6 +176,14 @@ fn settle(call: &DrawCall<'_>, workers: &Workers, growth: &Meter, program: Optio
         return Err(program.map_or(over.into(), |program| program.fault(over.into(), None).into()));
     }
     Ok(growth.verify()?)
+}
+
+/// The depth attachment where a draw uses it, and the bits of its texels that the draw may write.
+fn depth_of<'a>(depth: &'a mut Option<TileSurface>, frame: &PreparedDraw<'_>) -> Option<(&'a mut TileSurface, [u32; 4])> {
+    let (surface, state) = (depth.as_mut()?, frame.depth.as_ref()?);
+    let (depth_bits, stencil_bits) = aspect_masks(surface.shape().format);
+    let stencil = if state.writes_stencil() { u32::MAX } else { 0 };
+    Some((surface, std::array::from_fn(|w| depth_bits[w] | stencil_bits[w] & stencil)))
 }
 
 impl RenderPass {
@@ -390,18 +398,18 @@ impl RenderPass {
             *location = color.as_mut().map(|(surface, _)| surface);
         }
         for (tile, target) in job.colors.iter_mut().zip(&frame.targets) {
-            *tile = locations[target.location].take().map(|surface| surface.tile_mut(index));
+            *tile = locations[target.location].take().map(|surface| surface.tile_mut(index, ALL));
         }
-        job.depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(|surface| surface.tile_mut(index));
+        job.depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tile_mut(index, written));
         job
     }
 
     /// Some tiles, in order, with their parts of the attachments.
     fn jobs(&mut self, frame: &PreparedDraw<'_>, tiles: [u32; 2], indices: &[usize]) -> Vec<TileJob<'_>> {
         let mut locations: Vec<Option<_>> =
-            self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut())).collect();
+            self.color.iter_mut().map(|c| c.as_mut().map(|(surface, _)| surface.tiles_mut(ALL))).collect();
         let mut colors: Vec<_> = frame.targets.iter().map(|t| locations[t.location].take()).collect();
-        let mut depth = self.depth.as_mut().filter(|_| frame.depth.is_some()).map(TileSurface::tiles_mut);
+        let mut depth = depth_of(&mut self.depth, frame).map(|(surface, written)| surface.tiles_mut(written));
         let mut jobs = Vec::with_capacity(indices.len());
         let mut next = 0;
         for &index in indices {
