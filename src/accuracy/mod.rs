@@ -31,7 +31,7 @@ mod texture;
 
 use std::sync::Mutex;
 
-use crate::num::{Random, edits};
+use crate::num::{self, Random};
 use anyhow::Result;
 use rayon::prelude::*;
 
@@ -228,12 +228,19 @@ pub fn targets() -> impl Iterator<Item = &'static Target> {
 /// The target of that name.
 ///
 /// # Errors
-/// If there is none: the message names the nearest.
+/// If there is none: the message names one that is near.
 pub fn find(id: &str) -> Result<&'static Target> {
-    targets().find(|target| target.id == id).ok_or_else(|| {
-        let nearest = targets().map(|target| target.id).min_by_key(|known| edits(known, id)).unwrap_or_default();
-        anyhow::anyhow!("there is no target {id}; {nearest} is the nearest, and --list names all")
-    })
+    targets()
+        .find(|target| target.id == id)
+        .ok_or_else(|| anyhow::anyhow!("there is no target {id}{}", hint(targets().map(|target| target.id), id)))
+}
+
+/// What a message about a name that there is not ends with: a name that is near, and where all are.
+fn hint(names: impl Iterator<Item = &'static str>, given: &str) -> String {
+    match num::nearest(names, given) {
+        Some(name) => format!("; {name} is the nearest, and --list names all"),
+        None => "; --list names all".to_owned(),
+    }
 }
 
 /// The target of that name, or all whose names begin with it and a dash: `gl` means those of OpenGL's fixed functions.

@@ -12,7 +12,7 @@ mod prefetch;
 mod random;
 mod words;
 
-pub use edits::edits;
+pub use edits::{edits, nearest};
 pub use fixed::{Fx8, snap};
 pub use ids::*;
 pub use lanes::{LANES, Lanes, Mask, QUADS};

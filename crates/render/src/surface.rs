@@ -302,9 +302,7 @@ impl TileSurface {
                     let (pixels, _) = out.as_chunks_mut::<4>();
                     match self.tile(ty * across + tx) {
                         None => pixels.fill(self.value[0].to_le_bytes()),
-                        Some(codes) => {
-                            each_pair(codes, y as u32, pixels, |code| code.to_le_bytes());
-                        }
+                        Some(codes) => copy_row(codes, y as u32, pixels),
                     }
                 }
             }
@@ -420,15 +418,17 @@ fn load_row(shape: Shape, geometry: &TileGeometry, row: u32, codes: &mut [u32], 
 }
 
 /// Copies the start of a row of a tile of one word and one sample, a quad's two texels at a time.
-#[inline(always)]
-fn each_pair<T>(codes: &[u32], y: u32, out: &mut [T], f: impl Fn(u32) -> T) {
+fn copy_row(codes: &[u32], y: u32, out: &mut [[u8; 4]]) {
     let first = texel_at(0, y);
-    for (x, pair) in out.chunks_mut(2).enumerate() {
-        // Blocks of four quads a row.
-        let at = first + 4 * (x % 4) + x / 4 * (BLOCK * BLOCK) as usize;
-        for (out, code) in pair.iter_mut().zip(&codes[at..at + 2]) {
-            *out = f(*code);
-        }
+    // Blocks of four quads a row.
+    let at = |x: usize| first + 4 * (x % 4) + x / 4 * (BLOCK * BLOCK) as usize;
+    let (pairs, odd) = out.as_chunks_mut::<2>();
+    if let [last] = odd {
+        *last = codes[at(pairs.len())].to_le_bytes();
+    }
+    for (x, pair) in pairs.iter_mut().enumerate() {
+        let codes = &codes[at(x)..at(x) + 2];
+        *pair = [codes[0].to_le_bytes(), codes[1].to_le_bytes()];
     }
 }
 

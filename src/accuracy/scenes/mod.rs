@@ -40,8 +40,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow};
 
-use super::Setting;
-use crate::num::edits;
+use super::{Setting, hint};
 
 pub use page::{markdown, pictures, text};
 pub use stage::{Answer, Image, Played, Price, Stage};
@@ -166,10 +165,11 @@ pub fn run(scenes: &[&'static Scene], setting: &Setting) -> Result<Vec<Outcome>>
 /// The scene of that name.
 ///
 /// # Errors
-/// If there is none: the message names the nearest.
+/// If there is none: the message names one that is near.
 pub fn find(name: &str) -> Result<&'static Scene> {
-    SCENES.iter().copied().find(|scene| scene.name == name).ok_or_else(|| {
-        let nearest = SCENES.iter().map(|scene| scene.name).min_by_key(|known| edits(known, name)).unwrap_or_default();
-        anyhow::anyhow!("there is no scene {name}; {nearest} is the nearest, and --list names all")
-    })
+    SCENES
+        .iter()
+        .copied()
+        .find(|scene| scene.name == name)
+        .ok_or_else(|| anyhow!("there is no scene {name}{}", hint(SCENES.iter().map(|scene| scene.name), name)))
 }

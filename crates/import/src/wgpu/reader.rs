@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use host::ron_reason;
-use num::edits;
+use num::nearest;
 use trace::{Place, TraceError};
 
 use wgpu_text::{Action, Wrong};
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What is wrong with an action. Of the names that would be right only the nearest is told: there are up to fifty.
+/// What is wrong with an action. Of the names that would be right one that is near is told: there are up to fifty.
 fn reason(error: &ron::Error) -> String {
     let (what, within, expected, found) = match error {
         ron::Error::NoSuchEnumVariant { expected, found, outer } => ("variant", outer, expected, found),
@@ -125,8 +125,8 @@ fn reason(error: &ron::Error) -> String {
         other => return ron_reason(other),
     };
     let within = within.as_ref().map_or(String::new(), |outer| format!(" of {outer}"));
-    let nearest = expected.iter().min_by_key(|known| edits(known, found));
-    let nearest = nearest.map_or(String::new(), |nearest| format!("; {nearest} is the nearest"));
+    let nearest =
+        nearest(expected.iter().copied(), found).map_or(String::new(), |nearest| format!("; {nearest} is the nearest"));
     format!("there is no {what} {found}{within}{nearest}")
 }
 

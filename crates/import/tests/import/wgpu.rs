@@ -223,7 +223,7 @@ fn errors_say_where_and_what() {
         ),
         (
             "[DropBuffer(PointerId(1)),\n Explode(3),]",
-            "trace.ron:2:9: action 1 (Explode): there is no variant Explode of Action; Init is the nearest",
+            "trace.ron:2:9: action 1 (Explode): there is no variant Explode of Action",
         ),
         ("[DropBuffer(PointerId(0))]", "action 0 (DropBuffer): "),
         ("[DropBuffer(\n  7)]", "trace.ron:2:3: action 0 (DropBuffer): "),

@@ -10,7 +10,7 @@ use super::places::{self, Place};
 use super::{BUILT_IN, Config, ConfigError};
 use host::ron_reason;
 use knob::{Allowed, Knob, Section, Setting};
-use num::edits;
+use num::{edits, nearest};
 
 /// A knob as written.
 struct Written {
@@ -248,15 +248,13 @@ fn apply(config: &mut Config, file: &str, path: &str, given: &Given) -> Result<(
 /// The key that is nearest to one that there is not: one that has sections in front of it, else the one with the fewest edits.
 fn hint(path: &str) -> String {
     let config = Config::default();
-    let paths = config
-        .sections()
-        .into_iter()
-        .flat_map(|(section, knobs)| knobs.knobs().iter().map(move |knob| join(section, knob.name)));
-    let in_section = |known: &str| known.strip_suffix(path).is_some_and(|sections| sections.ends_with('.'));
-    let nearest = paths.min_by_key(|known| (!in_section(known), edits(known, path)));
-    nearest
-        .filter(|known| in_section(known) || edits(known, path) <= 2 + path.len() / 3)
-        .map_or(String::new(), |known| format!("; {known} is the nearest"))
+    let of =
+        |(section, knobs): (&str, &dyn Section)| knobs.knobs().iter().map(|knob| join(section, knob.name)).collect::<Vec<_>>();
+    let paths: Vec<String> = config.sections().into_iter().flat_map(of).collect();
+    let in_section = |known: &&str| known.strip_suffix(path).is_some_and(|sections| sections.ends_with('.'));
+    let known = || paths.iter().map(String::as_str);
+    let nearest = known().filter(in_section).min_by_key(|known| known.len()).or_else(|| nearest(known(), path));
+    nearest.map_or(String::new(), |known| format!("; {known} is the nearest"))
 }
 
 #[cfg(test)]
