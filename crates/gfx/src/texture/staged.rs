@@ -185,24 +185,18 @@ fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample
     };
     let reference: Option<[f32; LANES]> = args.compare.map(|r| r.f32().map(|r| reference(view, r)));
     let quads = matches!(args.lod, Lod::Auto);
-    let mut values = [[[0.0; LANES]; 4]; 2];
-    let blend = most > 0.0;
-    let mut level = first;
-    for value in &mut values[..1 + usize::from(blend)] {
-        filter(store, sampler, args, &Geometry::new(view, args, &level, quads), filters, reference.as_ref(), value);
-        level.iter_mut().for_each(|level| *level = following(view, *level));
-    }
-    let [mut value, second] = values;
-    if blend {
+    let value: &mut Values = bytemuck::cast_mut(out);
+    filter(store, sampler, args, &Geometry::new(view, args, &first, quads), filters, reference.as_ref(), value);
+    if most > 0.0 {
+        first.iter_mut().for_each(|level| *level = following(view, *level));
+        let mut second = [[0.0; LANES]; 4];
+        filter(store, sampler, args, &Geometry::new(view, args, &first, quads), filters, reference.as_ref(), &mut second);
         for (a, b) in value.iter_mut().zip(&second) {
             for i in 0..LANES {
                 let mixed = a[i] + (b[i] - a[i]) * weight[i];
                 a[i] = if weight[i] > 0.0 { mixed } else { a[i] };
             }
         }
-    }
-    for (out, value) in out.iter_mut().zip(&value) {
-        *out.f32_mut() = *value;
     }
 }
 
@@ -248,9 +242,17 @@ fn nearest<S: Store>(
     nearest_along(sampler.address[1], args.coords[1].f32(), &at.height, &mut y);
     S::places(at, &x, &y, &mut places);
     mark_outside(sampler, &x, &y, &mut places);
-    let mut sum = Sum::new(out, reference);
-    sum.add(store, sampler, &places, &[1.0; LANES]);
-    sum.finish();
+    texels(store, sampler, &places, out);
+    match reference {
+        // A sum of one texel whose weight is 1: what it makes of -0 and NaN counts too.
+        None => out.as_flattened_mut().iter_mut().for_each(|value| *value = 0.0 + *value),
+        Some(reference) => {
+            for i in 0..LANES {
+                out[0][i] = f32::from(u8::from(sampler.compare.test(reference[i], out[0][i])));
+            }
+            (out[1], out[2], out[3]) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
+        }
+    }
 }
 
 /// The four texels about each lane's place.
@@ -278,6 +280,19 @@ fn linear<S: Store>(
         sum.add(store, sampler, &places, &weight);
     }
     sum.finish();
+}
+
+/// The texels at places of a store; the border's colour outside.
+#[inline(always)]
+fn texels<S: Store>(store: S, sampler: &Sampler, places: &[u32; LANES], out: &mut Values) {
+    store.texels(places, out);
+    if bordered(sampler) {
+        for (channel, border) in out.iter_mut().zip(sampler.border) {
+            for i in 0..LANES {
+                channel[i] = if places[i] == OUTSIDE { border } else { channel[i] };
+            }
+        }
+    }
 }
 
 /// Puts lanes whose texel is in the border outside of the store.
@@ -311,14 +326,7 @@ impl<'a> Sum<'a> {
     #[inline(always)]
     fn add<S: Store>(&mut self, store: S, sampler: &Sampler, places: &[u32; LANES], weight: &[f32; LANES]) {
         let mut texels = [[0.0; LANES]; 4];
-        store.texels(places, &mut texels);
-        if bordered(sampler) {
-            for (channel, border) in texels.iter_mut().zip(sampler.border) {
-                for i in 0..LANES {
-                    channel[i] = if places[i] == OUTSIDE { border } else { channel[i] };
-                }
-            }
-        }
+        self::texels(store, sampler, places, &mut texels);
         match self.reference {
             None => {
                 for (sum, texel) in self.values.iter_mut().zip(&texels) {
