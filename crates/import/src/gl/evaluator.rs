@@ -223,7 +223,10 @@ pub(super) fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mode = call.u32(0)?;
     let (i1, i2, j1, j2) = (call.i32(1)?, call.i32(2)?, call.i32(3)?, call.i32(4)?);
     bounded(&[(i1, i2), (j1, j2)])?;
+    // A mesh that is empty along one axis has no points, however far the other reaches.
+    let empty = i1 > i2 || j1 > j2;
     match mode {
+        e::POINT | e::LINE | e::FILL if empty => Ok(()),
         e::POINT => emit(gl, e::POINTS, (i1..=i2).flat_map(move |i| (j1..=j2).map(move |j| (i, Some(j))))),
         e::LINE => {
             for j in j1..=j2 {

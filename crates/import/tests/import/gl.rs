@@ -433,6 +433,22 @@ fn memory() -> [Vec<u8>; 2] {
     [words(&[4, 4096, 24, 9]), regions]
 }
 
+/// Each of these meshes had a loop of two thousand million turns without a point.
+#[test]
+fn meshes_that_are_empty_along_one_axis_take_no_time() {
+    for (mode, range) in [
+        ("POINT", "-2147483648,1,16,8"),
+        ("LINE", "-2147483648,1,16,8"),
+        ("LINE", "16,8,-2147483648,1"),
+        ("FILL", "16,8,-2147483648,1"),
+    ] {
+        let text = format!("GLI0.t\n#! RES 8x8\nglEvalMesh2(GL_{mode},{range})\nwglSwapBuffers(1)\n");
+        let (trace, report) = imported_text(text.as_bytes(), &[Vec::new(), Vec::new()]).expect("nothing is drawn");
+        assert!(report.unsupported.is_empty());
+        assert_eq!(draws(&trace), 0);
+    }
+}
+
 fn imported_text(text: &[u8], memory: &[Vec<u8>; 2]) -> Result<(Trace, Report), String> {
     let memory = [memory[0].as_slice(), memory[1].as_slice()];
     import_bytes(Path::new("x.txt"), text.to_vec(), memory, &Reading::default()).map_err(|error| error.to_string())
