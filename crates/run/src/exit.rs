@@ -1,5 +1,6 @@
 //! Where frames leave a replay.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -9,13 +10,39 @@ use machine::{FrameReport, PhaseReport, Shown};
 use stats::Tree;
 use work::{EndFrame, Surface};
 
+/// The bytes of a picture. They are not copied on their way out.
+#[derive(Clone, Debug)]
+pub enum Bytes {
+    /// A machine's, which nobody else has.
+    Own(Vec<u8>),
+    /// The renderer's, which it may show again.
+    Shared(Arc<[u8]>),
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Bytes::Own(bytes) => bytes,
+            Bytes::Shared(bytes) => bytes,
+        }
+    }
+}
+
+impl PartialEq for Bytes {
+    fn eq(&self, other: &Bytes) -> bool {
+        self[..] == other[..]
+    }
+}
+
 /// One frame of a replay.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Its number in the trace.
     pub number: u32,
     /// What is shown and its bytes; none where nothing was ever drawn.
-    pub shown: Option<(Surface, Arc<[u8]>)>,
+    pub shown: Option<(Surface, Bytes)>,
     /// Its statistics.
     pub tree: Tree,
     /// What was done one after another; empty where no time is simulated.
@@ -27,7 +54,7 @@ pub struct Frame {
 impl From<FrameReport> for Frame {
     fn from(frame: FrameReport) -> Frame {
         let FrameReport { number, picture, tree, phases, shown: display, .. } = frame;
-        Frame { number, shown: picture.map(|picture| (picture.surface, picture.bytes.into())), tree, phases, display }
+        Frame { number, shown: picture.map(|picture| (picture.surface, Bytes::Own(picture.bytes))), tree, phases, display }
     }
 }
 
@@ -67,6 +94,6 @@ impl<'e> Exit<'e> {
 }
 
 /// What a frame shows, where the renderer's picture is the picture.
-pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Arc<[u8]>)> {
-    end.shown.map(|surface| (surface, end.reference.clone()))
+pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Bytes)> {
+    end.shown.map(|surface| (surface, Bytes::Shared(end.reference.clone())))
 }
