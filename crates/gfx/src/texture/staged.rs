@@ -245,7 +245,7 @@ fn nearest<S: Store>(
     texels(store, sampler, &places, out);
     match reference {
         // A sum of one texel whose weight is 1: what it makes of -0 and NaN counts too.
-        None => out.as_flattened_mut().iter_mut().for_each(|value| *value = 0.0 + *value),
+        None => out.as_flattened_mut().iter_mut().for_each(|value| *value += 0.0),
         Some(reference) => {
             for i in 0..LANES {
                 out[0][i] = f32::from(u8::from(sampler.compare.test(reference[i], out[0][i])));
