@@ -57,11 +57,13 @@ pub fn compare(a: &RgbaImage, b: &RgbaImage) -> Result<Difference, String> {
         let bright = |c: usize| (u32::from(d[c]) * 8 + u32::from(d[3]) * 8).min(255) as u8;
         *out = Rgba([bright(0), bright(1), bright(2), 255]);
     }
-    if squares > 0 {
-        let mean = squares as f64 / (4 * result.pixels) as f64;
-        result.psnr = 10.0 * (255.0 * 255.0 / mean).log10();
-    }
+    result.psnr = psnr(squares, 4 * result.pixels);
     Ok(result)
+}
+
+/// The peak signal-to-noise ratio in dB of so many channels, by the sum of their squared differences; infinite for equal ones.
+fn psnr(squares: u64, channels: u64) -> f64 {
+    if squares == 0 { f64::INFINITY } else { 10.0 * (255.0 * 255.0 * channels as f64 / squares as f64).log10() }
 }
 
 /// Pixels of which red, green or blue differ by more than `tolerance`, and the peak signal-to-noise ratio over the three in dB, infinite for equal
@@ -73,13 +75,13 @@ pub fn rgb_difference(a: &RgbaImage, b: &RgbImage, tolerance: u8) -> (u64, f64) 
         off += u64::from(d.iter().any(|&d| d > tolerance));
         squares += d.iter().map(|&d| u64::from(d) * u64::from(d)).sum::<u64>();
     }
-    let values = 3.0 * f64::from(b.width()) * f64::from(b.height());
-    let psnr = if squares == 0 { f64::INFINITY } else { 10.0 * (65_025.0 * values / squares as f64).log10() };
-    (off, psnr)
+    (off, psnr(squares, 3 * u64::from(b.width()) * u64::from(b.height())))
 }
 
 #[cfg(test)]
 mod tests {
+    use image::Rgb;
+
     use super::*;
 
     #[test]
@@ -95,5 +97,19 @@ mod tests {
         assert!((d.psnr - expected).abs() < 1e-9);
         assert_eq!(d.picture.get_pixel(5, 6).0, [0, 80, 0, 255]);
         assert!(compare(&a, &RgbaImage::new(9, 10)).unwrap_err().contains("9 x 10"));
+    }
+
+    #[test]
+    fn alpha_is_no_difference_of_colours() {
+        let mut a = RgbaImage::from_pixel(4, 2, Rgba([10, 20, 30, 0]));
+        let b = RgbImage::from_pixel(4, 2, Rgb([10, 20, 30]));
+        assert_eq!(rgb_difference(&a, &b, 0), (0, f64::INFINITY));
+        a.put_pixel(1, 1, Rgba([10, 24, 30, 255]));
+        a.put_pixel(2, 0, Rgba([13, 20, 30, 255]));
+        let psnr = 10.0 * (255.0_f64.powi(2) / ((16.0 + 9.0) / 24.0)).log10();
+        for (tolerance, off) in [(2, 2), (3, 1), (4, 0)] {
+            let found = rgb_difference(&a, &b, tolerance);
+            assert!(found.0 == off && (found.1 - psnr).abs() < 1e-9, "{found:?}");
+        }
     }
 }

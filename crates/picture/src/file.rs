@@ -3,23 +3,16 @@
 use std::fs::File;
 use std::io::{BufReader, Cursor};
 
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader, RgbImage, RgbaImage};
+use image::{DynamicImage, ImageBuffer, ImageError, ImageFormat, ImageReader, Pixel, PixelWithColorType};
 
-/// A PNG file of a picture with alpha.
+/// A PNG file of a picture of 8 bits a channel, with alpha where its pixels have it.
 ///
 /// # Errors
 /// If the picture has no pixels.
-pub fn png(image: &RgbaImage) -> Result<Vec<u8>, ImageError> {
-    let mut file = Cursor::new(Vec::new());
-    image.write_to(&mut file, ImageFormat::Png)?;
-    Ok(file.into_inner())
-}
-
-/// A PNG file of a picture without alpha.
-///
-/// # Errors
-/// If the picture has no pixels.
-pub fn png_rgb(image: &RgbImage) -> Result<Vec<u8>, ImageError> {
+pub fn png<P>(image: &ImageBuffer<P, Vec<u8>>) -> Result<Vec<u8>, ImageError>
+where
+    P: Pixel<Subpixel = u8> + PixelWithColorType,
+{
     let mut file = Cursor::new(Vec::new());
     image.write_to(&mut file, ImageFormat::Png)?;
     Ok(file.into_inner())
@@ -44,7 +37,7 @@ pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::{Rgb, Rgba};
+    use image::{Rgb, RgbImage, Rgba, RgbaImage};
     use std::io::{Seek, Write};
 
     fn on_disk(bytes: &[u8]) -> File {
@@ -61,7 +54,7 @@ mod tests {
         assert_eq!(read(on_disk(&file)).unwrap().into_rgba8(), image);
         assert_eq!(read_png(&file).unwrap().into_rgba8(), image);
         let opaque = RgbImage::from_fn(5, 2, |x, y| Rgb([x as u8, y as u8, 200]));
-        assert_eq!(read(on_disk(&png_rgb(&opaque).unwrap())).unwrap().into_rgb8(), opaque);
+        assert_eq!(read(on_disk(&png(&opaque).unwrap())).unwrap().into_rgb8(), opaque);
         let pnm = [&b"P6 2 1 255\n"[..], &[1, 2, 3, 4, 5, 6]].concat();
         assert_eq!(read(on_disk(&pnm)).unwrap().into_rgb8().into_raw(), [1, 2, 3, 4, 5, 6]);
         assert!(read_png(&pnm).is_err());

@@ -6,5 +6,5 @@ mod file;
 mod surface;
 
 pub use difference::{Difference, TOLERANCE, compare, rgb_difference};
-pub use file::{png, png_rgb, read, read_png};
+pub use file::{png, read, read_png};
 pub use surface::{opaque, picture};

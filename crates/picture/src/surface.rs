@@ -90,6 +90,8 @@ mod tests {
         let bytes = [10, 20, 30, 40, 50, 60, 70, 80];
         assert_eq!(picture(&surface(Format::Rgba8UnormSrgb), &bytes).unwrap().into_raw(), bytes);
         assert_eq!(picture(&surface(Format::Bgra8Unorm), &bytes).unwrap().into_raw(), [30, 20, 10, 40, 70, 60, 50, 80]);
+        assert_eq!(opaque(&surface(Format::Bgra8Unorm), &bytes).unwrap().into_raw(), [30, 20, 10, 255, 70, 60, 50, 255]);
+        assert!(opaque(&surface(Format::Bgra8Unorm), &bytes[..7]).is_err());
     }
 
     #[test]

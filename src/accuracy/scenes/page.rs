@@ -56,7 +56,7 @@ pub fn pictures(outcomes: &[Outcome], folder: &Path) -> Result<()> {
         // A page has a background of its own.
         let shown =
             picture::opaque(&image.surface, &image.bytes).map_err(|reason| anyhow!("{}: {reason}", outcome.scene.name))?;
-        let png = picture::png_rgb(&image::DynamicImage::ImageRgba8(shown).to_rgb8())?;
+        let png = picture::png(&image::DynamicImage::ImageRgba8(shown).to_rgb8())?;
         host::write_file(&folder.join(format!("{}.png", outcome.scene.name)), &png)?;
     }
     Ok(())

@@ -12,7 +12,7 @@ use crate::run::maps::{Kind, Map, Maps, Surface};
 fn encoded(surface: &Surface, map: &Map) -> Vec<u8> {
     let bytes = map.values.iter().flat_map(|&value| value.min(0xFF_FFFF).to_be_bytes().into_iter().skip(1)).collect();
     // A picture without pixels is not made.
-    RgbImage::from_raw(surface.columns, surface.rows, bytes).and_then(|image| picture::png_rgb(&image).ok()).unwrap_or_default()
+    RgbImage::from_raw(surface.columns, surface.rows, bytes).and_then(|image| picture::png(&image).ok()).unwrap_or_default()
 }
 
 /// The largest value, and the one that 99.5 % of the cells with any stay below.
