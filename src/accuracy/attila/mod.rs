@@ -12,6 +12,7 @@ use anyhow::{Context, Result, ensure};
 use crate::import::{self, Kind};
 use crate::machine::Config;
 use crate::num::Limits;
+use crate::run::functional::funnel_of;
 use crate::run::replay::{Fidelity, Options, replay};
 use crate::trace::Reading;
 
@@ -116,7 +117,7 @@ impl Case {
             .find(|frame| frame.number == self.frame)
             .with_context(|| format!("{}: no frame {}", self.recording.display(), self.frame))?;
         let rows = rows::rows(&self.counters, frame)?;
-        let shaded = 4.0 * frame.tree.number("funnel.quads_shaded").unwrap_or(0.0);
+        let shaded = 4.0 * funnel_of(&frame.tree).quads_shaded as f64;
         let fragments_a_second = shaded / replayed.clock_time.as_secs_f64().max(1e-9);
         Ok(Outcome { name: self.name.clone(), frame: self.frame, rows, fragments_a_second })
     }

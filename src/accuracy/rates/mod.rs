@@ -10,6 +10,7 @@ use super::Target;
 use super::machine::{config, figure, replay};
 use crate::machine::Config;
 use crate::machine::config::MemoryKind;
+use crate::mem::ClientCounts;
 use crate::stats::{Node, Tree};
 use synthetic::Scene;
 
@@ -137,8 +138,11 @@ fn each(tree: &Tree, list: &str, leaf: &str) -> Vec<f64> {
 /// Bytes read and written by each client of memory.
 fn clients(tree: &Tree) -> Vec<[f64; 2]> {
     let Some(Node::Tree(clients)) = tree.get("memory.clients") else { return Vec::new() };
-    let bytes = |name: &str, way: &str| tree.number(&format!("memory.clients.{name}.{way}_bytes")).unwrap_or(0.0);
-    clients.entries().map(|(name, _)| ["read", "write"].map(|way| bytes(name, way))).collect()
+    let bytes = |name: &str| {
+        let counts: ClientCounts = tree.group(&format!("memory.clients.{name}"));
+        [counts.read_bytes, counts.write_bytes].map(|bytes| bytes as f64)
+    };
+    clients.entries().map(|(name, _)| bytes(name)).collect()
 }
 
 /// What each kind of unit needs at least for what it has done: its work by its rate, as both are declared.
