@@ -213,6 +213,9 @@ impl Gl {
         if self.depth >= NESTING_MAX {
             return Ok(());
         }
+        if self.depth == 0 {
+            self.list_began = self.steps;
+        }
         self.depth += 1;
         let outcome = self.run_steps(&list);
         self.depth -= 1;

@@ -34,6 +34,9 @@ const NAMES_MAX: usize = 1 << 20;
 /// Calls that display lists run, and how many more for each call of the recording: lists in lists are few bytes and much work.
 const STEPS_MAX: u64 = 1 << 30;
 const STEPS_A_CALL: u64 = 1 << 14;
+/// Calls of lists, with all that they call, that one call runs at most: as many as the largest list has. Lists that call themselves twice would
+/// run for as long as all calls together may.
+const STEPS_A_LIST: u64 = 1 << 24;
 /// Steps between two looks at the numbers of objects: a call makes one at most.
 const STEPS_A_LOOK: u64 = 64;
 
@@ -162,6 +165,8 @@ pub struct Gl {
     pub fixed_window: bool,
     /// Lists that are executed in each other.
     pub depth: u32,
+    /// Steps before the outermost list that runs.
+    pub list_began: u64,
     /// Calls that ran.
     pub steps: u64,
     /// What a recording may ask for.
@@ -228,6 +233,7 @@ impl Gl {
             counted: Vec::new(),
             fixed_window: false,
             depth: 0,
+            list_began: 0,
             steps: 0,
             limits: *limits,
         }
@@ -296,9 +302,16 @@ impl Gl {
                 let name = format!("{}: {error}", call.function.name);
                 self.errors.entry(name).or_insert(Count { times: 0, first: call.number }).times += 1;
             }
-            Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => return Err(format!("{}: {reason}", call.function.name)),
+            Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => {
+                let name = &*call.function.name;
+                // Lists in lists are told once.
+                return Err(if reason.starts_with(name) { reason } else { format!("{name}: {reason}") });
+            }
         }
         self.steps += 1;
+        if self.depth > 0 && self.steps - self.list_began > STEPS_A_LIST {
+            return Err(format!("{}: display lists of more than {STEPS_A_LIST} calls run in one", call.function.name));
+        }
         if self.steps > STEPS_MAX.saturating_add(self.number.saturating_mul(STEPS_A_CALL)) {
             return Err(format!("{}: display lists of more than {STEPS_MAX} calls run", call.function.name));
         }

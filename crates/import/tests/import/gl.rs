@@ -449,6 +449,17 @@ fn meshes_that_are_empty_along_one_axis_take_no_time() {
     }
 }
 
+/// A list that calls itself twice would run 2^64 calls.
+#[test]
+fn lists_that_call_themselves_end_with_a_message() {
+    let text = "GLI0.t\n#! RES 8x8\nglNewList(2,GL_COMPILE)\nglCallList(2)\nglLineWidth(2)\nglCallList(2)\nglEndList()\nglCallList(2)\n";
+    let error = imported_text(text.as_bytes(), &[Vec::new(), Vec::new()]).err();
+    assert_eq!(
+        error.as_deref(),
+        Some("x.txt: call 5, line 8: glCallList: display lists of more than 16777216 calls run in one")
+    );
+}
+
 fn imported_text(text: &[u8], memory: &[Vec<u8>; 2]) -> Result<(Trace, Report), String> {
     let memory = [memory[0].as_slice(), memory[1].as_slice()];
     import_bytes(Path::new("x.txt"), text.to_vec(), memory, &Reading::default()).map_err(|error| error.to_string())
