@@ -9,7 +9,7 @@ use gfx::format::Format;
 use host::one_line;
 use num::{LimitExceeded, LimitOverrun, Meter};
 use shader::{Program, ShaderFault};
-use work::{Cull, Culling, Event, Funnel, Segment};
+use work::{Areas, Cull, Culling, Event, Funnel, Segment};
 
 use super::super::needs::Need;
 use super::areas;
@@ -371,11 +371,16 @@ impl RenderPass {
         *funnel += segment.funnel;
         for batch in batches.iter() {
             *funnel += batch.funnel;
-            drawn.areas += batch.areas;
             funnel.triangles_setup += batch.late.iter().filter(|late| late.end.is_some()).count() as u64;
         }
+        if call.areas || call.need == Need::Survey {
+            batches.iter().for_each(|batch| drawn.areas += batch.areas);
+        } else {
+            // Tiles count what is visible in any case.
+            drawn.areas = Areas::default();
+        }
         if call.record {
-            segment.funnel = *funnel;
+            segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
             let vertices = std::mem::take(&mut scratch.vertices);

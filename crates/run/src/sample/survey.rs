@@ -247,7 +247,7 @@ pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependen
     let recorded = recorded(range.start, range.len() as u32);
     let bound = |part: u32| range.start + (range.len() as u64 * u64::from(part) / u64::from(parts)) as u32;
     let ranges: Vec<Range<u32>> = (0..parts).map(|part| bound(part)..bound(part + 1)).filter(|part| !part.is_empty()).collect();
-    // All threads together are as many as there are for one rendering.
+    // Together about as many threads as there are for one rendering.
     let side_by_side = rayon::current_num_threads().min(ranges.len()).max(1);
     let threads = rayon::current_num_threads().div_ceil(side_by_side);
     let pool = || rayon::ThreadPoolBuilder::new().num_threads(threads).build();
