@@ -10,15 +10,18 @@
 //! | 3 | [`render`], [`mod@unit`], [`synthetic`], [`picture`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`] |
-//! | 6 | [`report`] |
-//! | 7 | [`accuracy`], [`sweep`], [`why`](mod@why) |
-//! | 8 | [`cli`] |
+//! | 6 | [`accuracy`] |
+//! | 7 | [`report`] |
+//! | 8 | [`sweep`], [`why`](mod@why) |
+//! | 9 | [`cli`] |
 
-pub use {gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit, work};
+pub use {
+    accuracy, gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit,
+    work,
+};
 
 pub mod report;
 
-pub mod accuracy;
 pub mod sweep;
 pub mod why;
 

@@ -1,4 +1,4 @@
-//! Floor 8: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
+//! Floor 9: the command line, one file a subcommand. Parses, calls, prints; nothing is computed here.
 
 /// As the standard one, for a reader who may go away: see [`say`].
 macro_rules! print {

@@ -1,4 +1,4 @@
-//! Floor 6: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
+//! Floor 7: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
 
 pub mod compare;
 pub mod diagram;

@@ -7,7 +7,7 @@ use crate::machine::parts::Parts;
 use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts};
 use crate::mem::{ClientCounts, DramCounts};
 use crate::sim::{ChannelCounts, Description, UnitCounts};
-use crate::stats::{Cycles, Declaration, Group, page};
+use crate::stats::{Cycles, Declaration, FrameCounts, Group, page};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::Funnel;
 
@@ -15,10 +15,8 @@ const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> D
     Declaration { name, unit, meaning }
 }
 
-const RUN: &[Declaration] = &[
-    one("cycles", "cycles", "Cycles of the card's clock that the frame (or the run) took."),
-    one("seconds", "s", "The same at the configuration's `clock_mhz`."),
-];
+const RUN: &[Declaration] =
+    &[FrameCounts::DECLARATIONS[0], one("seconds", "s", "The same at the configuration's `clock_mhz`.")];
 
 /// What `stats.json` has around the statistics.
 fn file() -> Vec<Declaration> {

@@ -7,7 +7,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 use crate::machine::{DrawReport, PhaseReport, Place, Tally};
 use crate::num::Cycle;
 use crate::run::replay::Frame;
-use crate::stats::Declaration;
+use crate::stats::{Declaration, csv_field};
 use crate::unit::phase::PhaseKind;
 use crate::work::Funnel;
 
@@ -140,8 +140,13 @@ pub fn pass_rows(frame: &Frame, first: bool) -> String {
         if first && text.is_empty() {
             header(&mut text, "frame,phase,kind,number,label,cycles", counts);
         }
-        let start =
-            [&frame.number.to_string(), &at.to_string(), phase.kind.name(), &phase.number.to_string(), &field(&phase.label)];
+        let start = [
+            &frame.number.to_string(),
+            &at.to_string(),
+            phase.kind.name(),
+            &phase.number.to_string(),
+            &csv_field(&phase.label),
+        ];
         row(&mut text, &start, report.cycles, counts);
     }
     text
@@ -157,7 +162,7 @@ pub fn draw_rows(frame: &Frame, first: bool) -> String {
                 header(&mut text, "frame,phase,pass,draw,group,label,cycles", &draw.counts);
             }
             let number = draw.number.map_or("end of the pass".into(), |number| number.to_string());
-            let start = [&*pass[0], &pass[1], &pass[2], &number, &field(&draw.group), &field(&draw.label)];
+            let start = [&*pass[0], &pass[1], &pass[2], &number, &csv_field(&draw.group), &csv_field(&draw.label)];
             row(&mut text, &start, draw.cycles, &draw.counts);
         }
     }
@@ -198,11 +203,6 @@ fn digits(text: &mut String, mut value: u64) {
     }
     text.push(',');
     text.extend(digits[at..].iter().map(|&digit| char::from(digit)));
-}
-
-/// A label as one field of a row, quoted where it must be.
-fn field(label: &str) -> String {
-    if label.contains([',', '"', '\n', '\r']) { format!("\"{}\"", label.replace('"', "\"\"")) } else { label.to_owned() }
 }
 
 #[cfg(test)]

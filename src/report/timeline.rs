@@ -14,7 +14,7 @@ use crate::machine::PhaseReport;
 use crate::num::Cycle;
 use crate::run::replay::Frame;
 use crate::run::timeline::{Bank, Timeline};
-use crate::stats::Cycles;
+use crate::stats::{Cycles, FrameCounts};
 
 /// Frames that have ended, with what was done in them one after another.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +23,7 @@ pub struct Frames(Vec<(u32, Cycle, Vec<PhaseReport>)>);
 impl Frames {
     /// A frame has ended.
     pub fn add(&mut self, frame: &Frame) {
-        let cycles = frame.tree.number("cycles").unwrap_or(0.0) as Cycle;
+        let FrameCounts { cycles } = frame.tree.read();
         self.0.push((frame.number, cycles, frame.phases.clone()));
     }
 }

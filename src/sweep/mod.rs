@@ -1,4 +1,4 @@
-//! Floor 7: experiments: one question asked of many machines, whose traces are rendered once for all of them.
+//! Floor 8: experiments: one question asked of many machines, whose traces are rendered once for all of them.
 //!
 //! An [`experiment`] is planned ([`plan`]): its machines are numbered, and each is made from its number alone. A shard runs its machines
 //! ([`timing`]) and adds each result to a journal as it ends ([`folder`]), so that a sweep that was killed goes on. When all shards have

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use crate::host;
+use crate::stats::csv_field;
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,8 +38,7 @@ impl Cell {
         match self {
             Cell::Whole(value) => value.to_string(),
             Cell::Number(value) => number(*value),
-            Cell::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Cell::Text(text) => text.clone(),
+            Cell::Text(text) => csv_field(text).into_owned(),
             Cell::Empty => String::new(),
         }
     }

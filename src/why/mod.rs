@@ -1,4 +1,4 @@
-//! Floor 7: what holds a frame back, proven by what happens without it.
+//! Floor 8: what holds a frame back, proven by what happens without it.
 //!
 //! A frame is rendered once (once per render key), and timed again on machines that have more of one resource each ([`relax`]). What
 //! gains most holds it back. A unit that is busy is no proof: the cycles that it takes may hide behind another's.

@@ -9,7 +9,7 @@ use fillrate::machine::{Config, PhaseReport};
 use fillrate::render::Dependencies;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
-use fillrate::run::sample::survey::{CacheCount, Count, Survey, survey_in_parts};
+use fillrate::run::sample::survey::{ACCESSES, Count, Survey, survey_in_parts};
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
 
@@ -257,7 +257,7 @@ fn a_survey_does_not_depend_on_its_parts() {
         let surveys = [1, 2, 5].map(|parts| survey_in_parts(trace, &options, &dependencies, parts).expect("it renders"));
         assert_eq!(surveys[0].numbers.len(), 40);
         let estimates = |survey: &Survey| {
-            [Count::Cycles, Count::DramBytes, Count::Cache("l2".into(), CacheCount::Accesses)].map(|of| survey.estimates(&of))
+            [Count::Cycles, Count::DramBytes, Count::Cache("l2".into(), ACCESSES)].map(|of| survey.estimates(&of))
         };
         for survey in &surveys[1..] {
             assert_eq!(survey.numbers, surveys[0].numbers);

@@ -5,7 +5,7 @@ use super::loss::{Accounts, LossCounts, Waits};
 use super::tally::{PhaseReport, Tallies};
 use num::Cycle;
 use sim::Circuit;
-use stats::{Cycles, Group, Node, Tree};
+use stats::{Cycles, FrameCounts, Group, Node, Tree};
 use unit::card::Card;
 use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
@@ -211,7 +211,7 @@ fn read(machine: &mut Machine) -> Reading {
     let circuit = &machine.circuit;
     let cycles = circuit.wires().now();
     let mut tree = Tree::new();
-    tree.count("cycles", cycles);
+    tree.extend(FrameCounts { cycles }.tree());
     let funnel = tree.child("funnel");
     for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.total().values()) {
         funnel.count(name, value);
@@ -273,7 +273,7 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
 fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
     let (cycles, mut tree) = (*cycles, Tree::new());
-    tree.count("cycles", cycles);
+    tree.extend(FrameCounts { cycles }.tree());
     tree.real("seconds", machine.config.seconds(cycles as f64));
     tree.extend(counted.clone());
 

@@ -3,7 +3,10 @@
 use std::fs::File;
 use std::io::{BufReader, Cursor};
 
-use image::{DynamicImage, ImageBuffer, ImageError, ImageFormat, ImageReader, Pixel, PixelWithColorType};
+use image::codecs::png::PngEncoder;
+use image::{
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageEncoder, ImageError, ImageFormat, ImageReader, Pixel, PixelWithColorType,
+};
 
 /// A PNG file of a picture of 8 bits a channel, with alpha where its pixels have it.
 ///
@@ -13,9 +16,14 @@ pub fn png<P>(image: &ImageBuffer<P, Vec<u8>>) -> Result<Vec<u8>, ImageError>
 where
     P: Pixel<Subpixel = u8> + PixelWithColorType,
 {
-    let mut file = Cursor::new(Vec::new());
-    image.write_to(&mut file, ImageFormat::Png)?;
-    Ok(file.into_inner())
+    png_of(image.as_raw(), [image.width(), image.height()], P::COLOR_TYPE)
+}
+
+/// No type parameter: the compressor is optimised here, and not compiled again in each package that writes pictures.
+fn png_of(bytes: &[u8], [width, height]: [u32; 2], color: ExtendedColorType) -> Result<Vec<u8>, ImageError> {
+    let mut file = Vec::new();
+    PngEncoder::new(&mut file).write_image(bytes, width, height, color)?;
+    Ok(file)
 }
 
 /// Reads a PNG or PNM file. Its first bytes say which it is.
@@ -37,6 +45,7 @@ pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::codecs::png::PngEncoder;
     use image::{Rgb, RgbImage, Rgba, RgbaImage};
     use std::io::{Seek, Write};
 

@@ -34,6 +34,14 @@ crate::counters! {
     }
 }
 
+crate::counters! {
+    /// What is counted of a frame, or of a run, before anything else.
+    pub struct FrameCounts {
+        /// Cycles of the card's clock that the frame (or the run) took.
+        cycles: "cycles",
+    }
+}
+
 impl Cycles {
     /// The sum of all five, which is the number of cycles accounted for.
     pub fn total(&self) -> u64 {

@@ -34,6 +34,78 @@ pub trait Group: Copy + Default + std::ops::AddAssign + 'static {
     }
 }
 
+/// One counter of a set, with the name that its declaration gives it. [`counter!`](crate::counter) makes it.
+pub struct Counter<G> {
+    name: &'static str,
+    of: fn(&G) -> u64,
+}
+
+impl<G> Counter<G> {
+    /// For [`counter!`](crate::counter), which takes both from a field.
+    #[doc(hidden)]
+    pub const fn new(name: &'static str, of: fn(&G) -> u64) -> Counter<G> {
+        Counter { name, of }
+    }
+
+    /// The name of its leaf.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Its value in a set.
+    pub fn of(&self, counts: &G) -> u64 {
+        (self.of)(counts)
+    }
+
+    /// Puts a value as its leaf.
+    pub fn put(&self, tree: &mut Tree, value: u64) {
+        tree.count(self.name, value);
+    }
+}
+
+impl<G> Clone for Counter<G> {
+    fn clone(&self) -> Counter<G> {
+        *self
+    }
+}
+
+impl<G> Copy for Counter<G> {}
+
+/// Fields of one struct are equal where their names are.
+impl<G> PartialEq for Counter<G> {
+    fn eq(&self, other: &Counter<G>) -> bool {
+        self.name == other.name
+    }
+}
+
+impl<G> Eq for Counter<G> {}
+
+impl<G> std::fmt::Debug for Counter<G> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// The counter of a set that a field declares: `counter!(ClientCounts, read_bytes)`.
+///
+/// ```
+/// stats::counters! {
+///     /// What a port counts.
+///     pub struct PortCounts {
+///         /// Bytes that it took.
+///         bytes: "bytes",
+///     }
+/// }
+/// let bytes = stats::counter!(PortCounts, bytes);
+/// assert_eq!((bytes.name(), bytes.of(&PortCounts { bytes: 3 })), ("bytes", 3));
+/// ```
+#[macro_export]
+macro_rules! counter {
+    ($group:ty, $field:ident) => {
+        $crate::Counter::<$group>::new(stringify!($field), |counts| counts.$field)
+    };
+}
+
 /// Declares a struct of `u64` counters, each with its documentation and unit:
 ///
 /// ```

@@ -13,8 +13,8 @@ mod histogram;
 mod page;
 mod tree;
 
-pub use account::{Account, Cycles, Why};
-pub use counters::{Declaration, Group};
+pub use account::{Account, Cycles, FrameCounts, Why};
+pub use counters::{Counter, Declaration, Group};
 pub use histogram::Histogram;
 pub use page::page;
-pub use tree::{Leaf, Node, Tree};
+pub use tree::{Leaf, Node, Tree, csv_field};

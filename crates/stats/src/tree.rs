@@ -1,5 +1,7 @@
 //! The ordered tree of statistics.
 
+use std::borrow::Cow;
+
 use serde_json::{Map, Number, Value};
 
 use super::Group;
@@ -82,11 +84,16 @@ impl Leaf {
     /// As one field of a CSV row, quoted where it must be.
     fn csv(&self) -> String {
         match self {
-            Leaf::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Leaf::Text(text) => text.clone(),
+            Leaf::Text(text) => csv_field(text).into_owned(),
             other => other.json().to_string(),
         }
     }
+}
+
+/// Text as one field of a CSV row, quoted where it must be (RFC 4180).
+pub fn csv_field(text: &str) -> Cow<'_, str> {
+    let quoted = text.bytes().any(|byte| matches!(byte, b',' | b'"' | b'\n' | b'\r'));
+    if quoted { Cow::Owned(format!("\"{}\"", text.replace('"', "\"\""))) } else { Cow::Borrowed(text) }
 }
 
 fn quotient(numerator: u64, denominator: u64) -> f64 {

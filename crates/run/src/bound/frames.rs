@@ -11,8 +11,9 @@ use crate::host::Stopwatch;
 use crate::profiles::{Profiled, Reader};
 use crate::rendering::{Consumer, Rendering, Work};
 use machine::{Config, Machine, PhaseReport};
+use mem::{CacheCounts, DramCounts};
 use render::Held;
-use stats::{Node, Tree};
+use stats::{FrameCounts, Group, Node, Tree, counter};
 use work::profile::Profiler;
 use work::{Event, Funnel};
 
@@ -44,19 +45,19 @@ impl Estimated {
     /// As statistics.
     pub fn tree(&self, config: &Config) -> Tree {
         let mut tree = Tree::new();
-        tree.count("cycles", self.cycles.round() as u64);
+        tree.extend(FrameCounts { cycles: self.cycles.round() as u64 }.tree());
         tree.real("seconds", config.seconds(self.cycles));
         tree.set("funnel", Node::Tree(funnel_tree(&self.funnel)));
         let dram = tree.child("memory").child("dram");
-        dram.count("read_bytes", self.memory.read.round() as u64);
-        dram.count("write_bytes", self.memory.written.round() as u64);
+        counter!(DramCounts, read_bytes).put(dram, self.memory.read.round() as u64);
+        counter!(DramCounts, write_bytes).put(dram, self.memory.written.round() as u64);
         let [lookups, misses] = self.textures;
         for (name, lookups, misses) in [("texture", lookups, misses), ("l2", self.memory.lookups, self.memory.misses)] {
             let [lookups, misses] = [lookups, misses].map(|n| n.round() as u64);
             let mut counts = Tree::new();
-            counts.count("accesses", lookups);
-            counts.count("hits", lookups.saturating_sub(misses));
-            counts.count("misses", misses);
+            counter!(CacheCounts, accesses).put(&mut counts, lookups);
+            counter!(CacheCounts, hits).put(&mut counts, lookups.saturating_sub(misses));
+            counter!(CacheCounts, misses).put(&mut counts, misses);
             // All pipelines' caches, and all slices, as one.
             tree.child("caches").set(name, Node::List(vec![counts]));
         }

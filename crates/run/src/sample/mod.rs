@@ -19,12 +19,12 @@ use super::exit::{Exit, Frame};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL, random};
-use survey::{CacheCount, Count, Survey, Way};
+use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, READ, Survey};
 
 use machine::Machine;
 use mem::CacheCounts;
 use render::{Dependencies, FrameSet, Want};
-use stats::{Group, Node, Tree};
+use stats::{Counter, Group, Node, Tree};
 use trace::Trace;
 use unit::scanout::ScanoutMode;
 
@@ -253,7 +253,7 @@ fn of_survey(
             Quantity::Count(count) => count.of(&total),
             Quantity::HitRate(cache) => {
                 let sum = |what| Count::Cache(cache.clone(), what).of(&total);
-                sum(CacheCount::Hits) / sum(CacheCount::Accesses).max(1.0)
+                sum(HITS) / sum(ACCESSES).max(1.0)
             }
         };
         Margin { of, value, margin }
@@ -291,7 +291,7 @@ fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[us
         let weights = clusters.weights(drawn, &survey.estimates(by));
         weights.iter().zip(frames).map(|(weight, tree)| weight * own(tree)).sum()
     };
-    for count in [Count::Dram(Way::Read), Count::Dram(Way::Write), Count::Client("texture".into(), Way::Read)] {
+    for count in [Count::Dram(DRAM_READ), Count::Dram(DRAM_WRITTEN), Count::Client("texture".into(), READ)] {
         if count.is_in(total) {
             let bytes = sum(&count, &|tree| count.of(tree)).round() as u64;
             count.put(total, bytes);
@@ -299,13 +299,13 @@ fn estimated(total: &mut Tree, survey: &Survey, clusters: &Clusters, drawn: &[us
     }
     for cache in ESTIMATED {
         for at in 0..survey::banks(total, cache).len() {
-            let of = |by: CacheCount, what: CacheCount| {
-                let own = |tree: &Tree| survey::banks(tree, cache).get(at).map_or(0.0, |counts| what.of(counts));
+            let of = |by: Counter<CacheCounts>, what: Counter<CacheCounts>| {
+                let own = |tree: &Tree| survey::banks(tree, cache).get(at).map_or(0.0, |counts| what.of(counts) as f64);
                 sum(&Count::Cache(cache.to_owned(), by), &own).round() as u64
             };
-            let misses = of(CacheCount::Misses, CacheCount::Misses);
-            let evictions = of(CacheCount::Misses, CacheCount::Evictions);
-            let accesses = of(CacheCount::Accesses, CacheCount::Accesses).max(misses);
+            let misses = of(MISSES, MISSES);
+            let evictions = of(MISSES, EVICTIONS);
+            let accesses = of(ACCESSES, ACCESSES).max(misses);
             let counts = CacheCounts { accesses, hits: accesses - misses, misses, evictions };
             total.child("caches").element(cache, at).extend(counts.tree());
         }
@@ -328,22 +328,22 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
     for (cache, _) in caches.entries() {
         let of = |what| Count::Cache(cache.to_owned(), what);
         let total = |what| survey.total(clusters, drawn, &of(what), frames);
-        let accesses = total(CacheCount::Accesses);
+        let accesses = total(ACCESSES);
         if accesses.value <= 0.0 {
             continue;
         }
         let hit_rate = Quantity::HitRate(cache.to_owned());
         if ESTIMATED.contains(&cache) {
             // Lookups are known all but exactly: the rate is off by what misses are.
-            let misses = total(CacheCount::Misses);
+            let misses = total(MISSES);
             let rate = 1.0 - misses.value / accesses.value;
             found.push((hit_rate, Interval { value: rate, margin: misses.margin / accesses.value }));
-            found.push((Quantity::Count(of(CacheCount::Misses)), misses));
+            found.push((Quantity::Count(of(MISSES)), misses));
             continue;
         }
         let counts = |what| frames.iter().map(|tree| of(what).of(tree)).collect();
-        let (hits, lookups): (Vec<f64>, Vec<f64>) = (counts(CacheCount::Hits), counts(CacheCount::Accesses));
-        let rate = total(CacheCount::Hits).value / accesses.value;
+        let (hits, lookups): (Vec<f64>, Vec<f64>) = (counts(HITS), counts(ACCESSES));
+        let rate = total(HITS).value / accesses.value;
         // A quotient of two totals, linearised: its error is that of what hits are beside the rate.
         let beside: Vec<f64> = hits.iter().zip(&lookups).map(|(hits, lookups)| hits - rate * lookups).collect();
         let margin = clusters.total(drawn, &survey.estimates(&Count::Cycles), &beside).margin / accesses.value;

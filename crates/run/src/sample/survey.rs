@@ -17,65 +17,27 @@ use crate::host::Stopwatch;
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
 use render::{self, Dependencies, FrameSet, Want};
-use stats::{Node, Tree};
+use stats::{Counter, FrameCounts, Node, Tree, counter};
 use trace::Trace;
 use work::profile::{FrameProfile, Profiler};
 use work::{Areas, Event};
 
-/// Reading or writing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// Reading.
-    Read,
-    /// Writing.
-    Write,
-}
-
-impl Way {
-    /// What the statistics call its bytes.
-    fn name(self) -> &'static str {
-        match self {
-            Way::Read => "read_bytes",
-            Way::Write => "write_bytes",
-        }
-    }
-}
-
-/// What a cache counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CacheCount {
-    /// Lookups.
-    Accesses,
-    /// Lookups that found their line.
-    Hits,
-    /// Lookups that did not.
-    Misses,
-    /// Lines that made room.
-    Evictions,
-}
-
-impl CacheCount {
-    /// What the statistics call it.
-    fn name(self) -> &'static str {
-        match self {
-            CacheCount::Accesses => "accesses",
-            CacheCount::Hits => "hits",
-            CacheCount::Misses => "misses",
-            CacheCount::Evictions => "evictions",
-        }
-    }
-
-    /// That of some caches.
-    pub fn of(self, counts: &CacheCounts) -> f64 {
-        let count = match self {
-            CacheCount::Accesses => counts.accesses,
-            CacheCount::Hits => counts.hits,
-            CacheCount::Misses => counts.misses,
-            CacheCount::Evictions => counts.evictions,
-        };
-        count as f64
-    }
-}
+/// Bytes that a client of memory reads.
+pub const READ: Counter<ClientCounts> = counter!(ClientCounts, read_bytes);
+const CYCLES: Counter<FrameCounts> = counter!(FrameCounts, cycles);
+const WRITTEN: Counter<ClientCounts> = counter!(ClientCounts, write_bytes);
+/// Bytes that DRAM reads.
+pub const DRAM_READ: Counter<DramCounts> = counter!(DramCounts, read_bytes);
+/// Bytes that DRAM writes.
+pub const DRAM_WRITTEN: Counter<DramCounts> = counter!(DramCounts, write_bytes);
+/// Lookups of a cache.
+pub const ACCESSES: Counter<CacheCounts> = counter!(CacheCounts, accesses);
+/// Lookups that found their line.
+pub const HITS: Counter<CacheCounts> = counter!(CacheCounts, hits);
+/// Lookups that did not.
+pub const MISSES: Counter<CacheCounts> = counter!(CacheCounts, misses);
+/// Lines that made room.
+pub const EVICTIONS: Counter<CacheCounts> = counter!(CacheCounts, evictions);
 
 /// Something that machines count and whose sum over all frames is estimated.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,23 +45,23 @@ pub enum Count {
     /// Cycles.
     Cycles,
     /// Bytes of a client of memory.
-    Client(String, Way),
-    /// Bytes of DRAM.
-    Dram(Way),
+    Client(String, Counter<ClientCounts>),
+    /// Bytes of DRAM, read or written.
+    Dram(Counter<DramCounts>),
     /// Bytes of DRAM both ways.
     DramBytes,
     /// What all caches of a kind count.
-    Cache(String, CacheCount),
+    Cache(String, Counter<CacheCounts>),
 }
 
 impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Count::Cycles => f.write_str("cycles"),
-            Count::Client(name, way) => write!(f, "memory.clients.{name}.{}", way.name()),
-            Count::Dram(way) => write!(f, "memory.dram.{}", way.name()),
-            Count::DramBytes => f.write_str("memory.dram.bytes"),
-            Count::Cache(name, what) => write!(f, "caches.{name}.{}", what.name()),
+            Count::Cycles => f.write_str(CYCLES.name()),
+            Count::Client(name, bytes) => write!(f, "{}.{}", client(name), bytes.name()),
+            Count::Dram(bytes) => write!(f, "{DRAM}.{}", bytes.name()),
+            Count::DramBytes => write!(f, "{DRAM}.bytes"),
+            Count::Cache(name, what) => write!(f, "{}.{}", caches(name), what.name()),
         }
     }
 }
@@ -112,9 +74,14 @@ fn client(name: &str) -> String {
     format!("memory.clients.{name}")
 }
 
+/// Where those of a kind of caches stand.
+fn caches(name: &str) -> String {
+    format!("caches.{name}")
+}
+
 /// The caches of a kind, in the statistics of a machine.
 pub(super) fn banks(tree: &Tree, cache: &str) -> Vec<CacheCounts> {
-    match tree.get(&format!("caches.{cache}")) {
+    match tree.get(&caches(cache)) {
         Some(Node::List(banks)) => banks.iter().map(Tree::read).collect(),
         _ => Vec::new(),
     }
@@ -122,13 +89,12 @@ pub(super) fn banks(tree: &Tree, cache: &str) -> Vec<CacheCounts> {
 
 /// The bytes of each client of memory and of DRAM, as the statistics of a machine have them.
 pub(super) fn traffic(tree: &Tree) -> Vec<Count> {
-    let ways = [Way::Read, Way::Write];
     let mut found = Vec::new();
     if let Some(Node::Tree(clients)) = tree.get("memory.clients") {
         let names = clients.entries().map(|(name, _)| name);
-        found.extend(names.flat_map(|name| ways.map(|way| Count::Client(name.to_owned(), way))));
+        found.extend(names.flat_map(|name| [READ, WRITTEN].map(|bytes| Count::Client(name.to_owned(), bytes))));
     }
-    found.extend(ways.map(Count::Dram).into_iter().filter(|count| count.is_in(tree)));
+    found.extend([DRAM_READ, DRAM_WRITTEN].map(Count::Dram).into_iter().filter(|count| count.is_in(tree)));
     found
 }
 
@@ -145,45 +111,41 @@ impl Count {
 
     /// Its value in the statistics of a machine; the sum over a kind of cache.
     pub fn of(&self, tree: &Tree) -> f64 {
-        let bytes = |read: u64, written: u64, way: &Way| (if *way == Way::Read { read } else { written }) as f64;
-        match self {
-            Count::Cycles => tree.number("cycles").unwrap_or(0.0),
-            Count::Client(name, way) => {
-                let counts: ClientCounts = tree.group(&client(name));
-                bytes(counts.read_bytes, counts.write_bytes, way)
+        let count = match self {
+            Count::Cycles => CYCLES.of(&tree.read()),
+            Count::Client(name, bytes) => bytes.of(&tree.group(&client(name))),
+            Count::Dram(bytes) => bytes.of(&tree.group(DRAM)),
+            Count::DramBytes => {
+                let DramCounts { read_bytes, write_bytes, .. } = tree.group(DRAM);
+                read_bytes + write_bytes
             }
-            Count::Dram(way) => {
-                let counts: DramCounts = tree.group(DRAM);
-                bytes(counts.read_bytes, counts.write_bytes, way)
-            }
-            Count::DramBytes => Count::Dram(Way::Read).of(tree) + Count::Dram(Way::Write).of(tree),
-            Count::Cache(name, what) => what.of(&tree.group(&format!("caches.{name}"))),
-        }
+            Count::Cache(name, what) => what.of(&tree.group(&caches(name))),
+        };
+        count as f64
     }
 
     /// Puts bytes of a client or of DRAM into statistics that have them.
-    pub(super) fn put(&self, tree: &mut Tree, bytes: u64) {
+    pub(super) fn put(&self, tree: &mut Tree, value: u64) {
         let memory = tree.child("memory");
         match self {
-            Count::Client(name, way) => memory.child("clients").child(name).count(way.name(), bytes),
-            Count::Dram(way) => memory.child("dram").count(way.name(), bytes),
+            Count::Client(name, bytes) => bytes.put(memory.child("clients").child(name), value),
+            Count::Dram(bytes) => bytes.put(memory.child("dram"), value),
             Count::Cycles | Count::DramBytes | Count::Cache(..) => {}
         }
     }
 
     /// To what it is in proportion: what is estimated of just this, where it is, else cycles.
     fn by(&self) -> usize {
-        use CacheCount::{Accesses, Misses};
         match self {
-            Count::Dram(Way::Read) => 1,
-            Count::Dram(Way::Write) => 2,
+            Count::Dram(bytes) if *bytes == DRAM_READ => 1,
+            Count::Dram(bytes) if *bytes == DRAM_WRITTEN => 2,
             Count::DramBytes => 3,
-            Count::Cache(name, Accesses) if name == "l2" => 4,
-            Count::Cache(name, Misses) if name == "l2" => 5,
-            Count::Cache(name, Accesses) if name == "texture" => 6,
-            Count::Cache(name, Misses) if name == "texture" => 7,
+            Count::Cache(name, what) if name == "l2" && *what == ACCESSES => 4,
+            Count::Cache(name, what) if name == "l2" && *what == MISSES => 5,
+            Count::Cache(name, what) if name == "texture" && *what == ACCESSES => 6,
+            Count::Cache(name, what) if name == "texture" && *what == MISSES => 7,
             // Texture caches read the lines that they miss.
-            Count::Client(name, Way::Read) if name == "texture" => 7,
+            Count::Client(name, bytes) if name == "texture" && *bytes == READ => 7,
             _ => 0,
         }
     }

@@ -1,6 +1,7 @@
 //! Where the traffic was: the busiest link against the mean.
 
-use stats::Tree;
+use sim::ChannelCounts;
+use stats::{Node, Tree};
 
 /// A link, by its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,9 +46,9 @@ impl NetworkMap {
         let mut traffic = Traffic { links: self.links.len() as u64, ..Traffic::default() };
         let mut most = 0;
         for link in &self.links {
-            let count = |leaf| channels.number(&format!("{}[{}].{leaf}", link.name, link.index)).unwrap_or(0.0) as u64;
-            let bytes = count("bytes");
-            traffic.hops += count("items");
+            let Some(Node::List(bank)) = channels.get(link.name) else { continue };
+            let ChannelCounts { items, bytes, .. } = bank.get(link.index).map(Tree::read).unwrap_or_default();
+            traffic.hops += items;
             traffic.bytes += bytes;
             if bytes > most {
                 most = bytes;

@@ -1,0 +1,66 @@
+//! Machines for checks, and their statistics.
+
+use anyhow::{Context, Result, ensure};
+
+use machine::{Config, Machine, MachineReport};
+use sim::Clock;
+use stats::{Node, Tree};
+use synthetic::{Scene, events};
+use work::{Event, Shade};
+
+/// A built-in configuration with changes.
+///
+/// # Errors
+/// If there is none of that name, a change is none, or the knobs do not fit each other.
+pub fn config(name: &str, changes: &[&str]) -> Result<Config> {
+    let mut config = Config::built_in(name)?;
+    for change in changes {
+        config.set(change)?;
+    }
+    config.check()?;
+    Ok(config)
+}
+
+/// Runs work from cycle 0 to its end.
+///
+/// # Errors
+/// If the machine stops before.
+pub fn run(config: &Config, events: impl IntoIterator<Item = Event>) -> Result<MachineReport> {
+    Ok(Machine::new(config)?.run(events.into_iter(), Clock::SkipIdle)?)
+}
+
+/// Runs a scene as a machine of this configuration wants it rendered.
+///
+/// # Errors
+/// If the machine stops before its end.
+pub fn replay(config: &Config, scene: &Scene) -> Result<MachineReport> {
+    let covered = config.render_key().shade == Shade::Covered;
+    run(config, events(&Scene { covered, ..scene.clone() }))
+}
+
+/// The figure at a path of the statistics. Checks read what is printed, under the name under which it is printed.
+///
+/// # Errors
+/// If there is none.
+pub fn figure(tree: &Tree, path: &str) -> Result<f64> {
+    tree.number(path).with_context(|| format!("the statistics have no {path}"))
+}
+
+/// The sum of one figure over the trees of a list, as `items` over `units.setup`.
+///
+/// # Errors
+/// If there is no such list, or the figure is missing in one of its trees.
+pub fn sum(tree: &Tree, list: &str, leaf: &str) -> Result<f64> {
+    let Some(Node::List(trees)) = tree.get(list) else { anyhow::bail!("the statistics have no list {list}") };
+    trees.iter().map(|tree| figure(tree, leaf)).sum()
+}
+
+/// Pixels in which the pictures of a run differ from API order's.
+///
+/// # Errors
+/// If a frame has no picture.
+pub fn wrong_pixels(report: &MachineReport) -> Result<u64> {
+    ensure!(!report.frames.is_empty(), "the run has no frame");
+    let wrong = report.frames.iter().map(|frame| frame.picture.as_ref().map(|picture| picture.wrong_pixels));
+    wrong.sum::<Option<u64>>().context("a frame has no picture")
+}

@@ -1,0 +1,174 @@
+//! Frames in runs against one machine that simulates all: what differs, and what it takes.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+
+use run::host::process_cpu_time;
+use run::replay::{Fidelity, Options, Outcome, replay_to};
+use run::sample::survey::{Count, MISSES};
+use trace::Trace;
+use work::Surface;
+
+/// What is compared, in this order.
+fn counts() -> [(&'static str, Count); COUNTS] {
+    let misses = |cache: &str| Count::Cache(cache.to_owned(), MISSES);
+    [
+        ("cycles", Count::Cycles),
+        ("DRAM bytes", Count::DramBytes),
+        ("L2 misses", misses("l2")),
+        ("texture misses", misses("texture")),
+    ]
+}
+
+/// How many that are.
+const COUNTS: usize = 4;
+
+/// A sequence, simulated both ways.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The sequence.
+    pub name: String,
+    /// Its frames.
+    pub frames: usize,
+    /// Cycles on one machine.
+    pub cycles: f64,
+    /// By how much the sums over all runs differ from one machine's, as shares; none where there is nothing.
+    pub off: [Option<f64>; COUNTS],
+    /// Mean and greatest difference of a frame's cycles, as shares.
+    pub frame: [f64; 2],
+    /// Frames that show other bytes.
+    pub other_pictures: usize,
+    /// Clock time of the whole replay: on one machine, and in runs; of each pair.
+    pub times: Vec<[Duration; 2]>,
+    /// Processor time of the first pair, where the system tells.
+    pub spent: Option<[Spent; 2]>,
+}
+
+/// Where processor time went.
+#[derive(Clone, Copy, Debug)]
+pub struct Spent {
+    /// In the renderer, and whatever else is no machine.
+    pub rendering: Duration,
+    /// In the machine that is warmed for the runs to begin with.
+    pub warming: Duration,
+    /// In the machines that simulate.
+    pub machines: Duration,
+}
+
+impl Spent {
+    /// In all.
+    fn all(&self) -> f64 {
+        (self.rendering + self.warming + self.machines).as_secs_f64()
+    }
+
+    /// The least time on so many cores: all of them at work, and one at least as long as the machine takes that is warmed with one frame
+    /// after another. The renderer draws the tiles of a frame in parallel.
+    fn least(&self, cores: f64) -> f64 {
+        (self.all() / cores).max(self.warming.as_secs_f64())
+    }
+}
+
+/// Cycles and picture of each frame by its number.
+type Frames = BTreeMap<u32, (f64, Option<(Surface, blake3::Hash)>)>;
+
+fn run(trace: &Trace, options: &Options) -> Result<(Frames, Outcome, Option<Spent>)> {
+    let (mut frames, before) = (Frames::new(), process_cpu_time());
+    let outcome = replay_to(trace, options, &|_| (), &mut |frame| {
+        let picture = frame.shown.map(|(surface, bytes)| (surface, blake3::hash(&bytes)));
+        frames.insert(frame.number, (Count::Cycles.of(&frame.tree), picture));
+        Ok(())
+    })?;
+    let spent = process_cpu_time().zip(before).map(|(now, before)| Spent {
+        rendering: (now - before).saturating_sub(outcome.machine_time),
+        warming: outcome.warming_time,
+        machines: outcome.machine_time.saturating_sub(outcome.warming_time),
+    });
+    Ok((frames, outcome, spent))
+}
+
+/// Simulates a sequence on one machine and in runs of so many frames, one after the other, so many times.
+///
+/// # Errors
+/// If the trace cannot be replayed, the card cannot be warmed functionally, or the sequence has no more frames than a run.
+pub fn compare(name: &str, trace: &Trace, options: &Options, frames_per_run: NonZeroU32, pairs: u32) -> Result<Compared> {
+    let one = Options { fidelity: Fidelity::Cycle, frames_per_run: None, ..options.clone() };
+    let cut = Options { frames_per_run: Some(frames_per_run), ..one.clone() };
+    let ((frames, whole, spent), (frames_in_runs, runs, spent_in_runs)) = (run(trace, &one)?, run(trace, &cut)?);
+    ensure!(runs.frames_per_run.is_some(), "{name} has {} frames: one run has {frames_per_run}", frames.len());
+    let mut times = vec![[whole.clock_time, runs.clock_time]];
+    for _ in 1..pairs {
+        times.push([run(trace, &one)?.1.clock_time, run(trace, &cut)?.1.clock_time]);
+    }
+    let off = counts().map(|(_, count)| {
+        let (one, runs) = (count.of(&whole.total), count.of(&runs.total));
+        (one > 0.0).then(|| runs / one - 1.0)
+    });
+    let (mut mean, mut greatest, mut other_pictures) = (0.0, 0.0_f64, 0);
+    for (number, (cycles, picture)) in &frames {
+        let (other, shown) = &frames_in_runs[number];
+        let off = (other / cycles - 1.0).abs();
+        mean += off / frames.len() as f64;
+        greatest = greatest.max(off);
+        other_pictures += usize::from(picture != shown);
+    }
+    let cycles = Count::Cycles.of(&whole.total);
+    let (name, frames, frame) = (name.to_owned(), frames.len(), [mean, greatest]);
+    let spent = spent.zip(spent_in_runs).map(|(one, runs)| [one, runs]);
+    Ok(Compared { name, frames, cycles, off, frame, other_pictures, times, spent })
+}
+
+/// What differs, as a table in Markdown: the same on every host.
+pub fn table(compared: &[Compared]) -> String {
+    let names = counts().map(|(name, _)| format!("in {name}")).join(" | ");
+    let mut out = format!(
+        "| sequence | frames | cycles on one machine | {names} | of a frame's cycles: mean, greatest | frames that look different |\n\
+         |---|--:|--:|{}--:|--:|\n",
+        "--:|".repeat(COUNTS)
+    );
+    for Compared { name, frames, cycles, off, frame: [mean, greatest], other_pictures, .. } in compared {
+        let off = off.map(|off| off.map_or("-".into(), |off| format!("{:+.3} %", 100.0 * off))).join(" | ");
+        let (mean, greatest) = (100.0 * mean, 100.0 * greatest);
+        let _ = writeln!(out, "| {name} | {frames} | {cycles} | {off} | {mean:.2}, {greatest:.2} % | {other_pictures} |");
+    }
+    out
+}
+
+/// Host times, as a table in Markdown: medians of the pairs.
+pub fn times(compared: &[Compared]) -> String {
+    let mut out = String::from("| sequence | one machine | in runs | share: median, least, greatest |\n|---|--:|--:|--:|\n");
+    for Compared { name, times, .. } in compared {
+        let sorted = |of: &dyn Fn(&[Duration; 2]) -> f64| {
+            let mut values: Vec<f64> = times.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let [one, runs] = [0, 1].map(|at: usize| sorted(&|pair| pair[at].as_secs_f64())[times.len() / 2]);
+        let shares = sorted(&|[one, runs]| runs.as_secs_f64() / one.as_secs_f64());
+        let (median, least, greatest) = (shares[shares.len() / 2], shares[0], shares[shares.len() - 1]);
+        let _ = writeln!(out, "| {name} | {one:.2} s | {runs:.2} s | {median:.2}, {least:.2}, {greatest:.2} |");
+    }
+    out
+}
+
+/// Where the processor time of runs went, and what follows for more cores, as a table in Markdown; nothing where the system does not tell.
+pub fn shares(compared: &[Compared]) -> String {
+    const CORES: [f64; 4] = [2.0, 4.0, 8.0, 16.0];
+    let mut out = String::from(
+        "| sequence | one machine: processor time | in runs: renderer | warming | machines | least time on 2, 4, 8, 16 cores, of one core's |\n\
+         |---|--:|--:|--:|--:|--:|\n",
+    );
+    let mut known = false;
+    for Compared { name, spent, .. } in compared {
+        let Some([one, runs]) = spent else { continue };
+        known = true;
+        let least = CORES.map(|cores| format!("{:.2}", runs.least(cores) / one.all())).join(", ");
+        let [rendering, warming, machines] = [runs.rendering, runs.warming, runs.machines].map(|time| time.as_secs_f64());
+        let all = one.all();
+        let _ = writeln!(out, "| {name} | {all:.2} s | {rendering:.2} s | {warming:.2} s | {machines:.2} s | {least} |");
+    }
+    if known { out } else { String::new() }
+}
