@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
+use rayon::ThreadPool;
 
 use super::profiles::{self, Reader};
 use render::{self, Held, Needs, Stop};
@@ -92,6 +93,8 @@ pub struct Rendering<'r> {
     trace: &'r Trace,
     options: render::Options,
     turns: usize,
+    /// Threads that it is rendered on; none: all.
+    pool: Option<&'r ThreadPool>,
     /// Who reads the work of each render key.
     readers: Vec<(RenderKey, Readers<'r>)>,
 }
@@ -106,13 +109,23 @@ struct Readers<'r> {
 impl<'r> Rendering<'r> {
     /// A rendering that nobody reads yet. Of the options it takes the frames, the skips and the watch.
     pub fn new(trace: &'r Trace, options: render::Options) -> Rendering<'r> {
-        Rendering { trace, options, turns: rayon::current_num_threads(), readers: Vec::new() }
+        Rendering { trace, options, turns: rayon::current_num_threads(), pool: None, readers: Vec::new() }
     }
 
     /// Leaves out what nobody needs, and records some frames only; none: all.
     pub fn needs(&mut self, needs: Needs, recorded: Option<render::FrameSet>) {
         self.options.needs = Some(Arc::new(needs));
         self.options.recorded = recorded;
+    }
+
+    /// Has the areas of triangles counted beside the work of frames.
+    pub fn areas(&mut self) {
+        self.options.areas = true;
+    }
+
+    /// Renders on the threads of a pool, beside renderings that have others.
+    pub fn on(&mut self, pool: &'r ThreadPool) {
+        self.pool = Some(pool);
     }
 
     /// Lets machines begin anew in some frames: they are told what they load there, whatever an earlier one knows.
@@ -168,7 +181,7 @@ impl<'r> Rendering<'r> {
             };
             let record = consumers.iter().any(|consumer| consumer.recorded);
             let options = render::Options { key, record, held, ..self.options.clone() };
-            rendered.time += render(self.trace, &options, consumers, self.turns)?;
+            rendered.time += render(self.trace, &options, consumers, self.turns, self.pool)?;
             rendered.profiling += profiling;
         }
         Ok(rendered)
@@ -176,7 +189,13 @@ impl<'r> Rendering<'r> {
 }
 
 /// Renders once; the time that it took, without that of waiting.
-fn render(trace: &Trace, options: &render::Options, consumers: Vec<Consumer<'_>>, turns: usize) -> Result<Duration> {
+fn render(
+    trace: &Trace,
+    options: &render::Options,
+    consumers: Vec<Consumer<'_>>,
+    turns: usize,
+    pool: Option<&ThreadPool>,
+) -> Result<Duration> {
     let (back, free) = channel::unbounded();
     for _ in 0..turns.max(1) {
         let _ = back.send(());
@@ -196,12 +215,16 @@ fn render(trace: &Trace, options: &render::Options, consumers: Vec<Consumer<'_>>
         // Consumers see the end of the stream when the senders go with the renderer.
         let renderer = move || {
             let (begin, mut waited) = (Instant::now(), Duration::ZERO);
-            let rendered = render::render(trace, options, &mut |event| {
+            let mut hand_on = |event: Event| {
                 let full = Instant::now();
                 sends.retain(|send| send.send(event.clone()).is_ok());
                 waited += full.elapsed();
                 if sends.is_empty() { Err(Stop) } else { Ok(()) }
-            });
+            };
+            let rendered = match pool {
+                Some(pool) => pool.install(|| render::render(trace, options, &mut hand_on)),
+                None => render::render(trace, options, &mut hand_on),
+            };
             rendered.map(|_| begin.elapsed().saturating_sub(waited))
         };
         let renderer = start("renderer").spawn_scoped(scope, renderer).context("cannot start the renderer's thread")?;

@@ -136,12 +136,7 @@ impl Options {
 
     /// A rendering of some of them.
     pub(super) fn rendering_of<'r>(&self, trace: &'r Trace, frames: FrameSet) -> Rendering<'r> {
-        Rendering::new(trace, self.render_options(frames))
-    }
-
-    /// How some of them are rendered.
-    pub(super) fn render_options(&self, frames: FrameSet) -> render::Options {
-        render::Options { frames, watch: self.watch.clone(), ..render::Options::default() }
+        Rendering::new(trace, render::Options { frames, watch: self.watch.clone(), ..render::Options::default() })
     }
 }
 

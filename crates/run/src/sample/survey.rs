@@ -9,14 +9,16 @@ use std::ops::Range;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
+use rayon::ThreadPool;
 
 use super::clusters::{Clusters, Interval, signature};
 use super::ridge::Ridge;
 use crate::bound::{Bound, PhaseEstimate};
 use crate::host::Stopwatch;
+use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
-use render::{self, Dependencies, FrameSet, Want};
+use render::{Dependencies, FrameSet, Held, Want};
 use stats::{Counter, FrameCounts, Node, Tree, counter};
 use trace::Trace;
 use work::profile::{FrameProfile, Profiler};
@@ -220,7 +222,7 @@ pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependen
             let mut started = Vec::new();
             for (pool, frames) in pools.iter().zip(ranges) {
                 let (frames, recorded) = (frames.clone(), &recorded);
-                let one = move || pool.install(|| read_part(trace, options, dependencies, frames, recorded));
+                let one = move || read_part(trace, options, dependencies, frames, recorded, pool);
                 started.push(std::thread::Builder::new().name("survey".into()).spawn_scoped(scope, one));
             }
             read.extend(started.into_iter().map(|thread| {
@@ -266,46 +268,47 @@ struct Read {
     time: Duration,
 }
 
-/// Reads some frames on the threads of the pool that it runs in.
+/// Reads some frames, rendered on the threads of a pool.
 fn read_part(
     trace: &Trace,
     options: &Options,
     dependencies: &Dependencies,
     frames: Range<u32>,
     recorded: &FrameSet,
+    pool: &ThreadPool,
 ) -> Result<Read> {
     let key = options.config.render_key();
+    let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
+    let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
         _ if recorded.contains(frame) => Want::All,
         _ => Want::Counts,
     });
-    let rendering = render::Options {
-        key,
-        record: true,
-        recorded: Some(recorded.clone()),
-        needs: Some(needs.into()),
-        areas: true,
-        ..options.render_options(frames.clone().into())
-    };
-    let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
-    let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
-    render::render(trace, &rendering, &mut |event| {
-        let records = recorded.contains(number);
-        counts.add(&event, records, key.early_z);
-        let watch = records.then(Stopwatch::start);
-        let profile = if records { profiler.event(&event) } else { None };
-        read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
-        if let Event::EndFrame(end) = &event {
-            read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
-            if records {
-                // A profile knows nothing of the frames before, which may be in another part.
-                profiler = Profiler::new(key.shade);
+    let mut rendering = options.rendering_of(trace, frames.clone().into());
+    rendering.needs(needs, Some(recorded.clone()));
+    rendering.areas();
+    rendering.on(pool);
+    let run = |work: Work| {
+        for event in work {
+            let records = recorded.contains(number);
+            counts.add(&event, records, key.early_z);
+            let watch = records.then(Stopwatch::start);
+            let profile = if records { profiler.event(&event) } else { None };
+            read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
+            if let Event::EndFrame(end) = &event {
+                read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
+                if records {
+                    // A profile knows nothing of the frames before, which may be in another part.
+                    profiler = Profiler::new(key.shade);
+                }
+                number = end.number + 1;
             }
-            number = end.number + 1;
         }
         Ok(())
-    })?;
+    };
+    rendering.consume(key, Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
+    rendering.run()?;
     Ok(read)
 }
 
