@@ -239,6 +239,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     for warning in config.warnings() {
         eprintln!("warning: {warning}");
     }
+    let images = match arguments.images {
+        None | Some(ImagesName::All | ImagesName::Simulated) => Images::All,
+        Some(ImagesName::None) => Images::None,
+    };
     let watch = Arc::new(Watch::default());
     let options = Options {
         config,
@@ -256,6 +260,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         frames: arguments.frames.0.clone(),
         watch: Some(watch.clone()),
         per_draw: arguments.per_draw,
+        pictures: arguments.report.is_some() || (arguments.out.is_some() && images == Images::All),
         frames_per_run: None,
     };
     let frames_per_run = match arguments.frames_per_run {
@@ -274,17 +279,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         changed: changed.clone(),
         fidelity: options.fidelity.name(),
     };
-    let images = match arguments.images {
-        None | Some(ImagesName::All | ImagesName::Simulated) => Images::All,
-        Some(ImagesName::None) => Images::None,
-    };
     let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
     // Sampled frames alone are simulated; pictures of all are drawn before, where they are asked for.
     let mut drawing_time = Duration::ZERO;
     let some = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_));
     if let (true, Some(ImagesName::All), Some(folder)) = (some, arguments.images, &mut folder) {
-        let drawn = Options { fidelity: Fidelity::Functional, ..options.clone() };
+        let drawn = Options { fidelity: Fidelity::Functional, pictures: true, ..options.clone() };
         drawing_time = replay_to(&trace, &drawn, &|_| (), &mut |frame| folder.picture(frame))?.clock_time;
     }
     // What is said of all frames; no frame is kept.

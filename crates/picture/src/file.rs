@@ -45,7 +45,6 @@ pub fn read_png(file: &[u8]) -> Result<DynamicImage, ImageError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::codecs::png::PngEncoder;
     use image::{Rgb, RgbImage, Rgba, RgbaImage};
     use std::io::{Seek, Write};
 

@@ -74,6 +74,8 @@ pub struct Options {
     pub needs: Option<Arc<Needs>>,
     /// Whether segments carry what their primitives are expected to cover by their areas.
     pub areas: bool,
+    /// Whether frames end with the picture that is shown; if not, with its size and format only.
+    pub pictures: bool,
     /// Frames whose events are handed on; the others are rendered for what they leave behind.
     pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
@@ -93,6 +95,7 @@ impl Default for Options {
             begins: None,
             needs: None,
             areas: false,
+            pictures: true,
             frames: (0..u32::MAX).into(),
             skips: Skips::default(),
             held: Held::default(),
@@ -444,7 +447,7 @@ impl<'t, 's> Renderer<'t, 's> {
         }
         let mut end = EndFrame { number: self.frame, shown: None, reference: Arc::from([]), drawn: false, sprites: [].into() };
         if let Some((id, level, layer)) = shown
-            && self.options.needs.as_ref().is_some_and(|needs| !needs.picture(self.frame))
+            && !(self.options.pictures && self.options.needs.as_ref().is_none_or(|needs| needs.picture(self.frame)))
         {
             end.shown = Some(self.res.textures.get(id.0)?.surface(id, level, layer));
             self.show_sprites(None)?;

@@ -123,6 +123,11 @@ impl<'r> Rendering<'r> {
         self.options.areas = true;
     }
 
+    /// Leaves out the pictures of what is shown.
+    pub fn no_pictures(&mut self) {
+        self.options.pictures = false;
+    }
+
     /// Renders on the threads of a pool, beside renderings that have others.
     pub fn on(&mut self, pool: &'r ThreadPool) {
         self.pool = Some(pool);

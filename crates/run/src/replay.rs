@@ -88,6 +88,8 @@ pub struct Options {
     pub watch: Option<Arc<Watch>>,
     /// Whether frames report their draws, under the cycle fidelity. No other result depends on it.
     pub per_draw: bool,
+    /// Whether frames leave with their pictures, where no machine compares them. No other result depends on it.
+    pub pictures: bool,
     /// Under the cycle fidelity, frames in a run, each of which has a machine of its own ([`simulate_in_runs`]); none: one machine
     /// simulates all frames.
     pub frames_per_run: Option<NonZeroU32>,
@@ -103,6 +105,7 @@ impl Options {
             frames: 0..u32::MAX,
             watch: None,
             per_draw: false,
+            pictures: true,
             frames_per_run: None,
         }
     }
@@ -132,6 +135,15 @@ impl Options {
     /// A rendering of the frames.
     pub fn rendering<'r>(&self, trace: &'r Trace) -> Rendering<'r> {
         self.rendering_of(trace, self.frames.clone().into())
+    }
+
+    /// A rendering of the frames for consumers that read no pictures of it.
+    fn rendering_for_counts<'r>(&self, trace: &'r Trace) -> Rendering<'r> {
+        let mut rendering = self.rendering(trace);
+        if !self.pictures {
+            rendering.no_pictures();
+        }
+        rendering
     }
 
     /// A rendering of some of them.
@@ -222,14 +234,14 @@ fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
     let outcome = match options.fidelity {
         Fidelity::Functional => {
             let mut total = Funnel::default();
-            let mut rendering = options.rendering(trace);
+            let mut rendering = options.rendering_for_counts(trace);
             rendering.consume(config.render_key(), functional::counting(exit, &mut total));
             rendering.run()?;
             Outcome { total: functional::tree(&total), ..Outcome::default() }
         }
         Fidelity::Bound => {
             let mut sum = Estimated::default();
-            let mut rendering = options.rendering(trace);
+            let mut rendering = options.rendering_for_counts(trace);
             estimate(&mut rendering, config, exit, &mut sum)?;
             rendering.run()?;
             Outcome { cycles: Some(sum.cycles), total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
