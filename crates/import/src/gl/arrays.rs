@@ -85,6 +85,24 @@ pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
     }
 }
 
+/// The components of an element as they are, and normalised; those that it does not have are 0, 0, 0, 1.
+fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 4]) {
+    let mut plain = [0.0, 0.0, 0.0, 1.0];
+    // Most arrays are of these, which are their own normal form.
+    if scalar == Scalar::Float {
+        for (value, bytes) in plain.iter_mut().zip(element.as_chunks().0) {
+            *value = f32::from_le_bytes(*bytes);
+        }
+        return (plain, plain);
+    }
+    let mut normalized = plain;
+    for ((plain, normalized), bytes) in plain.iter_mut().zip(&mut normalized).zip(element.chunks_exact(bytes)) {
+        let value = read(scalar, bytes);
+        (*plain, *normalized) = (value as f32, scalar.normalized(value));
+    }
+    (plain, normalized)
+}
+
 /// The slot of a client state.
 fn slot(gl: &Gl, array: u32) -> Outcome<usize> {
     Ok(match array {
@@ -313,20 +331,14 @@ impl Gl {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
                 }
             };
-            let mut values = [0.0, 0.0, 0.0, 1.0];
-            for (value, bytes) in values.iter_mut().zip(element.chunks_exact(array.bytes)) {
-                *value = read(array.scalar, bytes);
-            }
-            let plain = values.map(|value| value as f32);
-            let normalized: [f32; 4] =
-                std::array::from_fn(|k| if k < array.size { array.scalar.normalized(values[k]) } else { plain[k] });
+            let (plain, normalized) = components(array.scalar, array.bytes, element);
             match array.slot {
                 0 => vertex.position = plain,
                 1 => vertex.normal = [normalized[0], normalized[1], normalized[2]],
                 2 => vertex.color = normalized,
                 3 => vertex.secondary = [normalized[0], normalized[1], normalized[2]],
                 4 => vertex.fog = plain[0],
-                5 => vertex.edge = values[0] != 0.0,
+                5 => vertex.edge = plain[0] != 0.0,
                 GENERIC => vertex.position = if array.normalized { normalized } else { plain },
                 slot if slot > GENERIC => vertex.set_generic(slot - GENERIC, if array.normalized { normalized } else { plain }),
                 slot => vertex.set_texture(slot - 8, plain),
@@ -357,7 +369,10 @@ impl Gl {
             return Ok(());
         }
         let indices: Vec<u32> = indices.take(self.vertices_read(usize::MAX)).collect();
-        let vertices = indices.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<Vec<Vertex>>>()?;
+        let mut vertices = Vec::with_capacity(indices.len());
+        for &index in &indices {
+            vertices.push(self.fetch(&ready, index)?);
+        }
         if self.keep_draws && self.compiling.is_none() {
             let mut named = indices.clone();
             named.sort_unstable();
