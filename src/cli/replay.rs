@@ -18,11 +18,10 @@ use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::terminal::{self, Seen};
 use crate::report::timeline;
-use crate::run::replay::{Fidelity, Frame, Options, frame_range, replay_to, replay_watched};
+use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_to, replay_watched};
 use crate::run::sample::Sampling;
 use crate::run::timeline::Timeline;
 use crate::sim::Clock;
-use crate::trace::check;
 
 /// Replay a trace on a configured card: images, statistics, a short report
 #[derive(clap::Args)]
@@ -313,8 +312,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     arguments.reading.say_left_out(&arguments.trace, &trace);
     done.clock_time += drawing_time;
     if seen.frames == 0 {
-        let has = check(&trace)?.frames;
-        bail!("the trace has no frame in {}..{}; it has {has}, numbered from 0", options.frames.start, options.frames.end);
+        bail!("the trace has {}", no_frames(&trace, &options.frames)?);
+    }
+    let replayed = done.sampled.as_ref().map_or(seen.frames as u64, |sampled| sampled.frames);
+    if options.frames.end != u32::MAX && replayed < options.frames.len() as u64 {
+        let last = u64::from(options.frames.start) + replayed - 1;
+        eprintln!(
+            "warning: the trace ends with frame {last}: --frames {}..{} asks for more",
+            options.frames.start, options.frames.end
+        );
     }
     if let Some(folder) = folder {
         folder.end(done.total.clone(), done.display.clone())?;

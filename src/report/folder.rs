@@ -31,8 +31,8 @@ const FRAMES_IN_FLIGHT: usize = 2;
 
 /// A folder that takes frames as they end.
 ///
-/// Each frame's picture is written when the frame comes, unless no pictures are wanted. Statistics grow in `stats.csv.part` and `stats.json.part`, frame by frame, and get
-/// their names at the end: a folder that has `stats.json` is complete.
+/// Each frame's picture is written when the frame comes, unless no pictures are wanted. Statistics grow in `stats.csv.part` and
+/// `stats.json.part`, frame by frame, and get their names at the end: a folder that has `stats.json` is complete.
 pub struct Folder {
     /// None: the writer has been told the end.
     send: Option<Sender<Leaving>>,
@@ -58,27 +58,17 @@ enum Leaving {
 }
 
 impl Folder {
-    /// A folder, which is made where it is missing, with the resolved configuration in it. The statistics and pictures of an earlier replay go:
-    /// they must not be taken for those of this one.
+    /// A folder, which is made where it is missing. With the first frame it gets the resolved configuration, and the statistics and pictures of an
+    /// earlier replay go: they must not be taken for those of this one. A replay without a frame leaves them.
     ///
     /// # Errors
-    /// If it cannot be made, or what an earlier replay left cannot be removed.
+    /// If it cannot be made or written to.
     pub fn create(out: &Path, about: About, config: &str, images: Images) -> Result<Folder> {
         std::fs::create_dir_all(out).with_context(|| format!("cannot create {}", out.display()))?;
-        let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
-        let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
-        for name in TABLES.into_iter().chain([STATISTICS]).map(str::to_owned).chain(pictures) {
-            let path = out.join(name);
-            match std::fs::remove_file(&path) {
-                Err(error) if error.kind() != ErrorKind::NotFound => {
-                    return Err(error).with_context(|| format!("cannot replace {}", path.display()));
-                }
-                _ => {}
-            }
-        }
-        put(out, "config.ron", config.as_bytes())?;
         let pages = Pages {
+            out: out.to_owned(),
             about,
+            config: Some(config.to_owned()),
             frames: false,
             tables: [
                 Growing::create(out, TABLES[0])?,
@@ -146,6 +136,22 @@ fn is_picture(name: &str) -> bool {
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()))
 }
 
+/// Removes what an earlier replay left.
+fn remove_earlier(out: &Path) -> Result<()> {
+    let pictures = std::fs::read_dir(out).with_context(|| format!("cannot read {}", out.display()))?;
+    let pictures = pictures.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).filter(|name| is_picture(name));
+    for name in TABLES.into_iter().chain([STATISTICS]).map(str::to_owned).chain(pictures) {
+        let path = out.join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(error).with_context(|| format!("cannot replace {}", path.display()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// A file of the folder that grows.
 struct Growing {
     path: PathBuf,
@@ -169,7 +175,10 @@ impl Growing {
 
 /// What the writer writes.
 struct Pages {
+    out: PathBuf,
     about: About,
+    /// The resolved configuration, until it is written.
+    config: Option<String>,
     /// Whether there was a frame.
     frames: bool,
     /// The tables.
@@ -183,6 +192,10 @@ struct Pages {
 impl Pages {
     fn write(mut self, receive: &Receiver<Leaving>) -> Result<()> {
         for leaving in receive {
+            if let Some(config) = self.config.take() {
+                remove_earlier(&self.out)?;
+                put(&self.out, "config.ron", config.as_bytes())?;
+            }
             match leaving {
                 Leaving::Frame(frame) => self.frame(&frame)?,
                 Leaving::Picture(frame) => self.picture(&frame)?,

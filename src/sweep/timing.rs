@@ -13,6 +13,7 @@ use super::plan::{Plan, Planned};
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
 use crate::run::kept::{Profiles, time_each};
+use crate::run::replay::no_frames;
 use crate::trace::Trace;
 use crate::work::RenderKey;
 
@@ -100,7 +101,7 @@ impl Sweep<'_> {
                     let config = machine.config.as_ref().map_err(|error| anyhow!("{error}"))?;
                     let frames = profiles[&config.render_key()].estimate(config)?;
                     if frames.is_empty() {
-                        bail!("{name} has no frame in this range");
+                        bail!("{name} has {}", no_frames(trace, &self.frames)?);
                     }
                     (self.progress)(Step::Done);
                     Ok(frames.iter().flat_map(|frame| &frame.phases).map(|phase| phase.cycles).sum())
@@ -179,7 +180,7 @@ impl Sweep<'_> {
             let config = hash(config.resolved().as_bytes());
             let frames = match frames {
                 Err(error) => return Ok(Entry::failed(at, number, config, format!("{error:#}"))),
-                Ok(frames) if frames.is_empty() => bail!("{name} has no frame in {:?}", self.frames),
+                Ok(frames) if frames.is_empty() => bail!("{name} has {}", no_frames(trace, &self.frames)?),
                 Ok(frames) => frames,
             };
             let paths = frames[0].0.clone();

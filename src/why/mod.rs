@@ -16,6 +16,7 @@ use crate::mem::CacheCounts;
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
 use crate::run::kept::time_each;
+use crate::run::replay::no_frames;
 use crate::stats::{Cycles, Node, Tree};
 use crate::trace::Trace;
 use crate::work::RenderKey;
@@ -139,7 +140,7 @@ pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn F
     let mut results = results.into_iter();
     let base = results.next().unwrap_or_else(|| Ok(Vec::new())).map_err(|error| anyhow!("{error}"))?;
     if base.is_empty() {
-        bail!("the trace has no frame in {}..{}", frames.start, frames.end);
+        bail!("the trace has {}", no_frames(trace, &frames)?);
     }
     let tree = Tree::weighted(&base.iter().map(|(_, tree)| (1.0, tree)).collect::<Vec<_>>()).banks_summed();
     let base = add(base);

@@ -129,7 +129,8 @@ fn frames_have_the_numbers_of_the_trace() {
     let there = |n: u32| out.path().join(format!("frame-{n:04}.png")).exists();
     assert_eq!([0, 1, 2, 3].map(there), [false, true, true, false]);
     assert!(
-        refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"]).contains("90..91; it has 4")
+        refused(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "90..91"])
+            .contains("no frame 90; it has 4")
     );
     // Into a folder with pictures of an earlier replay, and one that no replay made.
     let one = tempfile::tempdir().expect("a folder");
@@ -141,6 +142,16 @@ fn frames_have_the_numbers_of_the_trace() {
     assert_eq!(code, 0, "{message}");
     assert_eq!([1, 2, 3].map(|n: u32| one.path().join(format!("frame-{n:04}.png")).exists()), [false, true, false]);
     assert!(one.path().join("frame-mine.png").exists());
+    // A replay that finds no frame leaves what is there.
+    let missing = ["replay", "traces/particles", "--fidelity", "functional", "--frames", "7..9", "--out", &folder];
+    assert!(refused(&missing).contains("no frame in 7..9; it has 4"));
+    let mut names: Vec<_> =
+        fs::read_dir(one.path()).expect("a folder").map(|entry| entry.expect("an entry").file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["config.ron", "frame-0002.png", "frame-mine.png", "stats.csv", "stats.json"]);
+    // One that finds fewer than it was asked for says so.
+    let (code, _, message) = run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2..9"]);
+    assert!(code == 0 && message.contains("warning: the trace ends with frame 3: --frames 2..9 asks for more"), "{message}");
 }
 
 #[test]

@@ -230,7 +230,7 @@ fn bad_input_is_refused_with_its_place() {
         (&["--vary", "pipelines=1..65"], "the axis pipelines has the value 65, and must be a whole number from 1 to 64"),
         (&["--vary", "pipelines=3", "--link", "geometry_units=pipelines/2"], "3 / 2 is no whole number"),
         (&["--vary", "memory.dram.t_refi=0..99999", "--vary", "pipelines=1..64"], "6400000 machines; more than 1000000"),
-        (&["--vary", "pipelines=1", "--frames", "7"], "traces/cube has no frame in 7..8"),
+        (&["--vary", "pipelines=1", "--frames", "7"], "traces/cube has no frame 7; it has 1, numbered from 0"),
         (&["--vary", "pipelines=1", "--shard", "3/2"], "I from 1 to N"),
         (&["--vary", "pipelines=1", "--design", "grit"], "one-at-a-time"),
         (&["--vary", "pipelines=1", "--measure", "caches.texture.mises"], "caches.texture.mises, which is no statistic"),

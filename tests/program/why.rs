@@ -69,5 +69,5 @@ fn the_answer_is_printed_and_written() {
         json["phases"].as_array().expect("phases").iter().map(|phase| phase["cycles"].as_u64().expect("cycles")).sum();
     assert_eq!(json["cycles"], phases, "phases add up");
     let message = refused(&["why", "traces/triangle", "--frames", "5"]);
-    assert!(message.contains("no frame in 5..6"), "{message}");
+    assert!(message.contains("no frame 5; it has 1,"), "{message}");
 }

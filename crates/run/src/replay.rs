@@ -53,6 +53,20 @@ impl Fidelity {
     }
 }
 
+/// Says that a trace has none of these frames, and how many it has.
+///
+/// # Errors
+/// If the trace cannot be read to its end.
+pub fn no_frames(trace: &Trace, frames: &Range<u32>) -> Result<String> {
+    let has = trace::check(trace)?.frames;
+    let asked = if frames.len() == 1 {
+        format!("no frame {}", frames.start)
+    } else {
+        format!("no frame in {}..{}", frames.start, frames.end)
+    };
+    Ok(format!("{asked}; it has {has}, numbered from 0"))
+}
+
 /// Reads a range of frames: half-open, as in `2..4`, `2..` or `..4`, or one frame, as in `3`.
 ///
 /// # Errors
