@@ -14,6 +14,7 @@ use super::progress::Told;
 use super::report::{self, Gathering};
 use super::threads::MOST;
 use crate::render::Watch;
+use crate::report::compare::KnobDifference;
 use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::terminal::{self, Seen};
@@ -235,8 +236,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     refuse_ignored(arguments)?;
     let config = arguments.machine.load()?;
     let changed = arguments.machine.changed(&config)?;
-    for warning in config.warnings() {
+    let warnings = config.warnings();
+    for warning in &warnings {
         eprintln!("warning: {warning}");
+    }
+    for KnobDifference { path, .. } in &changed {
+        let no_effect = config.no_effect(path).filter(|_| !warnings.iter().any(|warning| warning.starts_with(path)));
+        if let Some(reason) = no_effect {
+            eprintln!("warning: {path} has no effect: {reason}");
+        }
     }
     let images = match arguments.images {
         None | Some(ImagesName::All | ImagesName::Simulated) => Images::All,

@@ -84,7 +84,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
     if options.fidelity.name() != Fidelity::Bound.name() {
         section("What the units did, in shares of the cycles", &summary::units(&done.total));
         section("What moved through memory", &summary::memory(&done.total));
-        section("What sorting cost", &summary::sorting(&done.total, options.config.card.pipelines));
+        section("What sorting cost", &summary::sorting(&done.total, options.config.card.sort, options.config.card.pipelines));
     }
     if let Some(sampled) = &done.sampled {
         section("What is estimated", &summary::sampled(sampled));

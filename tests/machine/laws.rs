@@ -252,6 +252,45 @@ fn end(allowed: Allowed, random: &mut Random) -> String {
     }
 }
 
+#[test]
+fn knobs_that_are_said_to_have_no_effect_have_none() {
+    let work = [mixture(false, true), mixture(true, true)];
+    let mut silent = 0;
+    for class in SortClass::NAMES {
+        for memory in ["dram", "ideal"] {
+            let mut plain = Config::built_in(class).unwrap();
+            plain.set(&format!("memory.kind={memory}")).unwrap();
+            let mut changed = plain.clone();
+            for (section, knobs) in plain.sections() {
+                for knob in knobs.knobs() {
+                    let path = if section.is_empty() { knob.name.to_owned() } else { format!("{section}.{}", knob.name) };
+                    if plain.no_effect(&path).is_none() {
+                        continue;
+                    }
+                    let ends = match knob.allowed {
+                        Allowed::Range(low, high) | Allowed::PowerOfTwo(low, high) => vec![low.to_string(), high.to_string()],
+                        Allowed::Switch => vec!["true".into(), "false".into()],
+                        Allowed::Choice(names) => names.iter().map(|&name| name.to_owned()).collect(),
+                    };
+                    // Rules between knobs refuse some values even so.
+                    for value in ends {
+                        let mut next = changed.clone();
+                        next.set(&format!("{path}={value}")).unwrap();
+                        if next.check().is_ok() && next != changed {
+                            changed = next;
+                            silent += 1;
+                        }
+                    }
+                }
+            }
+            let events = &work[usize::from(plain.render_key().shade == Shade::Covered)][0];
+            let [plain, changed] = [plain, changed].map(|config| everything(&run(&config, events, Clock::SkipIdle)));
+            assert!(plain == changed, "{class}, {memory}");
+        }
+    }
+    assert!(silent > 300, "only {silent} changes were tried");
+}
+
 /// How many machines of each class.
 const ROUNDS: u32 = 30;
 

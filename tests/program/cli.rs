@@ -177,6 +177,21 @@ fn a_run_names_the_knobs_that_differ_from_its_configuration() {
 }
 
 #[test]
+fn knobs_without_effect_are_warned_of() {
+    for (config, set, warning) in [
+        ("sort-middle", "bin.tile=16", Some("bin.tile has no effect: a machine whose sort is sort-middle has no bins")),
+        ("sort-middle-binned", "bin.tile=16", None),
+        ("tiny", "core.vertex_warps=3", Some("core.vertex_warps has no effect: core.unified is true")),
+        ("tiny", "core.warps=3", None),
+    ] {
+        let (code, _, message) = run(&["replay", "traces/triangle", "--config", config, "--set", set]);
+        assert_eq!(code, 0, "{message}");
+        assert_eq!(message.contains("has no effect"), warning.is_some(), "{message}");
+        assert!(message.contains(warning.unwrap_or_default()), "{message}");
+    }
+}
+
+#[test]
 fn images_none_leaves_statistics_only() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().display().to_string();

@@ -23,6 +23,16 @@ pub enum Sorted {
 }
 
 impl Sorted {
+    /// What its items are called.
+    pub fn items(self) -> &'static str {
+        match self {
+            Sorted::Primitives => "primitives",
+            Sorted::Triangles => "triangles",
+            Sorted::Fragments => "quads",
+            Sorted::Images => "samples",
+        }
+    }
+
     /// Whether each pipeline has its own geometry.
     pub fn own_geometry(self) -> bool {
         self != Sorted::Triangles

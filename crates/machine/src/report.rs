@@ -7,6 +7,7 @@ use num::Cycle;
 use sim::Circuit;
 use stats::{Cycles, FrameCounts, Group, Node, Tree};
 use unit::card::Card;
+use unit::network::Traffic;
 use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
 use work::{EndFrame, Funnel, Surface};
@@ -269,6 +270,45 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
     accounts.split()
 }
 
+/// What sorting came to, beside its counters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SortOutcome {
+    /// Quads of the busiest pipeline by the mean of all.
+    pub load_imbalance: f64,
+    /// Pixels of the pictures that differ from API order's.
+    pub wrong_pixels: u64,
+    /// The stage of the pipelines at which their cycles are split.
+    pub stage: String,
+    /// The passes whose picture needs an order that the machine does not keep.
+    pub passes_out_of_order: String,
+}
+
+impl SortOutcome {
+    const LOAD_IMBALANCE: &str = "load_imbalance";
+    const WRONG_PIXELS: &str = "wrong_pixels";
+    const STAGE: &str = "stage";
+    const PASSES: &str = "passes_out_of_order";
+
+    /// As the statistics of a machine have it; zeros and empty texts where they have not.
+    pub fn read(total: &Tree) -> SortOutcome {
+        let Some(Node::Tree(sort)) = total.get("sort") else { return SortOutcome::default() };
+        SortOutcome {
+            load_imbalance: sort.number(SortOutcome::LOAD_IMBALANCE).unwrap_or(0.0),
+            wrong_pixels: sort.number(SortOutcome::WRONG_PIXELS).unwrap_or(0.0) as u64,
+            stage: sort.text_at(&format!("loss.{}", SortOutcome::STAGE)).to_owned(),
+            passes_out_of_order: sort.text_at(SortOutcome::PASSES).to_owned(),
+        }
+    }
+
+    /// What the network that sorts has carried, where a machine has one.
+    pub fn network(total: &Tree) -> Option<Traffic> {
+        match total.get("sort.network") {
+            Some(Node::Tree(network)) => Some(Traffic::read(network)),
+            _ => None,
+        }
+    }
+}
+
 /// The statistics of what was counted.
 fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     let Span { tree: counted, cycles, quads, sort, order, disordered } = span;
@@ -283,17 +323,23 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     leaves.text("class", machine.config.card.sort.name());
     leaves.extend(sort.tree());
     leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
-    leaves.real("load_imbalance", quotient((most * quads.len() as u64) as f64, sum as f64));
-    leaves.extend(order.tree());
-    leaves.count("wrong_pixels", sums.wrong_pixels);
-    let split = leaves.child("loss");
     let stage = sums.stages.iter().rev().max_by_key(|(_, work)| *work);
-    split.text("stage", stage.map_or("", |(stage, _)| stage));
+    let outcome = SortOutcome {
+        load_imbalance: quotient((most * quads.len() as u64) as f64, sum as f64),
+        wrong_pixels: sums.wrong_pixels,
+        stage: stage.map_or("", |(stage, _)| stage).to_owned(),
+        passes_out_of_order: names(disordered),
+    };
+    leaves.real(SortOutcome::LOAD_IMBALANCE, outcome.load_imbalance);
+    leaves.extend(order.tree());
+    leaves.count(SortOutcome::WRONG_PIXELS, outcome.wrong_pixels);
+    let split = leaves.child("loss");
+    split.text(SortOutcome::STAGE, &outcome.stage);
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
     if !machine.card.apart.copies.is_empty() {
         leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
-        leaves.text("passes_out_of_order", &names(disordered));
+        leaves.text(SortOutcome::PASSES, &outcome.passes_out_of_order);
     }
     if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
         let traffic = network.traffic(channels, cycles).tree();

@@ -231,6 +231,14 @@ impl Tree {
         }
     }
 
+    /// The text at a path; empty where there is none.
+    pub fn text_at(&self, path: &str) -> &str {
+        match self.get(path) {
+            Some(Node::Leaf(Leaf::Text(text))) => text,
+            _ => "",
+        }
+    }
+
     /// The counters at a place, those of a list of units summed. Counters that are not there are 0.
     pub fn group<G: Group>(&self, place: &str) -> G {
         match self.get(place) {

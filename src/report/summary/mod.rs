@@ -4,12 +4,14 @@ mod phases;
 
 pub use phases::{Phases, draw};
 
-use crate::machine::{LossCounts, PassOrderCounts};
+use crate::machine::class::{Class, Sorted};
+use crate::machine::config::SortClass;
+use crate::machine::{LossCounts, PassOrderCounts, SortOutcome};
 use crate::mem::{CacheCounts, ClientCounts, DramCounts};
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
-use crate::stats::{Cycles, Group, Leaf, Node, Tree};
+use crate::stats::{Cycles, Group, Node, Tree};
 use crate::unit::bin::BinCounts;
 use crate::unit::early::EarlyCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
@@ -133,14 +135,11 @@ pub fn memory(total: &Tree) -> String {
 }
 
 /// Writes what the sort class cost: copies and their bytes, uneven load, reorder stalls, the network, wrong pixels.
-pub fn sorting(total: &Tree, pipelines: u32) -> String {
-    let text = |path: &str| match total.get(path) {
-        Some(Node::Leaf(Leaf::Text(text))) => text.as_str(),
-        _ => "",
-    };
-    let class = text("sort.class");
+pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
+    let Class { sorted: items, one_place, .. } = class.class();
+    let outcome = SortOutcome::read(total);
     let s = if pipelines == 1 { "" } else { "s" };
-    let mut out = format!("  {class}, {pipelines} pipeline{s}\n");
+    let mut out = format!("  {}, {pipelines} pipeline{s}\n", class.name());
     let mut row = |name: &str, value: String, rest: String| {
         // A long name takes room of its value's column.
         let left = 40usize.saturating_sub(name.len());
@@ -152,22 +151,13 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     let size = |n: u64| bytes(n as f64);
 
     // 1. What was sorted, and sent how often.
-    let items = match class {
-        "sort-first" => "primitives",
-        "sort-last-fragment" => "quads",
-        "sort-last-image" => "samples",
-        _ => "triangles",
-    };
     let SortCounts { sorted_items: sorted, sent, redistributed_items: copies, .. } = sort;
     let nowhere = if sent < sorted { format!("{} of them sent nowhere", grouped(sorted - sent)) } else { String::new() };
-    row(&format!("{items} sorted"), grouped(sorted), nowhere);
-    let copied = match class {
-        "sort-middle-binned" => "entries in tiles' lists",
-        _ => "copies sent",
-    };
+    row(&format!("{} sorted", items.items()), grouped(sorted), nowhere);
+    let copied = if *one_place { "entries in tiles' lists" } else { "copies sent" };
     let overlap = if sent > 0 { copies as f64 / sent as f64 } else { 0.0 };
     row(copied, grouped(copies), format!("overlap {overlap:.3}; {}", size(sort.redistributed_bytes)));
-    if class == "sort-middle-binned" {
+    if *one_place {
         let bin: BinCounts = total.group("binning");
         let written = size(bin.triangle_bytes + bin.list_bytes);
         row("triangles and lists", written, format!("written; {} read back", size(bin.read_bytes)));
@@ -185,16 +175,16 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
         let culled = format!("{} behind, {behind:.1} %; {asked} asked and answered", grouped(early.culled));
         row("quads tested early", grouped(early.asked), culled);
     }
-    if class == "sort-last-image" {
+    if *items == Sorted::Images {
         let PassOrderCounts { passes_needing_order: passes } = total.group("sort");
-        row("passes needing order", grouped(passes), text("sort.passes_out_of_order").to_owned());
+        row("passes needing order", grouped(passes), outcome.passes_out_of_order);
     }
 
     // 2. Where the pipelines' cycles went.
     let loss: LossCounts = total.group("sort.loss");
     if loss.pipeline_cycles > 0 {
         let at = |cycles: u64| format!("{:.1} %", share(cycles, loss.pipeline_cycles));
-        row("pipelines' cycles used", at(loss.useful), format!("measured at {}", text("sort.loss.stage")));
+        row("pipelines' cycles used", at(loss.useful), format!("measured at {}", outcome.stage));
         // All that the counters declare beside the sum and the use.
         let parts = LossCounts::DECLARATIONS.iter().map(|counter| counter.name).zip(loss.values());
         for (part, cycles) in parts.filter(|&(part, cycles)| cycles > 0 && !["pipeline_cycles", "useful"].contains(&part)) {
@@ -204,18 +194,17 @@ pub fn sorting(total: &Tree, pipelines: u32) -> String {
     }
 
     // 3. What else it cost.
-    let n = |path: &str| total.number(path).unwrap_or(0.0);
-    let imbalance = format!("{:.3}", n("sort.load_imbalance"));
+    let imbalance = format!("{:.3}", outcome.load_imbalance);
     row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
     let order: OrderCounts = total.group("sort");
     let stalls = grouped(order.order_waiting_cycles);
     row("reorder stalls", stalls, "cycles, summed over the units that restore order".to_owned());
-    if n("sort.network.hops") > 0.0 {
-        let busiest = format!("{:.1} %", 100.0 * n("sort.network.hottest_share"));
-        let mean = 100.0 * n("sort.network.mean_share");
-        row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", text("sort.network.hot_spot")));
+    if let Some(traffic) = SortOutcome::network(total).filter(|traffic| traffic.hops > 0) {
+        let busiest = format!("{:.1} %", 100.0 * traffic.hottest);
+        let mean = 100.0 * traffic.mean;
+        row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", traffic.hot_spot));
     }
-    row("wrong pixels", grouped(n("sort.wrong_pixels") as u64), "pixels that differ from API order".to_owned());
+    row("wrong pixels", grouped(outcome.wrong_pixels), "pixels that differ from API order".to_owned());
     out
 }
 
@@ -375,7 +364,7 @@ mod tests {
         network.real("hottest_share", 0.5);
         network.real("mean_share", 0.125);
         network.text("hot_spot", "sorted[1] from a[0] to b[1]");
-        let text = sorting(&total, 4);
+        let text = sorting(&total, SortClass::First, 4);
         let lines: Vec<String> = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
         let expected = [
             "sort-first, 4 pipelines",

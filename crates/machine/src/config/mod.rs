@@ -293,6 +293,11 @@ impl Config {
         rules::warnings(self)
     }
 
+    /// Why the knob at a path has no effect on this machine, whatever its value; none: it may have one.
+    pub fn no_effect(&self, path: &str) -> Option<String> {
+        rules::no_effect(self, path)
+    }
+
     /// The whole configuration as RON, every knob with its meaning, unit, allowed values and source. Reading it gives this
     /// configuration again.
     pub fn resolved(&self) -> String {

@@ -1,9 +1,11 @@
 //! The rules between knobs, and what is allowed but hardly meant.
 
-use super::Config;
+use super::{Config, MemoryKind};
+use crate::class::Sorted;
 use mem::MemoryConfig;
 use unit::fetch::Reuse;
 use unit::scanout::{ScanoutMode, Swap};
+use unit::sorting::EarlyTest;
 use unit::traverse::Walk;
 use unit::warp::MAX_WIDTH;
 
@@ -124,6 +126,33 @@ pub(super) fn warnings(config: &Config) -> Vec<String> {
         )
     });
     short.chain(without_effect(config)).collect()
+}
+
+/// Why a knob has no effect on this machine, whatever its value; none: it may have one.
+pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
+    let sort = config.card.sort;
+    let class = sort.class();
+    let (section, name) = path.rsplit_once('.').unwrap_or(("", path));
+    let display = ["line_cycles", "blank_lines", "buffers", "swap"];
+    let without = |what: &str| Some(format!("a machine whose sort is {} {what}", sort.name()));
+    match section {
+        "bin" if !class.one_place => without("has no bins"),
+        "compose" if class.sorted != Sorted::Images => without("composes no frame buffers"),
+        "route" if class.sorted != Sorted::Primitives => without("routes no primitives"),
+        "order" if name.starts_with("early_") && config.order.early == EarlyTest::None => {
+            Some("order.early is none".to_owned())
+        }
+        "memory.l2" | "memory.dram" if config.memory.kind == MemoryKind::Ideal => Some("memory.kind is ideal".to_owned()),
+        "memory" if name.starts_with("ideal_") && config.memory.kind != MemoryKind::Ideal => {
+            Some(format!("memory.kind is {}", config.memory.kind.name()))
+        }
+        "core" if name.starts_with("vertex_") && config.core.unified => Some("core.unified is true".to_owned()),
+        "scanout" if name != "enabled" && !config.scanout.enabled => Some("scanout.enabled is false".to_owned()),
+        "scanout" if display.contains(&name) && config.scanout.mode != ScanoutMode::FreeRunning => {
+            Some(format!("scanout.mode is {}", config.scanout.mode.name()))
+        }
+        _ => None,
+    }
 }
 
 /// Knobs that another one switches off.

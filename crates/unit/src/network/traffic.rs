@@ -76,4 +76,17 @@ impl Traffic {
         tree.text("hot_spot", &self.hot_spot);
         tree
     }
+
+    /// What [`Traffic::tree`] has written; zeros where it has not.
+    pub fn read(tree: &Tree) -> Traffic {
+        let number = |name| tree.number(name).unwrap_or(0.0);
+        Traffic {
+            links: number("links") as u64,
+            hops: number("hops") as u64,
+            bytes: number("link_bytes") as u64,
+            mean: number("mean_share"),
+            hottest: number("hottest_share"),
+            hot_spot: tree.text_at("hot_spot").to_owned(),
+        }
+    }
 }
