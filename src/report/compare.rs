@@ -33,11 +33,11 @@ impl StatisticDifference {
         if a == 0.0 { None } else { Some((b - a) / a) }
     }
 
-    /// How large the change is: relative (infinite from 0) and as a difference.
+    /// How large the change is: relative (from 0, behind all that have such a size) and as a difference.
     fn size(&self, by: Size) -> Option<[f64; 2]> {
         let (a, b) = self.numbers()?;
         let absolute = (b - a).abs();
-        let relative = if a == 0.0 { f64::INFINITY } else { absolute / a.abs() };
+        let relative = if a == 0.0 { -1.0 } else { absolute / a.abs() };
         // Of equal ones the other measure decides.
         Some(match by {
             Size::Relative => [relative, absolute],
@@ -89,7 +89,8 @@ fn walk(path: &str, value: &Value, found: &mut Leaves) {
     }
 }
 
-/// The statistics of a `stats.csv`, under the paths that `stats.json` has them at: row `i` is `frames[i]`.
+/// The statistics of a table of a replay, under the paths that `stats.json` has them at: the `i`-th frame is `frames[i]`, a row of
+/// `passes.csv` is one of its `phases`, and a row of `draws.csv` one of the `draws` of a phase.
 ///
 /// # Errors
 /// The line that is no row of such a table, and why.
@@ -99,16 +100,36 @@ pub fn table(text: &str) -> Result<Leaves, String> {
     if header[0] != "frame" {
         return Err(format!("line 1: the first column is {:?}, not \"frame\"", header[0]));
     }
+    // Columns that say which phase of a frame a row is about, and whether it is about a draw of it.
+    let (phase, draws) = (header.get(1).is_some_and(|name| name == "phase"), header.get(3).is_some_and(|name| name == "draw"));
     let mut found = Leaves::new();
-    for (i, (line, row)) in rows.enumerate() {
+    let (mut frames, mut draw) = (0, 0);
+    let mut last: Option<Vec<String>> = None;
+    for (line, row) in rows {
         if row.len() != header.len() {
             return Err(format!("line {line} has {} fields, the header has {}", row.len(), header.len()));
         }
+        let of: Vec<String> = row[..1 + usize::from(phase)].to_vec();
+        match &last {
+            // The next draw of the phase; of other tables each row has a place of its own.
+            Some(known) if phase && *known == of => draw += 1,
+            Some(known) => {
+                frames += usize::from(!phase || known[0] != of[0]);
+                draw = 0;
+            }
+            None => {}
+        }
+        let place = match (phase, draws) {
+            (false, _) => format!("frames[{frames}]"),
+            (true, false) => format!("frames[{frames}].phases[{}]", row[1]),
+            (true, true) => format!("frames[{frames}].phases[{}].draws[{draw}]", row[1]),
+        };
+        last = Some(of);
         for (path, field) in header.iter().zip(row) {
             // A whole number, a real one, a text.
             let number = field.parse::<u64>().map(Value::from).ok();
             let number = number.or_else(|| Some(Value::Number(Number::from_f64(field.parse().ok()?)?)));
-            found.push((format!("frames[{i}].{path}"), number.unwrap_or(Value::String(field))));
+            found.push((format!("{place}.{path}"), number.unwrap_or(Value::String(field))));
         }
     }
     Ok(found)
@@ -189,7 +210,7 @@ fn unit(path: &str) -> Option<(String, &str)> {
     let (stem, rest) = path.rsplit_once("].")?;
     let (stem, index) = stem.rsplit_once('[')?;
     let name = stem.rsplit('.').next().unwrap_or(stem);
-    if matches!(name, "frames" | "phases") { None } else { Some((format!("{stem}[*].{rest}"), index)) }
+    if matches!(name, "frames" | "phases" | "draws") { None } else { Some((format!("{stem}[*].{rest}"), index)) }
 }
 
 /// The path of all banks, of one that is not the first.
@@ -284,7 +305,7 @@ mod tests {
 
     #[test]
     fn frames_and_phases_are_no_banks() {
-        for path in ["frames[1].cycles", "frames[0].phases[1].cycles", "histogram[3]", "total.cycles"] {
+        for path in ["frames[1].cycles", "frames[0].phases[1].draws[2].cycles", "histogram[3]", "total.cycles"] {
             assert_eq!(unit(path), None, "{path}");
         }
         assert_eq!(unit("frames[1].units.rop[12].busy"), Some(("frames[1].units.rop[*].busy".into(), "12")));
@@ -305,7 +326,7 @@ mod tests {
         ];
         let names = |found: &[StatisticDifference]| found.iter().map(|d| d.path.clone()).collect::<Vec<_>>();
         largest_first(&mut found, Size::Relative);
-        assert_eq!(names(&found), ["from 0", "to 0", "half", "small share", "only one"]);
+        assert_eq!(names(&found), ["to 0", "half", "small share", "from 0", "only one"]);
         largest_first(&mut found, Size::Absolute);
         assert_eq!(names(&found), ["small share", "half", "to 0", "from 0", "only one"]);
     }
@@ -325,6 +346,21 @@ mod tests {
             ]
         );
         assert_eq!(found[5..7], [row("frames[1].cycles", json!(12)), row("frames[1].sort.passes_out_of_order", json!(""))]);
+        let paths = |text: &str| table(text).unwrap().into_iter().map(|(path, _)| path).collect::<Vec<_>>();
+        let cycles = |text: &str| paths(text).into_iter().filter(|path| path.ends_with("cycles")).collect::<Vec<_>>();
+        let passes = "frame,phase,kind,number,label,cycles\n7,0,transfers,0,,5\n7,1,pass,0,,9\n8,0,pass,1,,4\n";
+        assert_eq!(cycles(passes), ["frames[0].phases[0].cycles", "frames[0].phases[1].cycles", "frames[1].phases[0].cycles"]);
+        let draws =
+            "frame,phase,pass,draw,group,label,cycles\n7,1,0,0,,,5\n7,1,0,end of the pass,,,9\n7,2,1,0,,,4\n8,1,0,0,,,2\n";
+        assert_eq!(
+            cycles(draws),
+            [
+                "frames[0].phases[1].draws[0].cycles",
+                "frames[0].phases[1].draws[1].cycles",
+                "frames[0].phases[2].draws[0].cycles",
+                "frames[1].phases[1].draws[0].cycles"
+            ]
+        );
         assert_eq!(table("").unwrap(), []);
         assert_eq!(table("frame,a\n1\n").unwrap_err(), "line 2 has 1 fields, the header has 2");
         assert!(table("x,a\n").unwrap_err().contains("\"x\""));
