@@ -7,13 +7,17 @@ use super::consts as e;
 use super::copies::{CopyKey, From, Meet, SAME};
 use super::machine::Gl;
 
+const HALF_MAX: f32 = 65_504.0;
+
 pub(super) fn clear_value(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.clear_accum = [call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(|value| value.clamp(-1.0, 1.0));
     Ok(())
 }
 
 pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
+    // Half precision has no larger numbers; what is no number becomes 0.
     let (op, value) = (call.u32(0)?, call.f32(1)?);
+    let value = if value.is_nan() { 0.0 } else { value.clamp(-HALF_MAX, HALF_MAX) };
     if !matches!(op, e::ACCUM | e::LOAD | e::RETURN | e::MULT | e::ADD) {
         return Err(INVALID_ENUM);
     }

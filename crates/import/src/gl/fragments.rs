@@ -206,7 +206,8 @@ pub(super) fn blend_equation_separate(gl: &mut Gl, call: &Call, _: Shape) -> Out
 }
 
 fn color(call: &Call) -> Outcome<[f32; 4]> {
-    Ok([call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(|value| value.clamp(0.0, 1.0)))
+    let channel = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
+    Ok([call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?].map(channel))
 }
 
 pub(super) fn blend_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

@@ -449,6 +449,27 @@ fn meshes_that_are_empty_along_one_axis_take_no_time() {
     }
 }
 
+/// Infinity and NaN as factors made traces that the checker refuses.
+#[test]
+fn factors_that_are_no_finite_numbers_make_whole_traces() {
+    for value in ["0x7f800000", "0xff800000", "0x7fc00000"] {
+        let text = format!(
+            "GLI0.t\n#! RES 8x8\nglAccum(GL_LOAD,1)\nglAccum(GL_MULT,{value})\nglAccum(GL_RETURN,{value})\nglEnable(GL_BLEND)\n\
+             glBlendColor({value},0,{value},0)\nglBlendFunc(GL_CONSTANT_COLOR,GL_ONE)\nglRectf(-1,-1,1,1)\nwglSwapBuffers(1)\n"
+        );
+        let (trace, report) = imported_text(text.as_bytes(), &[Vec::new(), Vec::new()]).expect("a recording");
+        assert!(report.unsupported.is_empty() && report.errors.is_empty(), "{:?} {:?}", report.unsupported, report.errors);
+        let mut constants = 0;
+        let read: Result<(), TraceError> = trace.for_each_command(|_, command| {
+            constants += usize::from(matches!(command, Command::SetBlendConstant(_)));
+            Ok(())
+        });
+        read.expect("commands in memory");
+        assert_eq!(constants, 2, "of glAccum and of glBlendColor");
+        check(&trace).unwrap_or_else(|error| panic!("{value}: {error}"));
+    }
+}
+
 /// A list that calls itself twice would run 2^64 calls.
 #[test]
 fn lists_that_call_themselves_end_with_a_message() {
