@@ -16,8 +16,8 @@ use crate::report::compare::{self, Banks, Leaves, Size, StatisticDifference};
 /// Bytes of a statistics file at most: hours of frames.
 const TEXT_MAX: u64 = 1 << 30;
 
-/// Compare two outputs of replay, or two files of them: images (difference image, PSNR, pixels off by more than 2), statistics (JSON
-/// or CSV), or configurations; or recorded programs with reference images beside them.
+/// Compare two outputs of replay, or two files of them: images (PSNR, pixels off by more than 2, and with --difference an
+/// image of the differences), statistics (JSON or CSV), or configurations; or recorded programs with their reference images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate compare before after --only total.\n  \
 fillrate compare out/frame-0000.png ref.png --difference difference.png\n  \
@@ -66,7 +66,7 @@ enum Kind {
     Csv,
     Configuration,
     Image,
-    /// A configuration's place, beside a folder of recordings.
+    /// A manifest (RON) that is compared with a folder of recordings.
     Manifest,
 }
 

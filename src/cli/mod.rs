@@ -79,8 +79,8 @@ const READER_GONE: i32 = 141;
 /// Bytes of a message at most: one that quotes a file of gigabytes is of no use.
 const MESSAGE_MAX: usize = 16 << 10;
 
-/// Writes to the standard output, with control characters escaped: labels and file names are not ours. Where nobody reads on
-/// (`fillrate replay … | head`), the program ends without a word.
+/// Writes to the standard output, with control characters escaped: labels and file names come from the trace. Where no process
+/// reads on (`fillrate replay … | head`), the program ends without a word.
 fn say(text: std::fmt::Arguments<'_>) {
     said(Fence::print(std::io::stdout().lock(), text));
 }

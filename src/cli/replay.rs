@@ -30,7 +30,7 @@ use crate::sim::Clock;
 fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
 fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n  \
 fillrate replay traces/flight.zip --fidelity sampled --images none --out out\n\n\
-Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a pass), draws.csv (a row a draw, with --per-draw), config.ron.")]
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a phase: a pass, a dispatch, transfers or scan-out), draws.csv (a row a draw, with --per-draw), config.ron.")]
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,
@@ -194,39 +194,39 @@ fn refuse_ignored(arguments: &Arguments) -> Result<()> {
     ];
     match given.into_iter().find(|&(_, given)| given) {
         Some((option, _)) if matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Cycle) => {
-            bail!("{option} is about --fidelity sampled and bound, and would be ignored here")
+            bail!("{option} applies to --fidelity sampled and bound only, and would be ignored here")
         }
         Some((option @ ("--warm-up" | "--seed"), _))
             if matches!(arguments.fidelity, FidelityName::Bound)
                 && arguments.samples.is_none()
                 && arguments.time_limit.is_none() =>
         {
-            bail!("{option} is about sampled frames, and would be ignored here: give --samples or --time-limit")
+            bail!("{option} applies to sampled frames only, and would be ignored here: give --samples or --time-limit")
         }
         _ if matches!(
             (&arguments.fidelity, arguments.images),
             (FidelityName::Functional | FidelityName::Bound, Some(ImagesName::Simulated))
         ) =>
         {
-            bail!("--images simulated is about --fidelity sampled and cycle: no frame is simulated here")
+            bail!("--images simulated applies to --fidelity sampled and cycle only: no frame is simulated here")
         }
         _ if arguments.per_draw && arguments.out.is_none() && arguments.report.is_none() && arguments.timeline.is_none() => {
-            bail!("--per-draw is about --out, --report and --timeline, and would be ignored here")
+            bail!("--per-draw applies to --out, --report and --timeline only, and would be ignored here")
         }
         _ if arguments.per_draw && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
-            bail!("--per-draw is about --fidelity cycle and sampled, and would be ignored here")
+            bail!("--per-draw applies to --fidelity cycle and sampled only, and would be ignored here")
         }
         _ if arguments.timeline.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
-            bail!("--timeline is about --fidelity cycle: no other runs one machine through all frames")
+            bail!("--timeline applies to --fidelity cycle only: no other runs one machine through all frames")
         }
         _ if arguments.frames_per_run.is_some() && !matches!(arguments.fidelity, FidelityName::Cycle) => {
-            bail!("--frames-per-run is about --fidelity cycle, and would be ignored here")
+            bail!("--frames-per-run applies to --fidelity cycle only, and would be ignored here")
         }
         _ if arguments.timeline.is_some() && matches!(arguments.frames_per_run, Some(FramesPerRun(Some(_)))) => {
             bail!("--timeline reads one machine that simulates all frames: use --frames-per-run all with it")
         }
         _ if arguments.clock.is_some() && matches!(arguments.fidelity, FidelityName::Functional | FidelityName::Bound) => {
-            bail!("--clock is about --fidelity cycle and sampled, and would be ignored here")
+            bail!("--clock applies to --fidelity cycle and sampled only, and would be ignored here")
         }
         _ => Ok(()),
     }

@@ -219,7 +219,7 @@ fn write_plots(folder: &Path, plots: &[(String, String)]) -> Result<()> {
 /// The page of a sweep whose shards have ended and stand in one folder.
 fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
     if arguments.trace.is_some() {
-        bail!("--trace is about a replay, and {} is of a sweep", arguments.dir.display());
+        bail!("--trace applies to a replay only, and {} is of a sweep", arguments.dir.display());
     }
     let folder = &arguments.dir;
     let inputs = read_inputs(folder)?;

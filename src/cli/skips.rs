@@ -54,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let turns = if is_timed {
         Turns { least: 3, time: Duration::try_from_secs_f64(arguments.seconds.unwrap_or(1.0)).context("--seconds")? }
     } else if arguments.seconds.is_some() {
-        bail!("--seconds is about host times, which --table work and cycles do not have");
+        bail!("--seconds applies to host times only, which --table work and cycles do not have");
     } else {
         Turns { least: 1, time: Duration::ZERO }
     };

@@ -31,7 +31,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// In what they differ from others, in words; none where they are equal.
+    /// How they differ from `other`, in words; none if they are equal.
     pub fn differ(&self, other: &Inputs) -> Option<String> {
         let e = (&self.experiment, &other.experiment);
         let parts = [

@@ -54,12 +54,12 @@ pub struct Why {
 }
 
 impl Gain {
-    /// The share of the cycles that goes; negative where there are more. None where the machine stopped.
+    /// The share of the cycles that the change saves; negative where it costs cycles. None where the machine stopped.
     pub fn share(&self, base: &Timed) -> Option<f64> {
         self.timed.as_ref().ok().map(|timed| gain(base.cycles, timed.cycles))
     }
 
-    /// The phase that loses most cycles: its name, and the share of its cycles that goes. None where phases are others than before.
+    /// The phase that saves most cycles: its name, and the share that it saves. None where the two machines have different phases.
     pub fn most<'t>(&self, base: &'t Timed) -> Option<(&'t str, f64)> {
         let timed = self.timed.as_ref().ok()?;
         let pairs = pairs(base, timed)?;

@@ -113,7 +113,7 @@ fn runs_of_frames_do_not_depend_on_threads() {
     let refused = |more: &[&str]| refused(&[&runs[..], more].concat());
     assert!(refused(&["--config", "sort-middle-binned"]).contains("functional warming"));
     assert!(refused(&["--set", "scanout.mode=free-running"]).contains("free-running"));
-    assert!(refused(&["--fidelity", "bound"]).contains("--frames-per-run is about --fidelity cycle"));
+    assert!(refused(&["--fidelity", "bound"]).contains("--frames-per-run applies to --fidelity cycle only"));
     assert!(refused(&["--timeline", "t.json"]).contains("--frames-per-run all"));
     let (code, _, message) = run(&["replay", "traces/particles", "--frames-per-run", "0"]);
     assert!(code == 2 && message.contains("from 1 on, or all"), "{message}");

@@ -69,6 +69,6 @@ fn draws_are_refused_where_no_cycle_is_simulated() {
     let folder = out.path().display().to_string();
     for fidelity in ["bound", "functional"] {
         let message = refused(&["replay", "traces/cube", "--per-draw", "--out", &folder, "--fidelity", fidelity]);
-        assert!(message.contains("--per-draw is about --fidelity cycle and sampled"), "{message}");
+        assert!(message.contains("--per-draw applies to --fidelity cycle and sampled only"), "{message}");
     }
 }

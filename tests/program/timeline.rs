@@ -74,7 +74,7 @@ fn a_timeline_is_the_same_under_every_clock_and_changes_nothing() {
     assert!((measured - share).abs() < 1e-4, "{measured} of the time, {share} of the cycles");
 
     for (more, told) in
-        [(&["--fidelity", "bound"][..], "--timeline is about"), (&["--timeline-interval", "0"], "timeline-interval")]
+        [(&["--fidelity", "bound"][..], "--timeline applies to"), (&["--timeline-interval", "0"], "timeline-interval")]
     {
         let (code, _, message) = run(&[&["replay", "traces/triangle", "--timeline", &file("c.json")], more].concat());
         assert!(code == 2 && message.contains(told), "{message}");

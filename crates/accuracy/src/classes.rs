@@ -11,8 +11,8 @@ use run::replay::Options;
 use run::sample::survey::Count;
 use trace::Trace;
 
-/// Bytes of DRAM from which on their error is told: of fewer most stay in the second level, and what does not is a matter of chance.
-const TOLD: f64 = (1 << 20) as f64;
+/// Bytes of DRAM from which on their error is reported. Smaller amounts stay mostly in the second level, and the rest is chance.
+const REPORTED_BYTES: f64 = (1 << 20) as f64;
 
 /// The errors of `bound` on a trace.
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ pub fn errors(name: &str, trace: &Trace, options: &Options) -> Result<Errors> {
         let bytes = Count::DramBytes.of(&simulated.total);
         let told = (estimated.memory.read + estimated.memory.written) / bytes - 1.0;
         let cycles = estimated.cycles / simulated.cycles as f64 - 1.0;
-        (class, [Some(cycles), (bytes >= TOLD).then_some(told)])
+        (class, [Some(cycles), (bytes >= REPORTED_BYTES).then_some(told)])
     };
     Ok(Errors { trace: name.to_owned(), classes: SortClass::NAMES.iter().zip(&results).map(own).collect() })
 }

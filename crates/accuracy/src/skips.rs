@@ -35,7 +35,8 @@ pub struct Skip {
     /// The switch, as a user turns it.
     pub switch: &'static str,
     how: Switch,
-    /// Makes equal what it changes by what it is: in the counters of a machine with it, and in those of one without.
+    /// Removes from the counters what the skip changes by definition, both with the skip and without it, so that the rest can be
+    /// compared.
     changes: fn(&mut Funnel),
     /// What it saves.
     work: Work,

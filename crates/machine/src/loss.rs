@@ -3,9 +3,9 @@
 //! All is measured at one stage, the one whose busiest unit worked most: nothing else could have made the machine faster. In each
 //! pipeline the busiest unit of that stage stands for the pipeline. Of N pipelines and T cycles, N x T cycles are to be accounted for.
 //! What each has worked is known, and so is by how much it has worked less than the busiest. In the cycles in which even that one did
-//! not work nobody need have, so that each of them counts N times; the busiest one's account and what was counted at the ends of the
-//! network say why. Each of its cycles goes to one cause, and no cause gets more than was counted for it: the parts are whole numbers
-//! that add up to N x T.
+//! not work, none of the others needed to work either, so that each of these cycles counts N times; the busiest one's account and what was
+//! counted at the ends of the network say why. Each of its cycles goes to one cause, and no cause gets more than was counted for it:
+//! the parts are whole numbers that add up to N x T.
 
 use super::class::{Class, Sorted};
 use super::parts::{Parts, Stage};

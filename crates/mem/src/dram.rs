@@ -163,7 +163,7 @@ pub struct Dram {
     queued_writes: u32,
     /// The card cycle before which no command can go, found when the last of a cycle had gone and void once a request enters.
     command_at: Cycle,
-    /// Banks that are closed though somebody waits for a row of theirs.
+    /// Banks that are closed although a request waits for one of their rows.
     waiting: u64,
     /// Banks with requests to their open row.
     hitting: u64,

@@ -50,7 +50,7 @@ impl L2Config {
 }
 
 stats::counters! {
-    /// What a slice counts beside its cache.
+    /// What a slice counts in addition to its cache's counts.
     pub struct L2Counts {
         /// Bytes that clients read.
         read_bytes: "bytes",

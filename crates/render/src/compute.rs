@@ -127,7 +127,7 @@ impl ActiveCompute {
         Ok(())
     }
 
-    /// Runs a dispatch. Of one that is not needed only its size is told.
+    /// Runs a dispatch. For a dispatch that is not needed, only the size is reported.
     fn dispatch(&mut self, renderer: &mut Renderer<'_, '_>, count: [u32; 3], needed: bool) -> Result<(), Fault> {
         let id = self.pipeline.ok_or("a dispatch without a pipeline")?;
         let pipeline = renderer.res.compute_pipelines.get(id)?.clone();

@@ -82,7 +82,7 @@ pub struct Options {
     pub skips: Skips,
     /// What the receiver keeps of the events.
     pub held: Held,
-    /// Is told that the rendering begins.
+    /// Watches the rendering: gets its ledger when it begins.
     pub watch: Option<Arc<Watch>>,
 }
 

@@ -161,7 +161,7 @@ impl Watch {
         self.ledger.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What to tell of a rendering: the command that runs, and the limit that is nearest once it is at one in a hundred.
+    /// A line about a rendering: the command that runs, and the limit that is nearest once it is at one in a hundred.
     pub fn line(&self) -> Option<String> {
         let ledger = self.ledger()?;
         let nearest = ledger.nearest();
@@ -177,7 +177,7 @@ impl Watch {
 pub struct Held {
     /// Images of every attachment that it has, beside the renderer's.
     pub images: u64,
-    /// Recorded pieces of work that it has at one time, on their way among them.
+    /// Recorded pieces of work that it has at one time, pieces in flight included.
     pub pieces: u64,
     /// Whether it keeps every frame's picture and statistics to the end.
     pub frames: bool,

@@ -21,7 +21,7 @@ use render::Held;
 use sim::Clock;
 use work::Event;
 
-/// Which frames only warm up for others.
+/// Whether a frame only warms up the machine for later frames.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
 /// Bytes of work that may wait for all machines. The more, the earlier the next run begins: with less than a run's work, machines wait.
@@ -66,7 +66,7 @@ impl Room {
     }
 }
 
-/// The work of one run, for its machine. What is left when it goes gives its room back.
+/// The work of one run, for its machine. Work that is left when this is dropped gives its room back.
 struct Waiting<'a> {
     events: channel::Receiver<(Event, u64)>,
     room: &'a Room,
@@ -89,7 +89,7 @@ impl Drop for Waiting<'_> {
     }
 }
 
-/// What a machine came to: what it has counted, and host time in it.
+/// The result of a machine: its counts, and host time spent in it.
 type Ran = Result<(Totals, Duration)>;
 
 /// Where the frames of all runs leave in order.

@@ -61,11 +61,11 @@ impl From<FrameReport> for Frame {
 /// Takes frames in order, each when it ends.
 pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
 
-/// Takes frames, and says so.
+/// Where frames leave a replay: passes each on, and reports progress.
 pub struct Exit<'e> {
     /// Takes them.
     pub taker: Box<Taker<'e>>,
-    /// Whether the taker keeps them, which the account of memory is told.
+    /// Whether the taker keeps them: then they count as memory in use.
     pub keeps: bool,
     /// Whether frames report their draws, of a machine that is simulated.
     pub per_draw: bool,
@@ -73,7 +73,7 @@ pub struct Exit<'e> {
     pub limits: bool,
     /// Reads the machine while it runs, under the cycle fidelity.
     pub timeline: Option<&'e mut Timeline>,
-    /// Hears the number of each.
+    /// Called with the number of each frame.
     pub progress: &'e (dyn Fn(u32) + Sync),
 }
 

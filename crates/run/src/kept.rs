@@ -22,7 +22,7 @@ pub struct Kept {
 impl Kept {
     /// Renders frames and keeps their work. None: it takes more than `most` bytes.
     ///
-    /// `machines` is how many machines will run at one time; the account of memory is told of their images.
+    /// `machines` is how many machines will run at one time; their images count as memory in use.
     ///
     /// # Errors
     /// If the trace cannot be rendered.

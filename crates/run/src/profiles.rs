@@ -1,4 +1,4 @@
-//! Profiles of frames, made once for all who read them.
+//! Profiles of frames, made once for all readers.
 
 use std::time::Duration;
 

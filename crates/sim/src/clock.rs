@@ -13,8 +13,8 @@ pub enum Clock {
     /// Units that cannot move sleep, and cycles in which all sleep are skipped.
     #[default]
     SkipIdle,
-    /// Every unit ticks in every cycle, in an order that is drawn anew for each cycle from this seed: for tests, which look for
-    /// a unit that sees what another one does in the same cycle.
+    /// Every unit ticks in every cycle, in an order that is drawn anew for each cycle from this seed: for checks (unit tests and
+    /// `fillrate accuracy clocks`), which look for a unit that sees what another one does in the same cycle.
     Shuffled(u64),
 }
 

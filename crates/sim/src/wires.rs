@@ -333,7 +333,7 @@ impl Wires {
     }
 
     /// The next cycle at which any unit could move, [`NEVER`] if none. After a move that is the next cycle: the unit that moved
-    /// ticks again, and who asks whether the run is done wants to ask then.
+    /// ticks again, and the loop asks after each move whether the run is done.
     #[inline(always)]
     pub(super) fn next_event(&self) -> Cycle {
         if self.moved { self.now + 1 } else { self.agenda.next(self.now) }

@@ -3,7 +3,8 @@
 //! A segment's quads go through the very tests and blends of the ROPs, in API order, so that depths and colours are what they are behind
 //! a segment that was simulated. Nothing takes time and nothing is counted. What later segments meet is left as it would be, as far as it does
 //! not depend on time: which blocks are in the ROPs' caches and how large the others are in memory, what hierarchical Z knows of them,
-//! which lines the texture caches have, whose turn it is where primitives are dealt. What goes on to memory is told, for the second level, and so is what geometry reads.
+//! which lines the texture caches have, and which pipeline gets the next batch. Reads and writes that go on to memory are reported for the
+//! second-level cache, geometry's reads included.
 
 use super::assembly::Assembly;
 use super::card::{Ahead, Card, Fault, Group, PassState, Work};
@@ -48,7 +49,7 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
                     interleave.note(u32::from(block.y), block.quads.into());
                 }
                 let pipeline = usize::from(interleave.owner(block.x.into(), block.y.into()));
-                // Who does not own what it draws has to know of all draws.
+                // A pipeline that draws pixels of other owners must see all draws.
                 let screen = units.traverse[pipeline].territory() == Territory::Screen;
                 let told = if screen { 0..pipelines } else { pipeline..pipeline + 1 };
                 for unit in told.filter(|&unit| !std::mem::replace(&mut noted[unit], true)) {
@@ -58,7 +59,7 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
                 if units.traverse[pipeline].passes_by(work, triangle, block, at) {
                     continue;
                 }
-                // Who draws on all of the screen shades what it was dealt.
+                // A pipeline that draws on the whole screen shades the primitives that were dealt to it.
                 let shades = units.deal.first().filter(|_| screen).map_or(pipeline, |deal| deal.dealt(triangle.primitive));
                 let place = Place { work, pass, tile, index: visit.tile, triangle: number, block, at, pipeline, shades };
                 if let Err(found) = place.draw(frame, *epoch, units, memory) {
@@ -195,8 +196,8 @@ impl Place<'_> {
         }
     }
 
-    /// Has a quad's lines looked up by the texture unit of the pipeline that shades it, request by request. Where a pipeline has several cores, blocks take
-    /// turns: which core gets which warp is a matter of time.
+    /// Looks up a quad's lines, request by request, in the texture unit of the pipeline that shades it. Where a pipeline has several
+    /// cores, blocks take turns: which core gets which warp is a matter of time.
     fn fetch(&self, quad: u32, epoch: u32, units: &mut Keepers, memory: &mut Touching) {
         let quad = &self.tile.quads[quad as usize];
         let each = units.texture.len() / units.color.len();

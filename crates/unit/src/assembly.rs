@@ -79,7 +79,7 @@ pub enum Mode {
     Segments,
     /// In runs with numbers, dealt to the one pipeline that this unit belongs to.
     Runs {
-        /// Whether the end of a number is told on, so that order can be restored behind.
+        /// Whether a mark for the end of each sequence number is sent on, so that later units can restore the order.
         marks: bool,
         /// Whether primitives are counted here; not where one may come to several pipelines.
         counts: bool,

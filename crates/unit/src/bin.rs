@@ -54,9 +54,9 @@ stats::counters! {
         read_bytes: "bytes",
         /// Tiles drawn.
         tiles: "tiles",
-        /// Tiles in whose lists nothing was.
+        /// Tiles whose lists are empty.
         empty_tiles: "tiles",
-        /// Tiles that were in memory already.
+        /// Tiles that rendering elimination did not draw.
         same_tiles: "tiles",
         /// Times that tiles had to be drawn before all of the pass was binned.
         partial_renders: "times",
@@ -78,18 +78,18 @@ struct Writing {
     chunk: u64,
     /// The number of the triangle that its last entry names.
     last: u64,
-    /// Of all triangles that it names.
+    /// The signature of all triangles in the list.
     signature: Signature,
 }
 
-/// What binning is at.
+/// The state of binning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     /// Triangles come in.
     Binning,
     /// Tiles are handed out, from this one on; whether more of the pass follows.
     Drawing { tile: u32, partial: bool },
-    /// Fences that came are handed on, to the pipelines that have not got the first.
+    /// Fences that have arrived are sent on to the pipelines that have not received the first.
     Fences { pending: u64, partial: bool },
     /// Lists are read: reports still to come.
     Reading { left: u32 },
@@ -129,7 +129,7 @@ pub struct Bin {
     fences: VecDeque<(u16, Kind)>,
     /// Writes that wait for the port: address and bytes. Neighbours are one.
     writes: VecDeque<(u64, u32)>,
-    /// Nobody knows all that goes into the tiles of the pass: a draw is not signed, or some of them are drawn already.
+    /// The inputs of the pass's tiles are not all known: a draw has no signature, or some tiles have been drawn already.
     unsigned: bool,
     counts: BinCounts,
     sorting: SortCounts,

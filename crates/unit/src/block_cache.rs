@@ -390,7 +390,7 @@ impl BlockCache {
 
     /// Writes all dirty blocks back, as fast as memory takes them, and forgets everything; `keep` says for a surface whether its
     /// blocks are worth writing. `None` while there is more to do or in flight, with what was done; each block that is written
-    /// back is told to `left`.
+    /// back is passed to `left`.
     pub fn flush(&mut self, frame: &mut FrameBuffers, keep: impl Fn(usize) -> bool) -> Tick {
         let mut did = Tick::Memory;
         while self.completing < self.tags.len() {

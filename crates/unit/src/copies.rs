@@ -2,7 +2,7 @@
 //!
 //! Every copy starts as the attachment does: cleared, or with what was loaded. For each sample a copy knows which primitive wrote it
 //! last. Of two copies of a sample the nearer wins where the pass's draws compare and write depths; of equal depths the one that
-//! API order keeps: the earlier, unless the later one's comparison lets equals pass. Elsewhere the later primitive wins. What nobody
+//! API order keeps: the earlier, unless the later one's comparison lets equals pass. Elsewhere the later primitive wins. What no primitive
 //! has written keeps what the pass began with.
 //!
 //! That gives the picture of API order for every pass whose draws are all of one kind: all write depths and compare in one

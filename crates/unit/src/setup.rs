@@ -39,7 +39,7 @@ pub struct Setup {
     input: Receiver<TriangleToken>,
     output: Out<TriangleToken>,
     merge: Merge,
-    /// Whether the end of a sequence number is told on.
+    /// Whether a mark for the end of each sequence number is sent on.
     marks: bool,
     free_at: u64,
     found: SetupCounts,

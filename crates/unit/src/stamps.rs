@@ -67,7 +67,7 @@ impl Stamps {
         &mut self.words[(block as usize * 16 + usize::from(position)) * 4 * self.samples..][..4 * self.samples]
     }
 
-    /// Of some samples of a quad those whose colours nobody has written.
+    /// The samples among `live` whose colours no primitive has written.
     pub fn untouched(&self, block: u32, position: u8, live: u16) -> u16 {
         let stamps = self.quad(block, position).iter().enumerate();
         stamps.fold(0, |mask, (bit, &word)| mask | u16::from(word & COLORED == 0) << bit) & live
@@ -107,7 +107,7 @@ pub struct PassOrder {
     pub writes_depth: bool,
     /// Which depths win: those that are less, or greater; none: the later primitive wins.
     pub nearer: Option<Ordering>,
-    /// Whether nobody looks at the numbers of primitives: where depth does not decide, what is there stays.
+    /// Whether primitives' numbers are not used: where depth does not decide, the value that is there stays.
     pub unnumbered: bool,
     /// The kinds of draws so far.
     kinds: u8,

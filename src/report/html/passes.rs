@@ -184,7 +184,7 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
     })
 }
 
-/// The table of draws, where the replay told of each.
+/// The table of draws, where the replay reported each draw (`--per-draw`).
 fn draw_table(input: &Input<'_>) -> Option<Markup> {
     /// Draws that are listed: those with most cycles.
     const MOST: usize = 1000;

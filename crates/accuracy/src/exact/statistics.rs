@@ -60,7 +60,7 @@ fn zigzag(vertices: u32, random: &mut Random) -> Vec<[f32; 8]> {
     (0..vertices).map(|k| at(4.1 + k as f32 * step, if k % 2 == 0 { 4.3 } else { 40.0 + 8.0 * random.unit() }, 0.5)).collect()
 }
 
-/// Of which machines a rule is asked.
+/// The machines to which a rule applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Of {
     /// Of all, and of the renderer.

@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What is wrong with an action. Of the names that would be right one that is near is told: there are up to fifty.
+/// What is wrong with an action. The message names only the nearest of the valid names: there are up to fifty.
 fn reason(error: &ron::Error) -> String {
     let (what, within, expected, found) = match error {
         ron::Error::NoSuchEnumVariant { expected, found, outer } => ("variant", outer, expected, found),

@@ -39,7 +39,7 @@ impl Piece {
 }
 
 /// Entries of a run (a strip, or a whole list) that primitives `first..first + count` need, and whether the hub of a fan is
-/// needed besides. `first` is even.
+/// needed as well. `first` is even.
 pub fn entries_of(topology: Topology, first: u32, count: u32) -> (u32, u32, bool) {
     match topology {
         Topology::PointList => (first, count, false),

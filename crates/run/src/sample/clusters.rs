@@ -153,7 +153,7 @@ impl Clusters {
     }
 }
 
-/// The sampling generator (SplitMix64: Steele, Lea and Flood 2014).
+/// The random generator for sampling (SplitMix64: Steele, Lea and Flood 2014).
 pub fn random(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed;
     move || {

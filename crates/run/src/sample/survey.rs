@@ -1,4 +1,4 @@
-//! What is estimated of all frames, by which they are compared and to which counts are in proportion.
+//! Estimates for all frames: frames are compared by them, and counts are scaled in proportion to them.
 //!
 //! Some frames, evenly spaced, are recorded and estimated ([`Bound`]); of the others only counts are taken ([`Counts`]), without colours where
 //! nothing reads them ([`Needs`](render::Needs)). What is estimated of those follows from their counts by ridge regression over the recorded

@@ -167,7 +167,7 @@ pub struct Bound<'a> {
     allowance: Allowance<'a>,
 }
 
-/// Recorded bytes after which their meter is told.
+/// Recorded bytes after which they are added to the meter.
 const RECORDED_PAUSE: u64 = if cfg!(test) { 1 << 16 } else { 1 << 24 };
 
 /// The meters of what runs come to.

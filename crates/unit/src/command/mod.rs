@@ -60,7 +60,7 @@ stats::counters! {
     pub struct CommandCounts {
         /// Passes that pipelines have drawn.
         passes: "passes",
-        /// Passes without draws that no pipeline has heard of.
+        /// Passes without draws that were not sent to pipelines.
         empty_passes: "passes",
         /// Draws, and instances of draws, whose bounds were tested against the view volume.
         bounds_tested: "tests",
@@ -108,7 +108,7 @@ pub struct CommandPorts {
     pub probe: StallProbe,
 }
 
-/// What the command processor is at.
+/// The state of the command processor.
 #[derive(Clone, Debug)]
 enum State {
     /// The next event.

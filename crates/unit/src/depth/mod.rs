@@ -99,7 +99,7 @@ pub struct TestPorts {
 }
 
 stats::counters! {
-    /// What the early test is told ahead.
+    /// Checks of what hierarchical Z has accepted.
     pub struct DepthCounts {
         /// Samples of blocks that hierarchical Z has accepted, and that fail when they are tested: none, if its bounds hold.
         accepted_failed: "samples",
@@ -547,7 +547,7 @@ impl Unit<Card> for Depth {
         // 1. Memory: blocks come, requests go.
         let mut did = Tick::moved_or(self.cache.exchange(wires), Tick::Starved);
 
-        // 2. Hierarchical Z is told.
+        // 2. Hierarchical Z is updated.
         while let Some(&update) = self.bounds.front() {
             if !self.ports.updates.as_ref().is_none_or(|(updates, _)| wires.try_push(updates, update)) {
                 did = did.or(Tick::Blocked);
