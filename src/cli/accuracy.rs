@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "standard")]
     size: Vec<SizeName>,
     /// Inject the fault that --list names for each target, which must then fail
-    #[arg(long, alias = "faulty")]
+    #[arg(long)]
     inject_fault: bool,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]

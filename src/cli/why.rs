@@ -87,8 +87,7 @@ fn table(found: &Why, rows: usize) -> String {
         "  {:<44}{:>14}{:>9}   {}\n",
         "with this change alone", "cycles", "change", "most in; seen without the change"
     ));
-    let shown = |gain: &&Gain| gain.share(&found.base).is_none_or(|share| share.abs() >= 0.0005);
-    let (some, none): (Vec<&Gain>, Vec<&Gain>) = found.gains.iter().partition(shown);
+    let (some, none): (Vec<&Gain>, Vec<&Gain>) = found.gains.iter().partition(|gain| gain.matters(&found.base));
     for gain in some.iter().take(rows) {
         let title = &gain.relaxation.title;
         match (&gain.timed, gain.share(&found.base)) {

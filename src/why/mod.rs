@@ -59,6 +59,11 @@ impl Gain {
         self.timed.as_ref().ok().map(|timed| gain(base.cycles, timed.cycles))
     }
 
+    /// Whether it is worth naming: a change by 0.05 % or more, or a machine that stopped.
+    pub fn matters(&self, base: &Timed) -> bool {
+        self.share(base).is_none_or(|share| share.abs() >= 0.0005)
+    }
+
     /// The phase that saves most cycles: its name, and the share that it saves. None where the two machines have different phases.
     pub fn most<'t>(&self, base: &'t Timed) -> Option<(&'t str, f64)> {
         let timed = self.timed.as_ref().ok()?;
@@ -208,24 +213,25 @@ fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
 }
 
 impl Why {
-    /// The answer in one sentence.
+    /// The answer in one sentence; only changes that [`matter`](Gain::matters).
     pub fn verdict(&self) -> String {
+        let gains: Vec<&Gain> = self.gains.iter().filter(|gain| gain.matters(&self.base)).collect();
         let told = |gain: &Gain| {
             let share = gain.share(&self.base)?;
             let most = gain.most(&self.base).filter(|_| self.base.phases.len() > 1);
             let place = most.map_or(String::new(), |(name, share)| format!(" (most in {name}: {:+.1} %)", -100.0 * share));
             Some(format!("{} {:+.1} %{place}", gain.relaxation.title, -100.0 * share))
         };
-        let mut parts: Vec<String> = self.gains.iter().take(1).filter_map(told).collect();
+        let mut parts: Vec<String> = gains.iter().take(1).copied().filter_map(told).collect();
         // Beside the first, what is about another resource.
-        let first = self.gains.first().map(|gain| (gain.relaxation.section, gain.relaxation.resource));
-        let other = |gain: &&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
-        parts.extend(self.gains.iter().skip(1).filter(other).take(2).filter_map(told));
-        let cores = self.gains.iter().skip(1).find(|gain| gain.relaxation.title == "twice the cores");
+        let first = gains.first().map(|gain| (gain.relaxation.section, gain.relaxation.resource));
+        let other = |gain: &&&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
+        parts.extend(gains.iter().skip(1).filter(other).take(2).copied().filter_map(told));
+        let cores = gains.iter().skip(1).copied().find(|gain| gain.relaxation.title == "twice the cores");
         if let Some(text) = cores.and_then(told).filter(|text| !parts.contains(text)) {
             parts.push(text);
         }
-        parts.join("; ")
+        if parts.is_empty() { "no change alone gains 0.05 % or more".into() } else { parts.join("; ") }
     }
 
     /// As JSON.

@@ -159,7 +159,7 @@ fn random_frames(seed: u64) -> Trace {
 
 /// What a frame shows, the counts that do not depend on colours (the first four: nor on coverage), and what its primitives are expected to cover.
 #[derive(Debug, PartialEq, Eq)]
-struct Frame {
+struct Shown {
     picture: Vec<u8>,
     counts: [u64; 7],
     areas: Areas,
@@ -178,7 +178,7 @@ fn counts(funnel: &Funnel) -> [u64; 7] {
     ]
 }
 
-fn rendered(trace: &Trace, options: &Options) -> Vec<Frame> {
+fn rendered(trace: &Trace, options: &Options) -> Vec<Shown> {
     let (mut frames, mut funnel, mut areas) = (Vec::new(), Funnel::default(), Areas::default());
     let mut each = |event| {
         match event {
@@ -188,7 +188,7 @@ fn rendered(trace: &Trace, options: &Options) -> Vec<Frame> {
             }
             Event::EndFrame(end) => {
                 let (counts, areas) = (counts(&std::mem::take(&mut funnel)), std::mem::take(&mut areas));
-                frames.push(Frame { picture: end.reference.to_vec(), counts, areas });
+                frames.push(Shown { picture: end.reference.to_vec(), counts, areas });
             }
             _ => {}
         }
