@@ -1,7 +1,7 @@
 //! Primitive assembly: from a stream of vertices to points, lines and triangles, as positions in that stream.
 //!
 //! Order of primitives and of the vertices in each is Vulkan's (which is WebGPU's and D3D's), so that the winding of every
-//! triangle of a strip is that of its first. Incomplete primitives at the end of the stream or before a restart vanish.
+//! triangle of a strip is that of its first. Incomplete primitives at the end of the stream vanish. A strip with restarts is several streams.
 //! The provoking vertex, from which flat varyings are taken, is element [`provoking`] of what is emitted.
 
 use super::state::Topology;
@@ -42,7 +42,7 @@ pub const fn provoking(kind: PrimitiveKind, last: bool) -> usize {
     if last { kind.vertices() - 1 } else { 0 }
 }
 
-/// Primitives that `vertices` vertices without a restart make.
+/// Primitives that a stream of `vertices` vertices makes.
 pub const fn primitive_count(topology: Topology, vertices: u64) -> u64 {
     match topology {
         Topology::PointList => vertices,
@@ -63,7 +63,7 @@ pub struct Assembler {
     last: bool,
     /// The latest vertices; `held[0]` is the hub of a fan.
     held: [u32; 3],
-    /// Vertices since the start or the last restart, for lists modulo the size of a primitive.
+    /// Vertices since the start, for lists modulo the size of a primitive.
     seen: u32,
 }
 
@@ -71,12 +71,6 @@ impl Assembler {
     /// An assembler at the start of a stream; `provoking_last` says which convention flat varyings follow.
     pub fn new(topology: Topology, provoking_last: bool) -> Assembler {
         Assembler { topology, last: provoking_last, held: [0; 3], seen: 0 }
-    }
-
-    /// Strip restart: what is incomplete is dropped.
-    #[inline]
-    pub fn restart(&mut self) {
-        self.seen = 0;
     }
 
     /// Takes the next vertex and emits what it completes (two triangles for the last corner of a quad).
@@ -152,52 +146,13 @@ impl Assembler {
     }
 }
 
-/// Assembles a whole non-indexed stream: positions `0..vertices`.
-#[inline]
-pub fn assemble_sequence(topology: Topology, provoking_last: bool, vertices: u32, mut emit: impl FnMut([u32; 3])) {
-    if topology == Topology::TriangleList {
-        for i in 0..vertices / 3 {
-            emit([3 * i, 3 * i + 1, 3 * i + 2]);
-        }
-        return;
-    }
-    let mut assembler = Assembler::new(topology, provoking_last);
-    for i in 0..vertices {
-        assembler.push(i, &mut emit);
-    }
-}
-
-/// Assembles an index stream; what is emitted are positions in `indices`. `restart` is the index that restarts a strip, if
-/// any; lists ignore it.
-#[inline]
-pub fn assemble_indexed<I: Copy + Into<u32>>(
-    topology: Topology,
-    provoking_last: bool,
-    indices: &[I],
-    restart: Option<u32>,
-    mut emit: impl FnMut([u32; 3]),
-) {
-    let restart = restart.filter(|_| topology.is_strip());
-    let Some(restart) = restart else {
-        return assemble_sequence(topology, provoking_last, indices.len() as u32, emit);
-    };
-    let mut assembler = Assembler::new(topology, provoking_last);
-    for (i, &index) in indices.iter().enumerate() {
-        if index.into() == restart {
-            assembler.restart();
-        } else {
-            assembler.push(i as u32, &mut emit);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn triples(topology: Topology, last: bool, n: u32) -> Vec<[u32; 3]> {
-        let mut out = Vec::new();
-        assemble_sequence(topology, last, n, |t| out.push(t));
+        let (mut assembler, mut out) = (Assembler::new(topology, last), Vec::new());
+        (0..n).for_each(|vertex| assembler.push(vertex, &mut |t| out.push(t)));
         out
     }
 
@@ -232,21 +187,5 @@ mod tests {
         assert_eq!(triples(Topology::TriangleFan, true, 5), [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
         assert_eq!(triples(Topology::QuadList, false, 4), [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(triples(Topology::QuadList, true, 4), [[0, 1, 3], [1, 2, 3]]);
-    }
-
-    #[test]
-    fn restart_begins_a_new_strip() {
-        let indices = [0u16, 1, 2, 3, 0xffff, 4, 5, 0xffff, 0xffff, 6, 7, 8];
-        let mut out = Vec::new();
-        assemble_indexed(Topology::TriangleStrip, false, &indices, Some(0xffff), |t| out.push(t));
-        assert_eq!(out, [[0, 1, 2], [1, 3, 2], [9, 10, 11]]);
-        out.clear();
-        assemble_indexed(Topology::LineStrip, false, &indices, Some(0xffff), |t| out.push(t));
-        let pairs: Vec<_> = out.iter().map(|t| (t[0], t[1])).collect();
-        assert_eq!(pairs, [(0, 1), (1, 2), (2, 3), (5, 6), (9, 10), (10, 11)]);
-        out.clear();
-        // A list takes the value as an ordinary index.
-        assemble_indexed(Topology::TriangleList, false, &indices, Some(0xffff), |t| out.push(t));
-        assert_eq!(out.len(), 4);
     }
 }

@@ -84,12 +84,6 @@ impl ClipVertex {
             a + (wb * (b - a) + wc * (c - a))
         }
     }
-
-    /// As [`ClipVertex::combine`] for a line's two original vertices.
-    #[inline]
-    pub fn combine2(&self, original: [f32; 2]) -> f32 {
-        self.combine([original[0], original[1], original[0]])
-    }
 }
 
 /// The outcome of clipping: a convex polygon to be drawn as a fan about its first vertex, or a line of two vertices.

@@ -161,15 +161,6 @@ impl BlockLayout {
     }
 }
 
-/// Place of pixel (x, y) of a block in *quad order*: quads along rows, the four pixels of a quad together. With several samples
-/// the place of the pixel's first sample is `samples` times that of its quad's first pixel plus the pixel: within a quad all
-/// pixels' first samples come first, then their second ones.
-#[inline(always)]
-pub fn quad_order(x: u32, y: u32, sample: u32, samples: u32) -> u32 {
-    let quad = (y / 2) * (BLOCK / 2) + x / 2;
-    (quad * samples + sample) * 4 + (y % 2) * 2 + x % 2
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,22 +207,10 @@ mod tests {
     }
 
     #[test]
-    fn blocks_hold_eight_by_eight_pixels_in_quad_order() {
+    fn blocks_hold_eight_by_eight_pixels() {
         let layout = BlockLayout::new(20, 9, 4, Format::Rgba8Unorm);
         assert_eq!((layout.columns, layout.rows, layout.block_bytes), (3, 2, 1024));
         assert_eq!(layout.block(19, 8), 5);
         assert_eq!(layout.bytes(), 6 * 1024);
-        for samples in [1, 4] {
-            let mut seen: Vec<u32> = Vec::new();
-            for y in 0..8 {
-                for x in 0..8 {
-                    seen.extend((0..samples).map(|s| quad_order(x, y, s, samples)));
-                }
-            }
-            seen.sort_unstable();
-            assert!(seen.iter().copied().eq(0..64 * samples));
-        }
-        assert_eq!(quad_order(1, 1, 0, 1), 3);
-        assert_eq!(quad_order(2, 0, 1, 4), 20);
     }
 }

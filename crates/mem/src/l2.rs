@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::cache::{self, CACHES, Cache, CacheCounts, CacheShape};
+use super::cache::{self, CACHES, Cache, CacheShape};
 use super::misses::Misses;
 use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
 use knob::Allowed;
@@ -133,7 +133,8 @@ impl L2Slice {
     }
 
     /// What its cache has counted.
-    pub fn cache_counts(&self) -> CacheCounts {
+    #[cfg(test)]
+    pub(crate) fn cache_counts(&self) -> cache::CacheCounts {
         self.cache.counts()
     }
 

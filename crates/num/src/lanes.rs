@@ -49,12 +49,6 @@ impl Lanes {
     pub fn i32(&self) -> &[i32; LANES] {
         bytemuck::cast_ref(&self.0)
     }
-
-    /// As signed integers, to write.
-    #[inline(always)]
-    pub fn i32_mut(&mut self) -> &mut [i32; LANES] {
-        bytemuck::cast_mut(&mut self.0)
-    }
 }
 
 impl Default for Lanes {

@@ -25,13 +25,6 @@ pub fn quad_of(x: u32, y: u32) -> u32 {
     block * 16 + (y % BLOCK / 2) * 4 + x % BLOCK / 2
 }
 
-/// The pixel at the top left of a quad of a tile.
-#[inline(always)]
-pub fn quad_origin(quad: u32) -> (u32, u32) {
-    let (block, in_block) = (quad / 16, quad % 16);
-    (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2)
-}
-
 /// The bits of a stored texel's words that belong to depth, and those that belong to stencil.
 pub fn aspect_masks(format: Format) -> ([u32; 4], [u32; 4]) {
     let depth = match format {
@@ -600,7 +593,8 @@ mod tests {
     #[test]
     fn quads_are_numbered_block_by_block() {
         for quad in 0..TILE_QUADS as u32 {
-            let (x, y) = quad_origin(quad);
+            let (block, in_block) = (quad / 16, quad % 16);
+            let (x, y) = (block % 8 * 8 + in_block % 4 * 2, block / 8 * 8 + in_block / 4 * 2);
             assert_eq!(quad_of(x, y), quad);
             assert_eq!(quad_of(x + 1, y + 1), quad);
         }

@@ -309,11 +309,6 @@ impl Interface {
         self.outputs.iter().position(|s| s.is_builtin(builtin))
     }
 
-    /// The slot of an input location.
-    pub fn input_location(&self, location: u32) -> Option<usize> {
-        self.inputs.iter().position(|s| s.location() == Some(location))
-    }
-
     /// The slot of an output location (first blend source).
     pub fn output_location(&self, location: u32) -> Option<usize> {
         self.outputs.iter().position(|s| s.location() == Some(location))

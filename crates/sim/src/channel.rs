@@ -27,13 +27,6 @@ impl Link {
     pub const fn bytes(capacity: u32, width: u32, latency: u32) -> Link {
         Link { capacity, latency, width, by_bytes: true }
     }
-
-    /// Whether the channel can carry its full width every cycle: a slot is lost for `latency` cycles under way and one more
-    /// until the producer may fill it again.
-    pub fn sustains_width(&self) -> bool {
-        let items = if self.by_bytes { 1 } else { self.width };
-        u64::from(self.capacity) >= u64::from(items) * (u64::from(self.latency) + 1)
-    }
 }
 
 stats::counters! {

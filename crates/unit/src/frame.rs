@@ -5,7 +5,6 @@
 //! pixels. The codes of a quad are one run in the order of coverage bits (`4 sample + pixel`). A texel takes whole words.
 
 use super::stamps::Stamps;
-use gfx::format::Format;
 use work::{BLOCK, LINE, Signature, Surface, SurfaceKey};
 
 /// A surface and its codes.
@@ -364,9 +363,4 @@ impl FrameBuffers {
             }
         }
     }
-}
-
-/// Whether a format's codes keep stencil in the same word as depth, in the top byte.
-pub fn packs_stencil(format: Format) -> bool {
-    matches!(format, Format::Depth24PlusStencil8)
 }

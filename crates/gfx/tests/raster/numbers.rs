@@ -286,8 +286,8 @@ fn clipped_lines_end_at_the_planes() {
     let v = out.vertices();
     assert_eq!(v.len(), 2);
     assert_eq!(v[1].position, [0.0, 0.0, 1.0, 1.0]);
-    assert_eq!(v[1].combine2([2.0, 4.0]), 3.0);
-    assert_eq!((v[0].combine2([2.0, 4.0]), v[0].combine2([7.0, 7.0])), (2.0, 7.0));
+    assert_eq!(v[1].combine([2.0, 4.0, 2.0]), 3.0);
+    assert_eq!((v[0].combine([2.0, 4.0, 2.0]), v[0].combine([7.0, 7.0, 7.0])), (2.0, 7.0));
     assert_eq!(line([0.0, 0.0, 1.1, 1.0], [0.5, 0.0, 1.5, 1.0]).0, Clipped::Rejected);
     assert_eq!(line([0.0, 0.0, 0.1, 1.0], [0.5, 0.0, 0.5, 1.0]).0, Clipped::Whole);
     let (clipped, out) = line([0.0, 0.0, 0.5, 1.0], [0.0, 0.0, -0.5, -1.0]);

@@ -194,7 +194,7 @@ fn interfaces_are_reflected() {
     assert_eq!(i.bindings[3].kind, BindingKind::Uniform { min_size: 80 });
     assert_eq!(i.bindings[1].kind, BindingKind::Sampler { comparison: true });
     assert!(i.per_sample && i.writes_sample_mask && i.writes_depth == Some(DepthPromise::Any));
-    let flat = &i.inputs[i.input_location(2).expect("input")];
+    let flat = i.inputs.iter().find(|slot| slot.location() == Some(2)).expect("input");
     assert!(matches!(flat.connection, Connection::Location { interpolation: Interpolation::Flat, .. }));
     assert_eq!(i.output_location(1), Some(0));
 }

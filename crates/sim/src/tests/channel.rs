@@ -61,15 +61,6 @@ fn width_in_bytes_makes_long_items_take_several_cycles_and_short_ones_share_one(
 }
 
 #[test]
-fn capacity_below_latency_and_one_is_seen() {
-    assert!(Link::items(2, 1, 1).sustains_width());
-    assert!(!Link::items(1, 1, 1).sustains_width());
-    assert!(!Link::items(7, 2, 3).sustains_width());
-    assert!(Link::items(8, 2, 3).sustains_width());
-    assert!(Link::bytes(4, 32, 3).sustains_width());
-}
-
-#[test]
 fn a_full_channel_counts_its_full_cycles() {
     for clock in [Clock::SkipIdle, Clock::EveryCycle] {
         let mut machine = pair(Link::items(2, 2, 1), 6, 2);

@@ -82,7 +82,8 @@ impl NetworkConfig {
     /// Cycles from a parcel's sending to the cycle in which its place can be used again, over the longest way of an empty network. A
     /// sender that is to send one receiver a parcel in every cycle needs as many places there (`receive_queue`), and a third more on
     /// networks with routers, where a quarter of them may be waiting for their bundle of credits.
-    pub fn round_trip(&self, senders: usize, receivers: usize) -> u32 {
+    #[cfg(test)]
+    pub(super) fn round_trip(&self, senders: usize, receivers: usize) -> u32 {
         let plan = Plan::new(self.topology, self.radix, senders, receivers);
         if plan.routers.is_empty() {
             return self.link_latency + 1;

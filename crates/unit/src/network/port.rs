@@ -203,12 +203,8 @@ pub struct Receiver<T>(FromNetwork<T>);
 
 #[derive(Clone, Debug)]
 enum FromNetwork<T> {
-    Direct {
-        /// A channel from each sender.
-        inputs: Vec<In<T>>,
-        /// The sender that [`Receiver::front_any`] asks first.
-        turn: usize,
-    },
+    /// A channel from each sender.
+    Direct(Vec<In<T>>),
     Routed(Box<Arrived<T>>),
 }
 
@@ -216,15 +212,11 @@ enum FromNetwork<T> {
 #[derive(Clone, Copy, Debug)]
 struct Entry<T> {
     token: T,
-    from: u8,
     /// The next one from the same sender, or the next free place.
     next: u32,
-    /// The one that arrived before, from any sender, and the one after.
-    before: u32,
-    after: u32,
 }
 
-/// What has arrived, by sender and in order of arrival.
+/// What has arrived, by sender.
 #[derive(Clone, Debug)]
 struct Arrived<T> {
     eject: In<Parcel>,
@@ -235,9 +227,6 @@ struct Arrived<T> {
     bundle: u16,
     entries: Vec<Entry<T>>,
     free: u32,
-    /// Oldest and newest arrival.
-    first: u32,
-    last: u32,
     /// Senders that something is here from.
     here: u64,
     held: u32,
@@ -254,7 +243,7 @@ impl<T: Token> Arrived<T> {
     #[inline(always)]
     fn insert(&mut self, parcel: Parcel) {
         let from = usize::from(parcel.from);
-        let entry = Entry { token: parcel.token(), from: parcel.from, next: NIL, before: self.last, after: NIL };
+        let entry = Entry { token: parcel.token(), next: NIL };
         let place = self.free;
         let place = if place == NIL {
             // Grows until as many are here as ever will be.
@@ -265,12 +254,6 @@ impl<T: Token> Arrived<T> {
             self.entries[place as usize] = entry;
             place
         };
-        if self.last == NIL {
-            self.first = place;
-        } else {
-            self.entries[self.last as usize].after = place;
-        }
-        self.last = place;
         let queue = &mut self.queues[from];
         if self.here >> from & 1 == 0 {
             queue.0 = place;
@@ -286,15 +269,7 @@ impl<T: Token> Arrived<T> {
     fn remove(&mut self, from: usize) {
         assert!(self.here >> from & 1 == 1, "nothing is here from sender {from}");
         let place = self.queues[from].0;
-        let Entry { next, before, after, .. } = self.entries[place as usize];
-        match before {
-            NIL => self.first = after,
-            before => self.entries[before as usize].after = after,
-        }
-        match after {
-            NIL => self.last = before,
-            after => self.entries[after as usize].before = before,
-        }
+        let next = self.entries[place as usize].next;
         self.queues[from].0 = next;
         self.here &= !(u64::from(next == NIL) << from);
         self.entries[place as usize].next = self.free;
@@ -318,7 +293,7 @@ impl<T: Token> Arrived<T> {
 impl<T: Token> Receiver<T> {
     /// One with a channel from each sender.
     pub fn direct(inputs: Vec<In<T>>) -> Receiver<T> {
-        Receiver(FromNetwork::Direct { inputs, turn: 0 })
+        Receiver(FromNetwork::Direct(inputs))
     }
 
     pub(super) fn routed(number: u8, senders: u8, places: u16, eject: In<Parcel>, credits: Out<Credit>) -> Receiver<T> {
@@ -331,8 +306,6 @@ impl<T: Token> Receiver<T> {
             bundle: (places / 4).max(1),
             entries: Vec::new(),
             free: NIL,
-            first: NIL,
-            last: NIL,
             here: 0,
             held: 0,
             queues: [(NIL, NIL); MAX_ENDS],
@@ -346,7 +319,7 @@ impl<T: Token> Receiver<T> {
     #[inline(always)]
     pub fn senders(&self) -> usize {
         match &self.0 {
-            FromNetwork::Direct { inputs, .. } => inputs.len(),
+            FromNetwork::Direct(inputs) => inputs.len(),
             FromNetwork::Routed(arrived) => usize::from(arrived.senders),
         }
     }
@@ -365,7 +338,7 @@ impl<T: Token> Receiver<T> {
     #[inline(always)]
     pub fn front(&self, wires: &mut Wires, from: usize) -> Option<T> {
         match &self.0 {
-            FromNetwork::Direct { inputs, .. } => wires.front(&inputs[from]),
+            FromNetwork::Direct(inputs) => wires.front(&inputs[from]),
             FromNetwork::Routed(arrived) => {
                 let here = arrived.here >> from & 1 == 1;
                 here.then(|| arrived.entries[arrived.queues[from].0 as usize].token)
@@ -378,7 +351,7 @@ impl<T: Token> Receiver<T> {
     #[inline(always)]
     pub fn find(&self, wires: &mut Wires, sought: impl Fn(&T) -> bool) -> Option<(usize, T)> {
         match &self.0 {
-            FromNetwork::Direct { inputs, .. } => {
+            FromNetwork::Direct(inputs) => {
                 for (from, input) in inputs.iter().enumerate() {
                     if let Some(token) = wires.front(input)
                         && sought(&token)
@@ -403,27 +376,6 @@ impl<T: Token> Receiver<T> {
         }
     }
 
-    /// Some sender's first token, for a unit that restores no order: the one that arrived first; from direct channels, which do not
-    /// tell, senders in turn.
-    #[inline(always)]
-    pub fn front_any(&self, wires: &mut Wires) -> Option<(usize, T)> {
-        match &self.0 {
-            FromNetwork::Direct { inputs, turn } => {
-                let order = (*turn..inputs.len()).chain(0..*turn);
-                for from in order {
-                    if let Some(token) = wires.front(&inputs[from]) {
-                        return Some((from, token));
-                    }
-                }
-                None
-            }
-            FromNetwork::Routed(arrived) => {
-                let entry = arrived.entries.get(arrived.first as usize)?;
-                Some((usize::from(entry.from), entry.token))
-            }
-        }
-    }
-
     /// Takes the first token from a sender, which the unit has seen in this cycle, and gives its place back.
     ///
     /// # Panics
@@ -431,10 +383,7 @@ impl<T: Token> Receiver<T> {
     #[inline(always)]
     pub fn take(&mut self, wires: &mut Wires, from: usize) {
         match &mut self.0 {
-            FromNetwork::Direct { inputs, turn } => {
-                wires.take(&inputs[from]);
-                *turn = if from + 1 < inputs.len() { from + 1 } else { 0 };
-            }
+            FromNetwork::Direct(inputs) => wires.take(&inputs[from]),
             FromNetwork::Routed(arrived) => {
                 arrived.remove(from);
                 arrived.owed[from] += 1;
@@ -449,7 +398,7 @@ impl<T: Token> Receiver<T> {
     /// Tokens taken in and not yet taken: for the unit's own [`resident`](sim::Unit::resident).
     pub fn resident(&self) -> u64 {
         match &self.0 {
-            FromNetwork::Direct { .. } => 0,
+            FromNetwork::Direct(_) => 0,
             FromNetwork::Routed(arrived) => u64::from(arrived.held),
         }
     }

@@ -225,6 +225,7 @@ impl Plan {
     }
 
     /// The links on the way from a sender to a receiver, in order.
+    #[cfg(test)]
     pub fn way(&self, sender: usize, receiver: usize) -> Vec<usize> {
         let first = self.links.iter().position(|link| link.from == End::Sender(sender as u16)).expect("a sender's link");
         let mut way = vec![first];

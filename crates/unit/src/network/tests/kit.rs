@@ -78,7 +78,7 @@ impl Unit<()> for Source {
 /// What a sink takes.
 #[derive(Clone, Debug)]
 pub enum Taste {
-    /// Whatever has come.
+    /// Whatever has come, from senders in turn.
     Any,
     /// Tokens of these senders in this order, which it knows.
     Order(Vec<usize>),
@@ -109,7 +109,12 @@ impl Unit<()> for Sink {
                 return wires.stop(did, Tick::Working);
             }
             let next = match &self.taste {
-                Taste::Any => self.receiver.front_any(wires),
+                Taste::Any => {
+                    let (senders, first) =
+                        (self.receiver.senders(), self.got.last().map_or(0, |(_, token)| token[0] as usize + 1));
+                    let mut turns = (0..senders).map(|turn| (first + turn) % senders);
+                    turns.find_map(|from| self.receiver.front(wires, from).map(|token| (from, token)))
+                }
                 Taste::Order(order) => match order.get(self.got.len()) {
                     Some(&from) => self.receiver.front(wires, from).map(|token| (from, token)),
                     None => None,

@@ -134,23 +134,6 @@ fn a_receiver_that_is_not_served_does_not_hold_up_the_others() {
 }
 
 #[test]
-fn a_receiver_without_order_takes_what_came_first() {
-    for topology in ALL {
-        let mut orders = vec![Vec::new(); 8];
-        for (turn, sender) in [6, 1, 4].into_iter().enumerate() {
-            let at = 30 * turn as Cycle;
-            orders[sender] = vec![Order::new(at, 0, 16), Order::new(at + 200, 0, 16)];
-        }
-        let mut case = Case::new(config(topology), orders, 8);
-        case.sinks[0] = (Taste::Any, 1, 1000);
-        let senders: Vec<u32> = case.settle().got[0].iter().map(|(_, item)| item[0]).collect();
-        // Direct channels do not tell who came first; senders take turns.
-        let expected = if topology == Topology::PointToPoint { [1, 4, 6, 1, 4, 6] } else { [6, 1, 4, 6, 1, 4] };
-        assert_eq!(senders, expected, "{topology:?}");
-    }
-}
-
-#[test]
 fn credits_that_wait_for_their_link_are_added_up() {
     // Sixteen receivers give one sender places back in every cycle, over a link that tells of one receiver a cycle.
     let orders = vec![vec![Order { at: 0, to: None, bytes: 1 }; 60]];
