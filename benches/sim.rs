@@ -193,6 +193,7 @@ fn dram(c: &mut Criterion) {
         window: 32,
         write_high: 16,
         hash_banks: true,
+        ..DramConfig::default()
     };
     let mut group = c.benchmark_group("dram");
     for (name, stride) in [("one-row-after-another", 64), ("scattered", 0x9e37_79b9_7f4a_7c15)] {

@@ -104,7 +104,7 @@ fn read(config: DramConfig, orders: Vec<(Cycle, u64)>) -> Result<(Vec<Cycle>, Dr
 }
 
 fn runs(setting: &Setting) -> Result<Vec<Row>> {
-    let c = DramConfig::DDR4_3200;
+    let c = DramConfig::ddr4_3200();
     let mut given = c;
     if setting.inject_fault {
         (given.t_faw, given.t_rrd) = (c.t_faw * 6 / 5, c.t_rrd * 6 / 5 + 1);
@@ -133,7 +133,7 @@ fn runs(setting: &Setting) -> Result<Vec<Row>> {
 }
 
 fn latency(setting: &Setting) -> Result<Vec<Row>> {
-    let c = DramConfig { t_refi: 0, ..DramConfig::DDR4_3200 };
+    let c = DramConfig { t_refi: 0, ..DramConfig::ddr4_3200() };
     let given = if setting.inject_fault { DramConfig { cl: c.cl + 4, ..c } } else { c };
     let row = u64::from(c.row_bytes);
     let mut random = Random::new(setting.seed);

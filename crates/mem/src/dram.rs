@@ -67,31 +67,34 @@ knob::knobs! {
 
 impl DramConfig {
     /// One channel of DDR4-3200 (JEDEC JESD79-4, speed bin 22-22-22), in cycles of its own clock, which is the card's.
-    pub const DDR4_3200: DramConfig = DramConfig {
-        channels: 1,
-        clock: 1,
-        card_cycles: 1,
-        banks: 16,
-        row_bytes: 8192,
-        burst_bytes: 64,
-        burst_cycles: 4,
-        t_rcd: 22,
-        t_rp: 22,
-        cl: 22,
-        cwl: 16,
-        t_ras: 52,
-        t_rrd: 4,
-        t_faw: 34,
-        t_rtp: 12,
-        t_wr: 24,
-        t_wtr: 12,
-        t_rtw: 2,
-        t_rfc: 560,
-        t_refi: 12480,
-        window: 64,
-        write_high: 16,
-        hash_banks: false,
-    };
+    pub fn ddr4_3200() -> DramConfig {
+        DramConfig {
+            channels: 1,
+            clock: 1,
+            card_cycles: 1,
+            banks: 16,
+            row_bytes: 8192,
+            burst_bytes: 64,
+            burst_cycles: 4,
+            t_rcd: 22,
+            t_rp: 22,
+            cl: 22,
+            cwl: 16,
+            t_ras: 52,
+            t_rrd: 4,
+            t_faw: 34,
+            t_rtp: 12,
+            t_wr: 24,
+            t_wtr: 12,
+            t_rtw: 2,
+            t_rfc: 560,
+            t_refi: 12480,
+            window: 64,
+            write_high: 16,
+            hash_banks: false,
+            ..DramConfig::default()
+        }
+    }
 }
 
 stats::counters! {

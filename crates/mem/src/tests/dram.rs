@@ -55,10 +55,12 @@ sim::circuit! {
 }
 
 /// A shorter window than that of the preset.
-pub const DDR4: DramConfig = DramConfig { window: 32, ..DramConfig::DDR4_3200 };
+pub fn ddr4() -> DramConfig {
+    DramConfig { window: 32, ..DramConfig::ddr4_3200() }
+}
 
 fn still() -> DramConfig {
-    DramConfig { t_refi: 0, ..DDR4 }
+    DramConfig { t_refi: 0, ..ddr4() }
 }
 
 fn rig(config: DramConfig, orders: Vec<Order>) -> Rig {
@@ -180,7 +182,7 @@ fn row_hits_go_before_older_conflicts_and_writes_after_reads() {
 
 #[test]
 fn a_refresh_closes_rows_and_holds_requests_up() {
-    let c = DramConfig { t_refi: 2000, t_rfc: 500, ..DDR4 };
+    let c = DramConfig { t_refi: 2000, t_rfc: 500, ..ddr4() };
     // A request just after the refresh is due waits for its end, and finds its row closed.
     let times = answers(c, vec![Order::read(0, 0, 64), Order::read(2001, 64, 64)]);
     let end = 2000 + Cycle::from(c.t_rfc + c.t_rp);
@@ -207,7 +209,7 @@ fn mixed_reads_and_writes_at_random_are_all_served_and_the_clocks_agree() {
     let mut generator = Random::new(5);
     let mut random = |bound: u64| u64::from(generator.below(bound as u32));
     for config in
-        [DDR4, DramConfig { clock: 3, card_cycles: 2, t_refi: 3000, hash_banks: true, window: 7, write_high: 3, ..DDR4 }]
+        [ddr4(), DramConfig { clock: 3, card_cycles: 2, t_refi: 3000, hash_banks: true, window: 7, write_high: 3, ..ddr4() }]
     {
         let mut from = 0;
         let orders: Vec<Order> = (0..3000)
@@ -249,7 +251,7 @@ fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
             t_rtw: time(),
             t_rfc: time(),
             t_refi: 0,
-            ..DDR4
+            ..ddr4()
         };
         (c.clock, c.card_cycles) = (1 + random(9), 1 + random(9));
         (c.burst_bytes, c.row_bytes, c.banks) = (8 << random(6), 256 << random(5), 1 + random(4));
@@ -274,14 +276,14 @@ fn a_channel_with_refreshes_as_near_as_is_allowed_serves_every_request() {
 
 #[test]
 fn wrong_values_are_refused() {
-    assert!(DDR4.check().is_ok());
+    assert!(ddr4().check().is_ok());
     for (config, rule) in [
-        (DramConfig { banks: 65, ..DDR4 }, "banks"),
-        (DramConfig { row_bytes: 1000, ..DDR4 }, "row_bytes"),
-        (DramConfig { window: 0, ..DDR4 }, "window"),
-        (DramConfig { t_refi: 1120, ..DDR4 }, "t_refi is 1120, and must be 0 or more than 1120, so that"),
+        (DramConfig { banks: 65, ..ddr4() }, "banks"),
+        (DramConfig { row_bytes: 1000, ..ddr4() }, "row_bytes"),
+        (DramConfig { window: 0, ..ddr4() }, "window"),
+        (DramConfig { t_refi: 1120, ..ddr4() }, "t_refi is 1120, and must be 0 or more than 1120, so that"),
         // One cycle for each row: it would be closed before it is read.
-        (DramConfig { t_refi: 1, t_rfc: 0, ..DDR4 }, "t_refi is 1, and must be 0 or more than 111, so that"),
+        (DramConfig { t_refi: 1, t_rfc: 0, ..ddr4() }, "t_refi is 1, and must be 0 or more than 111, so that"),
     ] {
         assert!(config.check().unwrap_err().contains(rule));
     }

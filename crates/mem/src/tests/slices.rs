@@ -1,7 +1,7 @@
 //! Whole memories: crossbar, slices, channels, and the ideal one.
 
 use super::client::{Client, Order};
-use super::dram::DDR4;
+use super::dram::ddr4;
 use crate::{
     Crossbar, Dram, DramConfig, Ideal, IdealConfig, Interleave, Kind, L2Config, L2Slice, MemoryConfig, MemoryPlan, PortShape,
     ReturnPath, memory_tree,
@@ -34,11 +34,12 @@ fn l2() -> L2Config {
         entries: 32,
         width: 64,
         latency: 4,
+        ..L2Config::default()
     }
 }
 
 pub(super) fn dram_memory(slices: u32, channels: u32) -> MemoryConfig {
-    let dram = DramConfig { channels, t_refi: 0, ..DDR4 };
+    let dram = DramConfig { channels, t_refi: 0, ..ddr4() };
     MemoryConfig::Dram { l2: L2Config { slices, ..l2() }, dram }
 }
 
@@ -89,7 +90,7 @@ fn a_hit_takes_the_hops_and_a_miss_the_channel_as_well() {
     let machine = go(dram_memory(1, 1), vec![vec![Order::read(0, 0, 32), Order::read(500, 0, 32), Order::read(1000, 32, 32)]]);
     let client = &machine.client[0];
     assert_eq!(client.latency(1), HIT);
-    let c = DDR4;
+    let c = ddr4();
     // Looked up, sent in the next cycle, the channel's own hops and times, filled and answered in the next cycle.
     let miss = HIT + 1 + 3 + Cycle::from(c.t_rcd + c.cl + c.burst_cycles);
     assert_eq!(client.latency(0), miss);
@@ -112,7 +113,7 @@ fn misses_on_one_line_are_asked_for_once() {
 #[test]
 fn a_request_over_four_lines_is_answered_once_all_are_there() {
     let machine = go(dram_memory(1, 1), vec![vec![Order::read(0, 64, 64), Order::read(400, 0, 256)]]);
-    let c = DDR4;
+    let c = ddr4();
     // The second line is there. The first is asked for at once and the others, looked up in turn, stream behind it; 256 bytes take
     // three cycles more on each of the two links back.
     let first = HIT + 1 + 3 + Cycle::from(c.cl + c.burst_cycles);

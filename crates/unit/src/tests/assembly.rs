@@ -22,7 +22,9 @@ sim::circuit! {
     }
 }
 
-const CONFIG: AssemblyConfig = AssemblyConfig { deal: Deal::Turn, primitives_per_cycle: 2, batch: 4, latency: 3, queue: 64 };
+fn config() -> AssemblyConfig {
+    AssemblyConfig { deal: Deal::Turn, primitives_per_cycle: 2, batch: 4, latency: 3, queue: 64, ..AssemblyConfig::default() }
+}
 
 /// When each geometry unit gets which runs (kind, sequence number, first, count), and when batches are given back.
 type Assembled = (Vec<Vec<(Cycle, (Kind, u32, u32, u32))>>, Vec<(Cycle, u32)>);
@@ -103,7 +105,7 @@ fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tell
 #[test]
 fn primitives_wait_for_their_vertices_and_go_at_the_rate() {
     // Batches of 9 and 6 vertices, 3 and 2 triangles. One geometry unit: no marks between sequence numbers.
-    let (runs, retired) = assembled(&CONFIG, 1, &[(9, 9), (6, 29)]);
+    let (runs, retired) = assembled(&config(), 1, &[(9, 9), (6, 29)]);
     // Seen shaded in cycle 10 and 30; two a cycle, 3 cycles on the way. A sequence number has four primitives: the second batch
     // ends it with one and begins the next, which the link takes in the cycle after. The mark has a number of its own.
     let expected = vec![
@@ -121,17 +123,17 @@ fn primitives_wait_for_their_vertices_and_go_at_the_rate() {
 fn fetch_is_told_which_indices_are_taken() {
     // The batches of the test above. All nine entries of the first are taken when it is seen to be shaded, in cycle 10; those of the second
     // in cycle 30.
-    let (_, passed) = told(&CONFIG, 1, &[(9, 9), (6, 29)], true);
+    let (_, passed) = told(&config(), 1, &[(9, 9), (6, 29)], true);
     assert_eq!(passed, [(11, 9), (31, 15)]);
     // With places for two only they follow the primitives: six entries are assembled in cycle 10, nine in 11.
-    let few = AssemblyConfig { queue: 2, latency: 1, ..CONFIG };
+    let few = AssemblyConfig { queue: 2, latency: 1, ..config() };
     let (_, passed) = told(&few, 1, &[(12, 9)], true);
     assert_eq!(passed, [(11, 8), (12, 12)]);
 }
 
 #[test]
 fn batches_are_assembled_in_order_whichever_is_shaded_first() {
-    let (runs, retired) = assembled(&CONFIG, 1, &[(6, 40), (6, 5)]);
+    let (runs, retired) = assembled(&config(), 1, &[(6, 40), (6, 5)]);
     assert_eq!(runs[0][..2], [(44, (Kind::DATA, 0, 0, 2)), (45, (Kind::DATA, 0, 2, 2))]);
     assert_eq!(retired, [(42, 0), (43, 1)]);
 }
@@ -140,7 +142,7 @@ fn batches_are_assembled_in_order_whichever_is_shaded_first() {
 fn geometry_units_take_turns_and_marks_cost_no_time() {
     // Sixteen triangles from cycle 1 on, four to a sequence number, which are two cycles; the mark that ends it goes beside the next
     // number's first run, to the other unit. Nothing is lost: a run every cycle.
-    let (runs, _) = assembled(&CONFIG, 2, &[(48, 0)]);
+    let (runs, _) = assembled(&config(), 2, &[(48, 0)]);
     let data = |unit: usize| runs[unit].iter().filter(|(_, run)| run.0 == Kind::DATA).map(|&(at, run)| (at, run.2));
     assert_eq!(data(0).collect::<Vec<_>>(), [(4, 0), (5, 2), (8, 8), (9, 10)]);
     assert_eq!(data(1).collect::<Vec<_>>(), [(6, 4), (7, 6), (10, 12), (11, 14)]);

@@ -44,6 +44,7 @@ fn config() -> ColorConfig {
         skip_reads: false,
         fast_clear: true,
         clears_per_cycle: 256,
+        ..ColorConfig::default()
     }
 }
 

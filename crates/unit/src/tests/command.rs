@@ -83,16 +83,19 @@ sim::circuit! {
     }
 }
 
-const CONFIG: CommandConfig = CommandConfig {
-    command_cycles: 8,
-    segments: 8,
-    workgroup_runs: 2,
-    copy_misses: 16,
-    barrier_cycles: 50,
-    skip_empty_passes: true,
-    cull: CullChoice::None,
-    cull_cycles: 5,
-};
+fn config() -> CommandConfig {
+    CommandConfig {
+        command_cycles: 8,
+        segments: 8,
+        workgroup_runs: 2,
+        copy_misses: 16,
+        barrier_cycles: 50,
+        skip_empty_passes: true,
+        cull: CullChoice::None,
+        cull_cycles: 5,
+        ..CommandConfig::default()
+    }
+}
 
 /// How the card clears, whether it shows frames, and its pipelines.
 #[derive(Clone, Copy)]
@@ -226,7 +229,7 @@ fn frame(load: Load, resolve: bool, segments: usize) -> Vec<Event> {
 fn commands_take_their_cycles() {
     // The pass begins in cycle 0, is decoded by 8 and has nothing to clear: the draw is read in 9 and takes no time; segments in 10, 18
     // and 26, the end of the pass in 34. What each brings is sent a cycle later, and is a cycle on the way.
-    let got = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 3));
+    let got = commanded(&config(), PLAIN, &frame(Load::Load, false, 3));
     let times = [(12, Kind::DATA), (12, Kind::SEGMENT), (20, Kind::DATA), (20, Kind::SEGMENT), (28, Kind::DATA)];
     assert_eq!(got.pieces[..5], times);
     assert_eq!(got.pieces[5..], [(28, Kind::SEGMENT), (36, Kind::PASS)]);
@@ -235,14 +238,14 @@ fn commands_take_their_cycles() {
     let ended = 36 + REPLY + 1;
     assert_eq!(got.over, ended + 1 + 50 + 1);
     // Without a barrier the next event is read in the cycle after.
-    let none = CommandConfig { barrier_cycles: 0, ..CONFIG };
+    let none = CommandConfig { barrier_cycles: 0, ..config() };
     assert_eq!(commanded(&none, PLAIN, &frame(Load::Load, false, 3)).over, ended + 1 + 1 + 1);
 }
 
 #[test]
 fn a_segment_needs_a_slot() {
     // One slot: the second segment is read when the first, which came to the pipeline in cycle 12, is reported: seen in 12 + 30 + 1.
-    let one = CommandConfig { segments: 1, ..CONFIG };
+    let one = CommandConfig { segments: 1, ..config() };
     let got = commanded(&one, PLAIN, &frame(Load::Load, false, 3));
     let data: Vec<_> = got.pieces.iter().filter(|(_, kind)| *kind == Kind::DATA).map(|&(at, _)| at).collect();
     let turn = REPLY + 1 + 2;
@@ -258,19 +261,19 @@ fn a_segment_needs_a_slot() {
 fn clears_set_flags_or_write_memory() {
     let clear = Load::Clear([0; 4]);
     // Sixteen flags at four a cycle: 4 cycles more before the draw.
-    let got = commanded(&CONFIG, PLAIN, &frame(clear, false, 1));
+    let got = commanded(&config(), PLAIN, &frame(clear, false, 1));
     assert_eq!((got.pieces[0].0, got.memory.write_bytes), (12 + 4, 0));
     // Sixteen blocks of 256 bytes: begun in cycle 8, the first sent in 9; when the last is sent, a cycle to see that, and the draw.
     let slow = Features { fast_clear: false, ..PLAIN };
-    let got = commanded(&CONFIG, slow, &frame(clear, false, 1));
+    let got = commanded(&config(), slow, &frame(clear, false, 1));
     let done = 9 + write_time(15, 256);
     assert_eq!((got.pieces[0].0, got.memory.write_bytes), (done + 1 + 1 + 1 + 2, 16 * 256));
 }
 
 #[test]
 fn attachments_are_resolved_when_the_pass_is_over() {
-    let got = commanded(&CONFIG, PLAIN, &frame(Load::Load, true, 1));
-    let plain = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 1));
+    let got = commanded(&config(), PLAIN, &frame(Load::Load, true, 1));
+    let plain = commanded(&config(), PLAIN, &frame(Load::Load, false, 1));
     // The end of the pass came in 20 to the pipeline and is seen in 20 + 30 + 1; the resolve is asked for a cycle later, and a cycle
     // on the way; its answer takes as long as any. That much later the pass is over.
     assert_eq!(got.resolve, [20 + REPLY + 1 + 1 + 1]);
@@ -279,8 +282,8 @@ fn attachments_are_resolved_when_the_pass_is_over() {
 
 #[test]
 fn a_frame_is_shown_before_it_is_over() {
-    let shown = commanded(&CONFIG, Features { scanout: true, ..PLAIN }, &frame(Load::Load, false, 1));
-    let plain = commanded(&CONFIG, PLAIN, &frame(Load::Load, false, 1));
+    let shown = commanded(&config(), Features { scanout: true, ..PLAIN }, &frame(Load::Load, false, 1));
+    let plain = commanded(&config(), PLAIN, &frame(Load::Load, false, 1));
     // Asked for in the cycle in which the frame would be over; a cycle on the way, and one back. (The command takes 8 cycles, which
     // are over by then.)
     assert_eq!(shown.scanout, [plain.over - 1 + 1]);
@@ -300,16 +303,16 @@ fn transfers_read_and_write_as_fast_as_the_port_goes() {
     // Decoded by cycle 8. Four reads go out in it; their answers come 4 cycles apart, each is written in the cycle in which it comes.
     // The frame ends in the cycle after the last.
     let read = |n: Cycle| 8 + round_trip(256) + 4 * n;
-    assert_eq!(over(&CONFIG, Some(1 << 20), Some(2 << 20), 1024), (read(3) + 1 + 1, 1024, 1024));
+    assert_eq!(over(&config(), Some(1 << 20), Some(2 << 20), 1024), (read(3) + 1 + 1, 1024, 1024));
     // One read at a time, each behind the write before it.
-    let one = CommandConfig { copy_misses: 1, ..CONFIG };
+    let one = CommandConfig { copy_misses: 1, ..config() };
     let last = 8 + 4 * round_trip(256) + 3 * write_time(1, 256);
     assert_eq!(over(&one, Some(1 << 20), Some(2 << 20), 1024), (last + 1 + 1, 1024, 1024));
     // Only written, or only read.
-    assert_eq!(over(&CONFIG, None, Some(2 << 20), 1024), (8 + write_time(3, 256) + 1 + 1, 0, 1024));
-    assert_eq!(over(&CONFIG, Some(1 << 20), None, 1024), (read(3) + 1 + 1, 1024, 0));
+    assert_eq!(over(&config(), None, Some(2 << 20), 1024), (8 + write_time(3, 256) + 1 + 1, 0, 1024));
+    assert_eq!(over(&config(), Some(1 << 20), None, 1024), (read(3) + 1 + 1, 1024, 0));
     // A run that does not begin at a multiple of 256 takes one request more, of as many bytes in all: no more time.
-    assert_eq!(over(&CONFIG, Some((1 << 20) + 156), None, 1024), (read(3) + 1 + 1, 1024, 0));
+    assert_eq!(over(&config(), Some((1 << 20) + 156), None, 1024), (read(3) + 1 + 1, 1024, 0));
 }
 
 #[test]
@@ -325,7 +328,7 @@ fn runs_of_workgroups_need_places_and_passes_wait_for_them() {
     let groups = || Event::Groups(Arc::new(Groups::default()));
     let events =
         [vec![Event::Dispatch(Arc::new(dispatch)), groups(), groups(), groups()], frame(Load::Load, false, 1)].concat();
-    let got = commanded(&CONFIG, PLAIN, &events);
+    let got = commanded(&config(), PLAIN, &events);
     // The dispatch is read in cycle 0, runs in 8 and 16, sent a cycle later and a cycle on the way. There are two places: the third run
     // is read when the first is done: 10 + 30 + 1.
     let third = 10 + REPLY + 1;
@@ -354,7 +357,7 @@ fn events_out_of_order_are_refused_by_number() {
     ];
     for (events, text) in cases {
         for clock in [Clock::EveryCycle, Clock::SkipIdle] {
-            let (mut circuit, mut card) = circuit(&CONFIG, PLAIN, &events);
+            let (mut circuit, mut card) = circuit(&config(), PLAIN, &events);
             let _ = run(&mut circuit, &mut card, clock, 100, |_, card| card.fault.is_some());
             assert_eq!(card.fault.map(|fault| fault.to_string()).as_deref(), Some(text));
         }
@@ -366,19 +369,19 @@ fn passes_without_draws_only_clear() {
     let clear = Load::Clear([0; 4]);
     let empty = |load, resolve| vec![begin(load, resolve), Event::EndPass, end()];
     // Read in cycle 0 and decoded by 8; sixteen flags at four a cycle; a cycle to find nothing more to be cleared, and the frame's end.
-    let got = commanded(&CONFIG, PLAIN, &empty(clear, false));
+    let got = commanded(&config(), PLAIN, &empty(clear, false));
     assert_eq!((got.pieces.len(), got.over), (0, 8 + 4 + 1 + 1));
-    assert_eq!(commanded(&CONFIG, PLAIN, &empty(Load::Load, false)).over, 8 + 1 + 1);
+    assert_eq!(commanded(&config(), PLAIN, &empty(Load::Load, false)).over, 8 + 1 + 1);
     // In memory: as with draws, and then the end of the frame instead of the draw.
     let slow = Features { fast_clear: false, ..PLAIN };
-    let got = commanded(&CONFIG, slow, &empty(clear, false));
+    let got = commanded(&config(), slow, &empty(clear, false));
     assert_eq!((got.memory.write_bytes, got.over), (16 * 256, 9 + write_time(15, 256) + 1 + 1 + 1));
     // Pipelines hear of the pass where it is not skipped, and where samples have to be resolved.
-    let all = CommandConfig { skip_empty_passes: false, ..CONFIG };
+    let all = CommandConfig { skip_empty_passes: false, ..config() };
     let heard = commanded(&all, PLAIN, &empty(clear, false));
     assert_eq!(heard.pieces.len(), 1);
     assert!(heard.over > got.over);
-    let resolved = commanded(&CONFIG, PLAIN, &empty(clear, true));
+    let resolved = commanded(&config(), PLAIN, &empty(clear, true));
     assert_eq!((resolved.pieces.len(), resolved.resolve.len()), (1, 1));
 }
 
@@ -389,7 +392,7 @@ fn tests_of_bounds_take_their_time_one_by_one() {
         let drawn = Event::Draw(Arc::new(Draw { culling, ..draw() }));
         let mut events = vec![begin(Load::Load, false), drawn];
         events.extend([Event::Segment(Arc::new(Segment::default())), Event::EndPass, end()]);
-        let config = CommandConfig { cull_cycles, ..CONFIG };
+        let config = CommandConfig { cull_cycles, ..config() };
         let counts = settle(
             || circuit(&config, PLAIN, &events),
             |c, _| c.command.frame_over(),

@@ -67,7 +67,7 @@ fn computed(rate: u32, cores: &[Cycle], runs: &[u32], invocations: u32) -> Compu
                 card.compute[slot] = Some(ComputeWork { dispatch: dispatch.clone(), groups: Arc::new(groups) });
                 pieces.push((0, Piece { slot: slot as u16, kind: Kind::DATA }));
             }
-            let config = ComputeConfig { warps_per_cycle: rate, queue: 64, latency: 1 };
+            let config = ComputeConfig { warps_per_cycle: rate, queue: 64, latency: 1, ..ComputeConfig::default() };
             let ports = ComputePorts { input, cores: to_cores, finished, ack };
             let circuit = ComputeCircuit::new(
                 wiring,

@@ -21,16 +21,19 @@ sim::circuit! {
     }
 }
 
-const CONFIG: DispatchConfig = DispatchConfig {
-    quads_per_cycle: 4,
-    reorder: 64,
-    patience: 16,
-    queue: 64,
-    latency: 1,
-    output_quads: 4,
-    output_latency: 1,
-    output_queue: 64,
-};
+fn config() -> DispatchConfig {
+    DispatchConfig {
+        quads_per_cycle: 4,
+        reorder: 64,
+        patience: 16,
+        queue: 64,
+        latency: 1,
+        output_quads: 4,
+        output_latency: 1,
+        output_queue: 64,
+        ..DispatchConfig::default()
+    }
+}
 
 /// What the unit has done.
 #[derive(Debug, PartialEq)]
@@ -111,13 +114,13 @@ fn warps_fill_at_the_rate_and_start_when_they_are_full() {
     // Eight quads a warp. The first are packed in cycle 1; the warp starts in the cycle of its last, a cycle on the way.
     let groups = [(0, 0, 4); 6];
     for (rate, times) in [(1, [9, 17, 25]), (2, [5, 9, 13]), (4, [3, 5, 7]), (8, [2, 3, 4])] {
-        let config = DispatchConfig { quads_per_cycle: rate, ..CONFIG };
+        let config = DispatchConfig { quads_per_cycle: rate, ..config() };
         let got = dispatched(&config, &[1], &groups);
         assert_eq!(got.cores, [times], "{rate} a cycle");
         assert_eq!((got.funnel.quads_shaded, got.funnel.fragments_shaded), (24, 96));
     }
     // Groups of 3: every warp but the last has parts of groups, which are parted.
-    let got = dispatched(&CONFIG, &[1], &[(0, 0, 3); 8]);
+    let got = dispatched(&config(), &[1], &[(0, 0, 3); 8]);
     assert_eq!(got.cores, [[3, 5, 7]]);
     assert_eq!(got.color.iter().filter(|(_, token)| token.0 == Kind::DATA).map(|(_, token)| token.2).sum::<u8>(), 24);
 }
@@ -125,20 +128,20 @@ fn warps_fill_at_the_rate_and_start_when_they_are_full() {
 #[test]
 fn a_warp_that_is_not_full_starts_when_patience_is_over() {
     // The last quads came in cycle 1; 16 cycles later the warp starts as it is.
-    let got = dispatched(&CONFIG, &[1], &[(0, 0, 4)]);
+    let got = dispatched(&config(), &[1], &[(0, 0, 4)]);
     assert_eq!(got.cores, [[1 + 16 + 1]]);
     // Quads that come in time begin the waiting anew.
-    let got = dispatched(&CONFIG, &[1], &[(0, 0, 2), (10, 0, 2)]);
+    let got = dispatched(&config(), &[1], &[(0, 0, 2), (10, 0, 2)]);
     assert_eq!(got.cores, [[11 + 16 + 1]]);
     // Quads that come a cycle too late make another warp.
-    let got = dispatched(&CONFIG, &[1], &[(0, 0, 2), (17, 0, 2)]);
+    let got = dispatched(&config(), &[1], &[(0, 0, 2), (17, 0, 2)]);
     assert_eq!(got.cores, [[18, 18 + 16 + 1]]);
 }
 
 #[test]
 fn a_warp_has_one_state() {
     // The quads of another segment start the open warp at once.
-    let got = dispatched(&CONFIG, &[1], &[(0, 0, 2), (5, 1, 2)]);
+    let got = dispatched(&config(), &[1], &[(0, 0, 2), (5, 1, 2)]);
     assert_eq!(got.cores, [[6 + 1, 6 + 16 + 1]]);
     // What is tested late goes to the depth unit, and all have one order.
     assert_eq!(got.late.iter().map(|(_, token)| *token).collect::<Vec<_>>(), [(Kind::DATA, 1, 2)]);
@@ -149,7 +152,7 @@ fn a_warp_has_one_state() {
 fn shaded_warps_leave_in_order() {
     // Two cores, the first slow. Warps 0 and 1 come to them in cycles 3 and 5, warp 2 to the first in 7. Warp 1 is shaded by cycle 16
     // and has to wait for warp 0: 3 + 40, and a cycle back. Both leave then, two groups each; warp 2 is not shaded before 7 + 40 + 1.
-    let got = dispatched(&CONFIG, &[40, 10], &[(0, 0, 4); 6]);
+    let got = dispatched(&config(), &[40, 10], &[(0, 0, 4); 6]);
     assert_eq!(got.cores, [vec![3, 7], vec![5]]);
     let left: Vec<_> = got.color[..6].iter().map(|&(at, token)| (at, token.1)).collect();
     assert_eq!(left, [(45, 0), (45, 1), (45, 2), (45, 3), (49, 4), (49, 5)]);
@@ -158,7 +161,7 @@ fn shaded_warps_leave_in_order() {
 #[test]
 fn so_many_warps_are_under_way() {
     // Two places: the third warp is begun when the first has left, in the cycle in which it is seen shaded: 3 + 20 + 1.
-    let config = DispatchConfig { reorder: 2, ..CONFIG };
+    let config = DispatchConfig { reorder: 2, ..config() };
     let got = dispatched(&config, &[20], &[(0, 0, 4); 6]);
     assert_eq!(got.cores, [[3, 5, 24 + 1 + 1]]);
 }
@@ -199,7 +202,7 @@ fn settle_with(live: [u16; 4]) -> Funnel {
             let circuit = DispatchCircuit::new(
                 wiring,
                 One(Source::new(vec![(0, token)], output)),
-                One(Dispatch::new(CONFIG, 0, 32, ports)),
+                One(Dispatch::new(config(), 0, 32, ports)),
                 vec![Echo::new(1, at_core, back)],
                 One(Sink::new(at_late)),
                 One(Sink::new(at_color)),

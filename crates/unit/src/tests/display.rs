@@ -35,6 +35,7 @@ fn config() -> ScanoutConfig {
         buffers: 2,
         swap: Swap::Immediate,
         fifo: 1024,
+        ..ScanoutConfig::default()
     }
 }
 

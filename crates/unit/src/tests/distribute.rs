@@ -23,7 +23,7 @@ sim::circuit! {
 }
 
 fn config(overlap: Overlap, tile: u32) -> DistributeConfig {
-    DistributeConfig { tile, pattern: Pattern::Skewed, overlap, triangles_per_cycle: 1 }
+    DistributeConfig { tile, pattern: Pattern::Skewed, overlap, triangles_per_cycle: 1, ..DistributeConfig::default() }
 }
 
 /// When each of so many rasterisers receives triangles, and what is counted, for a run of all triangles of a segment.

@@ -46,6 +46,7 @@ fn config() -> FetchConfig {
         batches: 64,
         latency: 1,
         queue: 64,
+        ..FetchConfig::default()
     }
 }
 

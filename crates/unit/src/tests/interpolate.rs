@@ -32,8 +32,14 @@ fn interpolated(quads: u8, words: u32) -> Vec<Cycle> {
             let draw = Draw { fragment: Some(shape), ..draw() };
             card.install(0, Arc::new(row_of_tiles(1, 1, 4, 0)), Arc::new(draw), 0);
             let items = (0..6).map(|_| (0, group(&mut card, 0, 0, 0, quads))).collect();
-            let config =
-                InterpolateConfig { quads_per_cycle: 2, words_per_cycle: 4, latency: 1, queue: 64, skip_varyings: true };
+            let config = InterpolateConfig {
+                quads_per_cycle: 2,
+                words_per_cycle: 4,
+                latency: 1,
+                queue: 64,
+                skip_varyings: true,
+                ..InterpolateConfig::default()
+            };
             let unit = One(Interpolate::new(config, into, out));
             (InterpolateCircuit::new(wiring, One(Source::new(items, output)), unit, One(Sink::new(input))), card)
         },

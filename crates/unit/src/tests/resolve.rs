@@ -57,6 +57,10 @@ fn resolved(config: &ResolveConfig, blocks: &[BlockState]) -> (Cycle, ClientCoun
     )
 }
 
+fn config(block_cycles: u32, misses: u32) -> ResolveConfig {
+    ResolveConfig { block_cycles, misses, ..ResolveConfig::default() }
+}
+
 /// A block of four samples of four bytes.
 const RAW: BlockState = BlockState::Stored(1024);
 
@@ -64,15 +68,15 @@ const RAW: BlockState = BlockState::Stored(1024);
 fn blocks_are_resolved_as_their_samples_come() {
     // Four requests of 256 bytes a block, the first sent in cycle 2; the port brings one in 4 cycles. With the last one the block is
     // resolved; it is written in the next cycle, in which the end is reported, a cycle on the way.
-    let config = ResolveConfig { block_cycles: 4, misses: 64 };
+    let many = config(4, 64);
     for count in [1, 2, 5] {
         let here = 2 + round_trip(256) + 4 * (4 * count - 1);
-        let (at, moved) = resolved(&config, &vec![RAW; count as usize]);
+        let (at, moved) = resolved(&many, &vec![RAW; count as usize]);
         assert_eq!(at, here + 1 + 1, "{count} blocks");
         assert_eq!((moved.read_bytes, moved.write_bytes), (1024 * count, 256 * count));
     }
     // One request, and one block, at a time: the second block is asked for when the first is resolved, behind its write.
-    let one = ResolveConfig { block_cycles: 4, misses: 1 };
+    let one = config(4, 1);
     let first = 2 + 4 * round_trip(256);
     let second = first + 1 + write_time(1, 256) + 4 * round_trip(256);
     assert_eq!(resolved(&one, &[RAW; 2]).0, second + 1 + 1);
@@ -81,10 +85,10 @@ fn blocks_are_resolved_as_their_samples_come() {
 #[test]
 fn cleared_blocks_take_the_units_own_time_or_that_of_their_writes() {
     // From cycle 2 on one in eight cycles; in four cycles they come faster than the port writes them.
-    let slow = ResolveConfig { block_cycles: 8, misses: 64 };
+    let slow = config(8, 64);
     let (at, moved) = resolved(&slow, &[BlockState::Cleared; 9]);
     assert_eq!((at, moved.read_bytes), (2 + 8 * 8 + 1 + 1, 0));
-    let fast = ResolveConfig { block_cycles: 4, misses: 64 };
+    let fast = config(4, 64);
     assert_eq!(resolved(&fast, &[BlockState::Cleared; 9]).0, 3 + write_time(8, 256) + 1);
 }
 
@@ -92,7 +96,7 @@ fn cleared_blocks_take_the_units_own_time_or_that_of_their_writes() {
 fn a_block_does_not_wait_for_the_one_behind_it() {
     // The first block, compressed, is one request; the second is four, two of which can be on their way. The first is resolved as it
     // comes, and by the time that the unit, which takes 200 cycles for a block, is free again the second is there.
-    let config = ResolveConfig { block_cycles: 200, misses: 2 };
+    let config = config(200, 2);
     assert_eq!(resolved(&config, &[BlockState::Stored(64), RAW]).0, 2 + round_trip(64) + 200 + 1 + 1);
 }
 

@@ -58,17 +58,19 @@ fn set_up_of(
     )
 }
 
-const CONFIG: SetupConfig = SetupConfig { triangles_per_cycle: 1, interval: 1, latency: 10, queue: 16 };
+fn config() -> SetupConfig {
+    SetupConfig { triangles_per_cycle: 1, interval: 1, latency: 10, queue: 16, ..SetupConfig::default() }
+}
 
 #[test]
 fn a_triangle_takes_the_interval_and_the_latency() {
     let items: Vec<_> = (0..4).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
     // In the unit's hands from cycle 1; one every 3 cycles; 10 on the way.
-    let config = SetupConfig { interval: 3, ..CONFIG };
+    let slow = SetupConfig { interval: 3, ..config() };
     let inputs = [items];
-    assert_eq!(set_up(&config, &inputs), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
-    let config = SetupConfig { triangles_per_cycle: 2, ..CONFIG };
-    assert_eq!(set_up(&config, &inputs), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
+    assert_eq!(set_up(&slow, &inputs), vec![(11, 0), (14, 1), (17, 2), (20, 3)]);
+    let two = SetupConfig { triangles_per_cycle: 2, ..config() };
+    assert_eq!(set_up(&two, &inputs), vec![(11, 0), (11, 1), (12, 2), (12, 3)]);
 }
 
 #[test]
@@ -79,7 +81,7 @@ fn a_triangle_that_ends_here_takes_its_time_and_no_place_behind() {
         segment.triangles[ended].end = End::Setup;
     }
     let items: Vec<_> = (0..4).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
-    let config = SetupConfig { interval: 3, ..CONFIG };
+    let config = SetupConfig { interval: 3, ..config() };
     assert_eq!(set_up_of(&config, &[items], Some(&segment)), (vec![(11, 0), (20, 3)], 2));
 }
 
@@ -90,7 +92,7 @@ fn the_order_of_sequence_numbers_is_restored() {
         vec![(0, triangle(Kind::DATA, 1, 1)), (0, triangle(Kind::DATA, 1, 2)), (5, triangle(Kind::END, 1, 0))],
     ];
     // Everything waits for sequence number 0, which comes late. Without the merge triangle 1 would be first.
-    let config = SetupConfig { latency: 1, ..CONFIG };
+    let config = SetupConfig { latency: 1, ..config() };
     assert_eq!(set_up(&config, &inputs), vec![(11, 0), (12, 1), (13, 2), (14, 3)]);
 }
 
@@ -99,7 +101,7 @@ fn a_full_queue_holds_setup_up() {
     // Two places and a latency of 5: two triangles in every 6 cycles, the places being free again in the cycle after the sink has
     // taken what was in them.
     let items: Vec<_> = (0..6).map(|t| (0, triangle(Kind::DATA, 0, t))).collect();
-    let config = SetupConfig { latency: 5, queue: 2, ..CONFIG };
+    let config = SetupConfig { latency: 5, queue: 2, ..config() };
     let times: Vec<_> = set_up(&config, &[items]).iter().map(|&(at, _)| at).collect();
     assert_eq!(times, [6, 7, 12, 13, 18, 19]);
 }

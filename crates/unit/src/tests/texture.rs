@@ -35,6 +35,7 @@ fn config() -> TextureConfig {
         fifo: 256,
         latency: 20,
         queue: 16,
+        ..TextureConfig::default()
     }
 }
 

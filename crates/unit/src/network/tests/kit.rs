@@ -171,6 +171,7 @@ pub fn config(topology: Topology) -> NetworkConfig {
         credit_latency: 4,
         arbitration: Arbitration::RoundRobin,
         radix: 2,
+        ..NetworkConfig::default()
     }
 }
 
