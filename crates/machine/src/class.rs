@@ -3,8 +3,8 @@
 use super::blocks::Built;
 use super::config::Config;
 use super::parts::Parts;
-use unit::apart::Apart;
 use unit::assembly::Deal;
+use unit::class_state::ClassState;
 use unit::network::SenderCounts;
 use unit::sorting::{EarlyTest, Keep, SortCounts};
 use work::Shade;
@@ -57,8 +57,8 @@ pub struct Class {
     pub(crate) signatures: fn(&Config) -> bool,
     /// What knobs it refuses, beside what all machines do.
     pub(crate) refusals: &'static [Refusal],
-    /// What its pipelines have for themselves of a pass.
-    pub(crate) apart: fn(&Config) -> Apart,
+    /// The state that it adds to the card.
+    pub(crate) state: fn(&Config) -> ClassState,
     /// Joins the units.
     pub(crate) build: fn(&Config) -> Result<Built, String>,
     /// What sorting has cost.

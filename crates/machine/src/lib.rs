@@ -37,9 +37,9 @@ use parts::Parts;
 use report::Readings;
 use sim::{self, Circuit, Clock, Stuck, Wire};
 use unit::Fault;
-use unit::apart::Apart;
-use unit::apply::{Keepers, apply};
+use unit::apply::{WarmedUnits, apply};
 use unit::card::{Card, Pool};
+use unit::class_state::ClassState;
 use unit::interleave::Interleave;
 use unit::network::NetworkMap;
 use unit::notes::Notes;
@@ -96,7 +96,7 @@ impl Machine {
             config.command.workgroup_runs as usize,
             Interleave::new(config.distribute.pattern, config.card.pipelines, config.distribute.tile),
             config.core.execution,
-            (class.apart)(config),
+            (class.state)(config),
         );
         Ok(Machine { config: config.clone(), circuit, card, clients, network })
     }
@@ -127,7 +127,7 @@ impl Machine {
 
     /// Images that a machine has of each attachment of a pass: its frame buffer, and pipelines' copies, each with as many bytes of numbers.
     pub fn images(config: &Config) -> u64 {
-        let Apart { copies, seen, .. } = (config.card.sort.class().apart)(config);
+        let ClassState { copies, seen, .. } = (config.card.sort.class().state)(config);
         (1 + 2 * copies.len() + seen.len()) as u64
     }
 
@@ -348,7 +348,7 @@ impl Machine {
         let (mut any, mut touched) = (false, Touching::new());
         while let Some(slot) = circuit.command.apply(card) {
             let Parts { deal, assembly, traverse, depth, color, texture, l2, .. } = circuit;
-            apply(card, slot, &mut Keepers { deal, assembly, traverse, depth, color, texture }, &mut touched);
+            apply(card, slot, &mut WarmedUnits { deal, assembly, traverse, depth, color, texture }, &mut touched);
             card.work[usize::from(slot)] = None;
             any = true;
             let Some(interleave) = interleave else {
@@ -374,7 +374,7 @@ impl Machine {
             let edge = events.iter().rev().find(|event| matches!(event, Event::BeginPass(_) | Event::EndPass));
             matches!(edge, Some(Event::BeginPass(_)))
         };
-        events.len() < AHEAD || self.card.apart.chunks && open()
+        events.len() < AHEAD || self.card.class_state.chunks && open()
     }
 
     /// Nothing may be left inside.

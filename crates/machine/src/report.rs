@@ -110,7 +110,7 @@ impl Span {
             quads: now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect(),
             sort: now.sort.since(&earlier.sort),
             order: now.order.since(&earlier.order),
-            disordered: machine.card.apart.disordered[earlier.disordered..now.disordered].to_vec(),
+            disordered: machine.card.class_state.disordered[earlier.disordered..now.disordered].to_vec(),
         }
     }
 
@@ -233,7 +233,7 @@ fn read(machine: &mut Machine) -> Reading {
     let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
     let waits = waits(machine);
     let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
-    let disordered = machine.card.apart.disordered.len();
+    let disordered = machine.card.class_state.disordered.len();
     Reading { tree, cycles, quads, sort, order, units, waits, disordered }
 }
 
@@ -337,7 +337,7 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     split.text(SortOutcome::STAGE, &outcome.stage);
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
-    if !machine.card.apart.copies.is_empty() {
+    if !machine.card.class_state.copies.is_empty() {
         leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
         leaves.text(SortOutcome::PASSES, &outcome.passes_out_of_order);
     }

@@ -4,8 +4,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
-use unit::apart::Apart;
 use unit::assembly::Mode;
+use unit::class_state::ClassState;
 use unit::route::Route;
 use unit::traverse::Territory;
 use work::Shade;
@@ -18,7 +18,7 @@ pub(super) const CLASS: Class = Class {
     shade: Shade::Visible,
     signatures: |_| false,
     refusals: &[no_runs, no_order_where_needed, no_early_tests],
-    apart: |_| Apart::default(),
+    state: |_| ClassState::default(),
     build,
     sorting: |parts| parts.route.iter().map(|unit| unit.sorting()).sum(),
     senders: |parts| parts.route.iter().map(Route::waits).collect(),

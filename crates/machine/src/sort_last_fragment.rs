@@ -5,8 +5,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_runs};
 use super::config::Config;
-use unit::apart::Apart;
 use unit::assembly::Mode;
+use unit::class_state::ClassState;
 use unit::dispatch::Dispatch;
 use unit::fetch::FetchInput;
 use unit::frame::FrameBuffers;
@@ -21,7 +21,7 @@ pub(super) const CLASS: Class = Class {
     shade: Shade::Covered,
     signatures: |_| false,
     refusals: &[no_runs],
-    apart,
+    state,
     build,
     sorting: |parts| parts.dispatch.iter().map(|unit| unit.sorting()).sum(),
     senders: |parts| parts.dispatch.iter().map(Dispatch::waits).collect(),
@@ -56,8 +56,8 @@ fn build(config: &Config) -> Result<Built, String> {
 }
 
 /// A pipeline that tests against what it has drawn itself keeps that.
-fn apart(config: &Config) -> Apart {
+fn state(config: &Config) -> ClassState {
     let local = config.order.early == EarlyTest::Local;
     let seen = if local { vec![FrameBuffers::default(); config.card.pipelines as usize] } else { Vec::new() };
-    Apart { seen, ..Apart::default() }
+    ClassState { seen, ..ClassState::default() }
 }

@@ -4,8 +4,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed};
 use super::config::Config;
-use unit::apart::Apart;
 use unit::assembly::{Deal, Mode};
+use unit::class_state::ClassState;
 use unit::fetch::FetchInput;
 use unit::frame::FrameBuffers;
 use unit::network::SenderCounts;
@@ -21,7 +21,7 @@ pub(super) const CLASS: Class = Class {
     shade: Shade::Covered,
     signatures: |_| false,
     refusals: &[no_order_where_needed, no_early_tests],
-    apart,
+    state,
     build,
     sorting: |parts| parts.compose.iter().map(|unit| unit.sorting()).sum(),
     // Composition is accounted for as a whole.
@@ -57,12 +57,12 @@ fn build(config: &Config) -> Result<Built, String> {
 }
 
 /// Each pipeline has copies of its own.
-fn apart(config: &Config) -> Apart {
+fn state(config: &Config) -> ClassState {
     let pipelines = config.card.pipelines as usize;
-    Apart {
+    ClassState {
         copies: vec![FrameBuffers::default(); pipelines],
         unnumbered: config.order.keep == Keep::Never,
         chunks: pipelines > 1 && config.assembly.deal == Deal::Contiguous,
-        ..Apart::default()
+        ..ClassState::default()
     }
 }

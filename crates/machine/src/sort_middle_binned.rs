@@ -4,8 +4,8 @@
 use super::blocks::{Builder, Built, Shape};
 use super::class::{Class, Sorted, no_early_tests, no_order_where_needed, no_runs};
 use super::config::Config;
-use unit::apart::Apart;
 use unit::assembly::Mode;
+use unit::class_state::ClassState;
 use unit::distribute::Distribute;
 use unit::fetch::FetchInput;
 use unit::traverse::Territory;
@@ -19,7 +19,7 @@ pub(super) const CLASS: Class = Class {
     shade: Shade::Visible,
     signatures: |config| config.bin.skip_same_tiles,
     refusals: &[no_runs, no_order_where_needed, no_early_tests, tile_too_large],
-    apart: |config| Apart { same_tiles: config.bin.skip_same_tiles, ..Apart::default() },
+    state: |config| ClassState { same_tiles: config.bin.skip_same_tiles, ..ClassState::default() },
     build,
     sorting: |parts| parts.bin.iter().map(|unit| unit.sorting()).sum(),
     senders: |parts| parts.distribute.iter().map(Distribute::waits).collect(),

@@ -18,8 +18,8 @@ use super::traverse::{Territory, Traverse};
 use gfx::state::StepMode;
 use work::{Block, LINE, QUAD_SHADED, RequestKind, TileWork};
 
-/// The units that keep something from segment to segment.
-pub struct Keepers<'u> {
+/// The units that are warmed: those that keep something from segment to segment.
+pub struct WarmedUnits<'u> {
     /// What deals primitives to pipelines, if anything does.
     pub deal: &'u mut [Deal],
     /// Primitive assembly.
@@ -35,7 +35,7 @@ pub struct Keepers<'u> {
 }
 
 /// Functional warming of the segment in a slot, while nothing is in flight. `memory` gets what the caches would have asked of it.
-pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touching) {
+pub fn apply(card: &mut Card, slot: u16, units: &mut WarmedUnits, memory: &mut Touching) {
     let Card { work, pass, frame, interleave, epoch, fault, .. } = card;
     let (Some(work), Some(pass)) = (&work[usize::from(slot)], pass) else { return };
     geometry(work, memory);
@@ -51,8 +51,8 @@ pub fn apply(card: &mut Card, slot: u16, units: &mut Keepers, memory: &mut Touch
                 let pipeline = usize::from(interleave.owner(block.x.into(), block.y.into()));
                 // A pipeline that draws pixels of other owners must see all draws.
                 let screen = units.traverse[pipeline].territory() == Territory::Screen;
-                let told = if screen { 0..pipelines } else { pipeline..pipeline + 1 };
-                for unit in told.filter(|&unit| !std::mem::replace(&mut noted[unit], true)) {
+                let noting = if screen { 0..pipelines } else { pipeline..pipeline + 1 };
+                for unit in noting.filter(|&unit| !std::mem::replace(&mut noted[unit], true)) {
                     units.traverse[unit].note(Some(pass), work, true);
                 }
                 let at = u32::from(block.y) * pass.blocks_across + u32::from(block.x);
@@ -120,7 +120,7 @@ struct Place<'w> {
 
 impl Place<'_> {
     /// Tests and blends the block's quads, four at a time.
-    fn draw(&self, frame: &mut FrameBuffers, epoch: u32, units: &mut Keepers, memory: &mut Touching) -> Result<(), Fault> {
+    fn draw(&self, frame: &mut FrameBuffers, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) -> Result<(), Fault> {
         let Place { work, pass, .. } = self;
         let state = work.depth.as_ref().filter(|state| !state.is_idle());
         let tested = state.zip(pass.depth);
@@ -198,7 +198,7 @@ impl Place<'_> {
 
     /// Looks up a quad's lines, request by request, in the texture unit of the pipeline that shades it. Where a pipeline has several
     /// cores, blocks take turns: which core gets which warp is a matter of time.
-    fn fetch(&self, quad: u32, epoch: u32, units: &mut Keepers, memory: &mut Touching) {
+    fn fetch(&self, quad: u32, epoch: u32, units: &mut WarmedUnits, memory: &mut Touching) {
         let quad = &self.tile.quads[quad as usize];
         let each = units.texture.len() / units.color.len();
         let Some(unit) = units.texture.get_mut(self.shades * each + self.at as usize % each.max(1)) else { return };

@@ -391,7 +391,7 @@ impl Bin {
                         did = Tick::Moved;
                         continue;
                     }
-                    let eliminated = card.apart.same_tiles && self.eliminates(card, tile);
+                    let eliminated = card.class_state.same_tiles && self.eliminates(card, tile);
                     if card.bins[tile as usize].entries.is_empty() {
                         self.counts.empty_tiles += 1;
                     } else if eliminated {

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
 use super::block_sets::BlockSets;
 use super::card::{Card, Group, Output, Work};
+use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::depth::mark;
@@ -147,7 +147,7 @@ impl Color {
     /// Blends one group into one target.
     #[inline(always)]
     fn blend(&mut self, card: &mut Card, entry: Entry, line: u32) {
-        let Card { groups, work, frame, apart: Apart { copies, .. }, .. } = card;
+        let Card { groups, work, frame, class_state: ClassState { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][entry.token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -209,7 +209,7 @@ impl Color {
                 let group = &card.groups[pipeline][entry.token.group];
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel[group.slot].fragments_written += u64::from(written);
-                if let Some(copy) = card.apart.copies.get_mut(pipeline) {
+                if let Some(copy) = card.class_state.copies.get_mut(pipeline) {
                     mark(card.work[usize::from(group.slot)].as_ref().expect("in flight"), group, &mut copy.stamps, true);
                 }
                 card.groups[pipeline].remove(entry.token.group);
@@ -223,7 +223,7 @@ impl Color {
     /// Writes back at the end of a tile what is wanted of it, and forgets the rest.
     #[cold]
     fn end_tile(&mut self, card: &mut Card, token: GroupToken) -> Tick {
-        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again. What is resolved is read from memory, stored or not.
@@ -243,7 +243,7 @@ impl Color {
     /// Writes the cache back at the end of a pass, then passes the fence on.
     #[cold]
     fn finish(&mut self, wires: &mut Wires, card: &mut Card, entry: Entry) -> Tick {
-        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("a pass is ending");
         let keep = |surface: usize| {
@@ -294,7 +294,7 @@ impl Color {
             let from = wires.now() + Cycle::from(self.config.latency);
             let mut entry = Entry { token, output: self.output, reads: false, last: true, line: None, from };
             if token.kind == Kind::DATA && token.quads > 0 {
-                let Card { groups, work, pass, frame, apart: Apart { copies, .. }, notes, .. } = card;
+                let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, notes, .. } = card;
                 let frame = own(frame, copies, self.pipeline);
                 let group = &groups[usize::from(self.pipeline)][token.group];
                 let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");

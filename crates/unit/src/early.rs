@@ -29,9 +29,9 @@
 
 use std::collections::VecDeque;
 
-use super::apart::Apart;
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
+use super::class_state::ClassState;
 use super::depth::test_ahead;
 use super::notes::note;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
@@ -174,7 +174,7 @@ impl Early {
 
     /// Asks for the depths of a group, if its draw has a test to be made with them.
     fn ask(&mut self, wires: &mut Wires, card: &mut Card, token: GroupToken) -> Result<Wait, Tick> {
-        let Card { groups, work, pass, apart: Apart { seen, .. }, .. } = card;
+        let Card { groups, work, pass, class_state: ClassState { seen, .. }, .. } = card;
         let group = &groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let Some(pass) = pass else { return Ok(Wait::Nothing) };
@@ -275,7 +275,7 @@ impl Early {
 
     /// Tests a group, or takes note of what the owner has found; gives the quads still alive.
     fn test(&mut self, card: &mut Card, token: GroupToken, wait: Wait) -> u8 {
-        let Card { groups, work, pass, apart: Apart { seen, .. }, funnel, notes, .. } = card;
+        let Card { groups, work, pass, class_state: ClassState { seen, .. }, funnel, notes, .. } = card;
         let group = &mut groups[usize::from(token.pool)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
         let quads = &work.segment.tiles[group.tile as usize].quads[group.first as usize..][..usize::from(group.count)];

@@ -4,13 +4,13 @@
 //! Units share a [`Card`]: the work that tokens point into, the frame buffer, pools of what is too large for a token. No unit knows
 //! which machine it is part of; a machine lists its units in data-flow order (see the package `machine`).
 
-pub mod apart;
 pub mod apply;
 pub mod assembly;
 pub mod bin;
 pub mod block_cache;
 pub mod block_sets;
 pub mod card;
+pub mod class_state;
 pub mod clears;
 pub mod clip;
 pub mod color;

@@ -20,7 +20,7 @@ pub use self::tiles::{TileEntry, TileList};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::apart::Apart;
+use super::class_state::ClassState;
 use super::frame::FrameBuffers;
 use super::interleave::Interleave;
 use super::notes::Notes;
@@ -51,8 +51,8 @@ pub struct Card {
     pub pass: Option<PassState>,
     /// The machine's own surfaces.
     pub frame: FrameBuffers,
-    /// What pipelines have for themselves, and what else the machine's sort class asks.
-    pub apart: Apart,
+    /// The state that the machine's sort class adds.
+    pub class_state: ClassState,
     /// Which pipeline owns which pixels.
     pub interleave: Interleave,
     /// The lists of tiles, by number, on a machine that bins.
@@ -85,7 +85,7 @@ impl Card {
         runs: usize,
         interleave: Interleave,
         execution: Execution,
-        apart: Apart,
+        class_state: ClassState,
     ) -> Card {
         Card {
             work: vec![None; segments],
@@ -95,7 +95,7 @@ impl Card {
             warps: vec![Warps::new(execution); pipelines + 1],
             pass: None,
             frame: FrameBuffers::default(),
-            apart,
+            class_state,
             interleave,
             bins: Vec::new(),
             phases: Phases::default(),
@@ -140,7 +140,7 @@ impl Card {
 
     /// Puts a segment into a slot.
     pub fn install(&mut self, slot: u16, segment: Arc<Segment>, draw: Arc<Draw>, draw_number: u32) {
-        if self.apart.same_tiles && draw.signature.is_none() {
+        if self.class_state.same_tiles && draw.signature.is_none() {
             // It may write more than its attachments.
             let of_tiles = segment.tiles.iter().flat_map(|tile| &tile.lines);
             self.frame.forget_lines(segment.lines.iter().chain(of_tiles));
@@ -173,8 +173,11 @@ impl Card {
         let outputs = colors.iter().zip(&draw.targets).zip(surfaces);
         let outputs = outputs.filter_map(|((state, target), surface)| Output::new(state.as_ref(), target.as_ref(), *surface));
         let outputs = outputs.collect();
-        let marks =
-            if self.apart.copies.is_empty() { Marks::default() } else { self.note(&segment, &draw, depth.as_ref(), &colors) };
+        let marks = if self.class_state.copies.is_empty() {
+            Marks::default()
+        } else {
+            self.note(&segment, &draw, depth.as_ref(), &colors)
+        };
         let number = self.segments;
         self.segments = number.wrapping_add(1);
         self.work[usize::from(slot)] = Some(Work {
@@ -204,18 +207,18 @@ impl Card {
         colors: &[Option<ColorState>],
     ) -> Marks {
         let Some(pass) = &mut self.pass else { return Marks::default() };
-        pass.order.unnumbered = self.apart.unnumbered;
+        pass.order.unnumbered = self.class_state.unnumbered;
         let marks = pass.order.note(draw, depth, colors);
         // Depths of fragments that are discarded after an early test stay, without their colours.
         let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
         let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
         pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
-        let first = self.apart.primitives;
-        self.apart.primitives = first.saturating_add(segment.primitives.len() as u32);
-        if self.apart.primitives >= MAX_PRIMITIVES {
+        let first = self.class_state.primitives;
+        self.class_state.primitives = first.saturating_add(segment.primitives.len() as u32);
+        if self.class_state.primitives >= MAX_PRIMITIVES {
             self.stop(Fault::Primitives { most: MAX_PRIMITIVES });
         }
-        Marks { first, over: marks.over && self.apart.chunks, ..marks }
+        Marks { first, over: marks.over && self.class_state.chunks, ..marks }
     }
 
     /// Stops the run; the first fault stands.

@@ -93,7 +93,7 @@ impl Command {
             Event::Groups(groups) => {
                 let slot = self.free_runs.pop()?;
                 let (dispatch, groups) = (self.dispatch.clone()?, groups.clone());
-                if card.apart.same_tiles {
+                if card.class_state.same_tiles {
                     card.frame.forget_lines(groups.lines.iter());
                 }
                 card.compute[usize::from(slot)] = Some(ComputeWork { dispatch, groups });
@@ -118,7 +118,7 @@ impl Command {
                     return None;
                 }
                 let transfer = *transfer;
-                if let (true, Some(to)) = (card.apart.same_tiles, transfer.to) {
+                if let (true, Some(to)) = (card.class_state.same_tiles, transfer.to) {
                     card.frame.forget_range(to, transfer.bytes);
                 }
                 card.phases.begin(PhaseKind::Transfers, 0, "", now);

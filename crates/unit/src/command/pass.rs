@@ -27,7 +27,7 @@ impl Command {
                 let index = card.frame.surface(&attachment.surface);
                 let store = &mut card.frame.stores[index];
                 store.surface = attachment.surface;
-                if card.apart.same_tiles {
+                if card.class_state.same_tiles {
                     rendering_elimination::begin(store, &attachment, of, self.fast_clear);
                 }
                 clears.color(store, &attachment);
@@ -65,7 +65,7 @@ impl Command {
 
     /// Installs a pass: its surfaces, its clears.
     pub(super) fn begin_pass(&mut self, card: &mut Card, pass: &Arc<Pass>) -> Cycle {
-        let signature = if card.apart.same_tiles && self.fast_clear { rendering_elimination::sign(pass) } else { None };
+        let signature = if card.class_state.same_tiles && self.fast_clear { rendering_elimination::sign(pass) } else { None };
         let of = if signature.is_some() { Use::Signed } else { Use::Drawn };
         for target in pass.color.iter().flatten().filter_map(|attachment| attachment.resolve) {
             if let Some(index) = card.frame.find(target.key) {
@@ -79,7 +79,7 @@ impl Command {
             let key = attachment.surface.key;
             let bounds = match cleared_depths(&attachment) {
                 Some(bounds) => Some(bounds),
-                None if self.depth_known == Some(key) && card.apart.copies.is_empty() => None,
+                None if self.depth_known == Some(key) && card.class_state.copies.is_empty() => None,
                 None => {
                     Some(self.depth_cleared.filter(|(cleared, _)| *cleared == key).map_or((0, u32::MAX), |(_, bounds)| bounds))
                 }
@@ -108,27 +108,27 @@ impl Command {
             lowered: false,
         };
         if let Some(surface) = state.depth
-            && !card.apart.seen.is_empty()
+            && !card.class_state.seen.is_empty()
         {
             // Each pipeline's copy of the depths is cleared as the surface is: by flag, or in memory.
-            flags += (flags - color_flags) * card.apart.seen.len() as u32;
+            flags += (flags - color_flags) * card.class_state.seen.len() as u32;
             let address = card.frame.stores[surface].surface.address;
             let written = clears.iter().find(|&&(at, _)| at == address).copied();
-            copies::begin_seen(&card.frame, &mut card.apart.seen, surface, written.is_some());
+            copies::begin_seen(&card.frame, &mut card.class_state.seen, surface, written.is_some());
             if let Some((address, bytes)) = written {
-                clears.extend((0..card.apart.seen.len()).map(|pipeline| (address + copies::behind(pipeline), bytes)));
+                clears.extend((0..card.class_state.seen.len()).map(|pipeline| (address + copies::behind(pipeline), bytes)));
             }
         }
-        if !card.apart.copies.is_empty() {
+        if !card.class_state.copies.is_empty() {
             let cleared = |&&surface: &&usize| {
                 let address = card.frame.stores[surface].surface.address;
                 clears.iter().any(|&(at, _)| at == address)
             };
             let written: Vec<usize> = state.color.iter().flatten().chain(&state.depth).filter(cleared).copied().collect();
-            copies::begin(&card.frame, &mut card.apart.copies, &state, &written);
-            card.apart.primitives = 0;
+            copies::begin(&card.frame, &mut card.class_state.copies, &state, &written);
+            card.class_state.primitives = 0;
             // Beside the surfaces all copies are cleared; a single pipeline's is the surface.
-            let pipelines = card.apart.copies.len();
+            let pipelines = card.class_state.copies.len();
             if pipelines > 1 {
                 let own = clears.clone();
                 for pipeline in 0..pipelines {

@@ -14,8 +14,8 @@ use bytemuck::{Pod, Zeroable};
 
 pub use plan::{Step, steps};
 
-use super::apart::Apart;
 use super::card::{Card, PassState};
+use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies;
 use super::frame::{BlockState, FrameBuffers, Store};
@@ -188,7 +188,7 @@ impl Compose {
 
     /// Takes a pass in hand.
     fn begin(&mut self, card: &mut Card) {
-        let Card { pass, frame, apart: Apart { copies, .. }, .. } = card;
+        let Card { pass, frame, class_state: ClassState { copies, .. }, .. } = card;
         let pass = pass.as_ref().expect("a pass is being composed");
         self.active = true;
         self.counts.passes += 1;
@@ -278,7 +278,7 @@ impl Compose {
             if self.writes.len() >= WRITES || on.is_some_and(|to| !self.ports.sender.can_send(wires, to)) {
                 return did.or(Tick::Blocked);
             }
-            let Card { pass, frame, apart: Apart { copies, .. }, .. } = card;
+            let Card { pass, frame, class_state: ClassState { copies, .. }, .. } = card;
             let pass = pass.as_ref().expect("a pass is being composed");
             copies::merge(copies, pass, self.node, from, block);
             let samples = samples(pass, block);
@@ -340,7 +340,7 @@ impl Compose {
             self.turn = !composes;
             let run = if composes { &mut self.to_compose } else { &mut self.to_send };
             let Some(block) = run.next() else { break };
-            let copy = &card.apart.copies[self.node];
+            let copy = &card.class_state.copies[self.node];
             let mut count = 0;
             for plane in &self.planes {
                 if let Some((address, bytes)) = copy.stores[plane.surface].stored(block) {

@@ -6,10 +6,10 @@ mod questions;
 
 use std::collections::VecDeque;
 
-use super::apart::Apart;
 use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
 use super::block_sets::BlockSets;
 use super::card::{Ahead, Card, Group, Work};
+use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::frame::FrameBuffers;
@@ -210,7 +210,7 @@ impl Depth {
     /// Looks a group's block up; `Ok(None)` where nothing is tested.
     #[inline(always)]
     fn look_up(&mut self, card: &mut Card, token: GroupToken) -> Result<Option<u32>, Tick> {
-        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, .. } = card;
+        let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -248,7 +248,7 @@ impl Depth {
     // Not inlined: the early and the late test share it, and the host's instruction cache is small.
     #[inline(never)]
     fn test(&mut self, card: &mut Card, token: GroupToken, line: u32, late: bool) -> u8 {
-        let Card { groups, work, pass, frame, apart: Apart { copies, .. }, funnel, .. } = card;
+        let Card { groups, work, pass, frame, class_state: ClassState { copies, .. }, funnel, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let group = &mut groups[usize::from(self.pipeline)][token.group];
         let work = work[usize::from(group.slot)].as_ref().expect("a group's segment is in flight");
@@ -353,7 +353,7 @@ impl Depth {
                 // Depth and stencil only: done.
                 let written: u32 = group.live[..usize::from(group.count)].iter().map(|&live| fragments(live)).sum();
                 card.funnel[group.slot].fragments_written += u64::from(written);
-                if let Some(copy) = card.apart.copies.get_mut(pipeline) {
+                if let Some(copy) = card.class_state.copies.get_mut(pipeline) {
                     mark(work, &group, &mut copy.stamps, false);
                 }
                 card.groups[pipeline].remove(token.group);
@@ -448,7 +448,7 @@ impl Depth {
         if self.ended || self.away > 0 || !self.late.is_empty() {
             return Tick::Starved;
         }
-        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
         let frame = own(frame, copies, self.pipeline);
         let pass = pass.as_ref().expect("tiles are drawn in a pass");
         // More of the pass follows: all of it is needed again.
@@ -462,7 +462,7 @@ impl Depth {
     #[cold]
     fn end(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let Some(ack) = wires.front(&self.ports.end) else { return Tick::Starved };
-        let Card { frame, apart: Apart { copies, .. }, pass, .. } = card;
+        let Card { frame, class_state: ClassState { copies, .. }, pass, .. } = card;
         // Copies are composed by their depths, stored or not.
         let composed = copies.len() > 1;
         let frame = own(frame, copies, self.pipeline);

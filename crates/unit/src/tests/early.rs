@@ -56,8 +56,8 @@ fn tested(scene: &Scene) -> (Vec<Cycle>, Cycle, EarlyCounts) {
         let mut card = card(1);
         begin_pass(&mut card, pass(vec![], Some(attachment(surface(1, Format::Depth32Float, 16, 1)))), scene.cleared);
         card.frame.stores[0].clear([0.5_f32.to_bits(), 0, 0, 0]);
-        card.apart.seen = vec![Default::default()];
-        copies::begin_seen(&card.frame, &mut card.apart.seen, 0, false);
+        card.class_state.seen = vec![Default::default()];
+        copies::begin_seen(&card.frame, &mut card.class_state.seen, 0, false);
         let mut segment = row_of_tiles(1, 1, 16, 0);
         segment.triangles[0].depth = DepthPlane::constant(0.25);
         let draw = Draw { depth_stencil: Some(depth_test(scene.compare)), ..draw() };

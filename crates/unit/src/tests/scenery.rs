@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::apart::Apart;
 use crate::card::{Ahead, Card, Group, PassState};
+use crate::class_state::ClassState;
 use crate::frame::BlockState;
 use crate::interleave::{Interleave, Pattern};
 use crate::token::{GroupToken, Kind, TriangleToken};
@@ -19,7 +19,14 @@ pub fn card(pipelines: usize) -> Card {
 
 /// A card whose pipelines own tiles of so many pixels.
 pub fn card_of_tiles(pipelines: usize, tile: u32) -> Card {
-    Card::new(pipelines, 8, 4, Interleave::new(Pattern::Skewed, pipelines as u32, tile), Execution::Longest, Apart::default())
+    Card::new(
+        pipelines,
+        8,
+        4,
+        Interleave::new(Pattern::Skewed, pipelines as u32, tile),
+        Execution::Longest,
+        ClassState::default(),
+    )
 }
 
 /// A draw without attributes, tests and targets.

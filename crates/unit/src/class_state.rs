@@ -1,11 +1,11 @@
-//! What pipelines have for themselves.
+//! The state that a sort class adds to the card.
 
 use super::frame::FrameBuffers;
 
-/// What pipelines have of a pass for themselves, and what else a sort class asks of all units: a class hands this to the card, so that no
+/// The state that a sort class adds to the card: what pipelines have of a pass for themselves, and what else the class asks of all units. So no
 /// unit knows its class. By default pipelines share the machine's surfaces.
 #[derive(Clone, Default)]
-pub struct Apart {
+pub struct ClassState {
     /// Where pipelines draw apart from each other, each one's copies of the pass's attachments, by the same index; else none.
     pub copies: Vec<FrameBuffers>,
     /// Where pipelines test ahead of the owners of their pixels against what they have drawn themselves, each one's copy of the pass's
