@@ -30,30 +30,31 @@ pub fn bar(template: &str) -> ProgressBar {
 }
 
 /// What the spinner says: the last frame, and once a limit comes near, the command that runs and how much of the limit is used.
-pub struct Told {
+pub struct ProgressLine {
     bar: ProgressBar,
     frame: Arc<Mutex<String>>,
-    /// Goes when the replay is over, which the thread that tells waits for.
+    /// Dropped when the replay is over, for which the writer waits.
     over: Sender<()>,
-    teller: Option<JoinHandle<()>>,
+    /// The thread that writes the line.
+    writer: Option<JoinHandle<()>>,
 }
 
-impl Told {
-    /// Begins to tell, on a terminal.
-    pub fn begin(watch: &Arc<Watch>) -> Told {
+impl ProgressLine {
+    /// Begins to write it, on a terminal.
+    pub fn begin(watch: &Arc<Watch>) -> ProgressLine {
         let bar = bar("{spinner} {elapsed} {msg}");
         let (over, end) = channel();
         let frame = Arc::new(Mutex::new(String::from("rendering")));
         let (mine, bar_of, watch) = (frame.clone(), bar.clone(), watch.clone());
-        let tell = move || {
+        let write = move || {
             while end.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
                 let frame = mine.lock().unwrap_or_else(PoisonError::into_inner).clone();
                 bar_of.set_message(watch.line().map_or(frame.clone(), |line| format!("{frame}; {line}")));
             }
         };
-        // Without a terminal nobody reads it; without a thread it is left out.
-        let teller = if bar.is_hidden() { None } else { std::thread::Builder::new().spawn(tell).ok() };
-        Told { bar, frame, over, teller }
+        // Without a terminal there is no reader; without a thread the line is left out.
+        let writer = if bar.is_hidden() { None } else { std::thread::Builder::new().spawn(write).ok() };
+        ProgressLine { bar, frame, over, writer }
     }
 
     /// A frame has ended.
@@ -67,8 +68,8 @@ impl Told {
     /// The replay is over.
     pub fn end(self) {
         drop(self.over);
-        // A teller that panicked told nothing more; the replay is not touched by that.
-        drop(self.teller.map(JoinHandle::join));
+        // A writer that panicked wrote no more lines; the replay does not depend on it.
+        drop(self.writer.map(JoinHandle::join));
         self.bar.finish_and_clear();
     }
 }

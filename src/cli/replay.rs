@@ -10,7 +10,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 
 use super::Verdict;
-use super::progress::Told;
+use super::progress::ProgressLine;
 use super::report::{self, Gathering};
 use super::threads::MOST;
 use crate::render::Watch;
@@ -309,13 +309,13 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         gathering.as_mut().map_or(Ok(()), |gathering| gathering.add(&frame))?;
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
-    let told = Told::begin(&watch);
-    let progress = |frame| told.frame(frame);
+    let line = ProgressLine::begin(&watch);
+    let progress = |frame| line.frame(frame);
     let done = match &mut recorder {
         None => replay_to(&trace, &options, &progress, &mut taker),
         Some(recorder) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
     };
-    told.end();
+    line.end();
     let mut done = done?;
     arguments.reading.say_left_out(&arguments.trace, &trace);
     done.clock_time += drawing_time;

@@ -15,7 +15,7 @@ use crate::report::html::data::{Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
 use crate::report::html::series::COLUMNS;
 use crate::report::html::{plots, word};
-use crate::run::maps::{Look, look};
+use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::sweep::folder::{Results, hash, read_inputs};
@@ -136,11 +136,11 @@ impl Subject {
     }
 
     /// Renders the frame again, if there is a trace.
-    fn look(&self, trace: Option<&Trace>) -> Result<Option<Look>> {
+    fn details(&self, trace: Option<&Trace>) -> Result<Option<FrameDetails>> {
         let (Some(trace), Some(config)) = (trace, &self.config) else { return Ok(None) };
         let number = self.statistics.number();
-        let mut look = look(trace, config, number, self.statistics.text("fidelity") == "cycle")?;
-        let [here, there] = [Some(look.maps.funnel.primitives_in as f64), self.statistics.own("funnel.primitives_in")];
+        let mut details = details(trace, config, number, self.statistics.text("fidelity") == "cycle")?;
+        let [here, there] = [Some(details.maps.funnel.primitives_in as f64), self.statistics.own("funnel.primitives_in")];
         if there.is_some() && here != there {
             bail!(
                 "{} is not the trace of these statistics: its frame {number} has {} primitives, and theirs {}",
@@ -149,10 +149,10 @@ impl Subject {
                 there.unwrap_or(0.0)
             );
         }
-        if let Some(timeline) = &mut look.timeline {
+        if let Some(timeline) = &mut details.timeline {
             timeline.reduce(COLUMNS);
         }
-        Ok(Some(look))
+        Ok(Some(details))
     }
 
     /// Times the frame on other machines.
@@ -176,9 +176,9 @@ impl Subject {
     /// # Errors
     /// If the trace cannot be rendered, or the page cannot be written.
     pub fn write(&self, path: &Path, trace: Option<&Trace>, prove: bool) -> Result<()> {
-        let look = self.look(trace)?;
+        let details = self.details(trace)?;
         let why = trace.filter(|_| prove).map(|trace| self.why(trace)).transpose()?.flatten();
-        let limits = look.as_ref().and_then(|look| look.estimate.as_ref()).map(limits).unwrap_or_default();
+        let limits = details.as_ref().and_then(|details| details.estimate.as_ref()).map(limits).unwrap_or_default();
         let page = replay(&Input {
             statistics: &self.statistics,
             config: self.config.as_ref(),
@@ -186,8 +186,8 @@ impl Subject {
             command: self.command.as_deref(),
             limits: &limits,
             why: why.as_ref(),
-            maps: look.as_ref().map(|look| &look.maps),
-            timeline: look.as_ref().and_then(|look| look.timeline.as_ref()),
+            maps: details.as_ref().map(|details| &details.maps),
+            timeline: details.as_ref().and_then(|details| details.timeline.as_ref()),
         });
         host::write_file(path, page.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
     }

@@ -10,8 +10,8 @@ use crate::host;
 use crate::machine::Config;
 use crate::render::{self, FrameSet};
 use crate::report::summary::grouped;
-use crate::run::kept::slowest;
 use crate::run::replay::frame_range;
+use crate::run::stored_work::slowest;
 use crate::trace::{Trace, check};
 use crate::why::{Gain, Why, why};
 

@@ -12,8 +12,8 @@ use super::folder::{Done, Journal, Shard, hash};
 use super::plan::{Plan, Planned};
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
-use crate::run::kept::{Profiles, time_each};
 use crate::run::replay::no_frames;
+use crate::run::stored_work::{Profiles, time_each};
 use crate::trace::Trace;
 use crate::work::RenderKey;
 

@@ -4,9 +4,9 @@ use std::num::NonZeroU32;
 use std::path::Path;
 
 use fillrate::machine::Config;
-use fillrate::run::apart::simulate_in_runs;
 use fillrate::run::cycle::{Simulated, simulate};
-use fillrate::run::exit::{Exit, Frame};
+use fillrate::run::frame_runs::simulate_in_runs;
+use fillrate::run::frame_sink::{Frame, FrameSink};
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::sim::Clock;
 use fillrate::trace::Trace;
@@ -26,13 +26,13 @@ fn simulated(trace: &Trace, config: &Config, frames: u32, frames_per_run: Option
     let (mut taken, mut out) = (Vec::new(), Simulated::default());
     let options = Options { frames: 0..frames, ..Options::new(config.clone(), Fidelity::Cycle) };
     let mut rendering = options.rendering(trace);
-    let exit = Exit::new(|frame| {
+    let sink = FrameSink::new(|frame| {
         taken.push(frame);
         Ok(())
     });
     match frames_per_run {
-        None => simulate(&mut rendering, (config, Clock::SkipIdle), exit, &mut out),
-        Some(frames) => simulate_in_runs(&mut rendering, (config, Clock::SkipIdle), frames, exit, &mut out),
+        None => simulate(&mut rendering, (config, Clock::SkipIdle), sink, &mut out),
+        Some(frames) => simulate_in_runs(&mut rendering, (config, Clock::SkipIdle), frames, sink, &mut out),
     }
     .expect("knobs that fit");
     rendering.run().expect("a replay");
@@ -104,13 +104,13 @@ fn a_taker_that_fails_ends_all_runs() {
     let (trace, config) = (open("flight.zip"), card(&[]));
     let mut out = Simulated::default();
     let mut taken = Vec::new();
-    let exit = Exit::new(|frame: Frame| {
+    let sink = FrameSink::new(|frame: Frame| {
         taken.push(frame.number);
         if frame.number == 4 { anyhow::bail!("the disk is full") } else { Ok(()) }
     });
     let options = Options { frames: 0..40, ..Options::new(config.clone(), Fidelity::Cycle) };
     let mut rendering = options.rendering(&trace);
-    simulate_in_runs(&mut rendering, (&config, Clock::SkipIdle), 2, exit, &mut out).expect("knobs that fit");
+    simulate_in_runs(&mut rendering, (&config, Clock::SkipIdle), 2, sink, &mut out).expect("knobs that fit");
     assert_eq!(rendering.run().expect_err("it fails").to_string(), "the disk is full");
     assert_eq!(taken, [0, 1, 2, 3, 4]);
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use fillrate::machine::Config;
 use fillrate::report::html::data::number;
-use fillrate::run::maps::{Kind, Surface, look};
+use fillrate::run::maps::{Kind, Surface, details};
 use fillrate::trace::Trace;
 use serde_json::{Value, json};
 
@@ -253,7 +253,7 @@ fn maps_add_up_to_the_funnel() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
         let config = Config::built_in("baseline").expect("it is built in");
-        let found = look(&trace, &config, 0, true).expect("it renders");
+        let found = details(&trace, &config, 0, true).expect("it renders");
         let (maps, estimate) = (found.maps, found.estimate.expect("an estimate"));
         assert_eq!(maps.left_out, 0);
         let sum = |kind: Kind| maps.surfaces.iter().map(|surface| values(surface, kind)).sum::<u64>();

@@ -6,7 +6,7 @@ use machine::Config;
 use machine::config::SortClass;
 use run::bound::frames::{Estimated, estimate};
 use run::cycle::{Simulated, simulate};
-use run::exit::Exit;
+use run::frame_sink::FrameSink;
 use run::replay::Options;
 use run::sample::survey::Count;
 use trace::Trace;
@@ -38,8 +38,8 @@ pub fn errors(name: &str, trace: &Trace, options: &Options) -> Result<Errors> {
     let mut results = vec![(Simulated::default(), Estimated::default()); configs.len()];
     let mut rendering = options.rendering(trace);
     for (config, (simulated, estimated)) in configs.iter().zip(&mut results) {
-        simulate(&mut rendering, (config, options.clock), Exit::new(|_| Ok(())), simulated)?;
-        estimate(&mut rendering, config, Exit::new(|_| Ok(())), estimated)?;
+        simulate(&mut rendering, (config, options.clock), FrameSink::new(|_| Ok(())), simulated)?;
+        estimate(&mut rendering, config, FrameSink::new(|_| Ok(())), estimated)?;
     }
     rendering.run()?;
     let own = |(&class, (simulated, estimated)): (&&'static str, &(Simulated, Estimated))| {

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use run::bound::frames::{Estimated, estimate};
 use run::cycle::{Simulated, simulate};
-use run::exit::{Exit, Frame};
+use run::frame_sink::{Frame, FrameSink};
 use run::replay::{Fidelity, Options, Outcome, replay_to};
 use run::sample::clusters::{Clusters, random};
 use run::sample::survey::{Count, MISSES, Survey};
@@ -143,8 +143,8 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
         Ok(())
     };
     let mut rendering = options.rendering(trace);
-    simulate(&mut rendering, (config, options.clock), Exit::new(count), &mut simulated)?;
-    estimate(&mut rendering, config, Exit::new(|_| Ok(())), &mut bound)?;
+    simulate(&mut rendering, (config, options.clock), FrameSink::new(count), &mut simulated)?;
+    estimate(&mut rendering, config, FrameSink::new(|_| Ok(())), &mut bound)?;
     let rendered = rendering.run()?;
     let recorded = rendered.time + rendered.profiling;
 
@@ -155,7 +155,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     if !numbers.is_empty() {
         let sampler = Sampler::new(trace, options)?;
         for samples in numbers {
-            let run = sampler.run(&Sampling { samples, seed, ..Sampling::default() }, Exit::new(|_| Ok(())))?;
+            let run = sampler.run(&Sampling { samples, seed, ..Sampling::default() }, FrameSink::new(|_| Ok(())))?;
             let measured = values(&run.total);
             let times = [run.machine_time, run.clock_time];
             points.push(Point {

@@ -13,7 +13,7 @@ use work::{EndFrame, Event, RenderKey, Surface, SurfaceKey};
 use super::compute::ActiveCompute;
 use super::debug_groups::DebugGroups;
 use super::draw::{Boxes, DrawError, Skips};
-use super::ledger::{Claim, Held, Ledger, Watch};
+use super::ledger::{Claim, ConsumerMemory, Ledger, Watch};
 use super::memory::AddressSpace;
 use super::needs::Needs;
 use super::objects::is_about_objects;
@@ -80,8 +80,8 @@ pub struct Options {
     pub frames: FrameSet,
     /// Shortcuts that leave the image as it is.
     pub skips: Skips,
-    /// What the receiver keeps of the events.
-    pub held: Held,
+    /// What the consumer keeps of the events.
+    pub consumer_memory: ConsumerMemory,
     /// Watches the rendering: gets its ledger when it begins.
     pub watch: Option<Arc<Watch>>,
 }
@@ -98,7 +98,7 @@ impl Default for Options {
             pictures: true,
             frames: (0..u32::MAX).into(),
             skips: Skips::default(),
-            held: Held::default(),
+            consumer_memory: ConsumerMemory::default(),
             watch: None,
         }
     }
@@ -343,7 +343,7 @@ impl<'t, 's> Renderer<'t, 's> {
             event => event.bytes(),
         };
         if piece > 0 {
-            if self.pieces.len() as u64 >= self.options.held.pieces {
+            if self.pieces.len() as u64 >= self.options.consumer_memory.pieces {
                 self.pieces.pop_front();
             }
             self.pieces.push_back(self.ledger.claim("recorded work", piece)?);
@@ -353,7 +353,7 @@ impl<'t, 's> Renderer<'t, 's> {
 
     /// Claims the images that the receiver keeps of an attachment; it keeps them to the end.
     pub(super) fn claim_images(&mut self, surface: &Surface) -> Result<(), Fault> {
-        let (texels, copies) = (u64::from(surface.width) * u64::from(surface.height), self.options.held.images);
+        let (texels, copies) = (u64::from(surface.width) * u64::from(surface.height), self.options.consumer_memory.images);
         // Words of 4 bytes a sample, at least.
         let words = u64::from(surface.samples) * u64::from(surface.format.block_bytes().div_ceil(4));
         let bytes = texels.saturating_mul(4 * words).saturating_mul(copies);
@@ -441,7 +441,7 @@ impl<'t, 's> Renderer<'t, 's> {
         }
         let frames = self.frames.take();
         let mut frames = frames.map_or_else(|| self.ledger.claim("the statistics of frames", 0), Ok)?;
-        let kept = self.options.held.frames;
+        let kept = self.options.consumer_memory.frames;
         if kept {
             frames.grow("the statistics of a frame", FRAME)?;
         }

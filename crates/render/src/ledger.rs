@@ -172,9 +172,9 @@ impl Watch {
     }
 }
 
-/// What the receiver of events keeps of them, for the account of memory.
+/// What the consumer of events keeps of them: it counts as memory in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Held {
+pub struct ConsumerMemory {
     /// Images of every attachment that it has, beside the renderer's.
     pub images: u64,
     /// Recorded pieces of work that it has at one time, pieces in flight included.
@@ -183,10 +183,10 @@ pub struct Held {
     pub frames: bool,
 }
 
-impl Default for Held {
-    /// A receiver that keeps nothing.
-    fn default() -> Held {
-        Held { images: 0, pieces: 1, frames: false }
+impl Default for ConsumerMemory {
+    /// A consumer that keeps nothing.
+    fn default() -> ConsumerMemory {
+        ConsumerMemory { images: 0, pieces: 1, frames: false }
     }
 }
 

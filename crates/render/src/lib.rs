@@ -24,5 +24,5 @@ pub mod surface;
 
 pub use draw::Skips;
 pub use execute::{FrameSet, Options, Sink, Stop, Summary, render};
-pub use ledger::{Held, Ledger, Watch};
+pub use ledger::{ConsumerMemory, Ledger, Watch};
 pub use needs::{Dependencies, Need, Needs, Want};

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::exit::Exit;
+use super::frame_sink::FrameSink;
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
 use machine::{Config, FrameReport, Machine, Shown, Watcher};
 use num::Cycle;
-use render::Held;
+use render::ConsumerMemory;
 use sim::Clock;
 use stats::Tree;
 
@@ -36,23 +36,23 @@ pub struct Simulated {
 pub fn simulate<'r>(
     rendering: &mut Rendering<'r>,
     (config, clock): (&'r Config, Clock),
-    mut exit: Exit<'r>,
+    mut sink: FrameSink<'r>,
     out: &'r mut Simulated,
 ) -> Result<()> {
     let mut machine = Machine::new(config)?;
-    if exit.per_draw {
+    if sink.per_draw {
         machine.watch_draws();
     }
-    let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: exit.keeps };
+    let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: sink.keeps };
     let run = move |work: Work| {
         let busy = Stopwatch::start();
         let (closed, mut failed) = (Cell::new(false), None);
-        let watcher = exit.timeline.take().map(|timeline| timeline as &mut dyn Watcher);
+        let watcher = sink.timeline.take().map(|timeline| timeline as &mut dyn Watcher);
         let each = |frame: FrameReport| {
             if failed.is_some() {
                 return;
             }
-            failed = exit.put(frame.into()).err();
+            failed = sink.put(frame.into()).err();
             closed.set(failed.is_some());
         };
         let run = machine.run_watched(work.take_while(|_| !closed.get()), clock, each, watcher);
@@ -65,6 +65,6 @@ pub fn simulate<'r>(
         *out = Simulated { cycles: run.cycles, total: run.total, machine_time, display: run.shown, ..Simulated::default() };
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
     Ok(())
 }

@@ -13,11 +13,11 @@ use anyhow::{Context, Result, anyhow};
 use crossbeam::channel;
 
 use super::cycle::Simulated;
-use super::exit::{Exit, Frame};
+use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Rendering, Work};
 use machine::{Config, FrameReport, Machine, Totals};
-use render::Held;
+use render::ConsumerMemory;
 use sim::Clock;
 use work::Event;
 
@@ -99,7 +99,7 @@ struct Outlet<'e> {
 }
 
 struct Leaving<'e> {
-    exit: Exit<'e>,
+    sink: FrameSink<'e>,
     /// The run whose frames leave as they end. Those before it have ended.
     next: usize,
     /// Frames of later runs, and what these came to where they have ended.
@@ -120,7 +120,7 @@ struct Leaving<'e> {
 impl Leaving<'_> {
     fn put(&mut self, frame: Frame) {
         if self.failed.is_none()
-            && let Err(error) = self.exit.put(frame)
+            && let Err(error) = self.sink.put(frame)
         {
             (self.failing, self.failed) = (true, Some(error));
         }
@@ -159,9 +159,9 @@ fn bytes(frame: &Frame) -> u64 {
 }
 
 impl<'e> Outlet<'e> {
-    fn new(exit: Exit<'e>) -> Outlet<'e> {
+    fn new(sink: FrameSink<'e>) -> Outlet<'e> {
         let state = Leaving {
-            exit,
+            sink,
             next: 0,
             early: BTreeMap::new(),
             waiting: 0,
@@ -286,18 +286,18 @@ impl Feed<'_> {
 
 /// Adds a machine for each of some runs of frames to a rendering of these. A machine begins with empty caches. Frames that only warm up are
 /// warmed functionally ([`apply`](unit::apply)). Frames leave in order; `time` is host time in all machines.
-pub fn simulate_apart<'r>(
+pub fn simulate_given_runs<'r>(
     rendering: &mut Rendering<'r>,
     card: (&'r Config, Clock),
     runs: Vec<Range<u32>>,
     warms_up: WarmsUp<'r>,
-    exit: Exit<'r>,
+    sink: FrameSink<'r>,
     time: &'r mut Duration,
 ) {
     rendering.begin_anew(runs.iter().map(|run| run.start..run.start + 1).collect());
     let most = rendering.turns();
     let done = move |_: Option<Totals>, [busy, _]: [Duration; 2]| *time = busy;
-    consume(rendering, card, Begin::Anew(runs, warms_up), most, exit, done);
+    consume(rendering, card, Begin::Anew(runs, warms_up), most, sink, done);
 }
 
 /// Adds machines that simulate all frames of a rendering, cut into runs of so many frames. The machine of a run begins as a clone of one machine
@@ -307,7 +307,7 @@ pub fn simulate_in_runs<'r>(
     rendering: &mut Rendering<'r>,
     card: (&'r Config, Clock),
     frames: u32,
-    exit: Exit<'r>,
+    sink: FrameSink<'r>,
     out: &'r mut Simulated,
 ) -> Result<()> {
     let machine = Machine::new(card.0)?;
@@ -317,7 +317,7 @@ pub fn simulate_in_runs<'r>(
         let cycles = totals.as_ref().map_or(0, Totals::cycles);
         *out = Simulated { cycles, total, machine_time, warming_time, ..Simulated::default() };
     };
-    consume(rendering, card, Begin::Warmed(frames), most, exit, done);
+    consume(rendering, card, Begin::Warmed(frames), most, sink, done);
     Ok(())
 }
 
@@ -326,16 +326,19 @@ fn consume<'r>(
     (config, clock): (&'r Config, Clock),
     begin: Begin<'r>,
     most: usize,
-    exit: Exit<'r>,
+    sink: FrameSink<'r>,
     done: impl FnOnce(Option<Totals>, [Duration; 2]) + Send + 'r,
 ) {
     // One more holds what the clones begin with.
     let machines = most as u64 + u64::from(matches!(begin, Begin::Warmed(_)));
-    let held =
-        Held { images: machines * Machine::images(config), pieces: machines * Machine::pieces(config), frames: exit.keeps };
+    let memory = ConsumerMemory {
+        images: machines * Machine::images(config),
+        pieces: machines * Machine::pieces(config),
+        frames: sink.keeps,
+    };
     let read = move |work: Work| {
-        let per_draw = exit.per_draw;
-        let (outlet, room) = (Outlet::new(exit), Room::default());
+        let per_draw = sink.per_draw;
+        let (outlet, room) = (Outlet::new(sink), Room::default());
         let machines = Machines { outlet: &outlet, room: &room, clock, per_draw, most };
         let led = std::thread::scope(|scope| match begin {
             Begin::Anew(runs, warms_up) => lead_anew(work, scope, &machines, config, (&runs, warms_up)),
@@ -347,7 +350,7 @@ fn consume<'r>(
         done(totals, [time + warming, warming]);
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(read) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(read) });
 }
 
 /// Hands the work of each run to a machine that begins with nothing.

@@ -58,13 +58,13 @@ impl From<FrameReport> for Frame {
     }
 }
 
-/// Takes frames in order, each when it ends.
+/// Is given the frames in order, each when it ends.
 pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
 
 /// Where frames leave a replay: passes each on, and reports progress.
-pub struct Exit<'e> {
-    /// Takes them.
-    pub taker: Box<Taker<'e>>,
+pub struct FrameSink<'s> {
+    /// Is given the frames.
+    pub taker: Box<Taker<'s>>,
     /// Whether the taker keeps them: then they count as memory in use.
     pub keeps: bool,
     /// Whether frames report their draws, of a machine that is simulated.
@@ -72,21 +72,21 @@ pub struct Exit<'e> {
     /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
     pub limits: bool,
     /// Reads the machine while it runs, under the cycle fidelity.
-    pub timeline: Option<&'e mut Timeline>,
+    pub timeline: Option<&'s mut Timeline>,
     /// Called with the number of each frame.
-    pub progress: &'e (dyn Fn(u32) + Sync),
+    pub progress: &'s (dyn Fn(u32) + Sync),
 }
 
-impl<'e> Exit<'e> {
+impl<'s> FrameSink<'s> {
     /// Frames go to a taker that does not keep them.
-    pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 'e) -> Exit<'e> {
-        Exit { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, timeline: None, progress: &|_| () }
+    pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 's) -> FrameSink<'s> {
+        FrameSink { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, timeline: None, progress: &|_| () }
     }
 
     /// A frame has ended.
     ///
     /// # Errors
-    /// Why the taker takes no more.
+    /// The taker's error.
     pub fn put(&mut self, frame: Frame) -> Result<()> {
         (self.progress)(frame.number);
         (self.taker)(frame)

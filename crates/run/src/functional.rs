@@ -1,14 +1,14 @@
 //! The `functional` fidelity: what is counted in API order, without time.
 
-use super::exit::{Exit, Frame, reference};
+use super::frame_sink::{Frame, FrameSink, reference};
 use super::rendering::{Consumer, Work};
-use render::Held;
+use render::ConsumerMemory;
 use stats::{Node, Tree};
 use work::{Event, Funnel};
 
 /// Counts what is done, and adds it up in `total`.
-pub(super) fn counting<'c>(mut exit: Exit<'c>, total: &'c mut Funnel) -> Consumer<'c> {
-    let held = Held { frames: exit.keeps, ..Held::default() };
+pub(super) fn counting<'c>(mut sink: FrameSink<'c>, total: &'c mut Funnel) -> Consumer<'c> {
+    let memory = ConsumerMemory { frames: sink.keeps, ..ConsumerMemory::default() };
     let run = move |work: Work| {
         let mut funnel = Funnel::default();
         for event in work {
@@ -17,7 +17,7 @@ pub(super) fn counting<'c>(mut exit: Exit<'c>, total: &'c mut Funnel) -> Consume
                 Event::EndFrame(end) => {
                     let own = std::mem::take(&mut funnel);
                     *total += own;
-                    exit.put(Frame {
+                    sink.put(Frame {
                         number: end.number,
                         shown: reference(&end),
                         tree: tree(&own),
@@ -30,7 +30,7 @@ pub(super) fn counting<'c>(mut exit: Exit<'c>, total: &'c mut Funnel) -> Consume
         }
         Ok(())
     };
-    Consumer { held, recorded: false, run: Box::new(run) }
+    Consumer { memory, recorded: false, run: Box::new(run) }
 }
 
 /// The statistics of a functional run.

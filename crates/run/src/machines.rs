@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::cycle::{Simulated, simulate};
-use super::exit::{Exit, Frame};
+use super::frame_sink::{Frame, FrameSink};
 use super::rendering::Rendering;
 use machine::Config;
 use num::Cycle;
@@ -55,11 +55,11 @@ pub fn run(trace: &Trace, machines: &[(&Config, Clock)]) -> Result<Vec<Ran>> {
     let mut rendering = Rendering::new(trace, render::Options::default());
     rendering.one_at_a_time();
     for ((&machine, shown), out) in machines.iter().zip(&mut shown).zip(&mut simulated) {
-        let exit = Exit::new(|frame: Frame| {
+        let sink = FrameSink::new(|frame: Frame| {
             shown.push(Shown::of(&frame));
             Ok(())
         });
-        simulate(&mut rendering, machine, exit, out)?;
+        simulate(&mut rendering, machine, sink, out)?;
     }
     rendering.run()?;
     let ran = |(shown, Simulated { cycles, total, machine_time, .. })| Ran { shown, cycles, total, machine_time };

@@ -12,7 +12,7 @@ use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering, Work};
 use super::timeline::Timeline;
 use machine::{BlockNotes, Config, Machine, PassNotes};
-use render::{self, FrameSet, Held};
+use render::{self, ConsumerMemory, FrameSet};
 use sim::Clock;
 use trace::Trace;
 use work::{self, BLOCK, Draw, EndFrame, Event, Funnel, Pass, QUAD_SHADED, RenderKey, Segment, SurfaceKey, TileWork};
@@ -321,13 +321,13 @@ fn noting<'c>(config: &Config, out: &'c mut (Vec<PassNotes>, Option<Timeline>)) 
     let mut machine = Machine::new(config)?;
     let mut timeline = Timeline::new(config, None)?;
     machine.watch_blocks();
-    let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
+    let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
     let run = move |work: Work| {
         machine.run_watched(work, Clock::default(), |_| (), Some(&mut timeline))?;
         *out = (machine.take_notes(), Some(timeline));
         Ok(())
     };
-    Ok(Consumer { held, recorded: true, run: Box::new(run) })
+    Ok(Consumer { memory, recorded: true, run: Box::new(run) })
 }
 
 /// Counts the maps of the frame that the events are of.
@@ -351,12 +351,12 @@ fn counting<'c>(out: &'c mut Maps) -> Consumer<'c> {
         }
         Ok(())
     };
-    Consumer { held: Held::default(), recorded: true, run: Box::new(run) }
+    Consumer { memory: ConsumerMemory::default(), recorded: true, run: Box::new(run) }
 }
 
-/// What one more rendering of a frame tells about it.
+/// What one more rendering of a frame finds about it.
 #[derive(Debug, Default)]
-pub struct Look {
+pub struct FrameDetails {
     /// The maps.
     pub maps: Maps,
     /// The time of its phases by counts and rates; none where the machine has a knob whose effect is not estimated. What earlier frames have left
@@ -370,17 +370,17 @@ pub struct Look {
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn look(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<Look> {
-    let (mut look, mut notes) = (Look::default(), (Vec::new(), None));
+pub fn details(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<FrameDetails> {
+    let (mut details, mut notes) = (FrameDetails::default(), (Vec::new(), None));
     let options = render::Options { frames: FrameSet::from(frame..frame.saturating_add(1)), ..render::Options::default() };
     let mut rendering = Rendering::new(trace, options);
     let key: RenderKey = config.render_key();
-    rendering.consume(key, counting(&mut look.maps));
+    rendering.consume(key, counting(&mut details.maps));
     if timed {
         rendering.consume(key, noting(config, &mut notes)?);
     }
     if let Ok(mut bound) = Bound::new(config) {
-        let out = &mut look.estimate;
+        let out = &mut details.estimate;
         let read = move |frames: &[Profiled]| {
             if let Some(frame) = frames.last() {
                 *out = Some(bound.frame(&frame.profile));
@@ -391,10 +391,10 @@ pub fn look(trace: &Trace, config: &Config, frame: u32, timed: bool) -> Result<L
     }
     rendering.run()?;
     if timed {
-        look.maps.surfaces.iter_mut().for_each(|surface| surface.add_notes(&notes.0));
-        look.timeline = notes.1;
+        details.maps.surfaces.iter_mut().for_each(|surface| surface.add_notes(&notes.0));
+        details.timeline = notes.1;
     }
-    Ok(look)
+    Ok(details)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::host::Stopwatch;
 use super::rendering::{Consumer, Work};
-use render::Held;
+use render::ConsumerMemory;
 use work::profile::{FrameProfile, Profiler};
 use work::{EndFrame, Event, Funnel, Shade};
 
@@ -40,7 +40,7 @@ pub struct Reader<'r> {
 
 /// Makes profiles of the work for readers; `time` is what that takes, without the readers.
 pub(super) fn consumer<'c>(shade: Shade, mut readers: Vec<Reader<'c>>, time: &'c mut Duration) -> Consumer<'c> {
-    let held = Held { frames: readers.iter().any(|reader| reader.keeps), ..Held::default() };
+    let memory = ConsumerMemory { frames: readers.iter().any(|reader| reader.keeps), ..ConsumerMemory::default() };
     let run = move |work: Work| {
         let (watch, mut read) = (Stopwatch::start(), Duration::ZERO);
         let mut hand_on = |gathered: &[Profiled]| -> Result<()> {
@@ -72,5 +72,5 @@ pub(super) fn consumer<'c>(shade: Shade, mut readers: Vec<Reader<'c>>, time: &'c
         *time = watch.elapsed().saturating_sub(read);
         Ok(())
     };
-    Consumer { held, recorded: true, run: Box::new(run) }
+    Consumer { memory, recorded: true, run: Box::new(run) }
 }

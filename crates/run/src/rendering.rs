@@ -13,7 +13,7 @@ use crossbeam::channel::{self, Receiver, Sender, TryRecvError};
 use rayon::ThreadPool;
 
 use super::profiles::{self, Reader};
-use render::{self, Held, Needs, Stop};
+use render::{self, ConsumerMemory, Needs, Stop};
 use trace::Trace;
 use work::{Event, RenderKey};
 
@@ -23,10 +23,10 @@ pub const EVENTS_IN_FLIGHT: usize = 8;
 /// Reads the work of a rendering.
 pub struct Consumer<'c> {
     /// What it keeps of the events, those in flight left out.
-    pub held: Held,
+    pub memory: ConsumerMemory,
     /// Whether it needs more of a draw than its counts.
     pub recorded: bool,
-    /// Reads all events. One that returns an error hears no more of them; the others do.
+    /// Reads all events. One that returns an error gets no more of them; the others do.
     pub run: Box<dyn FnOnce(Work) -> Result<()> + Send + 'c>,
 }
 
@@ -177,15 +177,15 @@ impl<'r> Rendering<'r> {
             if !profiles.is_empty() {
                 consumers.push(profiles::consumer(key.shade, profiles, &mut profiling));
             }
-            let pieces = consumers.iter().map(|consumer| consumer.held.pieces).max().unwrap_or(0);
-            let held = Held {
-                images: consumers.iter().map(|consumer| consumer.held.images).sum(),
+            let pieces = consumers.iter().map(|consumer| consumer.memory.pieces).max().unwrap_or(0);
+            let memory = ConsumerMemory {
+                images: consumers.iter().map(|consumer| consumer.memory.images).sum(),
                 // All read the same pieces, and none is further behind than the window.
                 pieces: pieces + EVENTS_IN_FLIGHT as u64,
-                frames: consumers.iter().any(|consumer| consumer.held.frames),
+                frames: consumers.iter().any(|consumer| consumer.memory.frames),
             };
             let record = consumers.iter().any(|consumer| consumer.recorded);
-            let options = render::Options { key, record, held, ..self.options.clone() };
+            let options = render::Options { key, record, consumer_memory: memory, ..self.options.clone() };
             rendered.time += render(self.trace, &options, consumers, self.turns, self.pool)?;
             rendered.profiling += profiling;
         }
@@ -272,7 +272,7 @@ mod tests {
     }
 
     fn counts<'c>(run: impl FnOnce(Work) -> Result<()> + Send + 'c) -> Consumer<'c> {
-        Consumer { held: Held::default(), recorded: false, run: Box::new(run) }
+        Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(run) }
     }
 
     #[test]

@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 
-use super::apart::simulate_in_runs;
 use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
-use super::exit::Exit;
+use super::frame_runs::simulate_in_runs;
+use super::frame_sink::FrameSink;
 use super::functional;
 use super::host::Stopwatch;
 use super::rendering::Rendering;
@@ -24,7 +24,7 @@ use trace::Trace;
 use unit::scanout::ScanoutMode;
 use work::Funnel;
 
-pub use super::exit::{Frame, Taker};
+pub use super::frame_sink::{Frame, Taker};
 
 /// How much of the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -212,7 +212,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
         frames.push(frame);
         Ok(())
     };
-    let done = leave(trace, options, Exit { keeps: true, progress, per_draw: options.per_draw, ..Exit::new(keep) })?;
+    let done = leave(trace, options, FrameSink { keeps: true, progress, per_draw: options.per_draw, ..FrameSink::new(keep) })?;
     Ok(Replay { frames, total: done.total, machine_time: done.machine_time, clock_time: done.clock_time })
 }
 
@@ -221,7 +221,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
 pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
-    leave(trace, options, Exit { progress, per_draw: options.per_draw, limits: true, ..Exit::new(taker) })
+    leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, ..FrameSink::new(taker) })
 }
 
 /// As [`replay_to`], while a timeline is taken of the machine.
@@ -239,38 +239,38 @@ pub fn replay_watched(
         bail!("a timeline is taken with the fidelity cycle, not {}", options.fidelity.name());
     }
     let timeline = Some(timeline);
-    leave(trace, options, Exit { progress, per_draw: options.per_draw, limits: true, timeline, ..Exit::new(taker) })
+    leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, timeline, ..FrameSink::new(taker) })
 }
 
-fn leave(trace: &Trace, options: &Options, exit: Exit<'_>) -> Result<Outcome> {
+fn leave(trace: &Trace, options: &Options, sink: FrameSink<'_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let config = &options.config;
     let outcome = match options.fidelity {
         Fidelity::Functional => {
             let mut total = Funnel::default();
             let mut rendering = options.rendering_for_counts(trace);
-            rendering.consume(config.render_key(), functional::counting(exit, &mut total));
+            rendering.consume(config.render_key(), functional::counting(sink, &mut total));
             rendering.run()?;
             Outcome { total: functional::tree(&total), ..Outcome::default() }
         }
         Fidelity::Bound => {
             let mut sum = Estimated::default();
             let mut rendering = options.rendering_for_counts(trace);
-            estimate(&mut rendering, config, exit, &mut sum)?;
+            estimate(&mut rendering, config, sink, &mut sum)?;
             rendering.run()?;
             Outcome { cycles: Some(sum.cycles), total: sum.tree(config), machine_time: sum.time, ..Outcome::default() }
         }
-        Fidelity::Sampled(sampling) | Fidelity::BoundSampled(sampling) => sampled(trace, options, &sampling, exit)?,
+        Fidelity::Sampled(sampling) | Fidelity::BoundSampled(sampling) => sampled(trace, options, &sampling, sink)?,
         Fidelity::Cycle => {
             let (mut out, mut limited) = (Simulated::default(), Vec::new());
             let mut rendering = options.rendering(trace);
-            let limits = exit.limits;
+            let limits = sink.limits;
             let card = (config, options.clock);
             // A timeline reads one machine.
-            let frames_per_run = if exit.timeline.is_some() { None } else { options.runs(trace)? };
+            let frames_per_run = if sink.timeline.is_some() { None } else { options.runs(trace)? };
             match frames_per_run {
-                None => simulate(&mut rendering, card, exit, &mut out)?,
-                Some(frames) => simulate_in_runs(&mut rendering, card, frames, exit, &mut out)?,
+                None => simulate(&mut rendering, card, sink, &mut out)?,
+                Some(frames) => simulate_in_runs(&mut rendering, card, frames, sink, &mut out)?,
             }
             if limits {
                 frames::limits(&mut rendering, config, &mut limited);

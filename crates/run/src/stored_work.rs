@@ -7,26 +7,32 @@ use super::bound::{Bound, FrameEstimate};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering};
 use machine::{Config, FrameReport, Machine};
-use render::{self, Held};
+use render::{self, ConsumerMemory};
 use sim::Clock;
 use trace::Trace;
 use work::profile::FrameProfile;
 use work::{Event, RenderKey};
 
 /// The whole work of some frames.
-pub struct Kept {
+pub struct StoredWork {
     events: Vec<Event>,
     bytes: u64,
 }
 
-impl Kept {
+impl StoredWork {
     /// Renders frames and keeps their work. None: it takes more than `most` bytes.
     ///
     /// `machines` is how many machines will run at one time; their images count as memory in use.
     ///
     /// # Errors
     /// If the trace cannot be rendered.
-    pub fn render(trace: &Trace, options: &render::Options, key: RenderKey, machines: u64, most: u64) -> Result<Option<Kept>> {
+    pub fn render(
+        trace: &Trace,
+        options: &render::Options,
+        key: RenderKey,
+        machines: u64,
+        most: u64,
+    ) -> Result<Option<StoredWork>> {
         let (mut events, mut bytes) = (Vec::new(), 0_u64);
         let mut rendering = Rendering::new(trace, options.clone());
         let run = |work: super::rendering::Work| {
@@ -40,10 +46,10 @@ impl Kept {
             }
             Ok(())
         };
-        let held = Held { images: machines, ..Held::default() };
-        rendering.consume(key, Consumer { held, recorded: true, run: Box::new(run) });
+        let memory = ConsumerMemory { images: machines, ..ConsumerMemory::default() };
+        rendering.consume(key, Consumer { memory, recorded: true, run: Box::new(run) });
         rendering.run()?;
-        Ok((bytes <= most).then_some(Kept { events, bytes }))
+        Ok((bytes <= most).then_some(StoredWork { events, bytes }))
     }
 
     /// Bytes of the work.
@@ -80,12 +86,12 @@ fn stream<R: Send>(
     let mut results: Vec<Result<Vec<R>>> = configs.iter().map(|_| Ok(Vec::new())).collect();
     let mut rendering = Rendering::new(trace, options.clone());
     for (&config, result) in configs.iter().zip(&mut results) {
-        let held = Held { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
+        let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
         let run = move |work: super::rendering::Work| {
             *result = time(config, work, read);
             Ok(())
         };
-        rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+        rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
     }
     rendering.run()?;
     Ok(results)
@@ -99,7 +105,7 @@ const STREAMED: usize = 8;
 pub struct Took {
     /// Renderings.
     pub renderings: u64,
-    /// Bytes of the work that was kept.
+    /// Bytes of the work that was stored.
     pub kept_bytes: u64,
 }
 
@@ -121,9 +127,9 @@ pub fn time_each<R: Send>(
     let images = configs.iter().map(|config| Machine::images(config)).max().unwrap_or(1) * threads as u64;
     let most = trace.limits().memory_bytes.get() / 4;
     let mut took = Took { renderings: 1, kept_bytes: 0 };
-    if let Some(kept) = Kept::render(trace, options, first.render_key(), images, most)? {
-        took.kept_bytes = kept.bytes();
-        configs.par_iter().enumerate().try_for_each(|(at, config)| done(at, kept.time(config, read)))?;
+    if let Some(stored) = StoredWork::render(trace, options, first.render_key(), images, most)? {
+        took.kept_bytes = stored.bytes();
+        configs.par_iter().enumerate().try_for_each(|(at, config)| done(at, stored.time(config, read)))?;
         return Ok(took);
     }
     let size = STREAMED * threads;
@@ -209,8 +215,9 @@ mod tests {
         let options = render::Options::default();
         let config = Config::built_in("tiny").expect("it is built in");
         let cycles = |frame: FrameReport| frame.cycles;
-        let kept = Kept::render(&trace, &options, config.render_key(), 1, u64::MAX).expect("it renders").expect("it fits");
-        let timed = kept.time(&config, cycles).expect("it runs");
+        let stored =
+            StoredWork::render(&trace, &options, config.render_key(), 1, u64::MAX).expect("it renders").expect("it fits");
+        let timed = stored.time(&config, cycles).expect("it runs");
         assert_eq!(timed.len(), 5);
         let streamed = stream(&trace, &options, &[&config, &config], &cycles).expect("it renders");
         for machine in streamed {
@@ -246,7 +253,7 @@ mod tests {
     #[test]
     fn work_that_does_not_fit_is_not_kept() {
         let options = render::Options::default();
-        let kept = Kept::render(&frames(), &options, RenderKey::default(), 1, 100).expect("it renders");
-        assert!(kept.is_none());
+        let stored = StoredWork::render(&frames(), &options, RenderKey::default(), 1, 100).expect("it renders");
+        assert!(stored.is_none());
     }
 }

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 
 use super::Counters;
-use run::exit::Frame;
+use run::frame_sink::Frame;
 use stats::Tree;
 use unit::phase::PhaseKind;
 

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use crate::{Row, Setting};
 use machine::config::SortClass;
 use machine::{Config, PassOrderCounts};
-use render::{self, Held, Options};
+use render::{self, ConsumerMemory, Options};
 use run::machines;
 use sim::Clock;
 use stats::Tree;
@@ -156,8 +156,8 @@ impl Stage {
     /// If it cannot be rendered, or a frame shows nothing.
     pub fn frames(&self, trace: &Trace) -> Result<Vec<Image>> {
         let mut frames = Vec::new();
-        let held = Held { frames: true, ..Held::default() };
-        render::render(trace, &Options { held, ..Options::default() }, &mut |event| {
+        let consumer_memory = ConsumerMemory { frames: true, ..ConsumerMemory::default() };
+        render::render(trace, &Options { consumer_memory, ..Options::default() }, &mut |event| {
             if let Event::EndFrame(end) = event {
                 frames.push(end.shown.map(|surface| Image { surface, bytes: end.reference.to_vec() }));
             }

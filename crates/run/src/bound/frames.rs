@@ -5,14 +5,14 @@ use std::time::Duration;
 use anyhow::Result;
 
 use super::{Bound, FrameEstimate, Traffic};
-use crate::exit::{Exit, Frame, reference};
+use crate::frame_sink::{Frame, FrameSink, reference};
 use crate::functional::funnel_tree;
 use crate::host::Stopwatch;
 use crate::profiles::{Profiled, Reader};
 use crate::rendering::{Consumer, Rendering, Work};
 use machine::{Config, Machine, PhaseReport};
 use mem::{CacheCounts, DramCounts};
-use render::Held;
+use render::ConsumerMemory;
 use stats::{FrameCounts, Group, Node, Tree, counter};
 use work::profile::Profiler;
 use work::{Event, Funnel};
@@ -73,7 +73,7 @@ const LIMITED: usize = 4;
 pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mut Vec<Vec<PhaseReport>>) {
     let Ok(mut bound) = Bound::new(config) else { return };
     // No more pieces than the machine has that they are simulated on.
-    let held = Held { pieces: Machine::pieces(config), ..Held::default() };
+    let memory = ConsumerMemory { pieces: Machine::pieces(config), ..ConsumerMemory::default() };
     let run = move |work: Work| {
         let mut profiler = if bound.deals() { Profiler::default() } else { Profiler::default().whole() };
         let mut waiting = Vec::new();
@@ -81,7 +81,7 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
             let ends = matches!(event, Event::EndFrame(_));
             waiting.push(event);
             // A frame's work waits for its end, if there is not too much of it: before that all processors render.
-            if !ends && (waiting.len() as u64) < held.pieces {
+            if !ends && (waiting.len() as u64) < memory.pieces {
                 continue;
             }
             let profile = waiting.drain(..).filter_map(|event| profiler.event(&event)).last();
@@ -92,7 +92,7 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
         }
         Ok(())
     };
-    rendering.consume(config.render_key(), Consumer { held, recorded: true, run: Box::new(run) });
+    rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
 }
 
 /// Adds estimates for a configuration to a rendering.
@@ -102,11 +102,11 @@ pub fn limits<'r>(rendering: &mut Rendering<'r>, config: &'r Config, out: &'r mu
 pub fn estimate<'r>(
     rendering: &mut Rendering<'r>,
     config: &'r Config,
-    mut exit: Exit<'r>,
+    mut sink: FrameSink<'r>,
     sum: &'r mut Estimated,
 ) -> Result<()> {
     let mut bound = Bound::new(config)?;
-    let keeps = exit.keeps;
+    let keeps = sink.keeps;
     let read = move |frames: &[Profiled]| {
         let watch = Stopwatch::start();
         let estimates: Vec<FrameEstimate> = frames.iter().map(|frame| bound.frame(&frame.profile)).collect();
@@ -117,7 +117,7 @@ pub fn estimate<'r>(
             sum.funnel += *funnel;
             sum.add(&estimate);
             let tree = own.tree(config);
-            exit.put(Frame {
+            sink.put(Frame {
                 number: end.number,
                 shown: reference(end),
                 tree,

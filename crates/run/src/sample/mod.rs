@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail};
 
-use super::apart::simulate_apart;
 use super::bound::frames::{Estimated, estimate};
-use super::exit::{Exit, Frame};
+use super::frame_runs::simulate_given_runs;
+use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL, random};
@@ -114,14 +114,14 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 ///
 /// # Errors
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
-pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
+pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let sampler = Sampler::new(trace, options)?;
     let samples = match sampling.time_limit {
         Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
         None => sampling.samples,
     };
-    let outcome = sampler.run(&Sampling { samples, ..*sampling }, exit)?;
+    let outcome = sampler.run(&Sampling { samples, ..*sampling }, sink)?;
     Ok(Outcome { clock_time: watch.clock(), ..outcome })
 }
 
@@ -165,7 +165,7 @@ impl<'t> Sampler<'t> {
             return Ok(sampling.samples);
         }
         let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
-        self.run(&two, Exit::new(|_| Ok(())))?;
+        self.run(&two, FrameSink::new(|_| Ok(())))?;
         let left = limit.saturating_sub(watch.clock()).as_secs_f64();
         let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
         Ok((more as u32).clamp(2, all - 2))
@@ -175,8 +175,8 @@ impl<'t> Sampler<'t> {
     ///
     /// # Errors
     /// If the trace cannot be rendered, has too few frames, or the machine stops.
-    pub fn run(&self, sampling: &Sampling, exit: Exit<'_>) -> Result<Outcome> {
-        let outcome = of_survey(&self.survey, &self.dependencies, self.trace, self.options, sampling, exit)?;
+    pub fn run(&self, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
+        let outcome = of_survey(&self.survey, &self.dependencies, self.trace, self.options, sampling, sink)?;
         Ok(Outcome {
             machine_time: outcome.machine_time + self.survey.time,
             clock_time: outcome.clock_time + self.time,
@@ -192,7 +192,7 @@ fn of_survey(
     trace: &Trace,
     options: &Options,
     sampling: &Sampling,
-    exit: Exit<'_>,
+    sink: FrameSink<'_>,
 ) -> Result<Outcome> {
     let watch = Stopwatch::start();
     let all = survey.numbers.len();
@@ -219,7 +219,7 @@ fn of_survey(
 
     // What was counted of the frames drawn; those that warm up are not reported.
     let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
-    let Exit { mut taker, keeps, progress, per_draw, .. } = exit;
+    let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
     let count = |frame: Frame| {
         let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
         counted[at] = Some(frame.tree.clone());
@@ -230,10 +230,10 @@ fn of_survey(
     let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
     let mut rendering = options.rendering_of(trace, chosen);
     rendering.needs(needs, None);
-    let exit = Exit { keeps, progress, per_draw, ..Exit::new(count) };
+    let sink = FrameSink { keeps, progress, per_draw, ..FrameSink::new(count) };
     match options.fidelity {
-        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, exit, &mut by_estimate)?,
-        _ => simulate_apart(&mut rendering, (&options.config, options.clock), runs, &warms_up, exit, &mut machine_time),
+        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
+        _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
     }
     rendering.run()?;
     machine_time += by_estimate.time;

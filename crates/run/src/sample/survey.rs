@@ -18,7 +18,7 @@ use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
 use mem::{CacheCounts, ClientCounts, DramCounts};
-use render::{Dependencies, FrameSet, Held, Want};
+use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, FrameCounts, Node, Tree, counter};
 use trace::Trace;
 use work::profile::{FrameProfile, Profiler};
@@ -307,7 +307,7 @@ fn read_part(
         }
         Ok(())
     };
-    rendering.consume(key, Consumer { held: Held::default(), recorded: true, run: Box::new(run) });
+    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: true, run: Box::new(run) });
     rendering.run()?;
     Ok(read)
 }
