@@ -25,7 +25,7 @@ use work::Event;
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
 /// Bytes of work that may wait for all machines. The more, the earlier the next run begins: with less than a run's work, machines wait.
-const WORK_WAITING: u64 = 21 << 20;
+const WORK_WAITING: u64 = 10 << 20;
 
 /// Bytes of pictures that may wait for the frames in front of them.
 const PICTURES_WAITING: u64 = 8 << 20;
