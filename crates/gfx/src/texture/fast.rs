@@ -7,12 +7,11 @@
 use super::fixed;
 use super::general::reference;
 use super::lod::{Selection, clamp, flat_lambda};
-use super::record::Footprint;
 use super::view::Texels;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
-use num::{LANES, Lanes, Mask, QUADS};
+use num::{LANES, Lanes};
 
 /// Samples where the view, sampler and operands allow; says whether they did.
 #[inline]
@@ -29,7 +28,7 @@ pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mu
 }
 
 /// Whether places are two-dimensional and all texels of a level are filtered, without a border.
-fn is_flat(view: &View, sampler: &Sampler) -> bool {
+pub(super) fn is_flat(view: &View, sampler: &Sampler) -> bool {
     let bordered = sampler.address[..2].contains(&AddressMode::ClampToBorder);
     let filters = sampler.mag_linear && sampler.min_linear && sampler.anisotropy <= 1.0;
     matches!(view.dimension, ViewDimension::D2 | ViewDimension::D2Array) && !bordered && filters
@@ -75,130 +74,9 @@ fn single_body(view: &View, texels: &[f32], sampler: &Sampler, args: &Sample<'_>
     (*g, *b, *a) = (Lanes::ZERO, Lanes::ZERO, Lanes::splat_f32(1.0));
 }
 
-/// Records what a linear filter reads of a flat texture of any format; says whether it could. The texels are those of
-/// [`sample`], found by the same arithmetic.
-pub(super) fn record(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) -> bool {
-    let applies = is_flat(view, sampler) && args.offset == [0; 3];
-    if applies {
-        record_wide(view, sampler, args, mask, out);
-    }
-    applies
-}
-
-wide! {
-    fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) = record_body;
-}
-
-#[inline(always)]
-fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) {
-    let (mut level, mut weight) = ([0_u32; LANES], [0.0_f32; LANES]);
-    let both = out.takes_both(view, sampler);
-    let blend = choose(view, sampler, args, &mut level, &mut weight) || both;
-    let quads = matches!(args.lod, Lod::Auto);
-    let mut lines = [[[0_u32; 4]; LANES]; 2];
-    let mut single = [find_lines(view, sampler, args, &level, quads, &mut lines[0]), 0];
-    // Lanes that read two levels.
-    let mut two = 0;
-    if blend {
-        level.iter_mut().for_each(|level| *level = following(view, *level));
-        single[1] = find_lines(view, sampler, args, &level, quads, &mut lines[1]);
-        for i in 0..LANES {
-            two |= Mask::from(weight[i] > 0.0 || both) << i;
-        }
-    }
-    out.squares(mask, two, single, &lines);
-}
-
-/// The lines of each lane's four texels, row by row. Returns the quads whose lanes all read one and the same line.
-#[inline(always)]
-fn find_lines(
-    view: &View,
-    sampler: &Sampler,
-    args: &Sample<'_>,
-    level: &[u32; LANES],
-    quads: bool,
-    out: &mut [[u32; 4]; LANES],
-) -> u16 {
-    let size = |level: u32| view.levels[level as usize].size;
-    let [width, height] = [size(level[0])[0], size(level[0])[1]];
-    let (first, lines) = view.rows(level[0] as usize, 0);
-    let (mut width, mut height) = ([width as f32; LANES], [height as f32; LANES]);
-    let (mut base, mut row) = ([first; LANES], [lines; LANES]);
-    let mut different = 0;
-    for i in 0..LANES {
-        different |= level[i] ^ level[0];
-    }
-    // Most batches lie in one level.
-    if different != 0 {
-        let step = if quads { 4 } else { 1 };
-        for i in (0..LANES).step_by(step) {
-            let [w, h] = [size(level[i])[0], size(level[i])[1]];
-            let (first, lines) = view.rows(level[i] as usize, 0);
-            width[i..i + step].fill(w as f32);
-            height[i..i + step].fill(h as f32);
-            base[i..i + step].fill(first);
-            row[i..i + step].fill(lines);
-        }
-    }
-    if let Some(layer) = args.layer {
-        let last = view.layers() as i32 - 1;
-        for i in 0..LANES {
-            (base[i], row[i]) = view.rows(level[i] as usize, layer.i32()[i].clamp(0, last) as u32);
-        }
-    }
-    let mut x = [[0_u32; LANES]; 2];
-    let mut y = [[0_u32; LANES]; 2];
-    neighbours(sampler.address[0], args.coords[0].f32(), &width, &mut x);
-    neighbours(sampler.address[1], args.coords[1].f32(), &height, &mut y);
-    let ((across, down), tile) = view.tiled(0).micro_tile();
-    for i in 0..LANES {
-        (x[0][i], x[1][i]) = ((x[0][i] >> across).wrapping_mul(tile), (x[1][i] >> across).wrapping_mul(tile));
-        y[0][i] = base[i].wrapping_add((y[0][i] >> down).wrapping_mul(row[i]));
-        y[1][i] = base[i].wrapping_add((y[1][i] >> down).wrapping_mul(row[i]));
-    }
-    let [[left, right], [upper, lower]] = [x, y];
-    for i in 0..LANES {
-        let (above, below) = (upper[i], lower[i]);
-        out[i] = [above, above, below, below];
-        for (line, column) in out[i].iter_mut().zip([left[i], right[i], left[i], right[i]]) {
-            *line = line.wrapping_add(column);
-        }
-    }
-    let mut single = 0;
-    for q in 0..QUADS {
-        let first = 4 * q;
-        let mut different = 0;
-        for i in first..first + 4 {
-            different |= left[i] ^ right[i] | upper[i] ^ lower[i] | left[i] ^ left[first] | upper[i] ^ upper[first];
-        }
-        single |= u16::from(different == 0) << q;
-    }
-    single
-}
-
-/// The two texels that each lane filters along an axis: as [`find_corners`] has them.
-#[inline(always)]
-fn neighbours(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [[u32; LANES]; 2]) {
-    // One loop a mode: the compiler makes vectors of what it knows.
-    match mode {
-        AddressMode::Repeat => neighbours_of(AddressMode::Repeat, u, size, out),
-        AddressMode::MirrorRepeat => neighbours_of(AddressMode::MirrorRepeat, u, size, out),
-        AddressMode::ClampToEdge | AddressMode::ClampToBorder => neighbours_of(AddressMode::ClampToEdge, u, size, out),
-    }
-}
-
-#[inline(always)]
-fn neighbours_of(mode: AddressMode, u: &[f32; LANES], size: &[f32; LANES], out: &mut [[u32; LANES]; 2]) {
-    for i in 0..LANES {
-        let (texel, _) = place(mode, fold(mode, u[i]), size[i]);
-        let [_, second] = pair(mode, texel, size[i]);
-        (out[0][i], out[1][i]) = (texel as u32, second);
-    }
-}
-
 /// A texel and its neighbour to the right (below), which is the first again where the address repeats, else the same.
 #[inline(always)]
-fn pair(mode: AddressMode, texel: i32, size: f32) -> [u32; 2] {
+pub(super) fn pair(mode: AddressMode, texel: i32, size: f32) -> [u32; 2] {
     let repeats = if mode == AddressMode::Repeat { 0 } else { !0 };
     let next = texel + 1;
     let next = if next < integer(size) { next } else { texel & repeats };

@@ -18,6 +18,7 @@ mod general;
 mod lod;
 mod record;
 mod sampler;
+mod squares;
 mod staged;
 mod taps;
 mod view;

@@ -7,15 +7,16 @@ use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
 use super::taps::{Place, gather_taps, taps};
 use super::{Sample, Sampler, View, ellipse};
-use num::{LANES, Lanes, Mask, QUADS};
+use num::{Lanes, Mask, QUADS};
 
 /// Lines and operations of one texture instruction of a batch.
 #[derive(Clone, Debug, Default)]
 pub struct Footprint {
-    lines: Vec<u32>,
-    /// Where each quad's lines end.
-    ends: [u32; QUADS],
-    operations: [u16; QUADS],
+    /// Lines of all texture instructions since their owner emptied it, in order.
+    pub lines: Vec<u32>,
+    /// Of the last instruction: where the lines of each quad begin, and where those of the last one end.
+    pub(super) bounds: [u32; QUADS + 1],
+    pub(super) operations: [u16; QUADS],
     /// Samples between two levels ask for the second even where it has no weight.
     pub both_levels: bool,
 }
@@ -34,66 +35,23 @@ impl Footprint {
         (&self.lines[lines.start as usize..lines.end as usize], operations)
     }
 
-    /// The lines of all quads, one quad after another.
-    pub fn lines(&self) -> &[u32] {
-        &self.lines
-    }
-
     /// [`Footprint::quad`], with the lines by their places among all.
     #[inline]
     pub fn range(&self, quad: usize) -> (Range<u32>, u16) {
-        let first = if quad == 0 { 0 } else { self.ends[quad - 1] };
-        (first..self.ends[quad], self.operations[quad])
+        (self.bounds[quad]..self.bounds[quad + 1], self.operations[quad])
     }
 
     /// Records quads in order: `one` is called with each live lane, and adds its lines and operations.
     #[inline(always)]
     pub(super) fn fill(&mut self, mask: Mask, mut one: impl FnMut(usize, &mut Quad<'_>)) {
-        self.lines.clear();
+        self.bounds[0] = self.lines.len() as u32;
         for q in 0..QUADS {
             let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
             for p in lanes_of(mask >> (4 * q) & 15) {
                 one(4 * q + p, &mut quad);
             }
             self.operations[q] = quad.operations;
-            self.ends[q] = self.lines.len() as u32;
-        }
-    }
-
-    /// Records quads in order from the lines of each lane's four texels in two levels. The lanes of `two` read both. In the quads of
-    /// `single` all lanes read one and the same line of a level.
-    #[inline(always)]
-    pub(super) fn squares(&mut self, mask: Mask, two: Mask, single: [u16; 2], lines: &[[[u32; 4]; LANES]; 2]) {
-        self.lines.clear();
-        for q in 0..QUADS {
-            let live = mask >> (4 * q) & 15;
-            let twice = live & two >> (4 * q);
-            let mut quad = Quad { first: self.lines.len(), lines: &mut self.lines, operations: 0 };
-            if single[0] >> q & 1 != 0 && (twice == 0 || single[1] >> q & 1 != 0) {
-                if live != 0 {
-                    quad.lines.push(lines[0][4 * q][0]);
-                }
-                if twice != 0 {
-                    quad.line(lines[1][4 * q][0]);
-                }
-                quad.operations = (live.count_ones() + twice.count_ones()) as u16;
-            } else {
-                // Neighbours mostly read the same lines: what the lane before has added is not looked for again.
-                let (mut before, mut known) = ([[0; 4]; 2], [false; 2]);
-                for p in lanes_of(live) {
-                    for level in 0..1 + (twice >> p & 1) as usize {
-                        let corners = lines[level][4 * q + p];
-                        if known[level] && before[level] == corners {
-                            quad.operations += 1;
-                        } else {
-                            quad.square(corners);
-                            (before[level], known[level]) = (corners, true);
-                        }
-                    }
-                }
-            }
-            self.operations[q] = quad.operations;
-            self.ends[q] = self.lines.len() as u32;
+            self.bounds[q + 1] = self.lines.len() as u32;
         }
     }
 
@@ -103,7 +61,7 @@ impl Footprint {
     }
 
     pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
-        if super::fast::record(view, sampler, args, mask, self) {
+        if super::squares::record(view, sampler, args, mask, self) {
             return;
         }
         if ellipse::applies(view, sampler, args) {
@@ -183,19 +141,6 @@ impl Quad<'_> {
             return;
         }
         self.line(view.line(level, x as u32, y as u32, slice as u32));
-    }
-
-    /// Adds the lines of the four texels in two columns and two rows, row by row: one filter operation.
-    #[inline(always)]
-    fn square(&mut self, [first, right, below, last]: [u32; 4]) {
-        self.operations += 1;
-        self.line(first);
-        // Equal lines at opposite corners are the common case: all four texels are there.
-        if last != first {
-            self.line(right);
-            self.line(below);
-            self.line(last);
-        }
     }
 
     #[inline(always)]

@@ -64,22 +64,40 @@ pub struct Recorder {
 const MOST_LINES: usize = 255;
 
 /// What a run in progress has cost so far.
+///
+/// As long as all instructions with a request or a branch have had lanes in the same quads, these go together: what they have executed is
+/// noted once, as that of quad 0, and requests are noted row by row. Where quads part, each gets a copy.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     /// First operation not yet accounted.
     last: usize,
+    /// The quads that go together, by their first lanes; none before the first has come.
+    together: Mask,
+    /// Whether quads have parted.
+    parted: bool,
     running: [[u32; Class::COUNT]; QUADS],
     steps: [Vec<Step>; QUADS],
+    /// Requests of the quads that go together, step by step.
+    rows: Vec<[Request; QUADS]>,
+    /// Requests of quads that have parted.
     staged: [Vec<Request>; QUADS],
-    staged_lines: Vec<u32>,
     /// Whether paths are recorded, the path of each quad by the place where its spans begin, and the spans.
     keeps_paths: bool,
     /// Whether instructions work on four components.
     vectors: bool,
     paths: [Vec<Point>; QUADS],
     spans: Vec<Span>,
-    /// Of the texture instruction being recorded.
+    /// The lines of all requests, and the texture instruction being recorded.
     pub(super) footprint: Footprint,
+}
+
+/// No request.
+const NONE: Request = Request { first_line: 0, lines: 0, operations: 0 };
+
+/// The first lanes of the quads that have a lane in the mask.
+#[inline(always)]
+fn firsts(mask: Mask) -> Mask {
+    super::run::quads_of(mask) & 0x1111_1111_1111_1111
 }
 
 /// The quads that have a lane in the mask.
@@ -131,14 +149,47 @@ impl Scratch {
         self.keeps_paths = extra.paths;
         self.vectors = extra.vectors;
         self.footprint.both_levels = extra.both_levels;
-        self.spans.clear();
-        self.paths.iter_mut().for_each(Vec::clear);
-        self.running = Default::default();
-        for q in 0..QUADS {
-            self.steps[q].clear();
-            self.staged[q].clear();
+        if self.parted {
+            self.spans.clear();
+            self.running = Default::default();
         }
-        self.staged_lines.clear();
+        self.forget();
+        self.running[0] = [0; Class::COUNT];
+        (self.together, self.parted) = (0, extra.paths);
+    }
+
+    /// Whether the quads of the mask, which has some, are those that go together; else all have parted.
+    #[inline(always)]
+    fn goes_together(&mut self, mask: Mask) -> bool {
+        if self.parted {
+            return false;
+        }
+        let quads = firsts(mask);
+        if self.together == 0 {
+            self.together = quads;
+        }
+        if self.together != quads {
+            self.part();
+        }
+        !self.parted
+    }
+
+    /// Gives each quad what they have in common.
+    #[cold]
+    fn part(&mut self) {
+        self.parted = true;
+        let (running, steps) = (std::mem::take(&mut self.running[0]), std::mem::take(&mut self.steps[0]));
+        for q in quads(self.together) {
+            self.running[q] = running;
+            self.steps[q].clone_from(&steps);
+            self.staged[q].extend(self.rows.iter().map(|row| row[q]));
+        }
+        self.rows.clear();
+    }
+
+    /// How many quads the first of the lists stands for.
+    fn shares(&self) -> usize {
+        if self.parted { 1 } else { self.together.count_ones() as usize }
     }
 
     /// Accounts the operations from the last place up to `pc` to the quads of the mask.
@@ -150,7 +201,16 @@ impl Scratch {
             self.point(counts, pc, mask);
         }
         self.last = pc;
+        if mask == 0 {
+            return;
+        }
         let spent: [u32; Class::COUNT] = std::array::from_fn(|k| to[k] - from[k]);
+        if self.goes_together(mask) {
+            for k in 0..Class::COUNT {
+                self.running[0][k] += spent[k];
+            }
+            return;
+        }
         for q in quads(mask) {
             for k in 0..Class::COUNT {
                 self.running[q][k] += spent[k];
@@ -199,11 +259,15 @@ impl Scratch {
     /// Bytes of requests and lines, which the recorder keeps.
     fn kept(&self) -> u64 {
         let staged: usize = self.staged.iter().map(|staged| size_of_val(&**staged)).sum();
-        (staged + size_of_val(&*self.staged_lines)) as u64
+        let rows = self.shares() * self.rows.len() * size_of::<Request>();
+        (staged + rows + size_of_val(&*self.footprint.lines)) as u64
     }
 
     /// Bytes of steps and paths, of which the recorder keeps one of each kind.
     fn passing(&self) -> u64 {
+        if !self.parted {
+            return (self.shares() * size_of_val(&*self.steps[0])) as u64;
+        }
         let steps: usize = self.steps.iter().map(|steps| size_of_val(&**steps)).sum();
         let paths: usize = self.paths.iter().map(|path| size_of_val(&**path)).sum();
         (steps + paths) as u64
@@ -211,10 +275,14 @@ impl Scratch {
 
     /// Forgets what the run has collected; it may go on.
     pub(super) fn forget(&mut self) {
-        self.steps.iter_mut().for_each(Vec::clear);
-        self.staged.iter_mut().for_each(Vec::clear);
-        self.paths.iter_mut().for_each(Vec::clear);
-        self.staged_lines.clear();
+        if self.parted {
+            self.steps.iter_mut().for_each(Vec::clear);
+            self.staged.iter_mut().for_each(Vec::clear);
+            self.paths.iter_mut().for_each(Vec::clear);
+        }
+        self.steps[0].clear();
+        self.rows.clear();
+        self.footprint.lines.clear();
     }
 
     /// Execution goes on at `pc`.
@@ -234,8 +302,29 @@ impl Scratch {
 
     /// A barrier, at which all quads of the mask arrive.
     pub(super) fn barrier(&mut self, mask: Mask) {
+        if mask != 0 && self.goes_together(mask) {
+            self.step(0, RequestKind::Barrier);
+        } else {
+            quads(mask).for_each(|q| self.step(q, RequestKind::Barrier));
+        }
+    }
+
+    /// Ends a step of each quad of the mask with its request, which `of` makes.
+    #[inline(always)]
+    fn requests(&mut self, kind: RequestKind, mask: Mask, mut of: impl FnMut(&mut Footprint, usize) -> Request) {
+        if mask != 0 && self.goes_together(mask) {
+            let mut row = [NONE; QUADS];
+            for q in quads(mask) {
+                row[q] = of(&mut self.footprint, q);
+            }
+            self.rows.push(row);
+            self.step(0, kind);
+            return;
+        }
         for q in quads(mask) {
-            self.step(q, RequestKind::Barrier);
+            let request = of(&mut self.footprint, q);
+            self.step(q, kind);
+            self.staged[q].push(request);
         }
     }
 
@@ -248,8 +337,8 @@ impl Scratch {
         address: impl Fn(usize) -> Option<u64>,
         bytes: u64,
     ) {
-        for q in quads(mask) {
-            let first = self.staged_lines.len();
+        self.requests(kind, mask, |Footprint { lines, .. }, q| {
+            let first = lines.len();
             let mut moved = 0u32;
             for i in 4 * q..4 * q + 4 {
                 if mask >> i & 1 == 0 {
@@ -258,41 +347,26 @@ impl Scratch {
                 let Some(a) = address(i) else { continue };
                 moved += u32::from(words);
                 for line in a / LINE..=(a + bytes.max(1) - 1) / LINE {
-                    if !self.staged_lines[first..].contains(&(line as u32)) {
-                        self.staged_lines.push(line as u32);
+                    if !lines[first..].contains(&(line as u32)) {
+                        lines.push(line as u32);
                     }
                 }
             }
-            self.finish_request(q, kind, first, moved);
-        }
+            let count = (lines.len() - first).min(MOST_LINES);
+            lines.truncate(first + count);
+            Request { first_line: first as u32, lines: count as u8, operations: moved.clamp(1, 255) as u8 }
+        });
     }
 
-    /// A texture request of the quads of the mask, with this footprint, which is kept for the next one.
-    pub(super) fn footprint_request(&mut self, mask: Mask, footprint: Footprint) {
-        // Quads outside of the mask have no lines.
-        let base = self.staged_lines.len() as u32;
-        self.staged_lines.extend_from_slice(footprint.lines());
-        for q in quads(mask) {
+    /// A texture request of the quads of the mask, which was recorded in the footprint.
+    pub(super) fn footprint_request(&mut self, mask: Mask) {
+        self.requests(RequestKind::Texture, mask, |footprint, q| {
             let (lines, operations) = footprint.range(q);
-            let request = Request {
-                first_line: base + lines.start,
+            Request {
+                first_line: lines.start,
                 lines: lines.len().min(MOST_LINES) as u8,
                 operations: operations.clamp(1, 255) as u8,
-            };
-            self.step(q, RequestKind::Texture);
-            self.staged[q].push(request);
-        }
-        self.footprint = footprint;
-    }
-
-    fn finish_request(&mut self, q: usize, kind: RequestKind, first: usize, operations: u32) {
-        let lines = (self.staged_lines.len() - first).min(MOST_LINES);
-        self.staged_lines.truncate(first + lines);
-        self.step(q, kind);
-        self.staged[q].push(Request {
-            first_line: first as u32,
-            lines: lines as u8,
-            operations: operations.clamp(1, 255) as u8,
+            }
         });
     }
 }
@@ -302,7 +376,10 @@ impl Recorder {
     pub(super) fn finish(&mut self, run: &mut Scratch) {
         self.passed += run.metered() - run.kept();
         let first_line = self.lines.len() as u32;
-        self.lines.extend_from_slice(&run.staged_lines);
+        self.lines.extend_from_slice(&run.footprint.lines);
+        if !run.parted {
+            return self.finish_together(run, first_line);
+        }
         for q in 0..QUADS {
             run.step(q, RequestKind::End);
             let first_request = self.requests.len() as u32;
@@ -325,6 +402,36 @@ impl Recorder {
                 }
             };
             self.quads[q] = QuadCost { cost, first_request };
+        }
+    }
+
+    /// The same where the quads have gone together. Costs get their numbers in the order of the quads.
+    fn finish_together(&mut self, run: &mut Scratch, first_line: u32) {
+        run.step(0, RequestKind::End);
+        let mut costs = [None; 2];
+        self.requests.reserve(run.shares() * run.rows.len());
+        for q in 0..QUADS {
+            let runs = run.together >> (4 * q) & 1 != 0;
+            let cost = costs[usize::from(runs)].unwrap_or_else(|| {
+                // The others' list is empty, and so it is left.
+                let steps = &mut run.steps[usize::from(!runs)];
+                if !runs {
+                    steps.push(Step { instructions: [0; Class::COUNT], then: RequestKind::End });
+                }
+                let mut cost = Cost { steps: std::mem::take(steps), ..Cost::default() };
+                let id = self.intern(&cost);
+                if !runs {
+                    cost.steps.clear();
+                }
+                *steps = cost.steps;
+                id
+            });
+            costs[usize::from(runs)] = Some(cost);
+            self.quads[q] = QuadCost { cost, first_request: self.requests.len() as u32 };
+            if runs {
+                let row = |row: &[Request; QUADS]| Request { first_line: first_line + row[q].first_line, ..row[q] };
+                self.requests.extend(run.rows.iter().map(row));
+            }
         }
     }
 

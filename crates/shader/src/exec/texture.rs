@@ -141,13 +141,13 @@ fn one<const RECORD: bool>(
                 view.sample(sampler, &args, mask, out);
             }
             if RECORD {
-                let mut footprint = std::mem::take(&mut recorder.footprint);
+                let footprint = &mut recorder.footprint;
                 if matches!(op.action, TextureAction::Gather(_)) {
-                    view.record_gather(sampler, &args, mask, &mut footprint);
+                    view.record_gather(sampler, &args, mask, footprint);
                 } else {
-                    view.record_sample(sampler, &args, mask, &mut footprint);
+                    view.record_sample(sampler, &args, mask, footprint);
                 }
-                recorder.footprint_request(mask, footprint);
+                recorder.footprint_request(mask);
             }
         }
         (TextureAction::Load, Resource::Texture(view)) => {
@@ -157,9 +157,8 @@ fn one<const RECORD: bool>(
             let coords = [&coords[0], &coords[1], &coords[2]];
             view.load(coords, layer.as_ref(), &level, mask, out);
             if RECORD {
-                let mut footprint = std::mem::take(&mut recorder.footprint);
-                view.record_load(coords, layer.as_ref(), &level, mask, &mut footprint);
-                recorder.footprint_request(mask, footprint);
+                view.record_load(coords, layer.as_ref(), &level, mask, &mut recorder.footprint);
+                recorder.footprint_request(mask);
             }
         }
         (TextureAction::Load, Resource::Storage(image)) => {
