@@ -247,6 +247,11 @@ impl Program {
         self.prologue.all_steps()
     }
 
+    /// Whether all invocations cost the same and ask nothing of memory: there is no branch, and no request.
+    pub fn is_straight(&self) -> bool {
+        self.body.ops.iter().all(|op| !op.code.breaks_block() || op.code == Code::End)
+    }
+
     /// Bytes of the registers of a batch of 64 invocations.
     pub fn register_bytes(&self) -> u64 {
         (self.body.registers * size_of::<num::Lanes>()) as u64

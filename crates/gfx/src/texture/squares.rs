@@ -88,15 +88,20 @@ struct Rows<const N: usize> {
 }
 
 impl<const N: usize> Rows<N> {
+    /// Those of the lanes' levels and layers, for `step` lanes at a time, which have the same.
     #[inline(always)]
-    fn new(view: &View, args: &Sample<'_>, level: &[u32; LANES]) -> Rows<N> {
+    fn new(view: &View, args: &Sample<'_>, level: &[u32; LANES], step: usize) -> Rows<N> {
         let mut out = Rows { width: [0.0; N], height: [0.0; N], first: [0; N], row: [0; N] };
-        for i in 0..N {
+        let last = view.layers() as i32 - 1;
+        for i in (0..N).step_by(step) {
             let [width, height, _] = view.levels[level[i] as usize].size;
-            (out.width[i], out.height[i]) = (width as f32, height as f32);
-            let last = view.layers() as i32 - 1;
             let layer = args.layer.map_or(0, |layer| layer.i32()[i].clamp(0, last) as u32);
-            (out.first[i], out.row[i]) = view.rows(level[i] as usize, layer);
+            let (first, row) = view.rows(level[i] as usize, layer);
+            let lanes = i..(i + step).min(N);
+            out.width[lanes.clone()].fill(width as f32);
+            out.height[lanes.clone()].fill(height as f32);
+            out.first[lanes.clone()].fill(first);
+            out.row[lanes].fill(row);
         }
         out
     }
@@ -106,9 +111,11 @@ impl<const N: usize> Rows<N> {
 #[inline(always)]
 fn find(view: &View, sampler: &Sampler, args: &Sample<'_>, same: bool, level: &[u32; LANES], out: &mut [Square; LANES]) {
     if same {
-        find_in(view, sampler, args, &Rows::<1>::new(view, args, level), out);
+        find_in(view, sampler, args, &Rows::<1>::new(view, args, level, 1), out);
     } else {
-        find_in(view, sampler, args, &Rows::<LANES>::new(view, args, level), out);
+        let quads = matches!(args.lod, Lod::Auto) && args.layer.is_none();
+        let rows = if quads { Rows::<LANES>::new(view, args, level, 4) } else { Rows::new(view, args, level, 1) };
+        find_in(view, sampler, args, &rows, out);
     }
 }
 

@@ -241,6 +241,15 @@ impl Batch {
         self.areas = Areas::default();
         self.funnel = Funnel::default();
         worker.pairs.clear();
+        if input.record {
+            // The memory of the last segment is gone, and lists that grow are copied.
+            let primitives = self.primitives as usize;
+            self.ended.reserve_exact(primitives);
+            self.triangles.reserve(primitives);
+            self.unclipped.reserve(primitives);
+            self.corners.reserve(primitives);
+            self.primitive.reserve(primitives);
+        }
         self.assemble(input, &mut worker.pairs);
         self.funnel.primitives_in = u64::from(self.primitives);
         self.funnel.triangles_setup = self.corners.len() as u64;

@@ -19,6 +19,7 @@ use work::{Needless, Shade};
 
 use super::super::needs::Need;
 use super::pending::Pending;
+use super::record::Room;
 use super::{DrawCall, DrawError, Drawn, Skips};
 use crate::ledger::Ledger;
 use num::LimitOverrun;
@@ -349,6 +350,8 @@ pub struct Worker {
     pub pending: Pending,
     pub weights: FragmentWeights,
     pub recorder: Recorder,
+    /// How much was recorded of the last tile.
+    pub room: Room,
     /// Counts of the current segment.
     pub drawn: Drawn,
     /// Pairs of tile and triangle, before they are sorted.

@@ -383,9 +383,8 @@ impl RenderPass {
             segment.funnel = drawn.funnel;
             segment.areas = drawn.areas;
             // The segment waits for the machine, with as much memory as made it: what is not needed now goes.
-            let vertices = std::mem::take(&mut scratch.vertices);
-            let signed = call.signature.is_some().then(|| signature::vertices(&vertices));
-            drop(vertices);
+            let signed = call.signature.is_some().then(|| signature::vertices(&scratch.vertices));
+            scratch.vertices.release();
             let mut segment = record::assemble(call, pieces, &scratch.stream, batches, recorded, segment);
             if let Some(signed) = signed {
                 segment.signatures = signature::primitives(&segment.primitives, &signed);

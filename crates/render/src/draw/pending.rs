@@ -83,14 +83,16 @@ impl Pending {
 
     /// Adds quads of a block with one sample a pixel, as many as there is room for: those with a bit in `left`, which holds bit
     /// `4 q` for quad q. `at` is the place of the block's first quad in the tile. Returns those for which there was no room.
+    ///
+    /// With `RECORD`, `quads` are the quads of the block in the same form, the first of which is recorded at `record`.
     #[inline(always)]
-    pub fn push_block(
+    pub fn push_block<const RECORD: bool>(
         &mut self,
         slot: u32,
         [x, y]: [u16; 2],
         at: u32,
-        coverage: u64,
-        alive: u64,
+        (quads, record): (u64, u32),
+        [coverage, alive]: [u64; 2],
         mut left: u64,
         front: bool,
     ) -> u64 {
@@ -101,6 +103,9 @@ impl Pending {
             let q = bit / 4;
             self.sites[n] = Site { triangle: slot, x: x + (2 * (q % 4)) as u16, y: y + (2 * (q / 4)) as u16 };
             self.at[n] = at + q;
+            if RECORD {
+                self.record[n] = record + (quads & ((1 << bit) - 1)).count_ones();
+            }
             self.coverage[n] = (coverage >> bit & 15) as u16;
             let alive = alive >> bit & 15;
             self.alive[n] = alive as u16;

@@ -36,29 +36,34 @@ impl Batch {
         let kind = PrimitiveKind::of(frame.topology);
         let plain = kind == PrimitiveKind::Triangle
             && primitive.polygon_mode == PolygonMode::Fill
-            && input.vertices.distance_stride == 0
-            && !input.record;
+            && input.vertices.distance_stride == 0;
         let flat = provoking(kind, primitive.provoking_last);
         let mut number = 0;
         let parts = std::mem::take(&mut self.parts);
         for part in &parts {
             let entries = &input.stream.entries[part.start as usize..][..part.len as usize];
+            // One past the entries of the next triangle.
+            let mut end = part.start + 3;
             if plain && frame.topology == Topology::TriangleList {
                 // The case that matters: no assembler, and the cull reasons only counted.
                 #[cfg(target_arch = "x86_64")]
-                let entries = if WIDE && input.late_setup {
+                let entries = if WIDE {
                     let (eights, rest) = entries.as_chunks::<24>();
                     for eight in eights {
-                        self.eight(input, number, eight, flat, pairs);
+                        self.eight(input, number, end, eight, flat, pairs);
                         number += 8;
+                        end += 24;
                     }
                     rest
                 } else {
                     entries
                 };
                 for v in entries.chunks_exact(3) {
-                    self.triangle(input, number, [v[0], v[1], v[2]], flat, pairs);
+                    let (v, left) = ([v[0], v[1], v[2]], (self.corners.len(), self.made_screen.len()));
+                    let ended = self.triangle(input, number, v, flat, pairs);
+                    self.note(input, number, v, end, left, ended);
                     number += 1;
+                    end += 3;
                 }
             } else {
                 self.assemble_part(input, part, entries, &mut number, (kind, plain, flat), pairs);
@@ -96,26 +101,43 @@ impl Batch {
                     (PrimitiveKind::Line, _) => self.line(input, *number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
                     (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
                 };
-                if input.record {
-                    self.note_late(input, *number, v, outcome, made);
-                    self.ended.push(Ended {
-                        vertices: v,
-                        stream_end: before + at,
-                        first_triangle: first as u32,
-                        triangles: (self.corners.len() - first) as u8,
-                        clipped,
-                        outcome,
-                    });
-                }
+                self.note(input, *number, v, before + at, (first, made), (outcome, clipped));
                 *number += 1;
             });
         }
     }
 
-    /// Eight filled triangles without clip distances. The caller is compiled for AVX2.
+    /// Notes how a primitive ended, where work is recorded: what it left begins at these triangles and vertices.
+    #[inline(always)]
+    fn note(
+        &mut self,
+        input: &Input<'_, '_>,
+        number: u32,
+        vertices: [u32; 3],
+        stream_end: u32,
+        (first, made): (usize, usize),
+        (outcome, clipped): (Outcome, bool),
+    ) {
+        if !input.record {
+            return;
+        }
+        self.note_late(input, number, vertices, outcome, made);
+        let triangles = (self.corners.len() - first) as u8;
+        self.ended.push(Ended { vertices, stream_end, first_triangle: first as u32, triangles, clipped, outcome });
+    }
+
+    /// Eight filled triangles without clip distances; `end` is one past the entries of the first. The caller is compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(&mut self, input: &Input<'_, '_>, first: u32, entries: &[u32; 24], flat: usize, pairs: &mut Vec<(u32, u32)>) {
+    fn eight(
+        &mut self,
+        input: &Input<'_, '_>,
+        first: u32,
+        end: u32,
+        entries: &[u32; 24],
+        flat: usize,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
         let vertices = input.vertices;
         let triangles = entries.as_chunks::<3>().0;
         let mut screen = [[ScreenVertex::default(); 3]; 8];
@@ -131,21 +153,26 @@ impl Batch {
         // Where a vertex is outside of anything, all of them go the long way.
         let alone = if codes == 0 { eight.large } else { 0xff };
         for (i, &v) in triangles.iter().enumerate() {
-            let number = first + i as u32;
-            if alone >> i & 1 == 1 {
-                self.triangle(input, number, v, flat, pairs);
-                continue;
-            }
-            match eight.get(i) {
-                Ok(bounds) => {
-                    let small = input.mark_small && eight.small >> i & 1 == 1;
-                    let corners = Corners { vertices: v, flat: v[flat] };
-                    self.put_late(input, number, &screen[i], bounds, small, corners, pairs);
+            let (number, end) = (first + i as u32, end + 3 * i as u32);
+            let left = (self.corners.len(), self.made_screen.len());
+            let ended = if alone >> i & 1 == 1 {
+                self.triangle(input, number, v, flat, pairs)
+            } else {
+                match eight.get(i) {
+                    Ok(bounds) => {
+                        let corners = Corners { vertices: v, flat: v[flat] };
+                        if input.late_setup {
+                            let small = input.mark_small && eight.small >> i & 1 == 1;
+                            self.put_late(input, number, &screen[i], bounds, small, corners, pairs);
+                        } else {
+                            self.put_bounds(input, number, &screen[i], bounds, corners, pairs);
+                        }
+                        (Outcome::Drawn, false)
+                    }
+                    Err(reason) => (self.end(outcome_of(reason)), false),
                 }
-                Err(reason) => {
-                    self.end(outcome_of(reason));
-                }
-            }
+            };
+            self.note(input, number, v, end, left, ended);
         }
     }
 

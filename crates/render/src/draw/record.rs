@@ -10,6 +10,13 @@ use super::frame::PreparedDraw;
 use super::needless::{self, Late};
 use super::plan::Piece;
 use super::stream::Stream;
+use super::tile::quads_in;
+
+/// A quad that is covered and not shaded; it is that of bit `at` of a block's pixels.
+#[inline(always)]
+fn covered(at: u32, coverage: u16) -> work::Quad {
+    work::Quad { coverage, kept: coverage, position: (at / 4) as u8, flags: 0, cost: 0, payload: 0, first_request: 0 }
+}
 
 /// What is recorded of a tile.
 #[derive(Default)]
@@ -20,33 +27,45 @@ pub struct TileRecord {
     visits: Vec<(u32, u32, u32)>,
 }
 
+/// How much was recorded of a tile.
+#[derive(Default)]
+pub struct Room {
+    blocks: usize,
+    quads: usize,
+    payload: usize,
+    visits: usize,
+}
+
 impl TileRecord {
     /// Notes a block and its quads; returns the number of the first.
+    #[inline(always)]
     pub fn begin_block<const S: usize>(&mut self, block: &Block<S>, per_sample: bool) -> u32 {
-        let first = self.work.quads.len();
-        for (position, mask) in (0..16).map(|q| (q, block.quad_mask(q))).filter(|(_, mask)| *mask != 0) {
-            let mut quad = |coverage: u16| {
-                self.work.quads.push(work::Quad {
-                    coverage,
-                    kept: coverage,
-                    position: position as u8,
-                    flags: 0,
-                    cost: 0,
-                    payload: 0,
-                    first_request: 0,
-                });
-            };
-            if per_sample {
-                (0..S).map(|s| mask & 15 << (4 * s)).filter(|m| *m != 0).for_each(quad);
-            } else {
-                quad(mask);
+        let quads = &mut self.work.quads;
+        let first = quads.len();
+        let mut left = quads_in(block.pixels());
+        if per_sample {
+            while left != 0 {
+                let at = left.trailing_zeros();
+                left &= left - 1;
+                let mask = block.quad_mask(at as usize / 4);
+                quads.extend((0..S).map(|s| mask & 15 << (4 * s)).filter(|m| *m != 0).map(|mask| covered(at, mask)));
             }
+        } else {
+            // One after another beside the list, which then grows once.
+            let (mut found, mut n) = ([covered(0, 0); 16], 0);
+            while left != 0 {
+                let at = left.trailing_zeros();
+                left &= left - 1;
+                found[n & 15] = covered(at, block.quad_mask(at as usize / 4));
+                n += 1;
+            }
+            quads.extend_from_slice(&found[..n.min(16)]);
         }
         self.work.blocks.push(work::Block {
             first_quad: first as u32,
             x: block.x / 8,
             y: block.y / 8,
-            quads: (self.work.quads.len() - first) as u8,
+            quads: (quads.len() - first) as u8,
             full: block.full,
         });
         first as u32
@@ -63,20 +82,34 @@ impl TileRecord {
         self.visits.push((batch, number, self.work.blocks.len() as u32));
     }
 
-    /// Notes what shading a quad came to.
-    pub fn shaded(&mut self, quad: u32, kept: u16, cost: CostId, first_request: u32) {
+    /// Notes what shading a quad came to, and where its payload begins.
+    #[inline(always)]
+    pub fn shaded(&mut self, quad: u32, kept: u16, cost: CostId, first_request: u32, payload: u32) {
         let quad = &mut self.work.quads[quad as usize];
         quad.flags |= work::QUAD_SHADED;
-        (quad.kept, quad.cost, quad.first_request) = (kept, cost, first_request);
+        (quad.kept, quad.cost, quad.first_request, quad.payload) = (kept, cost, first_request, payload);
+    }
+
+    /// Begins with room for as much as another tile had: lists that grow are copied.
+    pub fn begin(&mut self, room: &Room) {
+        self.work.blocks.reserve_exact(room.blocks);
+        self.work.quads.reserve_exact(room.quads);
+        self.work.payload.reserve_exact(room.payload);
+        self.visits.reserve_exact(room.visits);
     }
 
     /// Takes costs and requests over.
-    pub fn finish(&mut self, recorder: &mut Recorder) {
+    pub fn finish(&mut self, recorder: &mut Recorder, room: &mut Room) {
         (self.work.costs, self.work.requests, self.work.lines) = recorder.take();
+        let work = &self.work;
+        let (blocks, quads, payload) = (work.blocks.len(), work.quads.len(), work.payload.len());
+        *room = Room { blocks, quads, payload, visits: self.visits.len() };
         // Segments wait for the machine.
         self.work.quads.shrink_to_fit();
         self.work.blocks.shrink_to_fit();
         self.work.payload.shrink_to_fit();
+        self.work.requests.shrink_to_fit();
+        self.work.lines.shrink_to_fit();
     }
 }
 

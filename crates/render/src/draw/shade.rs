@@ -7,7 +7,7 @@ use shader::{Bound, BuiltIn, Interpolation, Sampling};
 
 use super::batch::MADE;
 use super::frame::{FragmentWeights, PreparedDraw};
-use super::pending::{Pending, lanes, pixels};
+use super::pending::{lanes, pixels};
 use super::tile::TileRun;
 
 impl TileRun<'_, '_, '_> {
@@ -91,11 +91,11 @@ impl TileRun<'_, '_, '_> {
             tile.materialise(target.words);
             if RECORD && target.packed {
                 // The ROPs' payload has the codes already.
-                let work = &self.job.record.work;
-                let size = 4 * S * target.words;
-                for q in (0..n).filter(|&q| kept[q] != 0) {
-                    let first = work.quads[pending.record[q] as usize].payload as usize + 4 * target.payload;
-                    let packed = &work.payload[first..][..4 * target.payload_words];
+                let (size, each) = (4 * S * target.words, 4 * self.frame.payload_words);
+                let payload = &self.job.record.work.payload;
+                let quads = payload[payload.len() - each * n..].chunks_exact(each);
+                for (q, payload) in quads.enumerate().take(QUADS).filter(|(q, _)| kept[*q] != 0) {
+                    let packed = &payload[4 * target.payload..][..4 * target.payload_words];
                     target.state.put_quad(S, kept[q], packed, &mut tile.codes[pending.at[q] as usize * size..][..size]);
                 }
                 continue;
@@ -319,56 +319,55 @@ impl TileRun<'_, '_, '_> {
     }
 
     /// Fills in what the recorded quads cost, what is left of them, and their depths and colours.
+    #[inline(always)]
     fn record_quads<const S: usize>(&mut self) {
         let Some(bound) = &self.bound else { return };
-        let pending = &*self.pending;
-        for q in 0..pending.n {
+        let (frame, pending) = (self.frame, &*self.pending);
+        let record = &mut self.job.record;
+        let first = record.work.payload.len();
+        for q in 0..pending.n.min(QUADS) {
             let cost = self.recorder.quads[q];
-            self.job.record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request);
+            let payload = (first + 4 * frame.payload_words * q) as u32;
+            record.shaded(pending.record[q], pending.coverage[q], cost.cost, cost.first_request, payload);
         }
-        payload::<S>(self.frame, bound, pending, &mut self.job.record);
+        record.work.payload.resize(first + 4 * frame.payload_words * pending.n, 0);
+        payload::<S>(frame, bound, &mut record.work.payload[first..]);
     }
 }
 
 /// Depths and colours of the batch's quads, as `work::Draw` describes them.
-fn payload<const S: usize>(
-    frame: &PreparedDraw<'_>,
-    bound: &Bound<'_>,
-    pending: &Pending,
-    record: &mut super::record::TileRecord,
-) {
-    let size = 4 * frame.payload_words;
-    let first = record.work.payload.len();
-    record.work.payload.resize(first + size * pending.n, 0);
-    let out = &mut record.work.payload[first..];
-    for q in 0..pending.n {
-        record.work.quads[pending.record[q] as usize].payload = (first + q * size) as u32;
-    }
+#[inline(always)]
+fn payload<const S: usize>(frame: &PreparedDraw<'_>, bound: &Bound<'_>, out: &mut [u32]) {
+    let size = frame.payload_words;
+    let out = out.as_chunks_mut::<4>().0;
     if let Some(slot) = frame.frag_depth {
-        let depth = &bound.output(slot, 0).0;
-        for q in 0..pending.n {
-            for s in 0..S {
-                out[q * size + 4 * s..][..4].copy_from_slice(&depth[4 * q..4 * q + 4]);
-            }
-        }
+        put::<S>(out, size, 0, [bound.output(slot, 0); S]);
     }
-    let mut put = |word: usize, values: &Lanes| {
-        for q in 0..pending.n {
-            out[q * size + 4 * word..][..4].copy_from_slice(&values.0[4 * q..4 * q + 4]);
-        }
-    };
     for target in &frame.targets {
         let color = colors(bound, target.output);
         if target.packed {
             let mut packed = [Lanes::ZERO; 4];
             target.state.pack_batch(color, &mut packed);
-            (0..target.payload_words).for_each(|w| put(target.payload + w, &packed[w]));
+            for (words, word) in packed[..target.payload_words].iter().zip(target.payload..) {
+                put(out, size, word, [words]);
+            }
         } else {
-            (0..4).for_each(|w| put(target.payload + w, color[w]));
+            put(out, size, target.payload, color);
         }
         if let (Some(second), Some(word)) = (target.second, target.payload_second) {
-            let color = colors(bound, second);
-            (0..4).for_each(|w| put(word + w, color[w]));
+            put(out, size, word, colors(bound, second));
+        }
+    }
+}
+
+/// Puts `N` values of each pixel into the quads' payloads, which have so many words a pixel, from this word on.
+#[inline(always)]
+fn put<const N: usize>(out: &mut [[u32; 4]], size: usize, word: usize, values: [&Lanes; N]) {
+    let values = values.map(|values| values.0.as_chunks::<4>().0);
+    for (q, quad) in out.chunks_exact_mut(size).enumerate().take(QUADS) {
+        let quad = &mut quad[word..word + N];
+        for i in 0..N {
+            quad[i] = values[i][q];
         }
     }
 }

@@ -144,6 +144,9 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     let start = if frame.overwrites { first_visible(input.batches, tile) } else { (0, 0) };
     worker.pending.clear();
     worker.recorder.extra = frame.extra;
+    if RECORD {
+        job.record.begin(&worker.room);
+    }
     let mut run = TileRun {
         frame,
         input,
@@ -219,7 +222,7 @@ fn run<const S: usize, const RECORD: bool, const WIDE: bool>(
     frame.ledger.steps.add(run.work());
     if RECORD {
         let bytes = run.recorder.take_bytes() + run.job.record.work.bytes();
-        run.job.record.finish(run.recorder);
+        run.job.record.finish(run.recorder, &mut worker.room);
         if !input.growth.add(bytes) {
             // The draw is refused when all tiles are back, whose steps count until then; what they record is of no use.
             run.job.record = TileRecord::default();
@@ -389,11 +392,20 @@ impl TileRun<'_, '_, '_> {
         }
         // Shading for its cost alone takes every covered quad; what passed decides what is written.
         let mut left = if RECORD && frame.shade_covered { quads } else { quads_in(alive) };
-        if S == 1 && !RECORD {
+        if S == 1 && !frame.per_sample {
             let first = block_in_tile(block.x, block.y) as u32 * 16;
             while left != 0 {
                 let slot = self.slot(triangle);
-                left = self.pending.push_block(slot, [block.x, block.y], first, covered, alive, left, triangle.front);
+                let record = (quads, first_record);
+                left = self.pending.push_block::<RECORD>(
+                    slot,
+                    [block.x, block.y],
+                    first,
+                    record,
+                    [covered, alive],
+                    left,
+                    triangle.front,
+                );
                 self.flush_if_full::<S, RECORD>();
             }
             return true;

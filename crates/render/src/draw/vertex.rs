@@ -6,7 +6,7 @@ use gfx::clip::Outcode;
 use gfx::setup::ScreenVertex;
 use gfx::simd::wide;
 use gfx::state::StepMode;
-use num::{LANES, Lanes, Mask, Meter};
+use num::{LANES, Lanes, Mask, Meter, QUADS};
 use shader::{BuiltIn, Executor, Recorder, ShaderFault};
 
 use super::frame::{PreparedDraw, Workers};
@@ -35,6 +35,8 @@ pub struct Vertices {
     pub varying_stride: usize,
     /// Numbers of a vertex in `distances`.
     pub distance_stride: usize,
+    /// Empty between segments, and new after one that failed.
+    recorder: Recorder,
 }
 
 /// The part of [`Vertices`] that one task writes.
@@ -47,6 +49,13 @@ struct Task<'a> {
 }
 
 impl Vertices {
+    /// Gives memory back, but for as much as a small draw needs: draws come by the hundred, and new memory has to be cleared.
+    pub fn release(&mut self) {
+        if self.codes.len() > TASK {
+            *self = Vertices { recorder: std::mem::take(&mut self.recorder), ..Vertices::default() };
+        }
+    }
+
     /// Shades the vertices of a stream. With `record`, costs and requests are recorded, in order of the vertices.
     ///
     /// # Errors
@@ -79,11 +88,14 @@ impl Vertices {
             .enumerate();
         if let Some((segment, growth)) = record {
             // One recorder in one thread, so that costs are numbered in order.
-            let mut recorder = Recorder::with(frame.extra);
+            let mut recorder = std::mem::take(&mut self.recorder);
+            recorder.extra = frame.extra;
+            segment.vertices.reserve_exact(stream.vertices);
             let tasks: Vec<_> = tasks.collect();
             let mut shaded = 0;
             // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.
-            let alone = !frame.pipeline.vertex().interface().bindings.is_empty();
+            let program = frame.pipeline.vertex();
+            let alone = !program.interface().bindings.is_empty() && !program.is_straight();
             for (number, mut task) in tasks {
                 let start = number * TASK;
                 let mut record = Some((&mut recorder, &mut *segment, growth));
@@ -94,6 +106,9 @@ impl Vertices {
             }
             growth.add(recorder.take_bytes());
             (segment.costs, segment.requests, segment.lines) = recorder.take();
+            segment.requests.shrink_to_fit();
+            segment.lines.shrink_to_fit();
+            self.recorder = recorder;
             return Ok(shaded);
         }
         let one = |(number, mut task): (usize, Task<'_>)| {
@@ -129,35 +144,30 @@ fn shade_task<const SPREAD: usize>(
     let mut shaded = 0;
     let step = LANES / SPREAD;
     for first in (start..stream.vertices.min(start + TASK)).step_by(step) {
-        let mut mask: Mask = stream.used(first);
-        stream.identify(first, &mut index[..step], &mut instance[..step]);
-        if SPREAD > 1 {
-            mask = (0..step).fold(0, |wide, i| wide | (mask >> i & 1) << (SPREAD * i));
-            for i in (0..LANES).rev() {
-                (index[i], instance[i]) = (index[i / SPREAD], instance[i / SPREAD]);
-            }
-        }
-        if mask == 0 {
+        let mut used: Mask = stream.used(first) & (u64::MAX >> (LANES - step));
+        if used == 0 {
             continue;
         }
+        stream.identify(first, &mut index[..step], &mut instance[..step]);
+        let mask = if SPREAD > 1 { (0..step).fold(0, |wide, i| wide | (used >> i & 1) << (SPREAD * i)) } else { used };
         shaded += u64::from(mask.count_ones());
         for (attribute, source) in pipeline.attributes.iter().zip(&frame.attribute_sources) {
             let by = match attribute.step {
                 StepMode::Vertex => &index,
                 StepMode::Instance => &instance,
             };
-            source.fetch(attribute.format, attribute.offset, by, LANES, &mut fetched);
+            source.fetch(attribute.format, attribute.offset, by, step, &mut fetched);
             for c in 0..attribute.components {
                 if let Some(input) = bound.input_mut(attribute.input, c) {
-                    *input = fetched[c];
+                    spread::<SPREAD>(&fetched[c].0, &mut input.0);
                 }
             }
         }
         for &(slot, builtin) in &frame.vertex_builtins {
             let Some(input) = bound.input_mut(slot, 0) else { continue };
             match builtin {
-                BuiltIn::VertexIndex => input.0 = index,
-                BuiltIn::InstanceIndex => input.0 = instance,
+                BuiltIn::VertexIndex => spread::<SPREAD>(&index, &mut input.0),
+                BuiltIn::InstanceIndex => spread::<SPREAD>(&instance, &mut input.0),
                 BuiltIn::BaseVertex => *input = Lanes::splat(frame.base_vertex),
                 BuiltIn::BaseInstance => *input = Lanes::splat(frame.first_instance),
                 BuiltIn::DrawIndex => *input = Lanes::splat(frame.draw_index),
@@ -170,8 +180,10 @@ fn shade_task<const SPREAD: usize>(
             None => drop(bound.run(mask, 0)?),
             Some((recorder, segment, _)) => {
                 bound.run_recorded(mask, 0, recorder)?;
-                for i in (0..LANES).filter(|i| mask >> i & 1 == 1) {
-                    let quad = recorder.quads[i / 4];
+                while used != 0 {
+                    let i = used.trailing_zeros() as usize;
+                    used &= used - 1;
+                    let quad = recorder.quads[SPREAD * i / 4 % QUADS];
                     segment.vertices.push(work::Vertex {
                         index: index[i],
                         instance: instance[i],
@@ -204,6 +216,14 @@ fn shade_task<const SPREAD: usize>(
         }
     }
     Ok(shaded)
+}
+
+/// Gives the first values to so many lanes each.
+#[inline(always)]
+fn spread<const SPREAD: usize>(values: &[u32; LANES], lanes: &mut [u32; LANES]) {
+    for (lanes, value) in lanes.chunks_exact_mut(SPREAD).zip(values) {
+        lanes.fill(*value);
+    }
 }
 
 wide! {

@@ -56,6 +56,8 @@ pub struct Recorder {
     known: HashMap<Cost, CostId>,
     /// The cost that was found last.
     last: CostId,
+    /// Requests and lines of the last piece of work: the next begins with room for as many, because lists that grow are copied.
+    room: [usize; 2],
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
 }
@@ -138,6 +140,7 @@ impl Recorder {
         self.known.clear();
         self.spans.clear();
         (self.told, self.passed) = (0, 0);
+        self.room = [self.requests.len(), self.lines.len()];
         (std::mem::take(&mut self.costs), std::mem::take(&mut self.requests), std::mem::take(&mut self.lines))
     }
 }
@@ -375,6 +378,10 @@ impl Recorder {
     /// Ends all quads of a run and interns their costs.
     pub(super) fn finish(&mut self, run: &mut Scratch) {
         self.passed += run.metered() - run.kept();
+        if self.lines.capacity() == 0 && !run.footprint.lines.is_empty() {
+            self.requests.reserve_exact(self.room[0]);
+            self.lines.reserve_exact(self.room[1]);
+        }
         let first_line = self.lines.len() as u32;
         self.lines.extend_from_slice(&run.footprint.lines);
         if !run.parted {
@@ -408,31 +415,45 @@ impl Recorder {
     /// The same where the quads have gone together. Costs get their numbers in the order of the quads.
     fn finish_together(&mut self, run: &mut Scratch, first_line: u32) {
         run.step(0, RequestKind::End);
-        let mut costs = [None; 2];
-        self.requests.reserve(run.shares() * run.rows.len());
-        for q in 0..QUADS {
-            let runs = run.together >> (4 * q) & 1 != 0;
-            let cost = costs[usize::from(runs)].unwrap_or_else(|| {
-                // The others' list is empty, and so it is left.
-                let steps = &mut run.steps[usize::from(!runs)];
-                if !runs {
-                    steps.push(Step { instructions: [0; Class::COUNT], then: RequestKind::End });
-                }
-                let mut cost = Cost { steps: std::mem::take(steps), ..Cost::default() };
-                let id = self.intern(&cost);
-                if !runs {
-                    cost.steps.clear();
-                }
-                *steps = cost.steps;
-                id
-            });
-            costs[usize::from(runs)] = Some(cost);
-            self.quads[q] = QuadCost { cost, first_request: self.requests.len() as u32 };
-            if runs {
-                let row = |row: &[Request; QUADS]| Request { first_line: first_line + row[q].first_line, ..row[q] };
-                self.requests.extend(run.rows.iter().map(row));
+        let together = run.together;
+        let mut costs = [0; 2];
+        for runs in [together & 1 != 0, together & 1 == 0] {
+            if runs && together != 0 || !runs && together != firsts(!0) {
+                costs[usize::from(runs)] = self.intern_shared(run, runs);
             }
         }
+        let (first, each) = (self.requests.len(), run.rows.len());
+        let mut next = first as u32;
+        for (q, quad) in self.quads.iter_mut().enumerate() {
+            let runs = together >> (4 * q) & 1;
+            *quad = QuadCost { cost: costs[runs as usize], first_request: next };
+            next += runs as u32 * each as u32;
+        }
+        // Row by row, each request to where its quad's are.
+        self.requests.resize(next as usize, NONE);
+        for (at, row) in run.rows.iter().enumerate() {
+            let requests = self.requests[first + at..].iter_mut().step_by(each);
+            let quads = row.iter().enumerate().filter(|(q, _)| together >> (4 * q) & 1 != 0);
+            for (request, (_, row)) in requests.zip(quads) {
+                *request = Request { first_line: first_line + row.first_line, ..*row };
+            }
+        }
+    }
+
+    /// The cost of the quads that have gone together; or of the others, which have done nothing.
+    fn intern_shared(&mut self, run: &mut Scratch, runs: bool) -> CostId {
+        // The others' list is empty, and so it is left.
+        let steps = &mut run.steps[usize::from(!runs)];
+        if !runs {
+            steps.push(Step { instructions: [0; Class::COUNT], then: RequestKind::End });
+        }
+        let mut cost = Cost { steps: std::mem::take(steps), ..Cost::default() };
+        let id = self.intern(&cost);
+        if !runs {
+            cost.steps.clear();
+        }
+        *steps = cost.steps;
+        id
     }
 
     fn intern(&mut self, cost: &Cost) -> CostId {
