@@ -14,23 +14,27 @@ use super::clip_distance;
 impl Batch {
     /// Assembles, clips, culls and sets up, for the host's widest vectors.
     pub fn assemble(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+        if input.record { self.assemble_as::<true>(input, pairs) } else { self.assemble_as::<false>(input, pairs) }
+    }
+
+    fn assemble_as<const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-            fn wide(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
-                batch.assemble_here::<true>(input, pairs);
+            fn wide<const RECORD: bool>(batch: &mut Batch, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+                batch.assemble_here::<true, RECORD>(input, pairs);
             }
             if gfx::simd::has_avx2() {
                 // SAFETY: the host has every instruction set that the function is compiled for.
-                return unsafe { wide(self, input, pairs) };
+                return unsafe { wide::<RECORD>(self, input, pairs) };
             }
         }
-        self.assemble_here::<false>(input, pairs);
+        self.assemble_here::<false, RECORD>(input, pairs);
     }
 
-    /// `WIDE`: the caller is compiled for AVX2.
+    /// `WIDE`: the caller is compiled for AVX2. `RECORD`: work is recorded.
     #[inline(always)]
-    fn assemble_here<const WIDE: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
+    fn assemble_here<const WIDE: bool, const RECORD: bool>(&mut self, input: &Input<'_, '_>, pairs: &mut Vec<(u32, u32)>) {
         let frame = input.frame;
         let primitive = &frame.pipeline.primitive;
         let kind = PrimitiveKind::of(frame.topology);
@@ -50,7 +54,7 @@ impl Batch {
                 let entries = if WIDE {
                     let (eights, rest) = entries.as_chunks::<24>();
                     for eight in eights {
-                        self.eight(input, number, end, eight, flat, pairs);
+                        self.eight::<RECORD>(input, number, end, eight, flat, pairs);
                         number += 8;
                         end += 24;
                     }
@@ -61,7 +65,9 @@ impl Batch {
                 for v in entries.chunks_exact(3) {
                     let (v, left) = ([v[0], v[1], v[2]], (self.corners.len(), self.made_screen.len()));
                     let ended = self.triangle(input, number, v, flat, pairs);
-                    self.note(input, number, v, end, left, ended);
+                    if RECORD {
+                        self.note(input, number, v, end, left, ended);
+                    }
                     number += 1;
                     end += 3;
                 }
@@ -101,13 +107,15 @@ impl Batch {
                     (PrimitiveKind::Line, _) => self.line(input, *number, [v[0], v[1]], v[flat], true, &mut polygon, pairs),
                     (PrimitiveKind::Point, _) => self.point(input, *number, v[0], v[0], true, pairs),
                 };
-                self.note(input, *number, v, before + at, (first, made), (outcome, clipped));
+                if input.record {
+                    self.note(input, *number, v, before + at, (first, made), (outcome, clipped));
+                }
                 *number += 1;
             });
         }
     }
 
-    /// Notes how a primitive ended, where work is recorded: what it left begins at these triangles and vertices.
+    /// Notes how a primitive ended: what it left begins at these triangles and vertices.
     #[inline(always)]
     fn note(
         &mut self,
@@ -118,9 +126,6 @@ impl Batch {
         (first, made): (usize, usize),
         (outcome, clipped): (Outcome, bool),
     ) {
-        if !input.record {
-            return;
-        }
         self.note_late(input, number, vertices, outcome, made);
         let triangles = (self.corners.len() - first) as u8;
         self.ended.push(Ended { vertices, stream_end, first_triangle: first as u32, triangles, clipped, outcome });
@@ -129,7 +134,7 @@ impl Batch {
     /// Eight filled triangles without clip distances; `end` is one past the entries of the first. The caller is compiled for AVX2.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(
+    fn eight<const RECORD: bool>(
         &mut self,
         input: &Input<'_, '_>,
         first: u32,
@@ -161,7 +166,7 @@ impl Batch {
                 match eight.get(i) {
                     Ok(bounds) => {
                         let corners = Corners { vertices: v, flat: v[flat] };
-                        if input.late_setup {
+                        if !RECORD && input.late_setup {
                             let small = input.mark_small && eight.small >> i & 1 == 1;
                             self.put_late(input, number, &screen[i], bounds, small, corners, pairs);
                         } else {
@@ -172,7 +177,9 @@ impl Batch {
                     Err(reason) => (self.end(outcome_of(reason)), false),
                 }
             };
-            self.note(input, number, v, end, left, ended);
+            if RECORD {
+                self.note(input, number, v, end, left, ended);
+            }
         }
     }
 
