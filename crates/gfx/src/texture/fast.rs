@@ -6,21 +6,48 @@
 
 use super::fixed;
 use super::general::reference;
-use super::lod::{Selection, clamp, flat_lambda};
+use super::lod::{Selection, clamp, clamp_one, flat_lambda, quad_lambda};
 use super::view::Texels;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
 use crate::state::{AddressMode, ViewDimension};
-use num::{LANES, Lanes};
+use num::{LANES, Lanes, QUADS};
 
-/// Samples where the view, sampler and operands allow; says whether they did.
+/// The levels that quads read.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct QuadLevels {
+    /// The first of each.
+    pub first: [u32; QUADS],
+    /// The weight of the following one.
+    pub weight: [f32; QUADS],
+}
+
+impl QuadLevels {
+    /// Finds those of a flat view by what [`super::lod::quad_rho`] says of each quad.
+    #[inline(always)]
+    pub(super) fn find(&mut self, view: &View, sampler: &Sampler, rho: &[f32; QUADS]) {
+        for q in 0..QUADS {
+            let lambda = clamp_one(quad_lambda(rho[q]), sampler);
+            (self.first[q], self.weight[q]) = split(lambda, view.levels.len(), sampler);
+        }
+    }
+}
+
+/// Samples where the view, sampler and operands allow; says whether they did. `found` receives the levels of the quads, where sampling
+/// looks for them.
 #[inline]
-pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) -> bool {
+pub(super) fn sample(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    found: &mut Option<QuadLevels>,
+    out: &mut [Lanes; 4],
+) -> bool {
     if !is_flat(view, sampler) || args.offset != [0; 3] {
         return false;
     }
     match &view.texels {
-        Texels::Unorm8(_) | Texels::Srgb8 { .. } if args.compare.is_none() => fixed::sample(view, sampler, args, out),
+        Texels::Unorm8(_) | Texels::Srgb8 { .. } if args.compare.is_none() => fixed::sample(view, sampler, args, found, out),
         Texels::F32(texels) if view.levels.len() == 1 => single(view, texels, sampler, args, out),
         _ => return false,
     }

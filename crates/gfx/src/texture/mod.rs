@@ -71,7 +71,33 @@ impl View {
     /// Samples the lanes of `mask`. `out` receives the bits of four `f32`; a comparison gives its result in the first. Lanes
     /// outside the mask may be written too. Implicit levels of detail read the coordinates of all lanes of a quad, masked or not.
     pub fn sample(&self, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut [Lanes; 4]) {
-        if !fast::sample(self, sampler, args, out) && !staged::sample(self, sampler, args, mask, out) {
+        self.sample_finding(sampler, args, mask, &mut None, out);
+    }
+
+    /// Samples, and records what is read. Both need the levels, which are looked for once.
+    pub fn sample_recorded(
+        &self,
+        sampler: &Sampler,
+        args: &Sample<'_>,
+        mask: Mask,
+        out: &mut [Lanes; 4],
+        footprint: &mut Footprint,
+    ) {
+        let mut found = None;
+        self.sample_finding(sampler, args, mask, &mut found, out);
+        footprint.sample(self, sampler, args, found.as_ref(), mask);
+    }
+
+    #[inline(always)]
+    fn sample_finding(
+        &self,
+        sampler: &Sampler,
+        args: &Sample<'_>,
+        mask: Mask,
+        found: &mut Option<fast::QuadLevels>,
+        out: &mut [Lanes; 4],
+    ) {
+        if !fast::sample(self, sampler, args, found, out) && !staged::sample(self, sampler, args, mask, out) {
             general::sample(self, sampler, args, mask, out);
         }
     }
@@ -90,7 +116,7 @@ impl View {
 
     /// Records what [`View::sample`] with the same operands reads.
     pub fn record_sample(&self, sampler: &Sampler, args: &Sample<'_>, mask: Mask, footprint: &mut Footprint) {
-        footprint.sample(self, sampler, args, mask);
+        footprint.sample(self, sampler, args, None, mask);
     }
 
     /// Records what [`View::gather`] with the same operands reads.

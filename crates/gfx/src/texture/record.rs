@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::fast::QuadLevels;
 use super::general::{lanes_of, locate};
 use super::lod::{Levels, Selection};
 use super::sampler::BORDER;
@@ -60,8 +61,8 @@ impl Footprint {
         self.both_levels && sampler.mip_linear && view.levels.len() > 1
     }
 
-    pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask) {
-        if super::squares::record(view, sampler, args, mask, self) {
+    pub(super) fn sample(&mut self, view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask) {
+        if super::squares::record(view, sampler, args, found, mask, self) {
             return;
         }
         if ellipse::applies(view, sampler, args) {

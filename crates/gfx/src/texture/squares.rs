@@ -3,8 +3,8 @@
 //! Places are found by the arithmetic of [`super::fast`], all lanes at once. Of the 16 texels of a quad (32 between two levels) the
 //! distinct lines are then taken out one after another: each is compared with all texels at once, which leaves those of other lines.
 
-use super::fast::{choose, fold, following, is_flat, pair, place, split};
-use super::lod::{clamp_one, quad_lambda, quad_rho};
+use super::fast::{QuadLevels, choose, fold, following, is_flat, pair, place};
+use super::lod::quad_rho;
 use super::record::Footprint;
 use super::{Lod, Sample, Sampler, View};
 use crate::simd::wide;
@@ -14,24 +14,39 @@ use num::{LANES, Mask, QUADS};
 /// The lines of four texels, row by row.
 type Square = [u32; 4];
 
-/// Records what a linear filter reads of a flat texture of any format; says whether it could.
-pub(super) fn record(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) -> bool {
+/// Records what a linear filter reads of a flat texture of any format; says whether it could. `found` are the levels of the quads, where
+/// sampling has found them.
+pub(super) fn record(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    found: Option<&QuadLevels>,
+    mask: Mask,
+    out: &mut Footprint,
+) -> bool {
     let applies = is_flat(view, sampler) && args.offset == [0; 3];
     if applies {
-        record_wide(view, sampler, args, mask, out);
+        record_wide(view, sampler, args, found, mask, out);
     }
     applies
 }
 
 wide! {
-    fn record_wide(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) = record_body;
+    fn record_wide(
+        view: &View,
+        sampler: &Sampler,
+        args: &Sample<'_>,
+        found: Option<&QuadLevels>,
+        mask: Mask,
+        out: &mut Footprint,
+    ) = record_body;
 }
 
 #[inline(always)]
-fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, out: &mut Footprint) {
+fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, found: Option<&QuadLevels>, mask: Mask, out: &mut Footprint) {
     let both = out.takes_both(view, sampler);
     let (mut level, mut two) = ([0_u32; LANES], 0);
-    let same = levels(view, sampler, args, &mut level, &mut two) && args.layer.is_none();
+    let same = levels(view, sampler, args, found, &mut level, &mut two) && args.layer.is_none();
     let two = mask & if both { !0 } else { two };
     let mut first = [[0; 4]; LANES];
     find(view, sampler, args, same, &level, &mut first);
@@ -46,25 +61,32 @@ fn record_body(view: &View, sampler: &Sampler, args: &Sample<'_>, mask: Mask, ou
 
 /// The first level of every lane, and the lanes that read the following one; says whether all read the same levels.
 #[inline(always)]
-fn levels(view: &View, sampler: &Sampler, args: &Sample<'_>, level: &mut [u32; LANES], two: &mut Mask) -> bool {
-    let count = view.levels.len();
-    if count == 1 {
+fn levels(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    found: Option<&QuadLevels>,
+    level: &mut [u32; LANES],
+    two: &mut Mask,
+) -> bool {
+    if view.levels.len() == 1 {
         return true;
     }
     let mut different = 0;
     if matches!(args.lod, Lod::Auto) {
-        // A quad has one level of detail.
-        let (mut rho, mut of_quad, mut weight) = ([0.0; QUADS], [0; QUADS], [0.0; QUADS]);
-        quad_rho(view, args, &mut rho);
+        let mut own = QuadLevels::default();
+        let QuadLevels { first, weight } = found.unwrap_or_else(|| {
+            let mut rho = [0.0; QUADS];
+            quad_rho(view, args, &mut rho);
+            own.find(view, sampler, &rho);
+            &own
+        });
         for q in 0..QUADS {
-            (of_quad[q], weight[q]) = split(clamp_one(quad_lambda(rho[q]), sampler), count, sampler);
-        }
-        for q in 0..QUADS {
-            different |= of_quad[q] ^ of_quad[0];
+            different |= first[q] ^ first[0];
             *two |= if weight[q] > 0.0 { 15 << (4 * q) } else { 0 };
         }
         for i in 0..LANES {
-            level[i] = of_quad[i / 4];
+            level[i] = first[i / 4];
         }
     } else {
         let mut weight = [0.0; LANES];
@@ -195,17 +217,18 @@ impl Footprint {
     /// texels of the one, then those of the other.
     #[inline(always)]
     fn squares(&mut self, mask: Mask, two: Mask, first: &[Square; LANES], second: &[Square; LANES]) {
+        let (first, second) =
+            (bytemuck::cast_ref::<_, [[Square; 4]; QUADS]>(first), bytemuck::cast_ref::<_, [[Square; 4]; QUADS]>(second));
         self.bounds[0] = self.lines.len() as u32;
         for q in 0..QUADS {
-            let quad = 4 * q..4 * q + 4;
-            let (live, twice) = ((mask >> quad.start) as usize & 15, (two >> quad.start) as usize & 15);
+            let (live, twice) = ((mask >> (4 * q)) as usize & 15, (two >> (4 * q)) as usize & 15);
             self.operations[q] = (live.count_ones() + twice.count_ones()) as u16;
-            let (one, other) = (&first[quad.clone()], &second[quad]);
+            let (one, other) = (&first[q], &second[q]);
             if twice == 0 {
                 let mut left = ONE[live] * 0xf;
                 while left != 0 {
                     let at = left.trailing_zeros() as usize;
-                    let line = one[at / 4 % 4][at % 4];
+                    let line = one.as_flattened()[at % 16];
                     self.lines.push(line);
                     left &= !equal([&one[0], &one[1], &one[2], &one[3]], line);
                 }
@@ -214,7 +237,7 @@ impl Footprint {
                 while left != 0 {
                     let at = left.trailing_zeros() as usize;
                     let level = if at & 4 == 0 { one } else { other };
-                    let line = level[at / 8 % 4][at % 4];
+                    let line = level.as_flattened()[at / 2 % 16 / 4 * 4 + at % 4];
                     self.lines.push(line);
                     let upper = equal([&one[0], &other[0], &one[1], &other[1]], line);
                     let lower = equal([&one[2], &other[2], &one[3], &other[3]], line);

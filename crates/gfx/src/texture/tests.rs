@@ -363,10 +363,10 @@ proptest! {
         let mut args = operands([&lanes[0], &lanes[1], &lanes[1]], lod);
         args.layer = (layer > 0).then_some(&layers);
         let (mut fast, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
-        prop_assert!(fast::sample(&view, &sampler, &args, &mut fast));
+        prop_assert!(fast::sample(&view, &sampler, &args, &mut None, &mut fast));
         general::sample(&view, &sampler, &args, !0, &mut exact);
         let mut scalar = [Lanes::ZERO; 4];
-        fixed::sample_lanes(&view, &sampler, &args, &mut scalar);
+        fixed::sample_lanes(&view, &sampler, &args, &mut None, &mut scalar);
         prop_assert!(scalar == fast, "both forms of the fixed-point filter have the same bits");
         for c in 0..4 {
             for i in 0..LANES {
@@ -441,7 +441,7 @@ proptest! {
         let third = Lanes::splat_f32(0.7);
         let args = Sample { compare: compare.map(|_| &third), ..operands([&lanes[0], &lanes[1], &lanes[1]], Lod::Zero) };
         let (mut fast, mut exact) = ([Lanes::ZERO; 4], [Lanes::ZERO; 4]);
-        prop_assert!(fast::sample(&view, &sampler, &args, &mut fast));
+        prop_assert!(fast::sample(&view, &sampler, &args, &mut None, &mut fast));
         general::sample(&view, &sampler, &args, !0, &mut exact);
         for i in 0..LANES {
             let (a, b) = (fast[0].f32()[i], exact[0].f32()[i]);
@@ -538,6 +538,14 @@ proptest! {
             prop_assert_eq!(got.len(), lines.len(), "no line twice");
             prop_assert!(want.is_subset(&got));
             prop_assert_eq!(u32::from(ops), operations);
+        }
+        // Of levels that are found by quad: those that sampling finds are those that recording alone finds.
+        let args = operands([&lanes[0], &lanes[1], &lanes[1]], Lod::Auto);
+        let (mut with, mut out) = (Footprint::new(), [Lanes::ZERO; 4]);
+        view.record_sample(&sampler, &args, mask, &mut footprint);
+        view.sample_recorded(&sampler, &args, mask, &mut out, &mut with);
+        for q in 0..16 {
+            prop_assert_eq!(footprint.quad(q), with.quad(q));
         }
     }
 }

@@ -432,10 +432,12 @@ impl Recorder {
         // Row by row, each request to where its quad's are.
         self.requests.resize(next as usize, NONE);
         for (at, row) in run.rows.iter().enumerate() {
-            let requests = self.requests[first + at..].iter_mut().step_by(each);
-            let quads = row.iter().enumerate().filter(|(q, _)| together >> (4 * q) & 1 != 0);
-            for (request, (_, row)) in requests.zip(quads) {
-                *request = Request { first_line: first_line + row.first_line, ..*row };
+            let mut place = first + at;
+            for q in 0..QUADS {
+                if together >> (4 * q) & 1 != 0 {
+                    self.requests[place] = Request { first_line: first_line + row[q].first_line, ..row[q] };
+                    place += each;
+                }
             }
         }
     }

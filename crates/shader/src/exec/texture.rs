@@ -137,16 +137,15 @@ fn one<const RECORD: bool>(
             let args = Sample { coords: [&u, &v, w], layer, offset: op.offset.map(i32::from), lod, compare: reference };
             if let TextureAction::Gather(component) = op.action {
                 view.gather(sampler, &args, u32::from(component), mask, out);
+                if RECORD {
+                    view.record_gather(sampler, &args, mask, &mut recorder.footprint);
+                }
+            } else if RECORD {
+                view.sample_recorded(sampler, &args, mask, out, &mut recorder.footprint);
             } else {
                 view.sample(sampler, &args, mask, out);
             }
             if RECORD {
-                let footprint = &mut recorder.footprint;
-                if matches!(op.action, TextureAction::Gather(_)) {
-                    view.record_gather(sampler, &args, mask, footprint);
-                } else {
-                    view.record_sample(sampler, &args, mask, footprint);
-                }
                 recorder.footprint_request(mask);
             }
         }

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{FIXED_ONE, Geometry, Places, Plan, needs_rho, plan};
+use super::{FIXED_ONE, Geometry, Places, Plan, QuadLevels, needs_rho, plan};
 use crate::state::AddressMode;
 use crate::texture::view::{Level, Texels};
 use crate::texture::{Sample, Sampler, View};
@@ -26,12 +26,12 @@ struct Flat {
 
 /// [`super::sample`].
 #[target_feature(enable = "avx2")]
-pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &mut Option<QuadLevels>, out: &mut [Lanes; 4]) {
     let mut rho = [0.0; QUADS];
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let plan = plan(view, sampler, args, &rho);
+    let plan = plan(view, sampler, args, &rho, found);
     let address = [sampler.address[0], sampler.address[1]];
     let coords = [args.coords[0].f32(), args.coords[1].f32()];
     match (&view.texels, &plan.places) {

@@ -11,8 +11,8 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 
-use super::fast::{Geometry, choose, fold, following, place, split};
-use super::lod::{clamp_one, quad_lambda, quad_rho};
+use super::fast::{Geometry, QuadLevels, choose, fold, following, place};
+use super::lod::quad_rho;
 use super::view::{FIXED_ONE, Level, ROWS, Texels};
 use super::{Lod, Sample, Sampler, View};
 use crate::state::AddressMode;
@@ -38,14 +38,14 @@ struct Plan<'a> {
 }
 
 /// Samples a flat view of four 8-bit channels with a linear filter.
-pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+pub(super) fn sample(view: &View, sampler: &Sampler, args: &Sample<'_>, found: &mut Option<QuadLevels>, out: &mut [Lanes; 4]) {
     #[cfg(target_arch = "x86_64")]
     if crate::simd::host_has!("avx2") {
         // SAFETY: the host has AVX2, which is all that the function requires.
-        unsafe { avx2::sample(view, sampler, args, out) };
+        unsafe { avx2::sample(view, sampler, args, found, out) };
         return;
     }
-    sample_lanes(view, sampler, args, out);
+    sample_lanes(view, sampler, args, found, out);
 }
 
 /// Whether [`plan`] looks at the footprints of quads.
@@ -54,20 +54,27 @@ fn needs_rho(view: &View, args: &Sample<'_>) -> bool {
     view.levels.len() > 1 && matches!(args.lod, Lod::Auto)
 }
 
-/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so.
+/// Finds levels and weights; `rho` is [`quad_rho`] where [`needs_rho`] says so. `found` receives those of quads.
 #[inline(always)]
-fn plan<'a>(view: &'a View, sampler: &Sampler, args: &Sample<'_>, rho: &[f32; QUADS]) -> Plan<'a> {
+fn plan<'a>(
+    view: &'a View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    rho: &[f32; QUADS],
+    found: &mut Option<QuadLevels>,
+) -> Plan<'a> {
     let mut plan = Plan { places: Places::Same([&view.levels[0]; 2]), weight: [0.0; LANES], by_quad: true, blend: false };
     let mut first = [0_u32; LANES];
     if needs_rho(view, args) {
         // A quad has one level of detail.
-        let (mut level, mut most, mut different) = ([0_u32; QUADS], 0.0_f32, 0);
-        for q in 0..QUADS {
-            (level[q], plan.weight[q]) = split(clamp_one(quad_lambda(rho[q]), sampler), view.levels.len(), sampler);
-        }
+        let found = found.insert(QuadLevels::default());
+        found.find(view, sampler, rho);
+        let QuadLevels { first: level, weight } = &*found;
+        plan.weight[..QUADS].copy_from_slice(weight);
+        let (mut most, mut different) = (0.0_f32, 0);
         for q in 0..QUADS {
             different |= level[q] ^ level[0];
-            most = if plan.weight[q] > most { plan.weight[q] } else { most };
+            most = if weight[q] > most { weight[q] } else { most };
         }
         plan.blend = most > 0.0;
         if different == 0 && args.layer.is_none() {
@@ -100,12 +107,18 @@ fn fixed(weight: f32) -> u32 {
 }
 
 /// Samples a lane at a time, whatever the host.
-pub(super) fn sample_lanes(view: &View, sampler: &Sampler, args: &Sample<'_>, out: &mut [Lanes; 4]) {
+pub(super) fn sample_lanes(
+    view: &View,
+    sampler: &Sampler,
+    args: &Sample<'_>,
+    found: &mut Option<QuadLevels>,
+    out: &mut [Lanes; 4],
+) {
     let mut rho = [0.0; QUADS];
     if needs_rho(view, args) {
         quad_rho(view, args, &mut rho);
     }
-    let plan = plan(view, sampler, args, &rho);
+    let plan = plan(view, sampler, args, &rho, found);
     let address = [sampler.address[0], sampler.address[1]];
     for i in 0..LANES {
         let at = [fold(address[0], args.coords[0].f32()[i]), fold(address[1], args.coords[1].f32()[i])];
