@@ -249,7 +249,8 @@ impl Footprint {
     }
 }
 
-/// Which of 16 texels lie in a line: a bit each.
+/// Which of 16 texels lie in a line: a bit each. What the compiler makes of the plain loop below takes 3 to 6 % of the renderer's instructions
+/// more.
 #[inline(always)]
 #[cfg(all(target_arch = "x86_64", not(portable)))]
 fn equal(squares: [&Square; 4], line: u32) -> u32 {

@@ -90,12 +90,13 @@ impl TileRecord {
         (quad.kept, quad.cost, quad.first_request, quad.payload) = (kept, cost, first_request, payload);
     }
 
-    /// Begins with room for as much as another tile had: lists that grow are copied.
+    /// Begins with room for a little more than another tile had: lists that grow are copied.
     pub fn begin(&mut self, room: &Room) {
-        self.work.blocks.reserve_exact(room.blocks);
-        self.work.quads.reserve_exact(room.quads);
-        self.work.payload.reserve_exact(room.payload);
-        self.visits.reserve_exact(room.visits);
+        let more = |room: usize| room + room / 4;
+        self.work.blocks.reserve_exact(more(room.blocks));
+        self.work.quads.reserve_exact(more(room.quads));
+        self.work.payload.reserve_exact(more(room.payload));
+        self.visits.reserve_exact(more(room.visits));
     }
 
     /// Takes costs and requests over.

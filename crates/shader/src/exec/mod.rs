@@ -248,6 +248,7 @@ impl Bound<'_> {
     ///
     /// # Panics
     /// If the interface has no such output.
+    #[inline]
     pub fn output(&self, slot: usize, component: usize) -> &Lanes {
         &self.executor.file[usize::from(self.program.outputs[slot][component])]
     }

@@ -379,8 +379,9 @@ impl Recorder {
     pub(super) fn finish(&mut self, run: &mut Scratch) {
         self.passed += run.metered() - run.kept();
         if self.lines.capacity() == 0 && !run.footprint.lines.is_empty() {
-            self.requests.reserve_exact(self.room[0]);
-            self.lines.reserve_exact(self.room[1]);
+            let [requests, lines] = self.room.map(|room| room + room / 4);
+            self.requests.reserve_exact(requests);
+            self.lines.reserve_exact(lines);
         }
         let first_line = self.lines.len() as u32;
         self.lines.extend_from_slice(&run.footprint.lines);
