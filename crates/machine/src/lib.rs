@@ -111,7 +111,7 @@ impl Machine {
         self.card.notes = Some(Box::default());
     }
 
-    /// What was noted of the blocks of each pass since, in their order; empty where nobody asked.
+    /// What was noted of the blocks of each pass since, in their order; empty unless notes were asked for.
     pub fn take_notes(&mut self) -> Notes {
         self.card.notes.as_mut().map(|notes| std::mem::take(&mut **notes)).unwrap_or_default()
     }
@@ -175,7 +175,7 @@ impl Machine {
         self.run_watched(events, clock, each, None)
     }
 
-    /// As [`Machine::run_each`], while somebody reads the machine. Results do not depend on it.
+    /// As [`Machine::run_each`], with a watcher that reads the machine meanwhile. Results do not depend on it.
     ///
     /// # Errors
     /// Why the run stopped before its end.
@@ -240,7 +240,7 @@ impl Machine {
         let sort = self.config.card.sort;
         // A free-running display is never quiet; what is on its way when a frame ends belongs to the next.
         let free = self.config.scanout.mode == ScanoutMode::FreeRunning;
-        // A frame that nobody reads is not scanned out in time.
+        // Without reports, scan-out of a frame takes no simulated time.
         let mut scanned_out = VecDeque::new();
         let mut drawing = Drawing::default();
         loop {

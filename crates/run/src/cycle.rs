@@ -21,7 +21,7 @@ pub struct Simulated {
     pub cycles: Cycle,
     /// Statistics over all frames.
     pub total: Tree,
-    /// Host time in the machine (processor time where the system tells).
+    /// Host time in the machine (processor time where the system has it).
     pub machine_time: Duration,
     /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
     pub warming_time: Duration,

@@ -43,7 +43,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Bytes that wait, and who waits for room.
+/// Bytes of waiting work; a thread that has more waits here for room.
 #[derive(Default)]
 struct Room {
     taken: Mutex<u64>,

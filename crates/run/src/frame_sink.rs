@@ -13,7 +13,7 @@ use work::{EndFrame, Surface};
 /// The bytes of a picture. They are not copied on their way out.
 #[derive(Clone, Debug)]
 pub enum Bytes {
-    /// A machine's, which nobody else has.
+    /// A machine's own.
     Own(Vec<u8>),
     /// The renderer's, which it may show again.
     Shared(Arc<[u8]>),

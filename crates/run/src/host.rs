@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// What a clock of the system tells, if it does.
+/// The time of a clock of the system, if it has that clock.
 #[cfg(unix)]
 fn read(clock: libc::clockid_t) -> Option<Duration> {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
@@ -12,7 +12,7 @@ fn read(clock: libc::clockid_t) -> Option<Duration> {
     Some(Duration::new(seconds, u32::try_from(time.tv_nsec).ok()?))
 }
 
-/// Processor time that this thread has used, where the system tells, else none.
+/// Processor time that this thread has used; none where the system does not report it.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> Option<Duration> {
     read(libc::CLOCK_THREAD_CPUTIME_ID)
@@ -24,7 +24,7 @@ pub fn process_cpu_time() -> Option<Duration> {
     read(libc::CLOCK_PROCESS_CPUTIME_ID)
 }
 
-/// Processor time that this thread has used: this system does not tell.
+/// Processor time that this thread has used: this system does not report it.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> Option<Duration> {
     None
@@ -36,7 +36,7 @@ pub fn process_cpu_time() -> Option<Duration> {
     None
 }
 
-/// Measures a stretch of work on this thread: processor time where the system tells, else time on the clock.
+/// Measures a stretch of work on this thread: processor time where the system reports it, else time on the clock.
 pub struct Stopwatch {
     cpu: Option<Duration>,
     clock: Instant,

@@ -1,4 +1,4 @@
-//! Floor 5: replay: one rendering, and those who read its work side by side.
+//! Floor 5: replay: one rendering, and the readers of its work side by side.
 
 pub mod bound;
 pub mod cycle;

@@ -40,7 +40,7 @@ pub struct Ran {
     pub cycles: Cycle,
     /// Statistics over all frames.
     pub total: Tree,
-    /// Host time in the machine (processor time where the system tells).
+    /// Host time in the machine (processor time where the system has it).
     pub machine_time: Duration,
 }
 

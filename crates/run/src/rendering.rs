@@ -84,7 +84,7 @@ impl Drop for Turn {
 pub struct Rendered {
     /// Host time on the clock, without the time in which the renderer waited for consumers.
     pub time: Duration,
-    /// Host time of making profiles (processor time where the system tells).
+    /// Host time of making profiles (processor time where the system has it).
     pub profiling: Duration,
 }
 
@@ -95,24 +95,24 @@ pub struct Rendering<'r> {
     turns: usize,
     /// Threads that it is rendered on; none: all.
     pool: Option<&'r ThreadPool>,
-    /// Who reads the work of each render key.
+    /// The readers of the work of each render key.
     readers: Vec<(RenderKey, Readers<'r>)>,
 }
 
 #[derive(Default)]
 struct Readers<'r> {
     consumers: Vec<Consumer<'r>>,
-    /// Those who read profiles of frames share one consumer.
+    /// Readers of profiles of frames share one consumer.
     profiles: Vec<Reader<'r>>,
 }
 
 impl<'r> Rendering<'r> {
-    /// A rendering that nobody reads yet. Of the options it takes the frames, the skips and the watch.
+    /// A rendering without readers. Of the options it takes the frames, the skips and the watch.
     pub fn new(trace: &'r Trace, options: render::Options) -> Rendering<'r> {
         Rendering { trace, options, turns: rayon::current_num_threads(), pool: None, readers: Vec::new() }
     }
 
-    /// Leaves out what nobody needs, and records some frames only; none: all.
+    /// Leaves out what is not needed, and records some frames only; none: all.
     pub fn needs(&mut self, needs: Needs, recorded: Option<render::FrameSet>) {
         self.options.needs = Some(Arc::new(needs));
         self.options.recorded = recorded;
@@ -133,7 +133,7 @@ impl<'r> Rendering<'r> {
         self.pool = Some(pool);
     }
 
-    /// Lets machines begin anew in some frames: they are told what they load there, whatever an earlier one knows.
+    /// Lets machines begin anew in some frames: they get the contents that they load there, whatever an earlier machine has.
     pub fn begin_anew(&mut self, frames: render::FrameSet) {
         self.options.begins = Some(frames);
     }

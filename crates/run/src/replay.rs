@@ -181,7 +181,7 @@ pub struct Outcome {
     pub frames_per_run: Option<u32>,
     /// By estimate, what limits the phases of the first frames, where they were simulated and asked for.
     pub limits: Vec<Vec<PhaseReport>>,
-    /// Host time spent in the machine (processor time where the system tells).
+    /// Host time spent in the machine (processor time where the system has it).
     pub machine_time: Duration,
     /// That part of it in which a machine was only warmed, for the runs of frames to begin with.
     pub warming_time: Duration,
@@ -196,13 +196,13 @@ pub struct Replay {
     pub frames: Vec<Frame>,
     /// Statistics over all of them.
     pub total: Tree,
-    /// Host time spent in the machine (processor time where the system tells).
+    /// Host time spent in the machine (processor time where the system has it).
     pub machine_time: Duration,
     /// Host time on the clock, from the first command to the last statistic.
     pub clock_time: Duration,
 }
 
-/// Replays a trace and keeps all frames. `progress` hears the number of each finished frame.
+/// Replays a trace and keeps all frames. `progress` gets the number of each finished frame.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.

@@ -104,7 +104,8 @@ pub struct Assembly {
     /// Where the next run of primitives ends that a pipeline was dealt.
     end: u32,
     mode: Mode,
-    /// Entries of the streams of segments that are assembled; entries taken since the start, and how many of these have been told.
+    /// Entries of the streams of segments that are assembled; entries taken since the start, and how many of these have been
+    /// reported to vertex fetch.
     before: u32,
     passed: u32,
     told: u32,
@@ -239,7 +240,7 @@ impl Assembly {
         }
     }
 
-    /// Tells vertex fetch how many indices have been taken: those of shaded vertices, as far as there is place for them before the
+    /// Reports to vertex fetch how many indices have been taken: those of shaded vertices, as far as there is place for them before the
     /// primitives that are assembled next.
     #[cold]
     fn tell(&mut self, wires: &mut Wires, card: &Card) -> Tick {

@@ -102,7 +102,7 @@ pub struct BinPorts {
     pub input: Receiver<TriangleToken>,
     /// Tiles to each pipeline.
     pub tiles: Vec<Out<TileToken>>,
-    /// Each pipeline tells that it has read all lists.
+    /// Reports of pipelines, each that it has read all lists.
     pub read: Vec<In<TileToken>>,
     /// Memory, for lists.
     pub memory: MemoryPort,

@@ -27,7 +27,7 @@ pub struct Deal {
     relaxed: bool,
     /// The first number since which all draws are opaque and of one kind, the kind, and the pass in which.
     opaque: Option<(u32, Opaque, u32)>,
-    /// Whether fences go to all pipelines, and not to one that tells the others; and those that the fence at hand has still to go to.
+    /// Whether fences go to all pipelines, and not to one that passes them on; and the pipelines that have still to get the present fence.
     everyone: bool,
     waiting: u64,
     /// Primitives of the pass that are dealt.
@@ -36,7 +36,7 @@ pub struct Deal {
 }
 
 impl Deal {
-    /// An idle one. With `everyone` fences go to all pipelines, and not to one that tells the others.
+    /// An idle one. With `everyone` fences go to all pipelines, and not to one that passes them on.
     pub fn new(config: &AssemblyConfig, keep: Keep, everyone: bool, input: In<Piece>, outputs: Vec<Out<Run>>) -> Deal {
         Deal {
             policy: config.deal,

@@ -147,8 +147,8 @@ pub fn owners(card: &Card, work: &Work, triangle: &Triangle, overlap: Overlap, p
     }
     let all = u64::MAX >> (64 - pipelines);
     let mut mask = 0;
-    // Who does not know that a triangle is drawn nowhere has nothing but its bounds. Outside of all pipelines' pixels it is found out
-    // by any of them.
+    // Where setup or traversal finds out later that a triangle is drawn nowhere, only its bounds are known here. If these are outside of all
+    // pipelines' pixels, any pipeline can find it out.
     let [x0, y0, x1, y1] = triangle.bounds;
     if late && (x0 >= x1 || y0 >= y1) {
         return 1 << (triangle.primitive as usize % pipelines);

@@ -297,7 +297,7 @@ impl Store {
 pub struct FrameBuffers {
     /// The surfaces.
     pub stores: Vec<Store>,
-    /// Of a pipeline's copies of a pass's attachments, who wrote each sample; else empty.
+    /// In a pipeline's copies of a pass's attachments, which primitive wrote each sample; else empty.
     pub stamps: Stamps,
 }
 

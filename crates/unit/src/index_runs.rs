@@ -102,13 +102,13 @@ impl IndexRuns {
         self.runs.len() as u64 + u64::from(self.misses.in_flight())
     }
 
-    /// The one at the head.
+    /// The run at the head.
     #[inline(always)]
     pub fn front(&self) -> Option<Run> {
         self.runs.front().map(|ahead| ahead.run)
     }
 
-    /// Takes it.
+    /// Takes the run at the head.
     pub fn take(&mut self) {
         if let Some(ahead) = self.runs.pop_front() {
             self.freed |= ahead.asked != ahead.used;

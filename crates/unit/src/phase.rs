@@ -132,7 +132,7 @@ impl Phases {
         self.marks.drain(..)
     }
 
-    /// Forgets what was begun: nobody reads it.
+    /// Drops what was begun and is not read.
     pub fn forget(&mut self) {
         self.marks.clear();
         self.list.clear();

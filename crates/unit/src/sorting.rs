@@ -16,7 +16,7 @@ use work::Quad;
 stats::counters! {
     /// What sorting costs.
     pub struct SortCounts {
-        /// Items that were sorted: primitives, triangles or quads, by the sort class; those that nobody needs included.
+        /// Items that were sorted: primitives, triangles or quads, by the sort class; those that no pipeline needs included.
         sorted_items: "items",
         /// Items sent to at least one receiver.
         sent: "items",
@@ -53,7 +53,7 @@ impl SortCounts {
 stats::counters! {
     /// What restoring the order costs.
     pub struct OrderCounts {
-        /// Cycles in which something had come and none of it was next in order, summed over those who restore it.
+        /// Cycles in which something had come and none of it was next in order, summed over the units that restore it.
         order_waiting_cycles: "cycles",
     }
 }
@@ -214,9 +214,9 @@ impl Ended {
 #[derive(Clone, Debug)]
 pub struct Merge {
     keep: Keep,
-    /// A single sender sends in order, and may tell no ends.
+    /// A single sender sends in order, and may leave out the marks of ends.
     alone: bool,
-    /// The sequence number that is being taken, and who sends it, once it is known.
+    /// The sequence number that is being taken, and its sender, once it is known.
     sequence: u32,
     current: Option<usize>,
     /// What has ended, where no order is kept.
@@ -251,7 +251,7 @@ impl Merge {
         self.clock.counts()
     }
 
-    /// The next token in order and who sends it, if it is here. It stays the next one until it is taken.
+    /// The next token in order and its sender, if it is here. It stays the next one until it is taken.
     #[inline(always)]
     pub fn next(&mut self, wires: &mut Wires, input: &Receiver<TriangleToken>) -> Option<(usize, TriangleToken)> {
         if let Some(from) = self.current {

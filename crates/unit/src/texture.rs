@@ -77,7 +77,7 @@ stats::counters! {
     }
 }
 
-/// Whom a texture unit serves.
+/// What a texture unit serves.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextureUser {
     /// The cluster of its warps.

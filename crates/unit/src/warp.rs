@@ -61,7 +61,7 @@ pub struct Warp {
     pub execution: Execution,
     /// What it executes.
     pub steps: Vec<Step>,
-    /// Which parts make the request of each step, where paths are followed; else none, and the parts' own steps tell.
+    /// Which parts make the request of each step, where paths are followed; else none, and the parts' own steps say it.
     takes: Vec<u64>,
     /// The instructions of all steps in order, and where those of each step end; none where they have no order.
     runs: Vec<(Class, u32)>,

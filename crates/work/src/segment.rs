@@ -42,7 +42,7 @@ pub struct Primitive {
 /// Where it is found out that nothing of a triangle is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum End {
-    /// Nowhere: something may be drawn. Who looks for its receivers finds none where it covers no sample.
+    /// Nowhere: something may be drawn. A search for its receivers finds none where it covers no sample.
     #[default]
     Nowhere,
     /// In setup.

@@ -150,7 +150,7 @@ impl Builder<'_> {
 
     /// Clipping and culling, to the units `to`.
     fn clip<T: sim::Token>(&mut self, inputs: Vec<In<Run>>, outputs: Vec<Out<Run>>, rest: Vec<In<T>>) -> Vec<In<T>> {
-        // Who routes primitives to several pipelines knows how they end, and counts it once.
+        // A unit that routes primitives to several pipelines knows how they end, and counts each once.
         let counts = self.id.route.is_empty();
         let unit = |(input, output)| Clip::new(self.config.clip.clone(), counts, input, output);
         let units = inputs.into_iter().zip(outputs).map(unit);
@@ -218,7 +218,7 @@ impl Builder<'_> {
         let link = Link::items(config.assembly.queue, 1, 1);
         let to = if id.route.is_empty() { &id.fetch } else { &id.route };
         let (outputs, inputs) = self.join("batches", link, to.iter().map(|&to| (deal, to)));
-        // Where nothing behind tells all pipelines of a fence, it is done here.
+        // Where no later unit sends fences to all pipelines, this one does.
         let everyone = !id.compose.is_empty();
         self.made.deal.push(Deal::new(&config.assembly, config.order.keep, everyone, input, outputs));
         inputs

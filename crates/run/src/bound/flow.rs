@@ -1,4 +1,4 @@
-//! Windows of primitives flow through geometry and pipelines: who waits for whom, without a cycle simulated.
+//! Windows of primitives flow through geometry and pipelines: which waits for which, without a cycle simulated.
 
 use super::{Bound, Roofs};
 use work::profile::{Cell, Window};

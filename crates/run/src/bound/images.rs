@@ -34,7 +34,7 @@ struct Plane {
     raw: u64,
     drawn: u64,
     composed: u64,
-    /// Blocks that nobody has written are in memory.
+    /// Blocks that no pipeline has written are in memory.
     loads: bool,
     stores: bool,
 }
@@ -88,7 +88,7 @@ impl Bound<'_> {
         let part = (drawn / f64::from(pipelines) / f64::from(blocks)).min(1.0);
         let has = |block: u32| (f64::from(block + 1) * part) as u64 > (f64::from(block) * part) as u64;
         let pixels = f64::from(size[0]) * f64::from(size[1]) / f64::from(blocks);
-        // Bytes of a pixel on the network: all its samples, each with the number of who wrote it.
+        // Bytes of a pixel on the network: all its samples, each with the number of the primitive that wrote it.
         let sample: f64 = planes.iter().map(|plane| plane.raw as f64).sum::<f64>() / f64::from(BLOCK * BLOCK);
         let multisampled = color.iter().chain(depth).any(|attachment| attachment.multisampled);
         let multiplied = if multisampled { SAMPLES } else { 1.0 };

@@ -201,7 +201,7 @@ impl Bound<'_> {
         (1.0 - libm::pow(1.0 - writing, reads)) * 0.5 * batch
     }
 
-    /// Who owns each cell; none: all in turn.
+    /// The owner of each cell; none: all in turn.
     fn owners(&self, size: [u32; 2], cells: &[Cell]) -> Vec<Option<u8>> {
         let distribute = &self.config.distribute;
         let mut interleave = Interleave::new(distribute.pattern, self.config.card.pipelines, distribute.tile);
@@ -284,7 +284,7 @@ impl Bound<'_> {
         let units = if own { 1.0 } else { f64::from(c.card.geometry_units) };
         let fronts = if own { self.pipelines } else { 1.0 };
 
-        // Geometry, for all primitives. Who gets them in batches shades vertices again that the batch before has.
+        // Geometry, for all primitives. A pipeline that gets them in batches shades vertices again that the batch before has.
         let vertices = interpolated(&REUSE, &draw.shaded_vertices, c.fetch.reuse as usize);
         let again = draw.dealt_vertices.saturating_sub(draw.shaded_vertices[REUSE.len() - 1]) as f64;
         let vertices = if own { vertices + again * f64::from(DEALT) / f64::from(c.assembly.batch) } else { vertices };

@@ -46,7 +46,7 @@ knob::knobs! {
         copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
         /// Cycles between two passes, beside those that caches take.
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
-        /// Whether a pass without draws only clears what it clears, and no pipeline hears of it.
+        /// Whether a pass without draws only clears its attachments, and is not sent to pipelines.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],
         /// What is left out where bounds show that it lies outside the view volume.
         cull: CullChoice ["", Allowed::Choice(CullChoice::NAMES), "cards leave it to programs"],
@@ -117,7 +117,7 @@ enum State {
     Clearing,
     /// The pass drains: reports of its end still to come.
     Ending(u32),
-    /// Copies of the attachments are being composed: units still to be told, and those that are not done.
+    /// Copies of the attachments are being composed: units that still have to be started, and units that are not done.
     Composing(usize, usize),
     /// Attachments are being resolved: how many still.
     Resolving(u32),

@@ -19,7 +19,7 @@ use work::{EndFrame, Event, Load, Pass, Surface, SurfaceKey};
 /// How far apart the buffers lie in memory: behind all surfaces and the copies that pipelines have of them.
 const BUFFER: u64 = 1 << 46;
 
-/// What the command processor knows of the display.
+/// The command processor's state of the display.
 #[derive(Clone, Debug)]
 pub(super) struct Present {
     swap: Swap,
@@ -31,7 +31,7 @@ pub(super) struct Present {
     renamed: Vec<(SurfaceKey, u64)>,
     /// Copies to be made before a pass: from, to, bytes.
     pub(super) copies: VecDeque<(u64, u64, u64)>,
-    /// The display was told that no frame follows.
+    /// Whether the end of the frames has been reported to the display.
     told: bool,
 }
 
@@ -63,7 +63,7 @@ impl Present {
 }
 
 impl Command {
-    /// Swaps that the display reports; and tells it, once, that no frame follows.
+    /// Takes the swaps that the display reports, and reports to it, once, that no frame follows.
     pub(super) fn heed_display(&mut self, wires: &mut Wires, card: &Card) -> Tick {
         let idle = self.idle();
         let Some(present) = &mut self.present else { return Tick::Starved };

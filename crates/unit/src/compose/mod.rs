@@ -45,7 +45,7 @@ knob::choices! {
 knob::knobs! {
     /// Composition of the pipelines' frame buffers.
     pub struct ComposeConfig {
-        /// Who sends what to whom. Where pipelines are no power of two, binary swap first composes the surplus in pairs.
+        /// Which unit sends what to which other. Where the number of pipelines is no power of two, binary swap first composes the surplus in pairs.
         scheme: Scheme ["", Allowed::Choice(Scheme::NAMES), "binary swap (Ma et al. 1994); direct send (Hsu 1993); a chain (PixelFlow: Molnar et al. 1992)"],
         /// Samples of pixels that a unit composes a cycle.
         samples_per_cycle: u32 ["samples/cycle", Allowed::Range(1, 4096), "a quad of each of four ROPs"],

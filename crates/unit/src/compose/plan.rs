@@ -1,4 +1,4 @@
-//! Who sends what to whom, step after step.
+//! Which unit sends what to which other, step after step.
 
 use std::ops::Range;
 

@@ -19,7 +19,7 @@ const WHEEL: u64 = 64;
 /// Most instructions of a run: its latencies fit 16 bits.
 const LONGEST_RUN: u32 = 256;
 
-/// Most cycles after a run that are told apart, for the same reason. Only a bound is made of them.
+/// Most cycles after a run that are distinguished, for the same reason. Only a bound is made of them.
 const MOST_AFTER: i32 = 16_383;
 
 /// What does not change between the core's dealings with others.
@@ -492,7 +492,7 @@ impl Issue {
     #[inline(always)]
     pub(super) fn quiet_until(&mut self, fixed: &Fixed) -> Cycle {
         if self.quiet_until <= self.at {
-            // Who has more than one instruction left waits for the latencies of all but the last.
+            // A warp that has more than one instruction left waits for the latencies of all but the last.
             let mut least = i16::MAX;
             for place in 0..PLACES {
                 least = least.min(self.run[place] * self.latency[place] + self.after[place]);

@@ -375,7 +375,7 @@ impl Unit<Card> for Core {
         }
         let mut why = if moved { Tick::Starved } else { did };
         if self.held != 0 {
-            // With something for another unit that it cannot get rid of, its account tells cycles of issue from blocked ones.
+            // It has something that another unit does not take: so its account must distinguish cycles of issue from blocked ones.
             let next = if self.issue.any_ended() { self.issue.next_event() } else { self.issue.quiet_until(&self.fixed) };
             wires.sleep_until(next);
             why = why.or(if next == NEVER { Tick::Memory } else { Tick::Working });

@@ -1,4 +1,4 @@
-//! The rules of issue as they are told, one instruction after another, and [`Issue`] against them.
+//! The rules of issue, literally: one instruction after another. [`Issue`] is tested against them.
 
 use proptest::prelude::*;
 

@@ -59,7 +59,7 @@ impl Core {
     pub(super) fn turn(&mut self, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         let Some(mut turns) = self.turns.take() else { return did };
-        // 1. Who waits at the barrier makes place.
+        // 1. Warps that wait at the barrier make place.
         for place in bits(self.issue.barrier) {
             if !self.is_of_group(place, turns.number) {
                 continue;

@@ -177,7 +177,7 @@ impl Depth {
         self.cache.counts()
     }
 
-    /// What came of what it was told ahead.
+    /// What its checks of hierarchical Z have found.
     pub fn told(&self) -> DepthCounts {
         self.told
     }
@@ -513,7 +513,7 @@ fn written(work: &Work, group: &Group, samples: u32) -> Quads {
     quads
 }
 
-/// Leaves in the stamps of a copy who has written a group's samples.
+/// Writes into the stamps of a copy which primitive has written a group's samples.
 #[cold]
 pub(super) fn mark(work: &Work, group: &Group, stamps: &mut Stamps, colors: bool) {
     let primitive = work.segment.triangles[group.triangle as usize].primitive;

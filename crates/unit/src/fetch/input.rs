@@ -117,7 +117,7 @@ impl Fetch {
         }
     }
 
-    /// Takes it.
+    /// Takes the run at the head.
     pub(super) fn take(&mut self, wires: &mut Wires) {
         match &self.ports.input {
             FetchInput::Segments(input) => wires.take(input),

@@ -33,7 +33,7 @@ pub struct CreditReturn {
     debtors: Vec<u64>,
     /// Senders that are owed something.
     creditors: u64,
-    /// By sender, the receiver that it hears of next if there is anything to hear.
+    /// By sender, the receiver whose credits it gets next, if there are any.
     turn: Vec<u8>,
     items: u64,
 }
@@ -65,7 +65,7 @@ impl<C> Unit<C> for CreditReturn {
                 moved = true;
             }
         }
-        // 2. Each sender that is owed something hears of as many receivers as its link carries.
+        // 2. Each sender that is owed something gets the credits of as many receivers as its link carries.
         let mut creditors = self.creditors;
         while creditors != 0 {
             let sender = creditors.trailing_zeros() as usize;

@@ -50,7 +50,7 @@
 //!    (bubble flow control: Carrión et al. 1997), and what is on the ring moves on if there is any. Moving on frees the slot left
 //!    behind, so that in each direction there is always a free slot in some link or store. What stands before it moves into it, unless
 //!    it leaves the ring, which by 1 it can. If nothing stands before it, the link is empty, and the node's own parcels may enter.
-//! 4. Credits come back over channels of their own, [`CreditReturn`] takes in whatever comes, and waits for nobody but the link to a
+//! 4. Credits come back over channels of their own, [`CreditReturn`] takes in whatever comes, and waits only for the link to a
 //!    sender, which only holds up credits of that sender.
 //!
 //! # What the ends do without moving

@@ -346,8 +346,8 @@ impl<T: Token> Receiver<T> {
         }
     }
 
-    /// The first sender whose first token is the one sought, and that token. Senders that nothing is here from are not looked at where
-    /// that is known.
+    /// The first sender whose first token is the one sought, and that token. Where it is known which senders have
+    /// nothing here, they are not looked at.
     #[inline(always)]
     pub fn find(&self, wires: &mut Wires, sought: impl Fn(&T) -> bool) -> Option<(usize, T)> {
         match &self.0 {

@@ -1,4 +1,4 @@
-//! Shapes of networks: which links there are, and which one leads to whom. No time here.
+//! Shapes of networks: which links there are, and which one leads to which receiver. No time here.
 //!
 //! A shape says where a sender's link leads, and where each router sends what is for a receiver. Everything else follows: all ways
 //! from senders to receivers are walked once, the links that any of them takes are built and no others, and each router gets a

@@ -41,7 +41,7 @@ impl NetworkMap {
         NetworkMap { link_bytes, links }
     }
 
-    /// The traffic that `channels`, the subtree of that name, tells of over so many cycles.
+    /// The traffic over so many cycles by the counts in `channels`, the subtree of that name.
     pub fn traffic(&self, channels: &Tree, cycles: u64) -> Traffic {
         let mut traffic = Traffic { links: self.links.len() as u64, ..Traffic::default() };
         let mut most = 0;

@@ -182,7 +182,7 @@ pub(super) struct Display {
     port_width: u32,
     screen: Option<Screen>,
     pending: VecDeque<Presented>,
-    /// Swaps that the command processor is to hear of.
+    /// Swaps that have not been reported to the command processor.
     acks: u32,
     /// No frame follows.
     ended: bool,

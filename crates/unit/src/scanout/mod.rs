@@ -77,7 +77,7 @@ pub struct Scanout {
     items: u64,
     /// A display that runs free.
     display: Option<Display>,
-    /// What sprites were laid over lines, and the pictures with them that nobody has taken, of frames that are read at their end.
+    /// For frames that are read at their end: counts of sprites, and the pictures with sprites that have not been taken.
     sprites: SpriteCounts,
     shown: Vec<Refresh>,
 }
@@ -108,7 +108,7 @@ impl Scanout {
         self.display.as_ref().map(|display| display.counts)
     }
 
-    /// What it has shown and nobody has taken: refreshes, tears, dry lines.
+    /// What it has shown and what has not been taken: refreshes, tears, dry lines.
     #[cfg(test)]
     #[expect(clippy::type_complexity, reason = "for tests alone")]
     pub(super) fn shown(&self) -> (&[Refresh], &[(u64, u32)], &[(u64, u32)]) {
@@ -121,7 +121,7 @@ impl Scanout {
         self.display.as_ref().is_some_and(Display::captures)
     }
 
-    /// Reads it. To be asked between cycles, when all units have ticked: what is drawn does not depend on their order then.
+    /// Reads that line. For the time between cycles, when all units have ticked: then what is drawn does not depend on their order.
     pub fn capture(&mut self, card: &Card) -> bool {
         self.display.as_mut().is_some_and(|display| display.capture(card))
     }

@@ -108,7 +108,7 @@ struct Line {
 }
 
 /// A cache of lines of the buffer. A line that has been read stays as it is, whatever the buffer learns, until it is replaced: the
-/// first that nobody waits for is.
+/// first line is for which no request waits.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lines {
     lines: Vec<Line>,
@@ -187,7 +187,7 @@ mod tests {
         // The buffer learns of a block; the line does not.
         buffer[9] = bounds(7);
         assert_eq!(lines.look_up(&buffer, 9, 8, 21, 5), bounds(1009));
-        // Two more lines: the second place, then the first, which nobody waits for.
+        // Two more lines: the second place, then the first, for which no request waits.
         assert_eq!(lines.look_up(&buffer, 4, 8, 22, 5), bounds(1004));
         assert_eq!(lines.look_up(&buffer, 32, 8, 23, 5), bounds(1032));
         // The first line is read anew, into the first place that is free by then; what the buffer has learnt is in it.

@@ -197,7 +197,7 @@ impl Traverse {
         let Some(start) = pass.depth_start else { return };
         let hierarchical = &mut self.hierarchical;
         hierarchical.lines.clear();
-        // Who finds all that is drawn in a block, and before any other unit does, knows how far its depths can go.
+        // A pipeline that finds all that is drawn in a block, before any other unit does, can bound the depths in it.
         if self.config.hierarchical_z
             && self.config.hierarchical_accept
             && matches!(self.territory, Territory::Tiles | Territory::Copy)
