@@ -55,10 +55,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Those that are counted from the work, in the order of [`Surface::maps`].
+    /// The kinds that are counted from the work, in the order of [`Surface::maps`].
     pub const COUNTED: [Kind; 6] = [Kind::Overdraw, Kind::Cost, Kind::Waste, Kind::Hidden, Kind::Lines, Kind::Draw];
 
-    /// Those that a machine notes.
+    /// The kinds that a machine notes.
     pub const NOTED: [Kind; 4] = [Kind::HierarchicalZ, Kind::EarlyZ, Kind::Misses, Kind::When];
 
     /// The name.
@@ -273,7 +273,7 @@ impl Surface {
 
     /// Counts the quads of a draw in a screen tile.
     fn tile(&mut self, tile: &TileWork, draw: &Draw) {
-        // Of each cost its instructions.
+        // The instructions of each cost.
         let costs: Vec<u32> = tile.costs.costs.iter().map(|cost| cost.instructions().iter().sum()).collect();
         let requests: Vec<usize> = tile.costs.costs.iter().map(work::Cost::requests).collect();
         let shades = draw.fragment.is_some();

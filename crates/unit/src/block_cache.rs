@@ -39,9 +39,9 @@ stats::counters! {
 /// Quads of a block, a bit each by their position: what a user writes whole of it, and what in part or reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Quads {
-    /// Written whole, whatever was there.
+    /// Quads that are written whole.
     pub whole: u16,
-    /// Of which something is kept or read.
+    /// Quads of which something is kept or read.
     pub part: u16,
 }
 
@@ -82,9 +82,9 @@ pub struct Policy {
 /// A ROP's cache of blocks.
 #[derive(Clone)]
 pub struct BlockCache {
-    /// As [`Policy::masked`].
+    /// See [`Policy::masked`].
     masked: bool,
-    /// By what places sets are given; none: keys are folded.
+    /// Gives a block's set by its place; none: the set is folded from the key.
     squares: Option<Squares>,
     tags: Tags<Line>,
     misses: Misses,
@@ -125,7 +125,7 @@ impl BlockCache {
         }
     }
 
-    /// The same with another policy.
+    /// This cache with another policy.
     pub fn with(mut self, policy: Policy) -> BlockCache {
         self.masked = policy.masked;
         if policy.sets == BlockSets::Position {

@@ -3,9 +3,9 @@
 knob::choices! {
     /// Which set of a cache of blocks is a block's.
     pub enum BlockSets {
-        /// One that its number and surface are folded to.
+        /// The set to which its number and surface are folded.
         Hashed "hashed",
-        /// That of its place among its neighbours: 2x2 of them in four sets.
+        /// The set of its place among its neighbours: 2x2 of them are in four sets.
         Position "position",
     }
 }

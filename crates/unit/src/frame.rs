@@ -35,9 +35,9 @@ pub struct Store {
 pub enum BlockState {
     /// Not at all: a flag says that it holds the clear value.
     Cleared,
-    /// As this many bytes: its size where it is not compressed.
+    /// In this many bytes: its size where it is not compressed.
     Stored(u16),
-    /// Of a copy: as this many bytes where the surface itself lies; the copy has none of its own yet.
+    /// A block of a copy, before the copy has one of its own: in this many bytes at the place of the surface itself.
     Shared(u16),
 }
 

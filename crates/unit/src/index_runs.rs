@@ -16,9 +16,9 @@ const AHEAD: usize = 16;
 /// The vertices of a segment or of a run of its primitives, in the order in which they are looked up.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walk {
-    /// Those of a run's first primitive, which may share some with the primitive before it.
+    /// The vertices of a run's first primitive, which may share some with the primitive before it.
     heads: [u32; 3],
-    /// How many.
+    /// The number of these.
     pub head_count: u32,
     /// Then the segment's stream from here on.
     base: u32,
@@ -27,7 +27,7 @@ pub struct Walk {
 }
 
 impl Walk {
-    /// All of a segment.
+    /// The walk through all of a segment.
     pub fn segment(segment: &Segment) -> Walk {
         Walk { heads: [0; 3], head_count: 0, base: 0, length: segment.stream.len() as u32 }
     }
@@ -163,8 +163,8 @@ impl IndexRuns {
         std::mem::take(&mut self.freed)
     }
 
-    /// Of the run at the head, whose walk is given and has come to `position`, the first vertex whose index has not come. Lines that
-    /// were read give their places up.
+    /// The first vertex of the run at the head whose index has not come; the run's walk has come to `position`. Lines that were read
+    /// give their places up.
     #[inline(always)]
     pub fn here(&mut self, work: &Work, walk: &Walk, position: u32) -> u32 {
         let (Some(start), Some(ahead)) = (walk.address(&work.segment), self.runs.front_mut()) else { return walk.length };

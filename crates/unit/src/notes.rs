@@ -5,7 +5,7 @@ use super::card::PassState;
 use num::Cycle;
 use work::{QUAD_SHADED, TileWork};
 
-/// Of one block of 8x8 pixels.
+/// Notes of one block of 8x8 pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockNotes {
     /// Quads that hierarchical Z rejects.
@@ -18,7 +18,7 @@ pub struct BlockNotes {
     pub drawn: Cycle,
 }
 
-/// Of the blocks of a pass.
+/// Notes of the blocks of a pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PassNotes {
     /// Number of the pass in the trace.
@@ -31,7 +31,7 @@ pub struct PassNotes {
     number: u32,
 }
 
-/// Of the passes of a run, in their order.
+/// Notes of the passes of a run, in their order.
 pub type Notes = Vec<PassNotes>;
 
 /// Notes something of a block of the pass at hand.

@@ -121,7 +121,7 @@ impl Setup {
                     if budget.left() == 0 {
                         return Tick::Moved;
                     }
-                    // Those that nothing is drawn of take their time and go no further.
+                    // A triangle of which nothing is drawn takes its time and goes no further.
                     if ends(card, token) {
                         self.found.ended += 1;
                     } else {

@@ -68,7 +68,7 @@ pub struct OrderClock {
 }
 
 impl OrderClock {
-    /// One that sets this probe.
+    /// A clock that sets this probe.
     pub fn new(probe: StallProbe) -> OrderClock {
         OrderClock { probe, ..OrderClock::default() }
     }
@@ -111,7 +111,7 @@ pub struct PassWaits {
 }
 
 impl PassWaits {
-    /// Of so many pipelines.
+    /// The waits of so many pipelines.
     pub fn new(pipelines: usize) -> PassWaits {
         PassWaits { ended: vec![0; pipelines], waited: vec![0; pipelines] }
     }

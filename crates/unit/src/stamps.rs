@@ -56,7 +56,7 @@ impl Stamps {
         self.samples
     }
 
-    /// Those of a quad.
+    /// The stamps of a quad.
     #[inline(always)]
     pub(super) fn quad(&self, block: u32, position: u8) -> &[Stamp] {
         &self.words[(block as usize * 16 + usize::from(position)) * 4 * self.samples..][..4 * self.samples]
@@ -96,7 +96,7 @@ impl Stamps {
     }
 }
 
-/// Of what kind the draws of a pass are, as far as their order matters.
+/// The kinds of the draws of a pass, as far as their order matters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassOrder {
     /// Whether anything was drawn that writes.

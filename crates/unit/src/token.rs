@@ -130,7 +130,7 @@ pub struct Question {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Answer {
-    /// Of the question.
+    /// The ticket of the question.
     pub ticket: u32,
     /// Bytes of depths in it.
     pub bytes: u32,

@@ -57,9 +57,9 @@ pub(super) struct Round {
 
 /// What is followed of lists: first lines, with bytes.
 pub(super) struct Followed {
-    /// As they are written,
+    /// In the order in which they are written,
     pub written: Vec<(u32, u64)>,
-    /// and as they are read.
+    /// and in which they are read.
     pub read: Vec<(u32, u64)>,
 }
 
@@ -268,7 +268,7 @@ impl Bound<'_> {
                 .flat_map(|y| (0..grid[0] * side).map(move |x| (y / side * grid[0] + x / side, y % side * side + x % side)));
             for (place, part) in places {
                 let tile = &tiles[place];
-                // Of a few triangles not all parts have one.
+                // If triangles are few, not all parts have one.
                 let parts = subtiles.min(tile.entries);
                 if part as f64 >= parts {
                     continue;

@@ -6,33 +6,33 @@ use work::profile::{Cell, Window};
 /// What an item of a draw takes, in cycles of the unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rates {
-    /// Of a router, a primitive.
+    /// Cycles of a router for a primitive.
     pub route: f64,
-    /// Of geometry, a primitive.
+    /// Cycles of geometry for a primitive.
     pub geometry: f64,
-    /// Of each core, a primitive's vertices, and of its texture unit.
+    /// Cycles of a core, and of its texture unit, for a primitive's vertices.
     pub vertex_core: f64,
     pub vertex_texture: f64,
-    /// A triangle.
+    /// Cycles of setup for a triangle.
     pub setup: f64,
-    /// A block in a triangle's bounds, one that is covered, and a group of quads: traversal does all at once.
+    /// Cycles of traversal for a block in a triangle's bounds, a covered block, and a group of quads: it does all at once.
     pub test: f64,
     pub block: f64,
     pub group: f64,
-    /// A group.
+    /// Cycles of the depth test for a group.
     pub depth: f64,
-    /// A shaded quad.
+    /// Cycles of each of these units for a shaded quad.
     pub interpolate: f64,
     pub dispatch: f64,
     pub core: f64,
     pub texture: f64,
     pub color: f64,
-    /// A block with covered quads takes the depth test at least so long, and one with shaded quads colour.
+    /// Least cycles of the depth test for a block with covered quads, and of colour for a block with shaded quads.
     pub depth_block: f64,
     pub color_block: f64,
-    /// From a vertex to its fragments' end, in shaders,
+    /// Latency in shaders from a vertex to the end of its fragments,
     pub latency: f64,
-    /// and of that fragments' part.
+    /// and the part of fragments in it.
     pub shaded: f64,
 }
 

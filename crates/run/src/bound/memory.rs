@@ -49,7 +49,7 @@ impl Traffic {
     }
 }
 
-/// Of a place in a set: which sectors of its line are there, and which are newer than in DRAM.
+/// A place in a set: which sectors of its line are there, and which are newer than in DRAM.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sectors {
     valid: u8,
@@ -61,7 +61,7 @@ const EMPTY: u64 = u64::MAX;
 
 /// The second-level cache: as many ways as the whole, fewer sets; least recently used; in sectors of [`LINE`].
 pub(super) struct Shared {
-    /// Of what there is one part of 2 to this power is followed.
+    /// One group in 2 to this power is followed.
     shift: u8,
     /// Bytes of a line, as a power of two, and ways.
     line: u32,

@@ -46,14 +46,14 @@ use unit::traverse::{HierarchicalTest, Walk};
 use work::profile::{AttachmentProfile, FrameProfile, PhaseProfile, Sampled, Touch, Toucher};
 use work::{BLOCK, LINE, TILE};
 
-/// What a colour or depth block that leaves its cache takes of its raw size, where compression is on: between flat blocks (an eighth)
-/// and such that cannot be compressed. Measured over the traces of the repository.
+/// The share of its raw size that a colour or depth block takes when it leaves its cache, where compression is on: between flat blocks
+/// (an eighth) and blocks that cannot be compressed. Measured over the traces of the repository.
 const COMPRESSED: f64 = 0.5;
 
-/// The same where pixels have several samples, most of which are alike.
+/// That share where pixels have several samples, most of which are equal.
 const COMPRESSED_SAMPLES: f64 = 0.36;
 
-/// What a block of an attachment takes in memory of its raw size.
+/// The share of its raw size that a block of an attachment takes in memory.
 fn compressed(attachment: &AttachmentProfile) -> f64 {
     if attachment.multisampled { COMPRESSED_SAMPLES } else { COMPRESSED }
 }

@@ -16,11 +16,11 @@ pub(super) struct PassTraffic {
     pub textures: Traffic,
     /// Blocks read, of colour and of depth.
     pub fills: [Traffic; 2],
-    /// Of resolves, at the end.
+    /// Traffic of resolves, at the end.
     pub resolved: Traffic,
-    /// Of indices.
+    /// Traffic of indices.
     pub indices: Traffic,
-    /// Of tile-based machines, what is moved while they bin, and by lists while these are read.
+    /// On machines that bin: traffic while they bin, and traffic of lists while these are read.
     pub binned: Traffic,
     pub listed: Traffic,
 }
@@ -156,7 +156,7 @@ impl Bound<'_> {
         if touch.near <= level || blocks.on_chip && touch.near != FIRST {
             return;
         }
-        // Of what is hidden the ROP reads depths, and no more.
+        // For what is hidden the ROP reads depths, and no more.
         due[1] += if touch.near == FIRST { 0.0 } else { 1.0 - blocks.shown };
         let hidden = due[1] >= 0.5;
         due[1] -= f64::from(u8::from(hidden));

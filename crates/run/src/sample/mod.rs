@@ -33,7 +33,7 @@ use unit::scanout::ScanoutMode;
 pub struct Sampling {
     /// Frames to be drawn, simulated and counted beside the first, which always is: at least 2, for an interval.
     pub samples: u32,
-    /// Of the sampling generator.
+    /// The seed of the random generator for sampling.
     pub seed: u64,
     /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
     /// ([`apply`](unit::apply)) are; the others simulate these frames.

@@ -136,7 +136,7 @@ impl Count {
         }
     }
 
-    /// To what it is in proportion: what is estimated of just this, where it is, else cycles.
+    /// The estimate that it is in proportion to: its own, if there is one; else cycles.
     fn by(&self) -> usize {
         match self {
             Count::Dram(bytes) if *bytes == DRAM_READ => 1,
@@ -257,7 +257,7 @@ pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependen
 struct Counted {
     number: u32,
     counts: Counts,
-    /// Of frames that are recorded.
+    /// The profile, if the frame is recorded.
     profile: Option<FrameProfile>,
 }
 

@@ -396,7 +396,7 @@ impl Unit<Card> for Core {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        // Those that shade nothing but vertices are not counted.
+        // Cores that shade nothing but vertices are not counted.
         let heading = Heading::new("shading.core[i]", "Warp instructions by class.");
         groups.group_if(heading, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
     }

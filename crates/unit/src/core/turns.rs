@@ -18,7 +18,7 @@ use sim::Tick;
 pub(super) struct Turns {
     /// Its number.
     pub number: u32,
-    /// Its warps, and those of them still to be taken in, and those that are done.
+    /// Its warps; the warps still to be taken in; the warps that are done.
     siblings: u32,
     pub coming: u32,
     ended: u32,

@@ -129,7 +129,7 @@ pub struct Depth {
     away: u32,
     /// The end of a tile is under way: nothing of the next is looked up.
     ending: bool,
-    /// Of that tile all is written back.
+    /// All blocks of that tile are written back.
     ended: bool,
     /// When the testers are free, in cycles times `quads_per_cycle`.
     free_at: u64,

@@ -191,7 +191,7 @@ pub struct Fetch {
     number: u32,
     in_flight: u32,
     gathered: VecDeque<Gathered>,
-    /// Of runs, the batches that are closed and not yet on a core.
+    /// Where runs are fetched, the batches that are closed and not yet on a core.
     closed: VecDeque<Gathered>,
     core: usize,
     epoch: u32,

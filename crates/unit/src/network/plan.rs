@@ -30,7 +30,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// Of the one network that sorts.
+    /// The names of the network that sorts.
     pub const SORT: Names = Names {
         router: "router",
         credit_return: "credit_return",

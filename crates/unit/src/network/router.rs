@@ -45,7 +45,7 @@ pub struct Router {
     room: Vec<u32>,
     held: Vec<Held>,
     free: u32,
-    /// By output and then input.
+    /// Queues of parcels, by output and then input.
     queues: Vec<Queue>,
     /// By output, the inputs that hold a parcel for it.
     waiting: Vec<u64>,

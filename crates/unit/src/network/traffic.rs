@@ -65,7 +65,7 @@ impl NetworkMap {
 }
 
 impl Traffic {
-    /// As leaves.
+    /// As leaves of the statistics.
     pub fn tree(&self) -> Tree {
         let mut tree = Tree::new();
         tree.level("links", self.links);

@@ -20,7 +20,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Of a depth that can be anything.
+    /// Bounds of depths of which nothing is known.
     pub const NONE: Bounds = Bounds { min: 0, max: u32::MAX };
 }
 
@@ -54,7 +54,7 @@ impl HierarchicalZ {
         culls(state.compare(), key(low), key(high), min, max)
     }
 
-    /// Those of a block's quads that are hidden, a bit each, by the depths of their covered samples.
+    /// The quads of a block that are hidden, a bit each, by the depths of their covered samples.
     pub fn hides_quads(
         &self,
         bounds: Bounds,
