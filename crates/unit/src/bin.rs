@@ -117,7 +117,7 @@ pub struct Bin {
     ports: BinPorts,
     state: State,
     merge: Merge,
-    /// Tiles of the triangle at hand that have still to be listed: a rectangle or a list, and the next of them.
+    /// Tiles of the current triangle that have still to be listed: a rectangle or a list, and the next of them.
     tiles: Vec<u32>,
     next: usize,
     /// Lists as they are written, by tile.
@@ -242,7 +242,7 @@ impl Bin {
         self.writes.extend(requests(address, bytes));
     }
 
-    /// Appends the triangle at hand to a tile's list.
+    /// Appends the current triangle to a tile's list.
     fn append(&mut self, card: &mut Card, tile: u32, token: TriangleToken) {
         let bytes = self.entry_bytes(tile);
         let number = self.triangles;

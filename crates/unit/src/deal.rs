@@ -15,7 +15,7 @@ pub struct Deal {
     input: In<Piece>,
     /// To each pipeline.
     outputs: Vec<Out<Run>>,
-    /// The next primitive of the segment at hand.
+    /// The next primitive of the current segment.
     next: u32,
     /// The next sequence number.
     sequence: u32,
@@ -27,7 +27,7 @@ pub struct Deal {
     relaxed: bool,
     /// The first number since which all draws are opaque and of one kind, the kind, and the pass in which.
     opaque: Option<(u32, Opaque, u32)>,
-    /// Whether fences go to all pipelines, and not to one that passes them on; and the pipelines that have still to get the present fence.
+    /// Whether fences go to all pipelines, and not to one that passes them on; and the pipelines that have still to get the current fence.
     everyone: bool,
     waiting: u64,
     /// Primitives of the pass that are dealt.

@@ -88,7 +88,7 @@ pub struct Dispatch {
     order: VecDeque<Entry>,
     /// Groups of the warp at the head that have left.
     left: usize,
-    /// ROPs that the mark at hand has still to be sent to.
+    /// ROPs that the current mark has still to be sent to.
     pending: u64,
     sequence: u32,
     sorting: SortCounts,

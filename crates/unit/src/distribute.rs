@@ -46,9 +46,9 @@ pub struct Distribute {
     network: Sender<TriangleToken>,
     /// Triangles of the run at the head that are done.
     done: u32,
-    /// Rasterisers that the triangle at hand, or the mark, has still to be sent to; none at hand if empty.
+    /// Rasterisers that the current triangle, or the mark, has still to be sent to; there is none if this is empty.
     pending: u64,
-    /// Whether a copy of the triangle at hand is on its way: over a shared link it brings the others with it.
+    /// Whether a copy of the current triangle is on its way: over a shared link it brings the others with it.
     shared: bool,
     counts: SortCounts,
     facing: FacingCounts,

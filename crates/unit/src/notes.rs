@@ -34,7 +34,7 @@ pub struct PassNotes {
 /// Notes of the passes of a run, in their order.
 pub type Notes = Vec<PassNotes>;
 
-/// Notes something of a block of the pass at hand.
+/// Notes something of a block of the current pass.
 #[cold]
 #[inline(never)]
 pub(super) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what: impl FnOnce(&mut BlockNotes)) {

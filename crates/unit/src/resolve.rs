@@ -134,7 +134,7 @@ impl Unit<Card> for Resolve {
             did = Tick::Moved;
         }
 
-        // 2. The attachment at hand.
+        // 2. The current attachment.
         let Some(piece) = wires.front(&self.input) else { return did };
         let Card { pass, frame, .. } = card;
         let pass = pass.as_ref().expect("a pass is ending");

@@ -92,12 +92,12 @@ pub struct Route {
     runs: IndexRuns,
     tags: Tags<u32>,
     misses: Misses,
-    /// Of the run at hand: its walk, where in it the unit is, and the next primitive.
+    /// Of the current run: its walk, where in it the unit is, and the next primitive.
     walk: Walk,
     begun: bool,
     position: u32,
     next: u32,
-    /// The lines of the vertex at hand that are not yet looked up, half-open; and what the primitive needs so far.
+    /// The lines of the current vertex that are not yet looked up, half-open; and what the primitive needs so far.
     lines: (u64, u64),
     needs: Option<u32>,
     /// Vertices transformed last, and the segment that they are of.
@@ -245,7 +245,7 @@ impl Route {
         did
     }
 
-    /// Looks up what is left of the vertex at hand; false if it has to wait, with the reason.
+    /// Looks up what is left of the current vertex; false if it has to wait, with the reason.
     fn look_up(&mut self, wires: &mut Wires) -> Result<(), Tick> {
         while self.lines.0 < self.lines.1 {
             let line = self.lines.0;
@@ -318,7 +318,7 @@ impl Route {
                 did = Tick::Moved;
             }
             let work = card.work[usize::from(run.slot)].as_ref().expect("a run's segment is in flight");
-            // 1. Lines of the vertex at hand.
+            // 1. Lines of the current vertex.
             let before = self.lines.0;
             let looked_up = self.look_up(wires);
             if self.lines.0 != before {

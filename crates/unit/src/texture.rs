@@ -61,7 +61,7 @@ struct Place {
     item: usize,
     line: u32,
     needs: Option<u32>,
-    /// Lines of the request at hand that missed.
+    /// Lines of the current request that missed.
     missed: u32,
 }
 
@@ -340,7 +340,7 @@ impl Texture {
         did
     }
 
-    /// An entry goes into the FIFO, and the next part of the warp is at hand.
+    /// An entry goes into the FIFO, and the next part of the warp is current.
     #[inline(always)]
     fn enter(&mut self, now: Cycle, needs: Option<u32>, operations: u32, answer: Option<u32>) {
         let needs = needs.unwrap_or(self.misses.frontier());

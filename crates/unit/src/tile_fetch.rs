@@ -39,7 +39,7 @@ pub struct TileFetch {
     config: BinConfig,
     ports: TileFetchPorts,
     misses: Misses,
-    /// The next entry of the tile at hand, the bytes of its list before that entry, and the chunks of the list requested.
+    /// The next entry of the current tile, the bytes of its list before that entry, and the chunks of the list requested.
     next: usize,
     offset: u64,
     chunks: usize,
@@ -71,7 +71,7 @@ impl TileFetch {
         u64::from(bytes)
     }
 
-    /// Reads the tile at hand as far as there is room.
+    /// Reads the current tile as far as there is room.
     fn read(&mut self, wires: &mut Wires, card: &mut Card) -> Tick {
         let mut did = Tick::Starved;
         loop {

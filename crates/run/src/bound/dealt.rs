@@ -76,7 +76,7 @@ impl Bound<'_> {
         let mut rops = vec![Rop::default(); pipelines];
         // When all up to a batch has been sent and taken; primitives before the window in its segment, and in the pass.
         let (mut turn, mut first, mut within, mut before) = (0.0_f64, 0, 0.0, 0.0);
-        // When the turn of the batch at hand came, and its quads so far.
+        // When the turn of the current batch came, and its quads so far.
         let (mut opened, mut drawn) = (0.0, 0.0);
         for window in windows {
             let rate = &rates[window.draw as usize];

@@ -129,13 +129,13 @@ pub struct Compose {
     misses: Misses,
     reads: VecDeque<Operation>,
     writes: VecDeque<Operation>,
-    /// What is to be done for the pass at hand, if there is one.
+    /// What is to be done for the current pass, if there is one.
     steps: VecDeque<Step>,
     planes: Vec<Plane>,
     active: bool,
     /// Since when.
     since: Cycle,
-    /// Of the step at hand: blocks of each run that are still to be asked for, and those asked for.
+    /// Of the current step: blocks of each run that are still to be asked for, and those asked for.
     to_send: std::ops::Range<u32>,
     to_compose: std::ops::Range<u32>,
     sends: VecDeque<Asked>,

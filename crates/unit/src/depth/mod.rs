@@ -135,7 +135,7 @@ pub struct Depth {
     free_at: u64,
     /// Bounds to be sent.
     bounds: VecDeque<DepthBounds>,
-    /// Where blocks are kept: the pass at hand, and the surfaces that have blocks here, with their renewals.
+    /// Where blocks are kept: the current pass, and the surfaces that have blocks here, with their renewals.
     pass: u32,
     kept: Vec<(usize, u32)>,
     told: DepthCounts,

@@ -14,7 +14,7 @@ impl Fetch {
         self.recent.drain(..gone.min(self.recent.len()));
     }
 
-    /// Reads the segment at hand; it is no longer begun when all of it is read and all its batches are closed.
+    /// Reads the current segment; it is no longer begun when all of it is read and all its batches are closed.
     pub(super) fn read_ahead(
         &mut self,
         wires: &mut Wires,

@@ -64,7 +64,7 @@ impl Fetch {
         self.gathered.push_back(Gathered { slot, number, stream_end, count, needs: None, announced: false, kind });
     }
 
-    /// Entries of the segment's stream that have been read, as far as primitives of the run at hand are concerned.
+    /// Entries of the segment's stream that have been read, as far as primitives of the current run are concerned.
     #[inline(always)]
     pub(super) fn stream_end(&self) -> u32 {
         if self.begun && self.position >= self.walk.head_count { self.walk.entry(self.position) } else { 0 }
@@ -92,7 +92,7 @@ impl Fetch {
         moved
     }
 
-    /// The first vertex at hand whose index has not come.
+    /// The first vertex of the current walk whose index has not come.
     #[inline(always)]
     pub(super) fn indices_here(&self, work: &Work) -> u32 {
         let length = self.walk.length;
@@ -208,7 +208,7 @@ impl Fetch {
                 continue;
             }
             loop {
-                // 1. The attributes of the vertex at hand.
+                // 1. The attributes of the current vertex.
                 if self.vertex_open {
                     let before = (self.attribute, self.attribute_line);
                     let result = self.look_up(wires, work, &mut lookups);

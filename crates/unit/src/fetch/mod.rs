@@ -149,7 +149,7 @@ pub struct Fetch {
     index_misses: Misses,
     /// Next line of indices to be requested, and how many of the segment were; relative to its first.
     index_next: u64,
-    /// The vertices at hand, and the next of them.
+    /// The current vertices, and the next of them.
     walk: Walk,
     position: u32,
     /// The segment that was begun last.

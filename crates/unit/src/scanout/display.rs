@@ -124,14 +124,14 @@ struct Screen {
     /// Cycles of a line and of a refresh.
     line_cycles: Cycle,
     period: Cycle,
-    /// The cycle in which refresh 0 begins, and the refresh at hand: that being sent, or in the blank in front of it.
+    /// The cycle in which refresh 0 begins, and the current refresh: that being sent, or in the blank in front of it.
     origin: Cycle,
     refresh: u64,
     sending: bool,
     front: Presented,
     /// Number of `front` among the frames presented, from 1.
     ordinal: u64,
-    /// First line, frame, its number among the frames, and when it was first sent, of the refresh at hand.
+    /// First line, frame, its number among the frames, and when it was first sent, of the current refresh.
     parts: Vec<(u32, Presented, u64, Cycle)>,
     /// The last refresh, if it showed one frame whole: that frame's number among the frames.
     whole: Option<u64>,
@@ -142,7 +142,7 @@ struct Screen {
     dry: Option<u64>,
     /// No refresh follows.
     stops: bool,
-    /// With a single buffer: lines begun of the refresh at hand, and the bytes of those that were read.
+    /// With a single buffer: lines begun of the current refresh, and the bytes of those that were read.
     begun: Option<u64>,
     live: Vec<u8>,
 }
@@ -162,7 +162,7 @@ impl Screen {
         self.origin + refresh * self.period + of / self.line_bytes * cycles + part.div_ceil(self.line_bytes)
     }
 
-    /// When the refresh at hand begins.
+    /// When the current refresh begins.
     fn begins(&self) -> Cycle {
         self.origin + self.refresh * self.period
     }

@@ -21,7 +21,7 @@ struct Pipeline {
     got: Vec<(Cycle, Kind)>,
     after: Cycle,
     held: VecDeque<(Cycle, Piece)>,
-    /// Pipelines that have reported the fence at hand.
+    /// Pipelines that have reported the current fence.
     reported: usize,
     input: In<Piece>,
     /// To the colour units' and the depth units' reports, a pipeline each.

@@ -98,10 +98,10 @@ stats::counters! {
     }
 }
 
-/// Where in the triangle at hand the unit is.
+/// Where in the current triangle the unit is.
 #[derive(Clone, Copy, Debug, Default)]
 struct Place {
-    /// A triangle is at hand.
+    /// There is a current triangle.
     active: bool,
     slot: u16,
     sequence: u32,
@@ -129,7 +129,7 @@ pub struct Traverse {
     updates: Option<In<DepthBounds>>,
     output: Out<GroupToken>,
     place: Place,
-    /// Triangles that are traversed together with the one at hand, in their order.
+    /// Triangles that are traversed together with the current one, in their order.
     together: Vec<Place>,
     pace: Pace,
     hierarchical: HierarchicalZ,
@@ -273,7 +273,7 @@ impl Traverse {
         }
     }
 
-    /// Takes the triangles that wait and may be traversed together with the one at hand.
+    /// Takes the triangles that wait and may be traversed together with the current one.
     fn join(&mut self, wires: &mut Wires, card: &Card) {
         let first = self.place;
         while (self.together.len() as u32) + 1 < self.config.triangles {
@@ -321,7 +321,7 @@ impl Traverse {
         work.depth.as_ref().filter(|_| work.draw.hierarchical_z && self.config.hierarchical_z)
     }
 
-    /// Of the block at hand, those of its quads that hierarchical Z hides, a bit each.
+    /// Of the current block, those of its quads that hierarchical Z hides, a bit each.
     #[inline(always)]
     fn hidden_quads(
         &mut self,
@@ -350,7 +350,7 @@ impl Traverse {
         if hierarchical.hides(bounds, state, work, triangle, (x, y)) { u64::MAX >> (64 - quads.len()) } else { 0 }
     }
 
-    /// So many quads of the block at hand are done; of its last ones, the block.
+    /// So many quads of the current block are done; of its last ones, the block.
     #[inline(always)]
     fn pass_quads(&mut self, count: u32, block: &Block) {
         self.place.quad += count;

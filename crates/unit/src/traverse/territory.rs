@@ -50,7 +50,7 @@ impl Traverse {
         if self.past_bin(card, work, triangle) { &[] } else { &visits[self.place.visit as usize..][..1] }
     }
 
-    /// Whether the visit at hand is no longer that of the tile that the triangle came for.
+    /// Whether the current visit is no longer that of the tile that the triangle came for.
     pub(super) fn past_bin(&self, card: &Card, work: &Work, triangle: &Triangle) -> bool {
         let Territory::Bins(side) = self.territory else { return false };
         let Some(visit) = work.visits(triangle).get(self.place.visit as usize) else { return true };
@@ -61,7 +61,7 @@ impl Traverse {
         (u32::from(tile.x), u32::from(tile.y)) != (x, y)
     }
 
-    /// Goes on to the next block of the triangle at hand that is this unit's; where it is: tile, row and column.
+    /// Goes on to the next block of the current triangle that is this unit's; where it is: tile, row and column.
     pub(super) fn skip_foreign(&mut self, card: &Card) -> Option<(u32, u16, u16)> {
         let work = card.work(self.place.slot);
         let triangle = &work.segment.triangles[self.place.triangle as usize];

@@ -21,17 +21,17 @@ knob::choices! {
     }
 }
 
-/// The tests of the triangle at hand, where single pixels are tested. They are made at a constant rate from the cycle in which it is
+/// The tests of the current triangle, where single pixels are tested. They are made at a constant rate from the cycle in which it is
 /// taken in hand, also while quads wait; a block goes on when its own tests are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pace {
     /// Tests a cycle.
     rate: u64,
-    /// Tests of the triangle, those made so far, and those that must be made before the block at hand goes on.
+    /// Tests of the triangle, those made so far, and those that must be made before the current block goes on.
     total: u64,
     made: u64,
     needed: u64,
-    /// Whether `needed` has the tests of the block at hand.
+    /// Whether `needed` has the tests of the current block.
     asked: bool,
     /// The cycle up to which `made` counts, and the tests of it that no triangle has taken.
     counted: Cycle,
@@ -44,7 +44,7 @@ impl Pace {
         Pace { rate: rate.into(), ..Pace::default() }
     }
 
-    /// A cycle begins; `active`: with a triangle at hand, whose tests were made in the cycles since the last, too.
+    /// A cycle begins; `active`: with a current triangle, whose tests were made in the cycles since the last, too.
     pub(super) fn cycle(&mut self, now: Cycle, active: bool) {
         self.left = self.rate;
         if active {
@@ -61,14 +61,14 @@ impl Pace {
         self.take();
     }
 
-    /// Tests of this cycle go to the triangle at hand.
+    /// Tests of this cycle go to the current triangle.
     fn take(&mut self) {
         let taken = self.left.min(self.total - self.made);
         self.made += taken;
         self.left -= taken;
     }
 
-    /// Whether the tests of the block at hand, so many, are made.
+    /// Whether the tests of the current block, so many, are made.
     pub(super) fn reached(&mut self, tests: u64) -> bool {
         if !self.asked {
             self.asked = true;
@@ -77,7 +77,7 @@ impl Pace {
         self.made >= self.needed
     }
 
-    /// The block at hand goes on.
+    /// The current block goes on.
     pub(super) fn next_block(&mut self) {
         self.asked = false;
     }
