@@ -55,7 +55,7 @@ pub struct Class {
     pub(crate) shade: Shade,
     /// Whether it looks at signatures of tiles.
     pub(crate) signatures: fn(&Config) -> bool,
-    /// What knobs it refuses, beside what all machines do.
+    /// What knobs it refuses, in addition to what all machines do.
     pub(crate) refusals: &'static [Refusal],
     /// The state that it adds to the card.
     pub(crate) state: fn(&Config) -> ClassState,

@@ -70,7 +70,7 @@ pub enum MachineError {
 /// Events that are read ahead of the command processor.
 const AHEAD: usize = 2;
 
-/// A machine, from cycle 0 on. A clone goes on from where it was made as the machine itself would.
+/// A machine, from cycle 0 on. A clone goes on exactly as the machine itself would.
 #[derive(Clone)]
 pub struct Machine {
     config: Config,
@@ -106,7 +106,7 @@ impl Machine {
         self.card.phases = Phases::new(true);
     }
 
-    /// Has what happens to blocks noted from here on, for maps. To be asked before the first event.
+    /// From now on, what happens to blocks is noted, for maps. To be called before the first event.
     pub fn watch_blocks(&mut self) {
         self.card.notes = Some(Box::default());
     }
@@ -131,7 +131,7 @@ impl Machine {
         (1 + 2 * copies.len() + seen.len()) as u64
     }
 
-    /// Pieces of work that a machine has at one time, those that it reads ahead among them.
+    /// Pieces of work that a machine has at one time, pieces that it reads ahead included.
     pub fn pieces(config: &Config) -> u64 {
         u64::from(config.command.segments) + u64::from(config.command.workgroup_runs) + AHEAD as u64
     }

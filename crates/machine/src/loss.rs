@@ -21,9 +21,11 @@ stats::counters! {
         pipeline_cycles: "cycles",
         /// The stage's work, without that on copies.
         useful: "cycles",
-        /// Its work on copies after the first, in proportion to copies; of cores, of their vertices. Stages that work by quads meet none.
+        /// The stage's work on copies after the first, in proportion to copies; for cores, on copies of vertices. Stages that work by
+        /// quads have none.
         overlap: "cycles",
-        /// What pipelines worked less than the busiest, and what the busiest waited for others: at the ends of passes, and behind work for a pipeline that had no room.
+        /// Cycles that pipelines worked less than the busiest one, and cycles that the busiest one waited for others: at the ends of passes,
+        /// and behind work for a pipeline that had no room.
         imbalance: "cycles",
         /// The network did not take what was to be sent, or frame buffers were composed.
         network: "cycles",
@@ -60,7 +62,7 @@ pub(super) struct Waits {
 }
 
 impl Waits {
-    /// Between an earlier reading and this.
+    /// The difference from an earlier reading.
     pub fn since(&self, earlier: &Waits) -> Waits {
         let counts = |now: &[u64], then: &[u64]| now.iter().zip(then).map(|(now, then)| now - then).collect();
         let senders = self.senders.iter().zip(&earlier.senders).map(|(now, then)| now.since(then));
@@ -157,7 +159,7 @@ impl Accounts<'_> {
         bank.chunks_exact(each).map(|units| units.iter().fold(units[0], busier)).collect()
     }
 
-    /// Of a unit's work that on copies after the first.
+    /// The part of a unit's work that is on copies after the first.
     fn overlap(&self, stage: &str, unit: &Busiest) -> u64 {
         let busy = unit.account.busy;
         let copied = match self.class.sorted {

@@ -65,7 +65,7 @@ pub struct MachineReport {
     pub totals: Totals,
 }
 
-/// What a machine has counted in a run. Those of runs of frames that follow each other add up to that of all.
+/// What a machine has counted in a run. The totals of runs of frames that follow each other add up to those of all.
 #[derive(Clone, Debug)]
 pub struct Totals {
     span: Span,
@@ -133,7 +133,7 @@ struct Reading {
     quads: Vec<u64>,
     sort: SortCounts,
     order: OrderCounts,
-    /// Of each unit its name and its account.
+    /// The name and the account of each unit.
     units: Vec<(&'static str, Cycles)>,
     waits: Waits,
     /// Passes that need an order which the machine does not keep.
@@ -148,7 +148,7 @@ pub(super) struct Readings {
     tallies: Tallies,
 }
 
-/// What frames are summed up of that is no difference of counters.
+/// Sums over frames that are no differences of counters.
 #[derive(Clone, Debug, Default)]
 struct Sums {
     wrong_pixels: u64,
@@ -178,7 +178,7 @@ impl Sums {
     }
 }
 
-/// Places in the statistics in their order: those in front of memory, and those behind. Places that stand here nowhere follow, in
+/// Places in the statistics in their order: those in front of memory, and those behind. Places that are not listed here follow, in
 /// data-flow order.
 const BEFORE_MEMORY: &[&str] =
     &["caches.vertex", "caches.position", "caches.texture", "caches.depth", "caches.early", "caches.color", "caches.l2"];
@@ -270,7 +270,7 @@ fn loss(machine: &Machine, earlier: &Reading, now: &Reading) -> (Option<&'static
     accounts.split()
 }
 
-/// What sorting came to, beside its counters.
+/// Results of sorting that are not counters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SortOutcome {
     /// Quads of the busiest pipeline by the mean of all.
@@ -289,7 +289,7 @@ impl SortOutcome {
     const STAGE: &str = "stage";
     const PASSES: &str = "passes_out_of_order";
 
-    /// As the statistics of a machine have it; zeros and empty texts where they have not.
+    /// Reads it from the statistics of a machine; zeros and empty texts where they lack it.
     pub fn read(total: &Tree) -> SortOutcome {
         let Some(Node::Tree(sort)) = total.get("sort") else { return SortOutcome::default() };
         SortOutcome {

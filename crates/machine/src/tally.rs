@@ -102,7 +102,7 @@ impl Tally {
         }
     }
 
-    /// Each group of counters beside the funnel, in order: its place, whether it was at work (a unit that only starved was not), its
+    /// Each group of counters in addition to the funnel, in order: its place, whether it was at work (a unit that only starved was not), its
     /// counters, and their values. Groups are `units.NAME`, `caches.NAME`,
     /// `shading.NAME`, `memory.clients.NAME` and `memory.dram`; banks are summed.
     pub fn groups(&self, mut to: impl FnMut((Place, bool), &'static [Declaration], &[u64])) {

@@ -71,7 +71,7 @@ pub struct Place(pub u32);
 /// No line has this number: lines are addresses divided by at least 4.
 const EMPTY: u64 = u64::MAX;
 
-/// A line's state beside its tag.
+/// A line's state in addition to its tag.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
     used: u32,

@@ -97,7 +97,7 @@ pub struct MemoryPort {
     pub answers: In<Answer>,
 }
 
-/// Bytes of a request on a link beside the data it carries.
+/// Bytes of a request on a link in addition to the data it carries.
 pub(super) const HEADER: u32 = 8;
 
 impl MemoryPort {

@@ -118,7 +118,7 @@ impl<'r> Rendering<'r> {
         self.options.recorded = recorded;
     }
 
-    /// Has the areas of triangles counted beside the work of frames.
+    /// Has the areas of triangles counted in addition to the work of frames.
     pub fn areas(&mut self) {
         self.options.areas = true;
     }

@@ -24,7 +24,7 @@ pub trait Bank<C>: Sized {
     /// How many units.
     fn count(&self) -> usize;
 
-    /// Appends what each has counted beside its items.
+    /// Appends what each has counted in addition to its items.
     fn read(&self, sheet: &mut Sheet) {
         Counted::of::<C>().read(self.units(), sheet);
     }
@@ -418,7 +418,7 @@ macro_rules! circuit {
                 banks.into_iter().filter(move |&(_, of)| of == Some(stage)).map(|(name, _)| name)
             }
 
-            /// What the units have counted beside their items.
+            /// What the units have counted in addition to their items.
             $vis fn sheet(&self) -> $crate::Sheet {
                 let mut sheet = $crate::Sheet::default();
                 $($crate::Bank::<$context>::read(&self.$field, &mut sheet);)*

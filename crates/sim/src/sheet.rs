@@ -1,4 +1,4 @@
-//! What units count beside their items and their cycles.
+//! What units count in addition to their items and their cycles.
 
 use super::unit::Unit;
 use stats::{Declaration, Group, Tree};
@@ -146,7 +146,7 @@ pub struct Sum {
     pub values: Vec<u64>,
 }
 
-/// What the units of a machine have counted beside their items, up to now.
+/// What the units of a machine have counted in addition to their items, up to now.
 #[derive(Debug, Default)]
 pub struct Sheet {
     entries: Vec<(Heading, usize, Tree)>,

@@ -60,6 +60,6 @@ pub trait Unit<C>: Sized + 'static {
     /// Items inside the unit now. When a run ends it must be 0.
     fn resident(&self) -> u64;
 
-    /// Its groups of counters, beside items and cycles: each is named here and nowhere else.
+    /// Its groups of counters, in addition to items and cycles: each is named here and nowhere else.
     fn counted(_: &mut Counted<Self>) {}
 }

@@ -482,7 +482,7 @@ impl Wires {
 }
 
 stats::counters! {
-    /// What every unit counts, beside the account of its cycles.
+    /// What every unit counts, in addition to the account of its cycles.
     pub struct UnitCounts {
         /// What went through: vertices, primitives, triangles, quads, warps, requests or bursts.
         items: "items",

@@ -72,7 +72,7 @@ pub enum Known {
     },
 }
 
-/// What the values of an early test are, beside the depths.
+/// What the values of an early test are, in addition to the depths.
 #[derive(Clone, Copy, Debug)]
 pub struct EarlyRate {
     /// Quads tested a cycle.

@@ -90,7 +90,7 @@ impl Hide {
         };
         let Some(pass) = &card.pass else { return false };
         let whole = (0..pass.color.len()).all(|target| pass.color[target].is_none() || writes(target));
-        // Where early tests may cull, shading has no effect beside its colours.
+        // Where early tests may cull, shading has no effect other than its colours.
         let plain = work.early && work.draw.hierarchical_z && work.depth.as_ref().is_none_or(|depth| !depth.uses_stencil());
         plain && whole && quads.iter().all(|quad| quad.kept == quad.coverage)
     }

@@ -170,7 +170,7 @@ pub struct Ack {
 pub mod bytes {
     /// A quad between rasteriser, cores and ROPs: position, coverage, depth and where its attributes are.
     pub const QUAD: u32 = 16;
-    /// A quad on its way to a ROP elsewhere: position, coverage and four depths, beside what its shader has written.
+    /// A quad on its way to a ROP elsewhere: position, coverage and four depths, in addition to what its shader has written.
     pub const FRAGMENT_QUAD: u32 = 24;
     /// A transformed triangle in the redistribution network: three vertices of position and, on average, eight attribute words.
     pub const TRIANGLE: u32 = 144;

@@ -22,7 +22,7 @@ const ENTRY: [f64; 2] = [4.0, 1.5];
 /// Tiles that a pipeline has: four in its queue, and one in hand.
 const QUEUED: usize = 5;
 
-/// Bytes of a request beside what is written.
+/// Bytes of a request in addition to what is written.
 const HEADER: f64 = 8.0;
 
 /// Bytes of a sector, which is fetched when a part of it is written.

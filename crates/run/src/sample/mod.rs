@@ -31,7 +31,7 @@ use unit::scanout::ScanoutMode;
 /// How frames are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
-    /// Frames to be drawn, simulated and counted beside the first, which always is: at least 2, for an interval.
+    /// Frames to be drawn, simulated and counted in addition to the first, which always is: at least 2, for an interval.
     pub samples: u32,
     /// The seed of the random generator for sampling.
     pub seed: u64,

@@ -44,7 +44,7 @@ knob::knobs! {
         workgroup_runs: u32 ["runs", Allowed::Range(1, 256), "enough to keep the cores fed"],
         /// Requests of the copy engine in flight.
         copy_misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
-        /// Cycles between two passes, beside those that caches take.
+        /// Cycles between two passes, in addition to those that caches take.
         barrier_cycles: u32 ["cycles", Allowed::Range(0, 65536), "a wait-for-idle and the next pass's state"],
         /// Whether a pass without draws only clears its attachments, and is not sent to pipelines.
         skip_empty_passes: bool ["", Allowed::Switch, "a pass is recorded before it is submitted: drivers see that it draws nothing"],

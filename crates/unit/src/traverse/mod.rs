@@ -81,7 +81,7 @@ knob::knobs! {
 }
 
 stats::counters! {
-    /// What is found out beside what hierarchical Z throws away.
+    /// What is found out in addition to what hierarchical Z throws away.
     pub struct TraverseCounts {
         /// Tests for coverage: of blocks, or of rows and pixels, as `traverse.walk` has it.
         tested: "tests",
