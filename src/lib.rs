@@ -10,14 +10,14 @@
 //! | 3 | [`render`], [`mod@unit`], [`synthetic`], [`picture`] |
 //! | 4 | [`machine`] |
 //! | 5 | [`run`] |
-//! | 6 | [`accuracy`] |
+//! | 6 | [`accuracy`], [`rows`] |
 //! | 7 | [`report`] |
 //! | 8 | [`sweep`], [`why`](mod@why) |
 //! | 9 | [`cli`] |
 
 pub use {
-    accuracy, gfx, host, import, knob, machine, mem, num, picture, render, run, shader, sim, stats, synthetic, trace, unit,
-    work,
+    accuracy, gfx, host, import, knob, machine, mem, num, picture, render, rows, run, shader, sim, stats, synthetic, trace,
+    unit, work,
 };
 
 pub mod report;

@@ -1,11 +1,8 @@
-//! The texts of `stats.json` and `stats.csv`, frame by frame.
+//! What stands in `stats.json` before its frames.
 
-use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::compare::KnobDifference;
-use super::phases;
-use crate::run::replay::Frame;
 use crate::stats::Tree;
 
 /// The version of `stats.json`. It rises when a name goes or means something else, so that readers notice; what is only added leaves it.
@@ -52,53 +49,12 @@ pub fn json_head(about: &About, total: &Tree) -> serde_json::Result<String> {
     Ok(head)
 }
 
-/// A frame as it stands in `stats.json`.
-struct Whole<'f>(&'f Frame);
-
-impl Serialize for Whole<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Frame { number, tree, phases, .. } = self.0;
-        let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("frame", number)?;
-        if let Value::Object(tree) = tree.json() {
-            tree.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
-        }
-        if !phases.is_empty() {
-            map.serialize_entry("phases", &phases.iter().map(phases::Json).collect::<Vec<_>>())?;
-        }
-        map.end()
-    }
-}
-
-/// A frame in `stats.json`.
-///
-/// # Errors
-/// If it cannot be written as JSON.
-pub fn json_frame(frame: &Frame, first: bool) -> serde_json::Result<String> {
-    let mut text = String::from(if first { "" } else { "," });
-    // A string has no end of a line in it: every line is one of the layout.
-    for line in serde_json::to_string_pretty(&Whole(frame))?.lines() {
-        text.push_str("\n    ");
-        text.push_str(line);
-    }
-    Ok(text)
-}
-
-/// `stats.json` behind its last frame.
-pub fn json_end(frames: bool) -> &'static str {
-    if frames { "\n  ]\n}" } else { "]\n}" }
-}
-
-/// A frame in `stats.csv`: a row, behind the header if it is the first.
-pub fn csv_rows(frame: &Frame, first: bool) -> String {
-    let row = format!("{},{}\n", frame.number, frame.tree.csv_row());
-    if first { format!("frame,{}\n{row}", frame.tree.csv_header()) } else { row }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::machine::PhaseReport;
+    use crate::rows::{csv_rows, json_end, json_frame};
+    use crate::run::replay::Frame;
     use crate::unit::phase::{Phase, PhaseKind};
 
     #[test]

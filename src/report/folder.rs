@@ -7,11 +7,11 @@ use std::thread::JoinHandle;
 use anyhow::{Context, Result, anyhow};
 use crossbeam::channel::{self, Receiver, Sender};
 
-use super::files::{About, csv_rows, json_end, json_frame, json_head};
-use super::phases::{self, draw_rows, pass_rows};
+use super::files::{About, json_head};
 use crate::host::{self, Part};
 use crate::machine::Shown;
 use crate::picture;
+use crate::rows::{self, csv_rows, draw_rows, json_end, json_frame, pass_rows};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
 use crate::unit::scanout::Collision;
@@ -24,7 +24,7 @@ const STATISTICS: &str = "stats.json";
 const TABLE: &str = "stats.csv";
 
 /// All tables.
-const TABLES: [&str; 4] = [TABLE, phases::PASSES, phases::DRAWS, "shown.csv"];
+const TABLES: [&str; 4] = [TABLE, rows::PASSES, rows::DRAWS, "shown.csv"];
 
 /// Frames that wait to be written. A machine that is faster than the disk waits.
 const FRAMES_IN_FLIGHT: usize = 2;

@@ -7,7 +7,6 @@ pub mod folder;
 pub mod html;
 pub mod limits;
 pub mod pages;
-pub mod phases;
 pub mod plots;
 pub mod summary;
 pub mod terminal;
