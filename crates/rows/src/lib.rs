@@ -34,13 +34,10 @@ impl Serialize for Whole<'_> {
 /// # Errors
 /// If it cannot be written as JSON.
 pub fn json_frame(frame: &Frame, first: bool) -> serde_json::Result<String> {
-    let mut text = String::from(if first { "" } else { "," });
-    // A string has no end of a line in it: every line is one of the layout.
-    for line in serde_json::to_string_pretty(&Whole(frame))?.lines() {
-        text.push_str("\n    ");
-        text.push_str(line);
-    }
-    Ok(text)
+    // As deep as in the file, where it is in a list of an object.
+    let text = serde_json::to_string_pretty(&[[Whole(frame)]])?;
+    let inner = text.strip_prefix("[\n  [").and_then(|text| text.strip_suffix("\n  ]\n]")).unwrap_or(&text);
+    Ok([if first { "" } else { "," }, inner].concat())
 }
 
 /// `stats.json` behind its last frame.
