@@ -186,11 +186,18 @@ fn sample_body<S: Store>(view: &View, store: S, sampler: &Sampler, args: &Sample
     let reference: Option<[f32; LANES]> = args.compare.map(|r| r.f32().map(|r| reference(view, r)));
     let quads = matches!(args.lod, Lod::Auto);
     let value: &mut Values = bytemuck::cast_mut(out);
-    filter(store, sampler, args, &Geometry::new(view, args, &first, quads), filters, reference.as_ref(), value);
-    if most > 0.0 {
-        first.iter_mut().for_each(|level| *level = following(view, *level));
-        let mut second = [[0.0; LANES]; 4];
-        filter(store, sampler, args, &Geometry::new(view, args, &first, quads), filters, reference.as_ref(), &mut second);
+    let mut second = None;
+    // A loop, so that the filter is compiled once for both levels.
+    for level in 0..1 + usize::from(most > 0.0) {
+        let to = if level == 0 {
+            &mut *value
+        } else {
+            first.iter_mut().for_each(|level| *level = following(view, *level));
+            second.insert([[0.0; LANES]; 4])
+        };
+        filter(store, sampler, args, &Geometry::new(view, args, &first, quads), filters, reference.as_ref(), to);
+    }
+    if let Some(second) = second {
         for (a, b) in value.iter_mut().zip(&second) {
             for i in 0..LANES {
                 let mixed = a[i] + (b[i] - a[i]) * weight[i];
@@ -211,17 +218,20 @@ fn filter<S: Store>(
     reference: Option<&[f32; LANES]>,
     out: &mut Values,
 ) {
-    match filters {
-        Filters::Nearest => nearest(store, sampler, args, at, reference, out),
-        Filters::Linear => linear(store, sampler, args, at, reference, out),
-        Filters::Both(marked) => {
-            let mut filtered = [[0.0; LANES]; 4];
-            nearest(store, sampler, args, at, reference, out);
-            linear(store, sampler, args, at, reference, &mut filtered);
-            for (out, filtered) in out.iter_mut().zip(&filtered) {
-                for i in 0..LANES {
-                    out[i] = if marked[i] != 0 { filtered[i] } else { out[i] };
-                }
+    if !matches!(filters, Filters::Linear) {
+        nearest(store, sampler, args, at, reference, out);
+    }
+    let mut apart = None;
+    let to = match filters {
+        Filters::Nearest => return,
+        Filters::Linear => &mut *out,
+        Filters::Both(_) => apart.insert([[0.0; LANES]; 4]),
+    };
+    linear(store, sampler, args, at, reference, to);
+    if let (Filters::Both(marked), Some(filtered)) = (filters, &apart) {
+        for (out, filtered) in out.iter_mut().zip(filtered) {
+            for i in 0..LANES {
+                out[i] = if marked[i] != 0 { filtered[i] } else { out[i] };
             }
         }
     }
@@ -237,11 +247,13 @@ fn nearest<S: Store>(
     reference: Option<&[f32; LANES]>,
     out: &mut Values,
 ) {
-    let (mut x, mut y, mut places) = ([0; LANES], [0; LANES], [0; LANES]);
-    nearest_along(sampler.address[0], args.coords[0].f32(), &at.width, &mut x);
-    nearest_along(sampler.address[1], args.coords[1].f32(), &at.height, &mut y);
-    S::places(at, &x, &y, &mut places);
-    mark_outside(sampler, &x, &y, &mut places);
+    let (mut along, mut places) = ([[0; LANES]; 2], [0; LANES]);
+    for ((to, size), axis) in along.iter_mut().zip([&at.width, &at.height]).zip(0..) {
+        nearest_along(sampler.address[axis], args.coords[axis].f32(), size, to);
+    }
+    let [x, y] = &along;
+    S::places(at, x, y, &mut places);
+    mark_outside(sampler, x, y, &mut places);
     texels(store, sampler, &places, out);
     match reference {
         // A sum of one texel whose weight is 1: what it makes of -0 and NaN counts too.
@@ -265,9 +277,11 @@ fn linear<S: Store>(
     reference: Option<&[f32; LANES]>,
     out: &mut Values,
 ) {
-    let (mut x, mut y) = (Axis::ZERO, Axis::ZERO);
-    linear_along(sampler.address[0], args.coords[0].f32(), &at.width, &mut x);
-    linear_along(sampler.address[1], args.coords[1].f32(), &at.height, &mut y);
+    let mut along = [Axis::ZERO, Axis::ZERO];
+    for ((to, size), axis) in along.iter_mut().zip([&at.width, &at.height]).zip(0..) {
+        linear_along(sampler.address[axis], args.coords[axis].f32(), size, to);
+    }
+    let [x, y] = &along;
     let mut sum = Sum::new(out, reference);
     let (mut places, mut weight) = ([0; LANES], [0.0; LANES]);
     for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -275,7 +289,7 @@ fn linear<S: Store>(
         mark_outside(sampler, &x.texel[right], &y.texel[below], &mut places);
         for i in 0..LANES {
             let share = |axis: &Axis, second: usize| if second == 0 { 1.0 - axis.weight[i] } else { axis.weight[i] };
-            weight[i] = share(&x, right) * share(&y, below);
+            weight[i] = share(x, right) * share(y, below);
         }
         sum.add(store, sampler, &places, &weight);
     }
