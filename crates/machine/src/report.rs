@@ -110,7 +110,7 @@ impl Span {
             quads: now.quads.iter().zip(&earlier.quads).map(|(now, then)| now - then).collect(),
             sort: now.sort.since(&earlier.sort),
             order: now.order.since(&earlier.order),
-            disordered: machine.card.class_state.disordered[earlier.disordered..now.disordered].to_vec(),
+            disordered: machine.card.disordered[earlier.disordered..now.disordered].to_vec(),
         }
     }
 
@@ -233,7 +233,7 @@ fn read(machine: &mut Machine) -> Reading {
     let units = circuit.wires().units().map(|(name, _)| name).zip(circuit.wires().reading().units).collect();
     let waits = waits(machine);
     let quads = circuit.traverse.iter().map(sim::Unit::<Card>::items).collect();
-    let disordered = machine.card.class_state.disordered.len();
+    let disordered = machine.card.disordered.len();
     Reading { tree, cycles, quads, sort, order, units, waits, disordered }
 }
 

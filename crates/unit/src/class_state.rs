@@ -17,8 +17,4 @@ pub struct ClassState {
     pub unnumbered: bool,
     /// Whether there is rendering elimination: tiles that are in memory already are not drawn.
     pub same_tiles: bool,
-    /// Primitives of the pass so far, where there are copies.
-    pub primitives: u32,
-    /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
-    pub disordered: Vec<(u32, String)>,
 }

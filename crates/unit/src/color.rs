@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
 use super::block_sets::BlockSets;
+use super::card::notes::note;
 use super::card::{Card, Group, Output, Work};
 use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::depth::mark;
 use super::frame::FrameBuffers;
-use super::notes::note;
 use super::tags::CacheCounts;
 use super::token::{Ack, GroupToken, Kind};
 use super::touch::Touching;

@@ -31,9 +31,9 @@ use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, Quads, ROP};
 use super::card::Card;
+use super::card::notes::note;
 use super::class_state::ClassState;
 use super::depth::test_ahead;
-use super::notes::note;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use super::traverse::fragments;
 use mem::CACHES;

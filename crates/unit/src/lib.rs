@@ -34,7 +34,6 @@ pub mod interleave;
 pub mod interpolate;
 pub mod misses;
 pub mod network;
-pub mod notes;
 pub mod order;
 pub mod phase;
 pub mod rendering_elimination;

@@ -109,6 +109,8 @@ pub struct PassOrder {
     pub nearer: Option<Ordering>,
     /// Whether primitives' numbers are not used: where depth does not decide, the value that is there stays.
     pub unnumbered: bool,
+    /// Primitives of the segments so far.
+    pub(super) primitives: u32,
     /// The kinds of draws so far.
     kinds: u8,
     /// The channels written by the first draw.

@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 
 use super::card::Card;
+use super::card::notes::{block_of, note};
 use super::misses::Misses;
-use super::notes::{block_of, note};
 use super::tags::{CacheCounts, Tags};
 use super::token::WarpToken;
 use super::touch::{Touch, Touching};

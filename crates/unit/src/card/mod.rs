@@ -6,8 +6,10 @@
 mod fault;
 mod funnels;
 mod in_flight;
+pub mod notes;
 mod pass;
 mod pool;
+mod presented;
 mod tiles;
 
 pub use self::fault::Fault;
@@ -15,17 +17,17 @@ pub use self::funnels::Funnels;
 pub use self::in_flight::{Ahead, ComputeWork, Group, Output, Work};
 pub use self::pass::{DepthStart, PassState};
 pub use self::pool::Pool;
+pub use self::presented::Presented;
 pub use self::tiles::{TileEntry, TileList};
 
+use self::notes::Notes;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::class_state::ClassState;
 use super::frame::FrameBuffers;
 use super::interleave::Interleave;
-use super::notes::Notes;
 use super::phase::Phases;
-use super::scanout::Presented;
 use super::stamps::{MAX_PRIMITIVES, Marks};
 use super::warp::{Execution, Item, Program, Warps};
 use gfx::format::Format;
@@ -71,6 +73,8 @@ pub struct Card {
     pub segments: u32,
     /// Frames on their way to a free-running display, each behind a token.
     pub presented: VecDeque<Presented>,
+    /// Passes whose result may depend on an order that pipelines with copies do not keep: number and label.
+    pub disordered: Vec<(u32, String)>,
     /// Why the run must stop.
     pub fault: Option<Fault>,
     /// What is noted of blocks, where a user asks for maps.
@@ -105,6 +109,7 @@ impl Card {
             epoch: 0,
             segments: 0,
             presented: VecDeque::new(),
+            disordered: Vec::new(),
             fault: None,
             notes: None,
         }
@@ -213,9 +218,9 @@ impl Card {
         let discards = |quad: &Quad| quad.kept & quad.coverage != quad.coverage;
         let early = draw.early && draw.fragment.is_some() && depth.is_some_and(DepthStencilState::writes_depth);
         pass.order.matters |= early && segment.tiles.iter().any(|tile| tile.quads.iter().any(discards));
-        let first = self.class_state.primitives;
-        self.class_state.primitives = first.saturating_add(segment.primitives.len() as u32);
-        if self.class_state.primitives >= MAX_PRIMITIVES {
+        let first = pass.order.primitives;
+        pass.order.primitives = first.saturating_add(segment.primitives.len() as u32);
+        if pass.order.primitives >= MAX_PRIMITIVES {
             self.stop(Fault::Primitives { most: MAX_PRIMITIVES });
         }
         Marks { first, over: marks.over && self.class_state.chunks, ..marks }

@@ -126,7 +126,6 @@ impl Command {
             };
             let written: Vec<usize> = state.color.iter().flatten().chain(&state.depth).filter(cleared).copied().collect();
             copies::begin(&card.frame, &mut card.class_state.copies, &state, &written);
-            card.class_state.primitives = 0;
             // Beside the surfaces all copies are cleared; a single pipeline's is the surface.
             let pipelines = card.class_state.copies.len();
             if pipelines > 1 {

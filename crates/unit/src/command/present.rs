@@ -8,9 +8,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::{Command, State};
-use crate::card::Card;
+use crate::card::{Card, Presented};
 use crate::phase::PhaseKind;
-use crate::scanout::{Presented, ScanoutConfig, Swap};
+use crate::scanout::{ScanoutConfig, Swap};
 use crate::token::{Kind, Piece};
 use num::Cycle;
 use sim::{Tick, Wires};

@@ -75,7 +75,7 @@ impl Command {
                 let Some(pass) = &card.pass else { return Tick::Starved };
                 if pass.order.drawn {
                     if pass.order.matters && card.class_state.copies.len() > 1 {
-                        card.class_state.disordered.push((pass.pass.number, pass.pass.label.clone()));
+                        card.disordered.push((pass.pass.number, pass.pass.label.clone()));
                     }
                     self.state = State::Composing(0, self.ports.compose.len());
                     return Tick::Moved;

@@ -8,12 +8,12 @@ use std::collections::VecDeque;
 
 use super::block_cache::{BlockCache, BlockCounts, Policy, Quads, ROP};
 use super::block_sets::BlockSets;
+use super::card::notes::note;
 use super::card::{Ahead, Card, Group, Work};
 use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies::own;
 use super::frame::FrameBuffers;
-use super::notes::note;
 use super::stamps::Stamps;
 use super::tags::CacheCounts;
 use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};

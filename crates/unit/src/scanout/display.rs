@@ -9,34 +9,16 @@
 
 use std::collections::VecDeque;
 use std::ops::Range;
-use std::sync::Arc;
 
 use super::sprites::{Collision, SpriteCounts, collisions, lay};
 use super::{ScanoutConfig, Swap};
-use crate::card::{Card, Fault};
+use crate::card::{Card, Fault, Presented};
 use crate::misses::Misses;
 use crate::token::{Ack, Kind, Piece};
 use mem::{MemoryPort, REQUEST_BYTES};
 use num::Cycle;
 use sim::{In, Out, Tick, Wires};
-use work::{Sprite, Surface};
-
-/// A frame that is handed to the display.
-#[derive(Clone, Debug)]
-pub struct Presented {
-    /// Its number in the trace.
-    pub frame: u32,
-    /// Its surface.
-    pub surface: Surface,
-    /// Where the display reads it.
-    pub address: u64,
-    /// Its bytes, as those of [`Contents`](work::Contents).
-    pub bytes: Arc<[u8]>,
-    /// When the command processor handed it over.
-    pub at: Cycle,
-    /// What is laid over its lines.
-    pub sprites: Arc<[Sprite]>,
-}
+use work::Surface;
 
 /// What the screen showed in one refresh.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ use mem::MemoryPort;
 use num::Cycle;
 use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
 
-pub use display::{DisplayCounts, Presented, Refresh};
+pub use display::{DisplayCounts, Refresh};
 pub use sprites::{Collision, SpriteCounts};
 
 knob::choices! {

@@ -3,8 +3,9 @@
 use super::kit::{FREE, Sink, Source, memory, port, settle};
 use super::scenery::{card, surface};
 use crate::Card;
+use crate::card::Presented;
 use crate::frame::{BlockState, Store};
-use crate::scanout::{DisplayCounts, Presented, Scanout, ScanoutConfig, ScanoutMode, Swap};
+use crate::scanout::{DisplayCounts, Scanout, ScanoutConfig, ScanoutMode, Swap};
 use crate::token::{Ack, Kind, Piece};
 use gfx::format::Format;
 use mem::Ideal;

@@ -5,8 +5,8 @@ mod hierarchical;
 mod territory;
 mod walk;
 
+use super::card::notes::note;
 use super::card::{Ahead, Card, Group, PassState, Work};
-use super::notes::note;
 use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
 use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
 use gfx::rop::DepthStencilState;

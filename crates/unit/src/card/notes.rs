@@ -1,7 +1,7 @@
 //! What only a machine knows of the blocks of a frame: where quads are rejected, where lines miss, when a block is drawn. It is noted where a
 //! user asks for maps, and changes nothing that is counted.
 
-use super::card::PassState;
+use super::PassState;
 use num::Cycle;
 use work::{QUAD_SHADED, TileWork};
 
@@ -37,7 +37,7 @@ pub type Notes = Vec<PassNotes>;
 /// Notes something of a block of the current pass.
 #[cold]
 #[inline(never)]
-pub(super) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what: impl FnOnce(&mut BlockNotes)) {
+pub(crate) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what: impl FnOnce(&mut BlockNotes)) {
     let Some(state) = pass else { return };
     if notes.last().is_none_or(|last| last.number != state.number) {
         let blocks = vec![BlockNotes::default(); state.blocks];
@@ -50,7 +50,7 @@ pub(super) fn note(notes: &mut Notes, pass: Option<&PassState>, block: u32, what
 }
 
 /// The block that a request of a screen tile is made for, in a pass of so many blocks across.
-pub(super) fn block_of(tile: &TileWork, request: u32, across: u32) -> Option<u32> {
+pub(crate) fn block_of(tile: &TileWork, request: u32, across: u32) -> Option<u32> {
     // Requests of a quad lie together.
     let own = tile.quads.iter().enumerate().filter(|(_, quad)| quad.flags & QUAD_SHADED != 0 && quad.first_request <= request);
     let (quad, _) = own.max_by_key(|(at, quad)| (quad.first_request, *at))?;
