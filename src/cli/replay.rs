@@ -19,7 +19,7 @@ use crate::report::files::About;
 use crate::report::folder::{Folder, Images};
 use crate::report::terminal::{self, Seen};
 use crate::report::timeline;
-use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_to, replay_watched};
+use crate::run::replay::{Fidelity, Frame, Options, frame_range, no_frames, replay_pictured, replay_to, replay_watched};
 use crate::run::sample::Sampling;
 use crate::run::timeline::Timeline;
 use crate::sim::Clock;
@@ -288,13 +288,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let create = |out| Folder::create(out, about.clone(), &options.config.resolved(), images);
     let mut folder = arguments.out.as_deref().map(create).transpose()?;
-    // Sampled frames alone are simulated; pictures of all are drawn before, where they are asked for.
-    let mut drawing_time = Duration::ZERO;
+    // Of sampled frames alone there are statistics; the survey draws the pictures of all, where they are asked for.
     let some = matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_));
-    if let (true, Some(ImagesName::All), Some(folder)) = (some, arguments.images, &mut folder) {
-        let drawn = Options { fidelity: Fidelity::Functional, pictures: true, ..options.clone() };
-        drawing_time = replay_to(&trace, &drawn, &|_| (), &mut |frame| folder.picture(frame))?.clock_time;
-    }
+    let wanted = some && matches!(arguments.images, Some(ImagesName::All));
+    let pictures = folder.as_ref().filter(|_| wanted).map(Folder::pictures);
     // What is said of all frames; no frame is kept.
     let mut seen = Seen::default();
     let mut timed = timeline::Frames::default();
@@ -311,14 +308,23 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     };
     let line = ProgressLine::begin(&watch);
     let progress = |frame| line.frame(frame);
-    let done = match &mut recorder {
-        None => replay_to(&trace, &options, &progress, &mut taker),
-        Some(recorder) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
+    let done = match (&mut recorder, &pictures) {
+        (None, None) => replay_to(&trace, &options, &progress, &mut taker),
+        (None, Some(pictures)) => replay_pictured(&trace, &options, &progress, &mut taker, pictures),
+        (Some(recorder), _) => replay_watched(&trace, &options, &progress, &mut taker, recorder),
     };
+    drop(pictures);
     line.end();
-    let mut done = done?;
+    let done = match done {
+        Ok(done) => done,
+        Err(error) => {
+            return Err(match folder {
+                Some(folder) => folder.fail(error),
+                None => error,
+            });
+        }
+    };
     arguments.reading.say_left_out(&arguments.trace, &trace);
-    done.clock_time += drawing_time;
     if seen.frames == 0 {
         bail!("the trace has {}", no_frames(&trace, &options.frames)?);
     }

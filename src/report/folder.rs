@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow, bail};
 use crossbeam::channel::{self, Receiver, Sender};
 
 use super::files::{About, json_head};
@@ -93,12 +93,18 @@ impl Folder {
         self.send(Leaving::Frame(Box::new(frame)))
     }
 
-    /// A frame has been drawn: its picture alone is wanted.
-    ///
-    /// # Errors
-    /// If this picture or an earlier one cannot be written.
-    pub fn picture(&mut self, frame: Frame) -> Result<()> {
-        self.send(Leaving::Picture(Box::new(frame)))
+    /// Takes frames of which the picture alone is wanted, from any thread. The folder must end behind it.
+    pub fn pictures(&self) -> impl Fn(Frame) -> Result<()> + Sync + 'static {
+        let send = self.send.clone();
+        move |frame| {
+            let sent = send.as_ref().is_some_and(|send| send.send(Leaving::Picture(Box::new(frame))).is_ok());
+            if sent { Ok(()) } else { bail!("the files of an earlier picture cannot be written") }
+        }
+    }
+
+    /// The replay has failed. Gives why: what the writer stopped on comes first.
+    pub fn fail(mut self, error: Error) -> Error {
+        self.answer().err().unwrap_or(error)
     }
 
     /// The replay has ended; `display` is what a free-running display has shown behind the last frame.

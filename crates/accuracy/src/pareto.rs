@@ -153,7 +153,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let mut points = vec![point("cycle".into(), times, &truth, &truth)];
     let numbers: Vec<u32> = samples.iter().rev().copied().filter(|&samples| (samples as usize) + 1 < frames.len()).collect();
     if !numbers.is_empty() {
-        let sampler = Sampler::new(trace, options)?;
+        let sampler = Sampler::new(trace, options, None)?;
         for samples in numbers {
             let run = sampler.run(&Sampling { samples, seed, ..Sampling::default() }, FrameSink::new(|_| Ok(())))?;
             let measured = values(&run.total);

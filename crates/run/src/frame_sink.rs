@@ -61,6 +61,9 @@ impl From<FrameReport> for Frame {
 /// Is given the frames in order, each when it ends.
 pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
 
+/// Is given what each frame of a sampled sequence shows, simulated or not: in any order, by several threads. The statistics are empty.
+pub type Pictures<'p> = dyn Fn(Frame) -> Result<()> + Sync + 'p;
+
 /// Where frames leave a replay: passes each on, and reports progress.
 pub struct FrameSink<'s> {
     /// Is given the frames.
@@ -71,6 +74,8 @@ pub struct FrameSink<'s> {
     pub per_draw: bool,
     /// Whether it is estimated what limits the phases of the first frames of a machine that is simulated.
     pub limits: bool,
+    /// Is given the pictures of all frames, where some are sampled.
+    pub pictures: Option<&'s Pictures<'s>>,
     /// Reads the machine while it runs, under the cycle fidelity.
     pub timeline: Option<&'s mut Timeline>,
     /// Called with the number of each frame.
@@ -80,7 +85,15 @@ pub struct FrameSink<'s> {
 impl<'s> FrameSink<'s> {
     /// Frames go to a taker that does not keep them.
     pub fn new(taker: impl FnMut(Frame) -> Result<()> + Send + 's) -> FrameSink<'s> {
-        FrameSink { taker: Box::new(taker), keeps: false, per_draw: false, limits: false, timeline: None, progress: &|_| () }
+        FrameSink {
+            taker: Box::new(taker),
+            keeps: false,
+            per_draw: false,
+            limits: false,
+            pictures: None,
+            timeline: None,
+            progress: &|_| (),
+        }
     }
 
     /// A frame has ended.
@@ -96,4 +109,9 @@ impl<'s> FrameSink<'s> {
 /// What a frame shows, where the renderer's picture is the picture.
 pub(super) fn reference(end: &EndFrame) -> Option<(Surface, Bytes)> {
     end.shown.map(|surface| (surface, Bytes::Shared(end.reference.clone())))
+}
+
+/// A frame that has only its picture, the renderer's.
+pub(super) fn pictured(end: &EndFrame) -> Frame {
+    Frame { number: end.number, shown: reference(end), tree: Tree::new(), phases: Vec::new(), display: Shown::default() }
 }

@@ -25,9 +25,9 @@ pub struct Shown {
 }
 
 impl Shown {
-    fn of(frame: &Frame) -> Shown {
-        let picture = frame.shown.as_ref().map(|(surface, bytes)| (*surface, blake3::hash(bytes)));
-        Shown { number: frame.number, picture }
+    /// What a frame shows.
+    pub fn new(number: u32, picture: Option<(Surface, &[u8])>) -> Shown {
+        Shown { number, picture: picture.map(|(surface, bytes)| (surface, blake3::hash(bytes))) }
     }
 }
 
@@ -56,7 +56,7 @@ pub fn run(trace: &Trace, machines: &[(&Config, Clock)]) -> Result<Vec<Ran>> {
     rendering.one_at_a_time();
     for ((&machine, shown), out) in machines.iter().zip(&mut shown).zip(&mut simulated) {
         let sink = FrameSink::new(|frame: Frame| {
-            shown.push(Shown::of(&frame));
+            shown.push(Shown::new(frame.number, frame.shown.as_ref().map(|(surface, bytes)| (*surface, &bytes[..]))));
             Ok(())
         });
         simulate(&mut rendering, machine, sink, out)?;

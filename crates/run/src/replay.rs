@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 use super::bound::frames::{self, Estimated, estimate};
 use super::cycle::{Simulated, simulate};
 use super::frame_runs::simulate_in_runs;
-use super::frame_sink::FrameSink;
+use super::frame_sink::{FrameSink, Pictures};
 use super::functional;
 use super::host::Stopwatch;
 use super::rendering::Rendering;
@@ -222,6 +222,27 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
 pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
     leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, ..FrameSink::new(taker) })
+}
+
+/// As [`replay_to`]. `pictures` gets what all frames show, also those that are not simulated: the survey draws them.
+///
+/// # Errors
+/// As [`replay_to`]; if `pictures` fails; if the fidelity samples no frames.
+pub fn replay_pictured(
+    trace: &Trace,
+    options: &Options,
+    progress: &(dyn Fn(u32) + Sync),
+    taker: &mut Taker<'_>,
+    pictures: &Pictures<'_>,
+) -> Result<Outcome> {
+    if !matches!(options.fidelity, Fidelity::Sampled(_) | Fidelity::BoundSampled(_)) {
+        bail!(
+            "pictures leave without their frames where frames are sampled, not with the fidelity {}",
+            options.fidelity.name()
+        );
+    }
+    let pictures = Some(pictures);
+    leave(trace, options, FrameSink { progress, per_draw: options.per_draw, pictures, ..FrameSink::new(taker) })
 }
 
 /// As [`replay_to`], while a timeline is taken of the machine.

@@ -4,6 +4,8 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 
 use super::bound::{Bound, FrameEstimate};
+use super::host::Stopwatch;
+use super::machines::{Ran, Shown};
 use super::profiles::{Profiled, Reader};
 use super::rendering::{Consumer, Rendering};
 use machine::{Config, FrameReport, Machine};
@@ -11,7 +13,7 @@ use render::{self, ConsumerMemory};
 use sim::Clock;
 use trace::Trace;
 use work::profile::FrameProfile;
-use work::{Event, RenderKey};
+use work::{Event, RenderKey, Surface};
 
 /// The whole work of some frames.
 pub struct StoredWork {
@@ -55,6 +57,28 @@ impl StoredWork {
     /// Bytes of the work.
     pub fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// What the frames show, by the renderer.
+    pub fn pictures(&self) -> impl Iterator<Item = Option<(Surface, &[u8])>> {
+        self.events.iter().filter_map(|event| match event {
+            Event::EndFrame(end) => Some(end.shown.map(|surface| (surface, &end.reference[..]))),
+            _ => None,
+        })
+    }
+
+    /// Runs a machine on the work, and keeps what it comes to over all frames.
+    ///
+    /// # Errors
+    /// If knobs do not fit each other, or the machine stops.
+    pub fn run(&self, config: &Config) -> Result<Ran> {
+        let (mut shown, watch) = (Vec::new(), Stopwatch::start());
+        let each = |frame: FrameReport| {
+            let picture = frame.picture.as_ref().map(|picture| (picture.surface, &picture.bytes[..]));
+            shown.push(Shown::new(frame.number, picture));
+        };
+        let run = Machine::new(config)?.run_each(self.events.iter().cloned(), Clock::SkipIdle, each)?;
+        Ok(Ran { shown, cycles: run.cycles, total: run.total, machine_time: watch.elapsed() })
     }
 
     /// Runs a machine on the work. `read` takes from the report of each frame what is wanted of it.

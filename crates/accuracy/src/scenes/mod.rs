@@ -130,7 +130,7 @@ impl Scene {
     /// # Errors
     /// If its recording does not render, or a machine stops.
     pub fn run(&'static self, setting: &Setting) -> Result<Outcome> {
-        let mut stage = Stage { setting: *setting, played: Played::default() };
+        let mut stage = Stage::new(*setting);
         (self.play)(&mut stage).with_context(|| format!("scene {}", self.name))?;
         Ok(Outcome { scene: self, played: stage.played })
     }

@@ -1,16 +1,19 @@
 //! Where a scene is played: its traces are rendered for the proof, then timed on every sort class.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use anyhow::{Context, Result, ensure};
 
 use crate::{Row, Setting};
 use machine::config::SortClass;
 use machine::{Config, PassOrderCounts};
-use render::{self, ConsumerMemory, Options};
+use render::Options;
 use run::machines;
-use sim::Clock;
+use run::stored_work::StoredWork;
 use stats::Tree;
 use trace::{Packing, Trace, write_archive};
-use work::{Event, Surface};
+use work::{RenderKey, Surface};
 
 /// The baseline with changes.
 fn config(changes: &[&str]) -> Result<Config> {
@@ -131,15 +134,28 @@ pub struct Played {
     pub answers: Vec<Answer>,
 }
 
+/// Traces whose work is kept.
+const WORKS: usize = 4;
+
+/// What decides a rendering: the hash of the trace's archive, and the render key.
+type Asked = (blake3::Hash, RenderKey);
+
 /// Where a scene is played.
 pub struct Stage {
     /// With what.
     pub setting: Setting,
     /// What it has left so far.
     pub played: Played,
+    /// Work of the traces that were asked for last.
+    known: RefCell<Vec<(Asked, Rc<StoredWork>)>>,
 }
 
 impl Stage {
+    /// A stage on which nothing was played.
+    pub fn new(setting: Setting) -> Stage {
+        Stage { setting, played: Played::default(), known: RefCell::default() }
+    }
+
     /// Whether the scene is spoiled.
     pub fn fault(&self) -> bool {
         self.setting.inject_fault
@@ -150,20 +166,35 @@ impl Stage {
         self.played.rows.push(row);
     }
 
+    /// The work of a trace, which is rendered once for its pictures and for all machines.
+    ///
+    /// # Errors
+    /// If it cannot be rendered, or its work does not fit in memory.
+    fn work(&self, trace: &Trace, key: RenderKey) -> Result<Rc<StoredWork>> {
+        let mut archive = std::io::Cursor::new(Vec::new());
+        write_archive(trace, trace.file(), &mut archive, Packing::Stored)?;
+        let of = (blake3::hash(archive.get_ref()), key);
+        let mut known = self.known.borrow_mut();
+        if let Some((_, work)) = known.iter().find(|(known, _)| *known == of) {
+            return Ok(work.clone());
+        }
+        let most = trace.limits().memory_bytes.get() / 4;
+        let work = StoredWork::render(trace, &Options::default(), key, SortClass::NAMES.len() as u64, most)?;
+        let work =
+            Rc::new(work.with_context(|| format!("the work of {} takes more than {most} bytes", trace.file().display()))?);
+        known.truncate(WORKS - 1);
+        known.insert(0, (of, work.clone()));
+        Ok(work)
+    }
+
     /// The renderer's pictures of a trace.
     ///
     /// # Errors
     /// If it cannot be rendered, or a frame shows nothing.
     pub fn frames(&self, trace: &Trace) -> Result<Vec<Image>> {
-        let mut frames = Vec::new();
-        let consumer_memory = ConsumerMemory { frames: true, ..ConsumerMemory::default() };
-        render::render(trace, &Options { consumer_memory, ..Options::default() }, &mut |event| {
-            if let Event::EndFrame(end) = event {
-                frames.push(end.shown.map(|surface| Image { surface, bytes: end.reference.to_vec() }));
-            }
-            Ok(())
-        })?;
-        frames.into_iter().collect::<Option<Vec<_>>>().context("a frame shows nothing")
+        let work = self.work(trace, RenderKey::default())?;
+        let frames = work.pictures().map(|shown| shown.map(|(surface, bytes)| Image { surface, bytes: bytes.to_vec() }));
+        frames.collect::<Option<Vec<_>>>().context("a frame shows nothing")
     }
 
     /// Renders the scene's trace; its first frame is its picture. Then all classes draw it.
@@ -188,10 +219,9 @@ impl Stage {
     }
 
     fn price(&mut self, trace: &Trace, frames: &[Image]) -> Result<()> {
-        let configs = SortClass::NAMES.iter().map(|class| config(&[&format!("sort={class}")]));
-        let configs = configs.collect::<Result<Vec<_>>>()?;
-        let asked: Vec<_> = configs.iter().map(|config| (config, Clock::SkipIdle)).collect();
-        for (ran, &class) in machines::run(trace, &asked)?.iter().zip(SortClass::NAMES) {
+        for &class in SortClass::NAMES {
+            let config = config(&[&format!("sort={class}")])?;
+            let ran = self.work(trace, config.render_key())?.run(&config)?;
             ensure!(ran.shown.len() == frames.len(), "{class} shows {} frames of {}", ran.shown.len(), frames.len());
             let same = |(shown, frame): &(&machines::Shown, &Image)| {
                 shown.picture == Some((frame.surface, blake3::hash(&frame.bytes)))
@@ -213,7 +243,7 @@ impl Stage {
     /// If a change is none, or the machine stops.
     pub fn time(&self, trace: &Trace, changes: &[&str]) -> Result<(f64, Tree)> {
         let config = config(changes)?;
-        let ran = machines::run(trace, &[(&config, Clock::SkipIdle)])?.pop().context("no machine ran")?;
+        let ran = self.work(trace, config.render_key())?.run(&config)?;
         Ok((ran.cycles as f64, ran.total))
     }
 

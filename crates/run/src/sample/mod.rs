@@ -15,7 +15,7 @@ use anyhow::{Result, anyhow, bail};
 
 use super::bound::frames::{Estimated, estimate};
 use super::frame_runs::simulate_given_runs;
-use super::frame_sink::{Frame, FrameSink};
+use super::frame_sink::{Frame, FrameSink, Pictures};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL, random};
@@ -116,7 +116,7 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let sampler = Sampler::new(trace, options)?;
+    let sampler = Sampler::new(trace, options, sink.pictures)?;
     let samples = match sampling.time_limit {
         Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
         None => sampling.samples,
@@ -136,11 +136,11 @@ pub struct Sampler<'t> {
 }
 
 impl<'t> Sampler<'t> {
-    /// Surveys all frames.
+    /// Surveys all frames; `pictures` gets what they show.
     ///
     /// # Errors
-    /// If the trace cannot be rendered, or the configuration's display does not let frames be taken apart.
-    pub fn new(trace: &'t Trace, options: &'t Options) -> Result<Sampler<'t>> {
+    /// If the trace cannot be rendered, the configuration's display does not let frames be taken apart, or `pictures` fails.
+    pub fn new(trace: &'t Trace, options: &'t Options, pictures: Option<&Pictures<'_>>) -> Result<Sampler<'t>> {
         if options.config.scanout.mode == ScanoutMode::FreeRunning {
             bail!(
                 "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
@@ -149,7 +149,7 @@ impl<'t> Sampler<'t> {
         }
         let watch = Stopwatch::start();
         let dependencies = Dependencies::of(trace, options.frames.end)?;
-        let survey = survey::survey(trace, options, &dependencies)?;
+        let survey = survey::survey(trace, options, &dependencies, pictures)?;
         Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
     }
 

@@ -14,6 +14,7 @@ use rayon::ThreadPool;
 use super::clusters::{Clusters, Interval, signature};
 use super::ridge::Ridge;
 use crate::bound::{Bound, PhaseEstimate};
+use crate::frame_sink::{Pictures, pictured};
 use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
@@ -197,8 +198,13 @@ const PARTS: u32 = 2;
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> Result<Survey> {
-    survey_in_parts(trace, options, dependencies, PARTS)
+pub fn survey(
+    trace: &Trace,
+    options: &Options,
+    dependencies: &Dependencies,
+    pictures: Option<&Pictures<'_>>,
+) -> Result<Survey> {
+    survey_in_parts(trace, options, dependencies, pictures, PARTS)
 }
 
 /// A survey whose frames are cut into parts. Each is rendered from the start of the trace, and draws of the frames before it what
@@ -206,7 +212,13 @@ pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies) -> 
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependencies, parts: u32) -> Result<Survey> {
+pub fn survey_in_parts(
+    trace: &Trace,
+    options: &Options,
+    dependencies: &Dependencies,
+    pictures: Option<&Pictures<'_>>,
+    parts: u32,
+) -> Result<Survey> {
     let range = options.frames.start..options.frames.end.min(dependencies.frames());
     let recorded = recorded(range.start, range.len() as u32);
     let bound = |part: u32| range.start + (range.len() as u64 * u64::from(part) / u64::from(parts)) as u32;
@@ -222,7 +234,7 @@ pub fn survey_in_parts(trace: &Trace, options: &Options, dependencies: &Dependen
             let mut started = Vec::new();
             for (pool, frames) in pools.iter().zip(ranges) {
                 let (frames, recorded) = (frames.clone(), &recorded);
-                let one = move || read_part(trace, options, dependencies, frames, recorded, pool);
+                let one = move || read_part(trace, options, dependencies, frames, recorded, pictures, pool);
                 started.push(std::thread::Builder::new().name("survey".into()).spawn_scoped(scope, one));
             }
             read.extend(started.into_iter().map(|thread| {
@@ -275,6 +287,7 @@ fn read_part(
     dependencies: &Dependencies,
     frames: Range<u32>,
     recorded: &FrameSet,
+    pictures: Option<&Pictures<'_>>,
     pool: &ThreadPool,
 ) -> Result<Read> {
     let key = options.config.render_key();
@@ -282,7 +295,7 @@ fn read_part(
     let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
-        _ if recorded.contains(frame) => Want::All,
+        _ if recorded.contains(frame) || pictures.is_some() => Want::All,
         _ => Want::Counts,
     });
     let mut rendering = options.rendering_of(trace, frames.clone().into());
@@ -297,6 +310,7 @@ fn read_part(
             let profile = if records { profiler.event(&event) } else { None };
             read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
             if let Event::EndFrame(end) = &event {
+                pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
                 read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
