@@ -217,6 +217,9 @@ impl Gl {
                     Some(format!(" with {stage} program {}", active.as_ref()?.number))
                 };
                 let label = format!("fixed-{}{}", self.shaders.len(), programs.into_iter().filter_map(of).collect::<String>());
+                let uniforms = uniforms::fields(&key, &source);
+                let [vertex, fragment] = [&vertex, &fragment].map(|active| active.as_ref().map(|active| &*active.program));
+                let source = wgsl::Source { uniforms: &uniforms, vertex, fragment };
                 let text = wgsl::module(&key, &source);
                 let shader = self.card.recorder.create_shader(&label, &text);
                 self.texts.push((label, text));

@@ -1,9 +1,7 @@
 //! What decides which shader a draw needs. Terms that cannot matter are not in it.
 
 use super::arb::input;
-use super::image::Base;
 use super::state::UNITS;
-use super::texture::DepthRead;
 
 /// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -78,6 +76,127 @@ pub enum Kind {
     D3,
     /// Cube.
     Cube,
+}
+
+/// What a texture's channels mean to its environment (OpenGL 1.5, table 3.15), and how they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Base {
+    /// Alpha: kept in one channel.
+    Alpha,
+    /// Luminance: kept in one channel.
+    Luminance,
+    /// Luminance and alpha: kept in two channels.
+    LuminanceAlpha,
+    /// Intensity: kept in one channel.
+    Intensity,
+    /// Colour.
+    Rgb,
+    /// Colour and alpha.
+    Rgba,
+    /// Colour, kept in the encoding of sRGB.
+    Srgb,
+    /// The same with alpha, which is linear.
+    SrgbAlpha,
+    /// Red: kept in one channel.
+    Red,
+    /// Red and green: kept in two channels.
+    Rg,
+    /// Numbers that are not bounded.
+    Float(Channels, Width),
+    /// Depth; what the environment reads is chosen by the texture.
+    Depth,
+}
+
+/// Channels of floating-point texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channels {
+    /// As [`Base::Alpha`].
+    Alpha,
+    /// As [`Base::Luminance`].
+    Luminance,
+    /// As [`Base::LuminanceAlpha`].
+    LuminanceAlpha,
+    /// As [`Base::Intensity`].
+    Intensity,
+    /// As [`Base::Red`].
+    Red,
+    /// As [`Base::Rg`].
+    Rg,
+    /// As [`Base::Rgb`].
+    Rgb,
+    /// As [`Base::Rgba`].
+    Rgba,
+}
+
+/// Bits of floating-point channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Width {
+    /// 16.
+    Half,
+    /// 32.
+    Single,
+}
+
+impl Base {
+    /// The base format of the same channels with eight bits each.
+    pub fn plain(self) -> Base {
+        match self {
+            Base::Float(channels, _) => match channels {
+                Channels::Alpha => Base::Alpha,
+                Channels::Luminance => Base::Luminance,
+                Channels::LuminanceAlpha => Base::LuminanceAlpha,
+                Channels::Intensity => Base::Intensity,
+                Channels::Red => Base::Red,
+                Channels::Rg => Base::Rg,
+                Channels::Rgb => Base::Rgb,
+                Channels::Rgba => Base::Rgba,
+            },
+            other => other,
+        }
+    }
+
+    /// Whether values outside of [0, 1] are kept.
+    pub fn is_float(self) -> bool {
+        matches!(self, Base::Float(..))
+    }
+
+    /// WGSL of what the environment reads, from a kept texel `t`.
+    pub fn swizzle(self) -> &'static str {
+        match self.plain() {
+            Base::Alpha => "vec4f(0, 0, 0, t.r)",
+            Base::Red => "vec4f(t.r, 0, 0, 1)",
+            Base::Rg => "vec4f(t.rg, 0, 1)",
+            Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
+            Base::LuminanceAlpha => "t.rrrg",
+            Base::Intensity => "t.rrrr",
+            Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "t",
+        }
+    }
+
+    /// WGSL of what is kept, from a colour `c`.
+    pub fn unswizzle(self) -> &'static str {
+        match self.plain() {
+            Base::Alpha => "c.aaaa",
+            Base::Luminance | Base::Intensity | Base::Red => "c.rrrr",
+            Base::Rg => "c.rgba",
+            Base::LuminanceAlpha => "c.raaa",
+            Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "c",
+        }
+    }
+}
+
+/// How depths of a texture are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DepthRead {
+    /// It has colours.
+    #[default]
+    No,
+    /// As they are.
+    Plain,
+    /// Compared with the third coordinate.
+    Compared,
 }
 
 /// A texture environment.
