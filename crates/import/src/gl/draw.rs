@@ -1,8 +1,9 @@
 //! From what waits to a draw of the card: key, uniforms, vertices, pipeline.
 
 use gfx::state::*;
+use gl_shader::arb::program::Output;
+use gl_shader::wgsl;
 
-use super::arb::program::Output;
 use super::arb::{Active, Stage, input};
 use super::call::{Fault, Outcome};
 use super::card::{Draw, Target};
@@ -18,7 +19,6 @@ use super::state::{Stencil, TARGETS, UNITS, Vertex, capability};
 use super::summary::Summary;
 use super::texture::Texture;
 use super::uniforms::{self, Source, to_clip};
-use super::wgsl;
 
 /// The kind of texture of a target.
 pub fn kind_of(target: usize) -> Kind {

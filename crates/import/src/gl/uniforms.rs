@@ -1,11 +1,12 @@
 //! The uniforms of a draw: one list of fields, by which the block is both declared and filled.
 
+use gl_shader::wgsl::Field;
+
 use super::arb::{Active, GENERICS, input};
 use super::consts as e;
 use super::key::{EnvironmentKey, Made, ShaderKey};
 use super::matrix::{self, Matrix};
 use super::state::{State, UNITS, Vertex};
-use super::wgsl::Field;
 
 /// What uniforms are made of.
 pub struct Source<'a> {

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::consts as e;
-use super::key::{Base, DepthRead, EnvironmentKey, Kind, UnitKey};
+use crate::consts as e;
+use crate::key::{Base, DepthRead, EnvironmentKey, Kind, UnitKey};
 
 /// Reads the texture of a unit into `texelK`.
 pub fn sample(unit: &UnitKey, out: &mut String) {

@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
-use super::arb::program::{Output, Program};
-use super::arb::{self, GENERICS};
-use super::consts as e;
-use super::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
-use super::state::UNITS;
-use super::texels;
+use crate::UNITS;
+use crate::arb;
+use crate::arb::program::{GENERICS, Output, Program};
+use crate::consts as e;
+use crate::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
+use crate::texels;
 
 /// Locations of vertex attributes.
 pub mod location {
@@ -196,6 +196,7 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
 }
 
 /// Whether the coordinates of a unit are an attribute in the buffer.
+#[inline]
 pub fn reads_coordinates(key: &ShaderKey, unit: usize) -> bool {
     key.varying.texture[unit] && key.vertex_texture(unit)
 }
@@ -366,7 +367,7 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
 }
 
 /// Points and lines as triangles: `corner` is from -1 to 1.
-pub fn expand(key: &ShaderKey, out: &mut String) {
+pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
     match key.expand {
         Expand::No => {}
         Expand::Point | Expand::SmoothPoint => {
@@ -508,7 +509,7 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
 }
 
 /// The second colour of the side that is seen.
-pub fn secondary(key: &ShaderKey) -> &'static str {
+pub(crate) fn secondary(key: &ShaderKey) -> &'static str {
     if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" }
 }
 

@@ -1,7 +1,9 @@
 //! What decides which shader a draw needs. Terms that cannot matter are not in it.
+//!
+//! Each draw asks it: functions that it calls are `#[inline]`, so that they are compiled, optimised, where the machine is.
 
-use super::arb::input;
-use super::state::UNITS;
+use crate::UNITS;
+use crate::arb::program::input;
 
 /// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -139,6 +141,7 @@ pub enum Width {
 
 impl Base {
     /// The base format of the same channels with eight bits each.
+    #[inline]
     pub fn plain(self) -> Base {
         match self {
             Base::Float(channels, _) => match channels {
@@ -156,6 +159,7 @@ impl Base {
     }
 
     /// Whether values outside of [0, 1] are kept.
+    #[inline]
     pub fn is_float(self) -> bool {
         matches!(self, Base::Float(..))
     }
@@ -346,6 +350,7 @@ pub struct Colors {
 }
 
 impl Default for Colors {
+    #[inline]
     fn default() -> Self {
         Colors { count: 1, written: 1, alike: true, float: false }
     }
@@ -353,6 +358,7 @@ impl Default for Colors {
 
 impl ShaderKey {
     /// Whether the position in eye space is needed.
+    #[inline]
     pub fn eye(&self) -> bool {
         let made = self
             .units
@@ -366,6 +372,7 @@ impl ShaderKey {
     }
 
     /// Whether the normal in eye space is needed.
+    #[inline]
     pub fn normal(&self) -> bool {
         let made = |unit: &UnitKey| {
             unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection | Made::Normal))
@@ -377,6 +384,7 @@ impl ShaderKey {
     }
 
     /// Whether the vertex's primary colour is needed.
+    #[inline]
     pub fn color(&self) -> bool {
         if self.vertex.is_some() {
             return self.reads(input::COLOR);
@@ -385,21 +393,25 @@ impl ShaderKey {
     }
 
     /// Whether a vertex program reads an input.
+    #[inline]
     pub fn reads(&self, bit: u32) -> bool {
         self.vertex.is_some_and(|vertex| vertex.inputs & 1 << bit != 0)
     }
 
     /// Whether the vertex's secondary colour is needed.
+    #[inline]
     pub fn vertex_secondary(&self) -> bool {
         if self.vertex.is_some() { self.reads(input::SECONDARY) } else { self.color_sum }
     }
 
     /// Whether the vertex's fog coordinate is needed.
+    #[inline]
     pub fn vertex_fog(&self) -> bool {
         if self.vertex.is_some() { self.reads(input::FOG) } else { self.fogged() && self.fog_coordinate }
     }
 
     /// Whether the vertex's texture coordinates of a unit are needed.
+    #[inline]
     pub fn vertex_texture(&self, k: usize) -> bool {
         let generated = |unit: &UnitKey| unit.sprite || unit.made.iter().all(Option::is_some);
         match self.vertex {
@@ -409,16 +421,19 @@ impl ShaderKey {
     }
 
     /// Whether the fragment stage has a fog coordinate.
+    #[inline]
     pub fn fogged(&self) -> bool {
         self.fog.is_some() || self.fragment.is_some_and(|fragment| fragment.inputs & 1 << input::FOG != 0)
     }
 
     /// Whether back faces have a colour of their own.
+    #[inline]
     pub fn two_side(&self) -> bool {
         self.lighting.as_ref().is_some_and(|lighting| lighting.two_side) || self.vertex.is_some_and(|vertex| vertex.two_side)
     }
 
     /// Whether a second colour is added after texturing.
+    #[inline]
     pub fn secondary(&self) -> bool {
         if let (Some(fragment), Some(_)) = (self.fragment, self.vertex) {
             return fragment.inputs & 1 << input::SECONDARY != 0;
