@@ -7,7 +7,8 @@ use trace::command::*;
 use trace::record;
 
 use super::card::{Buffer, COLOR, Card, DEPTH, Surface};
-use super::image::Base;
+use super::image::Kept;
+use super::key::Base;
 
 /// What a copying draw reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

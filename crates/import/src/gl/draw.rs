@@ -1,8 +1,9 @@
 //! From what waits to a draw of the card: key, uniforms, vertices, pipeline.
 
 use gfx::state::*;
+use gl_shader::arb::program::Output;
+use gl_shader::wgsl;
 
-use super::arb::program::Output;
 use super::arb::{Active, Stage, input};
 use super::call::{Fault, Outcome};
 use super::card::{Draw, Target};
@@ -18,7 +19,6 @@ use super::state::{Stencil, TARGETS, UNITS, Vertex, capability};
 use super::summary::Summary;
 use super::texture::Texture;
 use super::uniforms::{self, Source, to_clip};
-use super::wgsl;
 
 /// The kind of texture of a target.
 pub fn kind_of(target: usize) -> Kind {
@@ -217,6 +217,9 @@ impl Gl {
                     Some(format!(" with {stage} program {}", active.as_ref()?.number))
                 };
                 let label = format!("fixed-{}{}", self.shaders.len(), programs.into_iter().filter_map(of).collect::<String>());
+                let uniforms = uniforms::fields(&key, &source);
+                let [vertex, fragment] = [&vertex, &fragment].map(|active| active.as_ref().map(|active| &*active.program));
+                let source = wgsl::Source { uniforms: &uniforms, vertex, fragment };
                 let text = wgsl::module(&key, &source);
                 let shader = self.card.recorder.create_shader(&label, &text);
                 self.texts.push((label, text));

@@ -4,7 +4,6 @@ use super::arb::{GENERICS, input};
 use super::call::Outcome;
 use super::consts as e;
 use super::draw::kind_of;
-use super::image::Base;
 use super::key::*;
 use super::machine::Gl;
 use super::materials::{tracked, tracks};
@@ -66,7 +65,7 @@ impl Gl {
             face_edges: !self.seamless && bound.as_ref().is_some_and(|bound| bound.face_edges),
             border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
-            depth: bound.as_ref().map_or(super::texture::DepthRead::No, |bound| bound.depth),
+            depth: bound.as_ref().map_or(DepthRead::No, |bound| bound.depth),
             matrix: *m != IDENTITY && !sprite,
             projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
             bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,

@@ -2,6 +2,7 @@
 
 use super::call::{Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
+use super::key::{Base, Channels, Width};
 use super::names;
 use gfx::format::Format;
 use gfx::texel;
@@ -236,68 +237,23 @@ pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kin
     Ok(out)
 }
 
-/// What a texture's channels mean to its environment (OpenGL 1.5, table 3.15), and how they are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Base {
-    /// Alpha: kept in one channel.
-    Alpha,
-    /// Luminance: kept in one channel.
-    Luminance,
-    /// Luminance and alpha: kept in two channels.
-    LuminanceAlpha,
-    /// Intensity: kept in one channel.
-    Intensity,
-    /// Colour.
-    Rgb,
-    /// Colour and alpha.
-    Rgba,
-    /// Colour, kept in the encoding of sRGB.
-    Srgb,
-    /// The same with alpha, which is linear.
-    SrgbAlpha,
-    /// Red: kept in one channel.
-    Red,
-    /// Red and green: kept in two channels.
-    Rg,
-    /// Numbers that are not bounded.
-    Float(Channels, Width),
-    /// Depth; what the environment reads is chosen by the texture.
-    Depth,
-}
-
-/// Channels of floating-point texels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Channels {
-    /// As [`Base::Alpha`].
-    Alpha,
-    /// As [`Base::Luminance`].
-    Luminance,
-    /// As [`Base::LuminanceAlpha`].
-    LuminanceAlpha,
-    /// As [`Base::Intensity`].
-    Intensity,
-    /// As [`Base::Red`].
-    Red,
-    /// As [`Base::Rg`].
-    Rg,
-    /// As [`Base::Rgb`].
-    Rgb,
-    /// As [`Base::Rgba`].
-    Rgba,
-}
-
-/// Bits of floating-point channels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Width {
-    /// 16.
-    Half,
-    /// 32.
-    Single,
-}
-
-impl Base {
+/// How texels of a base format are kept.
+pub trait Kept: Sized {
     /// The base format of an internal format.
-    pub fn of(internal: u32) -> Outcome<Base> {
+    fn of(internal: u32) -> Outcome<Self>;
+
+    /// The format in which texels are kept.
+    fn format(self) -> Format;
+
+    /// Texels as they are kept.
+    fn keep(self, texels: &[[u8; 4]]) -> Vec<u8>;
+
+    /// Floating-point texels as they are kept.
+    fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8>;
+}
+
+impl Kept for Base {
+    fn of(internal: u32) -> Outcome<Base> {
         Ok(match internal {
             1 | e::LUMINANCE | e::LUMINANCE4..=e::LUMINANCE16 | e::COMPRESSED_LUMINANCE => Base::Luminance,
             2 | e::LUMINANCE_ALPHA | e::LUMINANCE4_ALPHA4..=e::LUMINANCE16_ALPHA16 | e::COMPRESSED_LUMINANCE_ALPHA => {
@@ -337,30 +293,7 @@ impl Base {
         })
     }
 
-    /// The base format of the same channels with eight bits each.
-    pub fn plain(self) -> Base {
-        match self {
-            Base::Float(channels, _) => match channels {
-                Channels::Alpha => Base::Alpha,
-                Channels::Luminance => Base::Luminance,
-                Channels::LuminanceAlpha => Base::LuminanceAlpha,
-                Channels::Intensity => Base::Intensity,
-                Channels::Red => Base::Red,
-                Channels::Rg => Base::Rg,
-                Channels::Rgb => Base::Rgb,
-                Channels::Rgba => Base::Rgba,
-            },
-            other => other,
-        }
-    }
-
-    /// Whether values outside of [0, 1] are kept.
-    pub fn is_float(self) -> bool {
-        matches!(self, Base::Float(..))
-    }
-
-    /// The format in which texels are kept.
-    pub fn format(self) -> Format {
+    fn format(self) -> Format {
         match self {
             Base::Alpha | Base::Luminance | Base::Intensity | Base::Red => Format::R8Unorm,
             Base::LuminanceAlpha | Base::Rg => Format::Rg8Unorm,
@@ -378,8 +311,7 @@ impl Base {
         }
     }
 
-    /// Texels as they are kept.
-    pub fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
+    fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
         match self {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
             Base::Rg => texels.iter().flat_map(|t| [t[0], t[1]]).collect(),
@@ -391,8 +323,7 @@ impl Base {
         }
     }
 
-    /// Floating-point texels as they are kept.
-    pub fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8> {
+    fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8> {
         let format = self.format();
         let bytes = format.block_bytes() as usize;
         let mut out = Vec::with_capacity(texels.len() * bytes);
@@ -406,32 +337,6 @@ impl Base {
             out.extend_from_slice(&texel::encode(format, kept.map(f32::to_bits))[..bytes]);
         }
         out
-    }
-
-    /// WGSL of what the environment reads, from a kept texel `t`.
-    pub fn swizzle(self) -> &'static str {
-        match self.plain() {
-            Base::Alpha => "vec4f(0, 0, 0, t.r)",
-            Base::Red => "vec4f(t.r, 0, 0, 1)",
-            Base::Rg => "vec4f(t.rg, 0, 1)",
-            Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
-            Base::LuminanceAlpha => "t.rrrg",
-            Base::Intensity => "t.rrrr",
-            Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "t",
-        }
-    }
-
-    /// WGSL of what is kept, from a colour `c`.
-    pub fn unswizzle(self) -> &'static str {
-        match self.plain() {
-            Base::Alpha => "c.aaaa",
-            Base::Luminance | Base::Intensity | Base::Red => "c.rrrr",
-            Base::Rg => "c.rgba",
-            Base::LuminanceAlpha => "c.raaa",
-            Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
-            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "c",
-        }
     }
 }
 

@@ -2,7 +2,7 @@
 //! assembly ([`arb`]) and in GLSL ([`glsl`]).
 //!
 //! The machine keeps OpenGL's state. What is drawn between two changes of state becomes one draw. Fixed-function state becomes WGSL that is made
-//! from a small key ([`key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
+//! from a small key ([`gl_shader::key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
 //! else must happen: a clear, a copy of the frame buffer, a write to a texture that the pass reads, the end of the frame.
 //!
 //! * Clip space: depths from -w to w become 0 to w in the matrix. The window's origin is at the lower left; rows are turned where the
@@ -16,11 +16,6 @@
 //! * A call that raises an OpenGL error has no effect.
 //! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
 
-/// A line of code.
-macro_rules! line {
-    ($out:expr, $($text:tt)*) => { writeln!($out, $($text)*).expect("text in memory") };
-}
-
 mod accumulate;
 mod arb;
 mod arrays;
@@ -29,7 +24,6 @@ mod call;
 mod card;
 mod clear;
 mod compact;
-mod consts;
 mod copies;
 mod draw;
 mod draw_key;
@@ -43,7 +37,6 @@ mod geometry;
 mod glsl;
 mod image;
 mod immediate;
-mod key;
 mod lists;
 mod lit;
 mod machine;
@@ -64,12 +57,10 @@ mod state;
 mod stipple;
 mod summary;
 mod table;
-mod texels;
 mod texture;
 mod texturing;
 mod transform;
 mod uniforms;
-mod wgsl;
 
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
@@ -79,6 +70,7 @@ use std::sync::{Mutex, PoisonError};
 
 use std::io::Read;
 
+use gl_shader::{consts, key};
 use host::Links;
 use trace::{Part, Reading, Stream, Trace, TraceError};
 

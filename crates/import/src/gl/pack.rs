@@ -9,7 +9,7 @@ use super::primitive::{Class, Sent};
 use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
 use super::summary::Summary;
-use super::wgsl::{self, location};
+use gl_shader::wgsl::{self, location};
 
 /// Corners of an expanded point or line, and the triangles between them.
 const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];

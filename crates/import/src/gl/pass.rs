@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use gfx::format::Format;
 use gfx::state::*;
+pub use gl_shader::COLORS_MAX;
 use num::*;
 
 /// One draw of a pass.
@@ -71,9 +72,6 @@ impl Surface {
         matches!(self.format, R16Float | Rg16Float | Rgba16Float | R32Float | Rg32Float | Rgba32Float)
     }
 }
-
-/// Colour buffers that a draw writes at most.
-pub const COLORS_MAX: usize = 8;
 
 /// What draws go to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

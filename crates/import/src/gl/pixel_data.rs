@@ -5,7 +5,8 @@ use std::rc::Rc;
 
 use super::call::{Arg, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome};
 use super::consts as e;
-use super::image::{self, Base, PixelStore};
+use super::image::{self, Kept, PixelStore};
+use super::key::Base;
 use super::machine::Gl;
 
 /// Values of one rectangle at most.

@@ -2,8 +2,7 @@
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
-use super::image::Base;
-use super::key::Kind;
+use super::key::{Base, Kind};
 use super::machine::{Gl, parameters};
 use super::state::UNITS;
 use super::texture::Texture;

@@ -2,21 +2,13 @@
 
 use std::rc::Rc;
 
+pub use gl_shader::{LIGHTS, PLANES, TARGETS, UNITS};
+
 use super::arb::GENERICS;
 use super::consts as e;
 use super::matrix::IDENTITY;
 use super::matrix::Matrix;
 use super::pixel_data::Transfer;
-
-/// Texture units.
-pub const UNITS: usize = 8;
-/// Lights.
-pub const LIGHTS: usize = 8;
-/// User clip planes.
-pub const PLANES: usize = 6;
-
-/// Texture targets of a unit, in order of rising precedence.
-pub const TARGETS: [u32; 5] = [e::TEXTURE_1D, e::TEXTURE_2D, e::TEXTURE_RECTANGLE, e::TEXTURE_3D, e::TEXTURE_CUBE_MAP];
 
 /// Texture units whose coordinates a vertex has itself. Few programs use more.
 const OWN: usize = 2;

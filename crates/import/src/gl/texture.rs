@@ -11,8 +11,8 @@ use super::call::{Fault, Outcome};
 use super::card::{Card, Surface};
 use super::consts as e;
 use super::copies::{CopyKey, From, Meet, SAME, one_image};
-use super::image::Base;
-use super::key::Kind;
+use super::image::Kept;
+use super::key::{Base, DepthRead, Kind};
 use super::names;
 
 /// One image of a texture.
@@ -120,18 +120,6 @@ pub struct Bound {
     pub swizzle: [u8; 4],
     /// Whether it is a cube whose filters clamp coordinates to the edges of its faces.
     pub face_edges: bool,
-}
-
-/// How depths of a texture are read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum DepthRead {
-    /// It has colours.
-    #[default]
-    No,
-    /// As they are.
-    Plain,
-    /// Compared with the third coordinate.
-    Compared,
 }
 
 impl Texture {

@@ -4,7 +4,8 @@ use gfx::format::Format;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
-use super::image::{self, Base};
+use super::image::{self, Kept};
+use super::key::Base;
 use super::machine::Gl;
 use super::names;
 use super::state::{TARGETS, UNITS};

@@ -1,4 +1,6 @@
-//! The uniforms of a draw: one list of fields, which is both the block's declaration and its bytes.
+//! The uniforms of a draw: one list of fields, by which the block is both declared and filled.
+
+use gl_shader::wgsl::Field;
 
 use super::arb::{Active, GENERICS, input};
 use super::consts as e;
@@ -218,27 +220,11 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
     }
 }
 
-/// A field's name in WGSL.
-pub fn name(name: &str, index: Option<usize>) -> String {
-    index.map_or_else(|| name.to_owned(), |index| format!("{name}{index}"))
-}
-
-/// The declaration of the block.
-pub fn declaration(key: &ShaderKey, source: &Source) -> String {
-    let mut text = String::from("struct Uniforms {\n");
-    visit(key, source, &mut |field, index, vectors| {
-        let kind = match (field, vectors.len()) {
-            ("mvp" | "modelview" | "texture_matrix" | "object_planes" | "eye_planes", _) => "mat4x4f".to_owned(),
-            ("normal_matrix", _) => "mat3x3f".to_owned(),
-            ("vertex_params" | "fragment_params", count) => format!("array<vec4f, {count}>"),
-            ("stipple", count) => format!("array<vec4u, {count}>"),
-            (_, 1) => "vec4f".to_owned(),
-            (_, count) => format!("array<vec4f, {count}>"),
-        };
-        text.push_str(&format!("    {}: {kind},\n", name(field, index)));
-    });
-    text.push_str("}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n");
-    text
+/// The fields of the block.
+pub fn fields(key: &ShaderKey, source: &Source) -> Vec<Field> {
+    let mut fields = Vec::new();
+    visit(key, source, &mut |name, index, vectors| fields.push(Field { name, index, count: vectors.len() }));
+    fields
 }
 
 /// The bytes of the block.

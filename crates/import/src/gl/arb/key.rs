@@ -1,5 +1,7 @@
 //! What programs leave of the fixed functions.
 
+use gl_shader::arb::program::Output;
+
 use super::{Active, input, switch};
 use crate::gl::call::{Fault, Outcome};
 use crate::gl::consts as e;
@@ -29,7 +31,7 @@ impl Gl {
                 number: active.number,
                 inputs: program.inputs,
                 two_side: on(switch::TWO_SIDE) && batch.class == Class::Triangles,
-                size: on(switch::POINT_SIZE) && program.outputs.contains(&super::program::Output::PointSize),
+                size: on(switch::POINT_SIZE) && program.outputs.contains(&Output::PointSize),
                 invariant: program.invariant,
             });
             let clips = program.code.as_ref().is_some_and(|code| code.clip.is_some());

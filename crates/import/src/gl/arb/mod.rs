@@ -1,25 +1,18 @@
-//! Programs in assembly: ARB_vertex_program and ARB_fragment_program. A program becomes WGSL, instruction by instruction; the stage that has no
-//! program stays that of the fixed functions.
+//! Programs in assembly: program objects, their parameters, and what a draw takes of them. [`gl_shader::arb`] translates them.
 
-pub mod lex;
-pub mod program;
-pub mod stage;
-pub mod wgsl;
-
-mod binding;
 mod key;
-mod operand;
-mod parse;
 mod values;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use gl_shader::arb::parse;
+pub use gl_shader::arb::program::{GENERICS, Program, Stage, input};
+use gl_shader::arb::program::{MATRICES, PARAMETERS};
+
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::machine::{Count, Gl, components};
 use super::state::Stack;
-pub use program::{GENERICS, Program, Stage, input};
-use program::{MATRICES, PARAMETERS};
 pub use values::state as state_value;
 
 const VERTEX_PROGRAM: u32 = 0x8620;
@@ -192,7 +185,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     };
     let programs = &mut gl.programs;
     let number = programs.number();
-    let loaded = programs.texts.entry((stage, text.clone())).or_insert_with(|| match parse::parse(&text, stage) {
+    let loaded = programs.texts.entry((stage, text.clone())).or_insert_with(|| match parse(&text, stage) {
         Ok(program) => Ok(Loaded { number, program: Rc::new(program) }),
         Err(wrong) => Err(wrong.to_string()),
     });
@@ -268,6 +261,3 @@ pub(super) fn attribute_normalized(gl: &mut Gl, call: &Call, shape: Shape) -> Ou
     let value = components(call, Shape { count: 4, ..shape }, 1)?.0.map(|value| shape.scalar.normalized(value));
     attribute_at(gl, call.u32(0)?, value)
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,6 +1,7 @@
 //! The values of a program's parameters in the machine's state.
 
-use super::program::*;
+use gl_shader::arb::program::*;
+
 use crate::gl::machine::Gl;
 use crate::gl::matrix::{self, IDENTITY};
 use crate::gl::state::Light;

@@ -1,54 +1,21 @@
-//! Programs in GLSL: shader and program objects, uniforms, and what a draw takes of them.
-//!
-//! The way of a shader: [`tokens`] (preprocessor), [`rewrite`] (dialect of version 4.50, names of OpenGL as plain variables), naga's front
-//! end and its WGSL ([`emit`]), uniforms in the place of variables ([`access`]), and the stage in the machine's module ([`stage`]), where
-//! fixed functions do what programs leave.
+//! Programs in GLSL: shader and program objects, uniforms, and what a draw takes of them. [`gl_shader::glsl`] translates them.
 
-mod access;
-mod builtins;
-mod emit;
-mod rewrite;
-mod sampler;
-pub mod stage;
-mod tokens;
 pub mod uniforms;
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use host::with_room_for;
-use num::Limits;
+use gl_shader::glsl::{Linked, Sources, link, stage};
 
 use super::arb::{Active, Loaded, Stage};
 use super::call::{Arg, Call, Fault, INVALID_OPERATION, INVALID_VALUE, Outcome as CallOutcome, Shape};
 use super::machine::Gl;
-use emit::{Translated, translate};
-use stage::Joints;
 
-/// Tokens of a shader at most.
-const TOKENS_MAX: usize = 1 << 18;
 /// Bytes of a shader's source at most.
 const SOURCE_MAX: usize = 1 << 22;
 
 const FRAGMENT_SHADER: u32 = 0x8b30;
 const VERTEX_SHADER: u32 = 0x8b31;
-
-/// What is wrong with a shader.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Wrong {
-    /// The line of its source; 0 if that is not known.
-    pub line: u32,
-    /// What.
-    pub reason: String,
-}
-
-impl Wrong {
-    fn at(line: u32, reason: impl Into<String>) -> Wrong {
-        Wrong { line, reason: reason.into() }
-    }
-}
-
-type Outcome<T = ()> = Result<T, Wrong>;
 
 /// A shader object.
 #[derive(Clone)]
@@ -57,18 +24,6 @@ struct Shader {
     source: Rc<str>,
     /// The source when it was compiled.
     compiled: Option<Rc<str>>,
-}
-
-/// Both stages of a program after they have been translated.
-struct Linked {
-    number: u32,
-    stages: [Option<Translated>; 2],
-}
-
-impl Linked {
-    fn stages(&self) -> [Option<&Translated>; 2] {
-        self.stages.each_ref().map(Option::as_ref)
-    }
 }
 
 /// A program object.
@@ -87,8 +42,6 @@ struct Object {
     units: BTreeMap<String, u32>,
 }
 
-/// Sources of both stages.
-type Sources = [Vec<Rc<str>>; 2];
 /// What decides a stage's program: the linked program, the stage, units of samplers, locations of attributes and outputs.
 type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<u32>>);
 
@@ -123,32 +76,6 @@ impl Glsl {
     }
 }
 
-fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked>, String> {
-    let mut stages = [None, None];
-    for (k, (stage, texts)) in [Stage::Vertex, Stage::Fragment].into_iter().zip(sources).enumerate() {
-        if texts.is_empty() {
-            continue;
-        }
-        let array = ["u.vertex_params", "u.fragment_params"][k];
-        let translated = (|| {
-            let tokens = texts.iter().map(|text| tokens::preprocess(text)).collect::<Outcome<Vec<_>>>()?;
-            for (_, tokens) in &tokens {
-                let levels = tokens::nesting(tokens);
-                limits.shader_nesting.check(levels).map_err(|error| Wrong::at(0, error.to_string()))?;
-                limits.shader_constants.check(tokens::reach(tokens)).map_err(|error| Wrong::at(0, error.to_string()))?;
-            }
-            let run = || translate(stage, &rewrite::rewrite(stage, tokens)?, array);
-            with_room_for(limits.shader_nesting.get(), run).unwrap_or_else(|reason| Err(Wrong::at(0, reason)))
-        })();
-        let name = ["vertex", "fragment"][k];
-        stages[k] = Some(translated.map_err(|wrong| match wrong.line {
-            0 => format!("{name} shader: {}", wrong.reason),
-            line => format!("{name} shader, line {line}: {}", wrong.reason),
-        })?);
-    }
-    Ok(Rc::new(Linked { number, stages }))
-}
-
 impl Gl {
     /// The stage of the program that is used.
     pub fn glsl_program(&mut self, stage: Stage) -> CallOutcome<Option<Active>> {
@@ -170,7 +97,7 @@ impl Gl {
         let loaded = match self.glsl.codes.get(&key) {
             Some(loaded) => loaded.clone(),
             None => {
-                let joints = Joints { attribute: &location, output: &location, unit: &unit };
+                let joints = stage::Joints { attribute: &location, output: &location, unit: &unit };
                 let program = stage::program(linked.stages(), stage, &joints);
                 let number = self.programs.number();
                 let loaded = program.map(|program| Loaded { number, program: Rc::new(program) });

@@ -1,9 +1,8 @@
 //! Values that a program gives to uniforms.
 
+use gl_shader::glsl::{Layout, Translated};
 use naga::ScalarKind;
 
-use super::access::Layout;
-use super::emit::Translated;
 use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use crate::gl::machine::Gl;
 

@@ -2,10 +2,8 @@
 
 use std::fmt::Write;
 
-use super::consts as e;
-use super::image::Base;
-use super::key::{EnvironmentKey, Kind, UnitKey};
-use super::texture::DepthRead;
+use crate::consts as e;
+use crate::key::{Base, DepthRead, EnvironmentKey, Kind, UnitKey};
 
 /// Reads the texture of a unit into `texelK`.
 pub fn sample(unit: &UnitKey, out: &mut String) {

@@ -9,12 +9,12 @@ use super::builtins::Role;
 use super::emit::{Call, Named, Translated, Variable};
 use super::rewrite::Storage;
 use super::sampler::{Read, Sampler};
-use crate::gl::arb::GENERICS;
-use crate::gl::arb::program::{Output, Program, Stage, input};
-use crate::gl::arb::wgsl::{input_name, output_name};
-use crate::gl::card::COLORS_MAX;
-use crate::gl::key::{Expand, ShaderKey};
-use crate::gl::state::UNITS;
+use crate::COLORS_MAX;
+use crate::UNITS;
+use crate::arb::program::GENERICS;
+use crate::arb::program::{Output, Program, Stage, input};
+use crate::arb::wgsl::{input_name, output_name};
+use crate::key::{Expand, ShaderKey};
 
 /// Ways to read a texture: a bit each.
 pub mod way {
@@ -321,7 +321,7 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
 }
 
 /// The stage in a function of the module: inputs are in variables, and results come into others.
-pub fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String) {
+pub(crate) fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String) {
     if code.set.iter().any(|(_, value)| value == "point_place") {
         match key.expand {
             Expand::No => line!(out, "    let point_place = vec2f(0.5);"),

@@ -45,6 +45,7 @@ impl Layout {
     }
 
     /// Vectors of four.
+    #[inline]
     pub fn slots(&self) -> usize {
         match self {
             Layout::Vector(..) => 1,

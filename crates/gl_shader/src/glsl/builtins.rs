@@ -1,8 +1,8 @@
 //! Names of the old dialect that OpenGL's state and fixed stages stand behind (OpenGL Shading Language 1.20, chapter 7).
 
-use crate::gl::arb::program::{Matrix, Output, Param, Stage, Term, input};
-use crate::gl::card::COLORS_MAX;
-use crate::gl::state::{LIGHTS, PLANES, UNITS};
+use crate::COLORS_MAX;
+use crate::arb::program::{Matrix, Output, Param, Stage, Term, input};
+use crate::{LIGHTS, PLANES, UNITS};
 
 /// What a name that begins with `gl_` stands for.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,7 +121,7 @@ fn constant(name: &str) -> Option<Builtin> {
         "MaxClipPlanes" => PLANES,
         "MaxTextureUnits" | "MaxTextureCoords" | "MaxTextureImageUnits" | "MaxCombinedTextureImageUnits" => UNITS,
         "MaxVertexTextureImageUnits" => UNITS,
-        "MaxVertexAttribs" => crate::gl::arb::GENERICS,
+        "MaxVertexAttribs" => crate::arb::program::GENERICS,
         "MaxDrawBuffers" => 1,
         "MaxVaryingFloats" | "MaxVaryingComponents" => 64,
         "MaxVertexUniformComponents" | "MaxFragmentUniformComponents" => 4096,

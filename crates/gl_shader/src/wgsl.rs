@@ -2,14 +2,12 @@
 
 use std::fmt::Write;
 
-use super::arb::program::Output;
-use super::arb::{self, GENERICS};
-use super::consts as e;
-use super::key::{Expand, Kind, Made, ShaderKey, UnitKey};
-use super::state::UNITS;
-use super::texels;
-use super::texture::DepthRead;
-use super::uniforms::{self, Source};
+use crate::UNITS;
+use crate::arb;
+use crate::arb::program::{GENERICS, Output, Program};
+use crate::consts as e;
+use crate::key::{DepthRead, Expand, Kind, Made, ShaderKey, UnitKey};
+use crate::texels;
 
 /// Locations of vertex attributes.
 pub mod location {
@@ -35,13 +33,33 @@ pub mod location {
     pub const GENERIC: u32 = 16;
 }
 
-/// The module of a key. `source` gives the uniforms, of which only names and sizes count.
+/// What a module is made of beside its key.
+pub struct Source<'a> {
+    /// Fields of the block of uniforms, in order.
+    pub uniforms: &'a [Field],
+    /// The vertex program.
+    pub vertex: Option<&'a Program>,
+    /// The fragment program.
+    pub fragment: Option<&'a Program>,
+}
+
+/// A field of the block of uniforms.
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// The number behind its name, if it has one.
+    pub index: Option<usize>,
+    /// Its vectors.
+    pub count: usize,
+}
+
+/// The module of a key.
 pub fn module(key: &ShaderKey, source: &Source) -> String {
     let mut out = String::new();
     if key.planes != 0 {
         line!(out, "enable clip_distances;");
     }
-    out.push_str(&uniforms::declaration(key, source));
+    out.push_str(&declaration(source.uniforms));
     for (slot, unit) in key.units.iter().filter(|unit| unit.sampled).enumerate() {
         let compared = if unit.depth == DepthRead::Compared { "_comparison" } else { "" };
         let kind = match unit.kind {
@@ -68,12 +86,12 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
     if key.lighting.is_some() {
         light(key, &mut out);
     }
-    let programs: Vec<_> = [source.vertex, source.fragment].into_iter().flatten().map(|active| &*active.program).collect();
+    let programs: Vec<_> = [source.vertex, source.fragment].into_iter().flatten().collect();
     arb::stage::texels(key, &programs, &mut out);
     match source.vertex {
-        Some(active) => {
-            functions(&active.program, &mut out);
-            arb::stage::vertex_program(key, &active.program, &mut out);
+        Some(program) => {
+            functions(program, &mut out);
+            arb::stage::vertex_program(key, program, &mut out);
         }
         None => vertex(key, &mut out),
     }
@@ -81,8 +99,27 @@ pub fn module(key: &ShaderKey, source: &Source) -> String {
     out
 }
 
+/// The declaration of the block of uniforms.
+fn declaration(fields: &[Field]) -> String {
+    let mut text = String::from("struct Uniforms {\n");
+    for &Field { name, index, count } in fields {
+        let kind = match (name, count) {
+            ("mvp" | "modelview" | "texture_matrix" | "object_planes" | "eye_planes", _) => "mat4x4f".to_owned(),
+            ("normal_matrix", _) => "mat3x3f".to_owned(),
+            ("vertex_params" | "fragment_params", count) => format!("array<vec4f, {count}>"),
+            ("stipple", count) => format!("array<vec4u, {count}>"),
+            (_, 1) => "vec4f".to_owned(),
+            (_, count) => format!("array<vec4f, {count}>"),
+        };
+        let index = index.map_or_else(String::new, |index| index.to_string());
+        text.push_str(&format!("    {name}{index}: {kind},\n"));
+    }
+    text.push_str("}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n");
+    text
+}
+
 /// What a stage of GLSL has at module scope.
-fn functions(program: &arb::Program, out: &mut String) {
+fn functions(program: &Program, out: &mut String) {
     if let Some(code) = &program.code {
         out.push_str(&code.functions);
     }
@@ -144,7 +181,7 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
         line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
     }
     // What goes from a vertex shader to a fragment shader.
-    let varyings = source.vertex.and(source.fragment).and_then(|active| active.program.code.as_ref());
+    let varyings = source.vertex.and(source.fragment).and_then(|program| program.code.as_ref());
     for (k, varying) in varyings.iter().flat_map(|code| &code.varyings).enumerate() {
         let how = varying.interpolation.map_or(String::new(), |how| format!("@interpolate({how}) "));
         line!(out, "    @location({}) {how}user{k}: {},", location::GENERIC as usize + k, varying.kind);
@@ -159,6 +196,7 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
 }
 
 /// Whether the coordinates of a unit are an attribute in the buffer.
+#[inline]
 pub fn reads_coordinates(key: &ShaderKey, unit: usize) -> bool {
     key.varying.texture[unit] && key.vertex_texture(unit)
 }
@@ -329,7 +367,7 @@ fn coordinates(key: &ShaderKey, unit: &UnitKey, out: &mut String) {
 }
 
 /// Points and lines as triangles: `corner` is from -1 to 1.
-pub fn expand(key: &ShaderKey, out: &mut String) {
+pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
     match key.expand {
         Expand::No => {}
         Expand::Point | Expand::SmoothPoint => {
@@ -377,11 +415,11 @@ pub fn expand(key: &ShaderKey, out: &mut String) {
 }
 
 fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
-    let asks = source.fragment.is_some_and(|active| active.program.code.as_ref().is_some_and(|code| code.facing));
+    let asks = source.fragment.is_some_and(|program| program.code.as_ref().is_some_and(|code| code.facing));
     let facing = if key.two_side() || asks { ", @builtin(front_facing) front: bool" } else { "" };
-    let depth = source.fragment.is_some_and(|active| active.program.outputs.contains(&Output::Depth));
-    if let Some(active) = source.fragment {
-        functions(&active.program, out);
+    let depth = source.fragment.is_some_and(|program| program.outputs.contains(&Output::Depth));
+    if let Some(program) = source.fragment {
+        functions(program, out);
     }
     let more: Vec<u8> =
         if key.colors.alike { (1..key.colors.count).collect() } else { arb::stage::further_colors(key).collect() };
@@ -408,8 +446,8 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     } else {
         line!(out, "    let primary = v.color;");
     }
-    if let Some(active) = source.fragment {
-        arb::stage::fragment_program(key, &active.program, out);
+    if let Some(program) = source.fragment {
+        arb::stage::fragment_program(key, program, out);
     } else {
         line!(out, "    var c = primary;");
         for unit in &key.units {
@@ -471,7 +509,7 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
 }
 
 /// The second colour of the side that is seen.
-pub fn secondary(key: &ShaderKey) -> &'static str {
+pub(crate) fn secondary(key: &ShaderKey) -> &'static str {
     if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" }
 }
 

@@ -4,12 +4,11 @@ use std::fmt::Write;
 
 use super::program::{Output, Program, input};
 use super::wgsl;
-use crate::gl::glsl::stage::{self as glsl, way};
-use crate::gl::key::{Colors, Kind, ShaderKey};
-use crate::gl::state::UNITS;
-use crate::gl::texels::{self, Detail};
-use crate::gl::texture::DepthRead;
-use crate::gl::wgsl as fixed;
+use crate::UNITS;
+use crate::glsl::stage::{self as glsl, way};
+use crate::key::{Colors, DepthRead, Kind, ShaderKey};
+use crate::texels::{self, Detail};
+use crate::wgsl as fixed;
 
 /// A vertex program in the place of the fixed functions.
 pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {

@@ -3,7 +3,7 @@
 use super::lex::Place;
 use super::parse::parse;
 use super::program::*;
-use crate::gl::state::UNITS;
+use crate::UNITS;
 
 const VERTEX: &str = "!!ARBvp1.0 # a comment\nATTRIB p = vertex.position;\nPARAM m[4] = { state.matrix.mvp };\nTEMP r;\n\
                       DP4 r.x, m[0], p;\nDP4 r.y, m[1], p;\nMOV result.position, r;\nMOV result.color, vertex.color;\nEND\nnot read";

@@ -1,9 +1,9 @@
 //! What decides which shader a draw needs. Terms that cannot matter are not in it.
+//!
+//! Each draw asks it: functions that it calls are `#[inline]`, so that they are compiled, optimised, where the machine is.
 
-use super::arb::input;
-use super::image::Base;
-use super::state::UNITS;
-use super::texture::DepthRead;
+use crate::UNITS;
+use crate::arb::program::input;
 
 /// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -78,6 +78,129 @@ pub enum Kind {
     D3,
     /// Cube.
     Cube,
+}
+
+/// What a texture's channels mean to its environment (OpenGL 1.5, table 3.15), and how they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Base {
+    /// Alpha: kept in one channel.
+    Alpha,
+    /// Luminance: kept in one channel.
+    Luminance,
+    /// Luminance and alpha: kept in two channels.
+    LuminanceAlpha,
+    /// Intensity: kept in one channel.
+    Intensity,
+    /// Colour.
+    Rgb,
+    /// Colour and alpha.
+    Rgba,
+    /// Colour, kept in the encoding of sRGB.
+    Srgb,
+    /// The same with alpha, which is linear.
+    SrgbAlpha,
+    /// Red: kept in one channel.
+    Red,
+    /// Red and green: kept in two channels.
+    Rg,
+    /// Numbers that are not bounded.
+    Float(Channels, Width),
+    /// Depth; what the environment reads is chosen by the texture.
+    Depth,
+}
+
+/// Channels of floating-point texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channels {
+    /// As [`Base::Alpha`].
+    Alpha,
+    /// As [`Base::Luminance`].
+    Luminance,
+    /// As [`Base::LuminanceAlpha`].
+    LuminanceAlpha,
+    /// As [`Base::Intensity`].
+    Intensity,
+    /// As [`Base::Red`].
+    Red,
+    /// As [`Base::Rg`].
+    Rg,
+    /// As [`Base::Rgb`].
+    Rgb,
+    /// As [`Base::Rgba`].
+    Rgba,
+}
+
+/// Bits of floating-point channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Width {
+    /// 16.
+    Half,
+    /// 32.
+    Single,
+}
+
+impl Base {
+    /// The base format of the same channels with eight bits each.
+    #[inline]
+    pub fn plain(self) -> Base {
+        match self {
+            Base::Float(channels, _) => match channels {
+                Channels::Alpha => Base::Alpha,
+                Channels::Luminance => Base::Luminance,
+                Channels::LuminanceAlpha => Base::LuminanceAlpha,
+                Channels::Intensity => Base::Intensity,
+                Channels::Red => Base::Red,
+                Channels::Rg => Base::Rg,
+                Channels::Rgb => Base::Rgb,
+                Channels::Rgba => Base::Rgba,
+            },
+            other => other,
+        }
+    }
+
+    /// Whether values outside of [0, 1] are kept.
+    #[inline]
+    pub fn is_float(self) -> bool {
+        matches!(self, Base::Float(..))
+    }
+
+    /// WGSL of what the environment reads, from a kept texel `t`.
+    pub fn swizzle(self) -> &'static str {
+        match self.plain() {
+            Base::Alpha => "vec4f(0, 0, 0, t.r)",
+            Base::Red => "vec4f(t.r, 0, 0, 1)",
+            Base::Rg => "vec4f(t.rg, 0, 1)",
+            Base::Luminance => "vec4f(t.r, t.r, t.r, 1)",
+            Base::LuminanceAlpha => "t.rrrg",
+            Base::Intensity => "t.rrrr",
+            Base::Rgb | Base::Srgb => "vec4f(t.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "t",
+        }
+    }
+
+    /// WGSL of what is kept, from a colour `c`.
+    pub fn unswizzle(self) -> &'static str {
+        match self.plain() {
+            Base::Alpha => "c.aaaa",
+            Base::Luminance | Base::Intensity | Base::Red => "c.rrrr",
+            Base::Rg => "c.rgba",
+            Base::LuminanceAlpha => "c.raaa",
+            Base::Rgb | Base::Srgb => "vec4f(c.rgb, 1)",
+            Base::Rgba | Base::SrgbAlpha | Base::Depth | Base::Float(..) => "c",
+        }
+    }
+}
+
+/// How depths of a texture are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DepthRead {
+    /// It has colours.
+    #[default]
+    No,
+    /// As they are.
+    Plain,
+    /// Compared with the third coordinate.
+    Compared,
 }
 
 /// A texture environment.
@@ -227,6 +350,7 @@ pub struct Colors {
 }
 
 impl Default for Colors {
+    #[inline]
     fn default() -> Self {
         Colors { count: 1, written: 1, alike: true, float: false }
     }
@@ -234,6 +358,7 @@ impl Default for Colors {
 
 impl ShaderKey {
     /// Whether the position in eye space is needed.
+    #[inline]
     pub fn eye(&self) -> bool {
         let made = self
             .units
@@ -247,6 +372,7 @@ impl ShaderKey {
     }
 
     /// Whether the normal in eye space is needed.
+    #[inline]
     pub fn normal(&self) -> bool {
         let made = |unit: &UnitKey| {
             unit.made.iter().flatten().any(|made| matches!(made, Made::Sphere | Made::Reflection | Made::Normal))
@@ -258,6 +384,7 @@ impl ShaderKey {
     }
 
     /// Whether the vertex's primary colour is needed.
+    #[inline]
     pub fn color(&self) -> bool {
         if self.vertex.is_some() {
             return self.reads(input::COLOR);
@@ -266,21 +393,25 @@ impl ShaderKey {
     }
 
     /// Whether a vertex program reads an input.
+    #[inline]
     pub fn reads(&self, bit: u32) -> bool {
         self.vertex.is_some_and(|vertex| vertex.inputs & 1 << bit != 0)
     }
 
     /// Whether the vertex's secondary colour is needed.
+    #[inline]
     pub fn vertex_secondary(&self) -> bool {
         if self.vertex.is_some() { self.reads(input::SECONDARY) } else { self.color_sum }
     }
 
     /// Whether the vertex's fog coordinate is needed.
+    #[inline]
     pub fn vertex_fog(&self) -> bool {
         if self.vertex.is_some() { self.reads(input::FOG) } else { self.fogged() && self.fog_coordinate }
     }
 
     /// Whether the vertex's texture coordinates of a unit are needed.
+    #[inline]
     pub fn vertex_texture(&self, k: usize) -> bool {
         let generated = |unit: &UnitKey| unit.sprite || unit.made.iter().all(Option::is_some);
         match self.vertex {
@@ -290,16 +421,19 @@ impl ShaderKey {
     }
 
     /// Whether the fragment stage has a fog coordinate.
+    #[inline]
     pub fn fogged(&self) -> bool {
         self.fog.is_some() || self.fragment.is_some_and(|fragment| fragment.inputs & 1 << input::FOG != 0)
     }
 
     /// Whether back faces have a colour of their own.
+    #[inline]
     pub fn two_side(&self) -> bool {
         self.lighting.as_ref().is_some_and(|lighting| lighting.two_side) || self.vertex.is_some_and(|vertex| vertex.two_side)
     }
 
     /// Whether a second colour is added after texturing.
+    #[inline]
     pub fn secondary(&self) -> bool {
         if let (Some(fragment), Some(_)) = (self.fragment, self.vertex) {
             return fragment.inputs & 1 << input::SECONDARY != 0;

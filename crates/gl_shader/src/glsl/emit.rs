@@ -12,8 +12,8 @@ use super::builtins::Role;
 use super::rewrite::{FLIP, Global, Source, Storage};
 use super::sampler::{Read, Sampler};
 use super::{Outcome, Wrong};
-use crate::gl::arb::Stage;
-use crate::gl::arb::program::Param;
+use crate::arb::program::Param;
+use crate::arb::program::Stage;
 
 /// Lines of the text for naga before the first of the source.
 const LINES_BEFORE: u32 = 2;
@@ -102,6 +102,7 @@ pub struct Translated {
 
 impl Translated {
     /// Uniforms and samplers whose declarations state a location.
+    #[inline]
     pub fn located(&self) -> impl Iterator<Item = (&str, u32)> {
         let uniforms = self.uniforms.iter().map(|uniform| (uniform.name.as_str(), uniform.location));
         let samplers = self.samplers.iter().map(|sampler| (sampler.name.as_str(), sampler.location));

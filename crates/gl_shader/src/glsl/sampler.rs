@@ -5,7 +5,7 @@
 pub struct Sampler {
     /// Its name.
     pub name: String,
-    /// The target that it reads: an index of `state::TARGETS`.
+    /// The target that it reads: an index of [`TARGETS`](crate::TARGETS).
     pub target: usize,
     /// Components of its coordinates without that of a comparison.
     pub dimensions: usize,

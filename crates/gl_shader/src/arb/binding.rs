@@ -3,7 +3,7 @@
 use super::lex::Wrong;
 use super::parse::Parser;
 use super::program::*;
-use crate::gl::state::{LIGHTS, PLANES, UNITS};
+use crate::{LIGHTS, PLANES, UNITS};
 
 type Outcome<T = ()> = Result<T, Wrong>;
 

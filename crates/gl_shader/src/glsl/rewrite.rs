@@ -7,7 +7,7 @@ use super::builtins::{self, Builtin};
 use super::sampler::{Read, Sampler, read_of, sampler, stubs};
 use super::tokens::{self, Dialect, Token, closing, parts};
 use super::{Outcome, Wrong};
-use crate::gl::arb::Stage;
+use crate::arb::program::Stage;
 
 /// Where a variable at global scope comes from or goes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::lex::{Place, Word, Wrong, words};
 use super::program::*;
-use crate::gl::consts as e;
-use crate::gl::state::{TARGETS, UNITS};
+use crate::consts as e;
+use crate::{TARGETS, UNITS};
 
 /// Instructions, temporaries and parameters of a program at most.
 const MOST: usize = 1 << 14;

@@ -1,7 +1,7 @@
 //! What a program of ARB_vertex_program or ARB_fragment_program is after it has been read.
 
-use crate::gl::glsl::stage::Code;
-use crate::gl::state::UNITS;
+use crate::UNITS;
+use crate::glsl::stage::Code;
 
 /// Environment and local parameters of a program at most.
 pub const PARAMETERS: u32 = 256;
@@ -218,7 +218,7 @@ pub struct Program {
     pub inputs: u32,
     /// Results that are written.
     pub outputs: Vec<Output>,
-    /// Target of each unit that is sampled: an index of `state::TARGETS`.
+    /// Target of each unit that is sampled: an index of [`TARGETS`](crate::TARGETS).
     pub targets: [Option<usize>; UNITS],
     /// Units that are read with a bias.
     pub biased: u8,

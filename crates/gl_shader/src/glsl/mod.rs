@@ -1,0 +1,92 @@
+//! Programs in GLSL.
+//!
+//! The way of a shader: [`tokens`] (preprocessor), [`rewrite`] (dialect of version 4.50, names of OpenGL as plain variables), naga's front
+//! end and its WGSL ([`emit`]), uniforms in the place of variables ([`access`]), and the stage in the machine's module ([`stage`]), where
+//! fixed functions do what programs leave.
+
+mod access;
+mod builtins;
+mod emit;
+mod rewrite;
+mod sampler;
+pub mod stage;
+mod tokens;
+
+use std::rc::Rc;
+
+use host::with_room_for;
+use num::Limits;
+
+use crate::arb::program::Stage;
+pub use access::Layout;
+pub use emit::Translated;
+use emit::translate;
+
+/// Tokens of a shader at most.
+const TOKENS_MAX: usize = 1 << 18;
+
+/// What is wrong with a shader.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Wrong {
+    /// The line of its source; 0 if that is not known.
+    pub line: u32,
+    /// What.
+    pub reason: String,
+}
+
+impl Wrong {
+    fn at(line: u32, reason: impl Into<String>) -> Wrong {
+        Wrong { line, reason: reason.into() }
+    }
+}
+
+type Outcome<T = ()> = Result<T, Wrong>;
+
+/// Sources of both stages.
+pub type Sources = [Vec<Rc<str>>; 2];
+
+/// Both stages of a program after they have been translated.
+pub struct Linked {
+    /// Its number among all different programs.
+    pub number: u32,
+    /// Vertex and fragment stage, where there is one.
+    pub stages: [Option<Translated>; 2],
+}
+
+impl Linked {
+    /// The stages that it has.
+    #[inline]
+    pub fn stages(&self) -> [Option<&Translated>; 2] {
+        self.stages.each_ref().map(Option::as_ref)
+    }
+}
+
+/// Translates both stages of a program.
+///
+/// # Errors
+/// If a shader is wrong or is not supported: its stage, the line of its source, and the reason.
+pub fn link(number: u32, sources: &Sources, limits: &Limits) -> Result<Rc<Linked>, String> {
+    let mut stages = [None, None];
+    for (k, (stage, texts)) in [Stage::Vertex, Stage::Fragment].into_iter().zip(sources).enumerate() {
+        if texts.is_empty() {
+            continue;
+        }
+        let array = ["u.vertex_params", "u.fragment_params"][k];
+        let translated = (|| {
+            let tokens = texts.iter().map(|text| tokens::preprocess(text)).collect::<Outcome<Vec<_>>>()?;
+            for (_, tokens) in &tokens {
+                let levels = tokens::nesting(tokens);
+                limits.shader_nesting.check(levels).map_err(|error| Wrong::at(0, error.to_string()))?;
+                limits.shader_constants.check(tokens::reach(tokens)).map_err(|error| Wrong::at(0, error.to_string()))?;
+            }
+            let run = || translate(stage, &rewrite::rewrite(stage, tokens)?, array);
+            with_room_for(limits.shader_nesting.get(), run).unwrap_or_else(|reason| Err(Wrong::at(0, reason)))
+        })();
+        let name = ["vertex", "fragment"][k];
+        stages[k] = Some(translated.map_err(|wrong| match wrong.line {
+            0 => format!("{name} shader: {}", wrong.reason),
+            line => format!("{name} shader, line {line}: {}", wrong.reason),
+        })?);
+    }
+    Ok(Rc::new(Linked { number, stages }))
+}
