@@ -249,6 +249,13 @@ fn what_would_be_ignored_is_told() {
     assert!(message.contains("--each-bank") && message.contains("a configuration"), "{message}");
     let message = refused(&["replay", "traces/triangle", "--samples", "4"]);
     assert!(message.contains("--samples") && message.contains("--fidelity sampled"), "{message}");
+    for option in ["--lenient", "--keep-draws"] {
+        let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", option]);
+        assert!(
+            code == 0 && message.contains(&format!("{option} has no effect: traces/triangle is a native trace")),
+            "{message}"
+        );
+    }
     for (change, told) in [("depth.early=false", "hierarchical Z"), ("bin.hide=true", "sort-middle-binned")] {
         let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", "--set", change]);
         assert!(code == 0 && message.contains(told), "{change}: {message}");
