@@ -5,8 +5,8 @@ use std::path::Path;
 
 use anyhow::{Result, anyhow};
 
-use crate::import;
 use crate::import::gl::Report;
+use crate::import::{self, Kind};
 use crate::num::Limits;
 use crate::trace::{self, Trace};
 
@@ -38,17 +38,19 @@ impl Reading {
 
     /// Opens a trace of any kind. What is left out of a recorded program is said.
     pub fn open(&self, path: &Path) -> Result<Trace> {
-        self.supported(path, import::open_reported(path, &self.reading()?)?)
+        self.supported(path, self.open_reported(path)?)
     }
 
     /// As [`Reading::open`]; of a recorded program only these frames, and what they need. What is left out of a long one is known at its end:
     /// see [`Reading::say_left_out`].
     pub fn open_frames(&self, path: &Path, frames: Range<u64>) -> Result<Trace> {
+        self.warn_ignored(path);
         self.supported(path, import::open_frames(path, &self.reading()?, frames)?)
     }
 
     /// As [`Reading::open`], with all commands and payload in memory, as writing the trace needs.
     pub fn open_whole(&self, path: &Path) -> Result<Trace> {
+        self.warn_ignored(path);
         let reading = trace::Reading { in_memory: Some(u64::MAX), ..self.reading()? };
         self.supported(path, import::open_reported(path, &reading)?)
     }
@@ -72,7 +74,20 @@ impl Reading {
 
     /// Opens a trace of any kind, with what is known of a recorded program.
     pub fn open_reported(&self, path: &Path) -> Result<(Trace, Option<Report>)> {
+        self.warn_ignored(path);
         Ok(import::open_reported(path, &self.reading()?)?)
+    }
+
+    /// Warns of options that a trace of its kind ignores. They are not refused: where a command reads several traces, its options may be
+    /// meant for others of them.
+    fn warn_ignored(&self, path: &Path) {
+        let kind = import::detect(path).map(|found| found.kind);
+        let Some(kind @ (Kind::Native | Kind::Wgpu)) = kind else { return };
+        for (option, given) in [("--lenient", self.lenient), ("--keep-draws", self.keep_draws)] {
+            if given {
+                eprintln!("warning: {option} has no effect: {} is a {kind} trace, no recorded OpenGL program", path.display());
+            }
+        }
     }
 
     fn reading(&self) -> Result<trace::Reading> {

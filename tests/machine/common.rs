@@ -59,12 +59,12 @@ pub fn everything(report: &MachineReport) -> String {
     text
 }
 
-/// A dispatch of so many workgroups of 64 invocations, which load, meet at a barrier, and store.
+/// A dispatch of a number of workgroups of 64 invocations, which load, meet at a barrier, and store.
 pub fn dispatch(groups: u32) -> Vec<Event> {
     dispatch_of(groups, 64, 512, true)
 }
 
-/// [`dispatch`] of workgroups of so many invocations and bytes of workgroup memory, which meet at a barrier or not.
+/// [`dispatch`] of workgroups with these numbers of invocations and bytes of workgroup memory, with or without a barrier.
 pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bool) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
     let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations, shared_bytes };
@@ -382,7 +382,7 @@ fn memory_is_conserved(tree: &Tree, config: &Config) {
         assert_eq!(blocks("write_backs") == 0, f.at(&format!("memory.clients.{client}.{writes}")) == 0, "{client}");
     }
     if f.list("memory.l2").is_empty() {
-        // An ideal memory serves what it is asked for.
+        // An ideal memory serves all requests.
         assert_eq!(f.at("memory.dram.read_bytes"), all("read_bytes"));
         assert_eq!(f.at("memory.dram.write_bytes"), all("write_bytes"));
         return;

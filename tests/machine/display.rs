@@ -25,7 +25,7 @@ fn free(changes: &[&str]) -> Config {
     config("sort-middle", &[&ideal, changes].concat())
 }
 
-/// Frames that are copied from one place to another for so long as so many bytes take, and then shown: frame f is all bytes f.
+/// Frames that first copy a number of bytes from one place to another, and are then shown: all bytes of frame f are f.
 fn frames(count: u32, bytes: u64) -> Vec<Event> {
     let key = SurfaceKey { texture: 1, level: 0, layer: 0 };
     let surface = Surface { key, format: Format::Rgba8Unorm, width: 64, height: LINES as u32, samples: 1, address: 1 << 20 };

@@ -48,7 +48,7 @@ fn rendered(trace: &Trace, cull: Cull) -> Rendered {
     out
 }
 
-/// Renders with and without, and compares; what was left out of so many primitives that are out of view, by draws and by instances.
+/// Renders with and without culling and compares. Returns how many of the primitives out of view were left out, by draws and by instances.
 fn compared(name: &str, trace: &Trace) -> (u64, [Culling; 2]) {
     let plain = rendered(trace, Cull::None);
     assert_eq!(plain.culling, Culling::default(), "{name}");

@@ -238,7 +238,7 @@ fn some_frames_stand_for_all() {
     // The first is among those simulated.
     assert_eq!((some.frames.len(), some.frames[0].number), (5, 0));
     same_frames(&some, &whole);
-    // Counters that do not depend on time are told to a few per cent, too.
+    // Counters that do not depend on time are estimated to a few per cent, too.
     for path in ["funnel.quads_shaded", "memory.clients.texture.read_bytes", "units.setup[0].items"] {
         let n = |replay: &Replay| replay.total.number(path).expect(path);
         assert!((n(&some) / n(&whole) - 1.0).abs() < 0.1, "{path}: {} for {}", n(&some), n(&whole));

@@ -64,7 +64,7 @@ fn near(card: &str, what: &str, measured: f64, sheet: f64, share: f64) {
     assert!(off.abs() <= share, "{card}: {what} {measured:e} and not {sheet:e}");
 }
 
-/// Pixels, and texels with so many textures.
+/// Pixels, and texels with this number of textures.
 fn fill(card: &str, side: u32, textures: u32, [pixels, texels]: [f64; 2]) {
     let config = Config::built_in(card).unwrap();
     let layers = |count, textures| layers(side, count, textures);
@@ -74,7 +74,7 @@ fn fill(card: &str, side: u32, textures: u32, [pixels, texels]: [f64; 2]) {
     near(card, "texels", f64::from(textures) * textured, texels, 0.05);
 }
 
-/// A dispatch of so many workgroups of 64 invocations, each four of which load a line of their own, one after the other in memory.
+/// A dispatch of a number of workgroups of 64 invocations, each four of which load a line of their own, one after the other in memory.
 fn loads(groups: u32) -> Vec<Event> {
     let shape = ShaderShape { registers: 16, inputs: 0, outputs: 0 };
     let dispatch = Dispatch { number: 0, label: String::new(), shape, groups: groups.into(), invocations: 64, shared_bytes: 0 };

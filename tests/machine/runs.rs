@@ -21,7 +21,7 @@ fn card(changes: &[&str]) -> Config {
     config
 }
 
-/// Frames and totals on one machine, or in runs of so many frames.
+/// Frames and totals on one machine, or in runs of this number of frames.
 fn simulated(trace: &Trace, config: &Config, frames: u32, frames_per_run: Option<u32>) -> (Vec<Frame>, Simulated) {
     let (mut taken, mut out) = (Vec::new(), Simulated::default());
     let options = Options { frames: 0..frames, ..Options::new(config.clone(), Fidelity::Cycle) };

@@ -33,7 +33,7 @@ fn shortcuts_are_measured_against_the_exact_way() {
     // Programs without branches have nothing to be off by.
     let [(_, cube), (_, diverging)] = &found;
     assert_eq!(of(cube, "divergence").error(), 0.0);
-    // Two sides of a branch, of which one is counted.
+    // A branch with two sides: only one is counted.
     let worst = of(diverging, "divergence");
     assert!((-0.6..-0.2).contains(&worst.work_error()), "{}", worst.work_error());
     assert!(worst.error() < -0.1, "{}", worst.error());

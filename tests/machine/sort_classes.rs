@@ -332,7 +332,7 @@ fn early_tests_save_shading_and_traffic() {
             let number = |path: &str| report.total.number(path).unwrap_or(0.0) as u64;
             let each = |name: &str| (0..4).map(|n| number(&format!("early.early[{n}].{name}"))).sum::<u64>();
             let (asked, culled) = (each("asked"), each("culled"));
-            // All that is asked is answered, and what is not thrown away is shaded and sent.
+            // Every question has an answer, and all quads that are not discarded are shaded and sent.
             assert_eq!(asked, each("answered"), "{early}");
             assert_eq!(culled, number("funnel.quads_early_culled"), "{early}");
             assert_eq!(number("funnel.quads_rasterized") - culled, number("funnel.quads_shaded"), "{early}");

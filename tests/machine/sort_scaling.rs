@@ -64,7 +64,7 @@ fn in_tile(tile: u32, legs: f32) -> [[f32; 2]; 3] {
     [[x, 0.0], [x + legs, 0.0], [x, legs]]
 }
 
-/// A row of so many tiles, of which every pipeline owns as many if their number divides them, with these triangles.
+/// A row of tiles with these triangles. Every pipeline owns the same number of tiles if the number of pipelines divides that of tiles.
 fn row(tiles: u32, shapes: Vec<[[f32; 2]; 3]>, instructions: u32) -> Scene {
     Scene {
         width: TILE * tiles,

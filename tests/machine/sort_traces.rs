@@ -22,7 +22,7 @@ const MACHINES: [(&str, &[&str]); 6] = [
     ("sort-last-image", &["pipelines=3"]),
 ];
 
-/// Scenes of `traces/` of which sort-last-image names passes: they blend, or draw over each other without depth.
+/// Scenes of `traces/` with passes that sort-last-image names: they blend, or draw over each other without depth.
 const SCENES_NEEDING_ORDER: &[&str] = &["panel", "particles", "sprites"];
 
 /// Quads from which on a trace is drawn by one machine of each class only, since more take long.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fillrate::accuracy::attila::{cases, geometric_mean, machine};
 
-/// What does not hold yet, by counter, and for which recordings. `docs/data/attila.md` says why.
+/// Counters that do not agree yet, and for which recordings. `docs/data/attila.md` says why.
 const MISSES: &[(&str, &[&str])] = &[("upload bytes", &["micropolygon", "triangle"]), ("vertex bytes", &["micropolygon"])];
 
 #[test]

@@ -11,14 +11,14 @@ fn fillrate() -> Command {
     command
 }
 
-/// Runs and answers exit code, standard output, standard error.
+/// Runs the program. Returns its exit code, standard output and standard error.
 pub fn run(arguments: &[&str]) -> (i32, String, String) {
     let output = fillrate().args(arguments).output().expect("the program starts");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
     (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
 }
 
-/// Runs bad input: exit code 2, one `error:`, no panic; answers the message.
+/// Runs with bad input. The exit code must be 2, with one `error:` and no panic. Returns the message.
 pub fn refused(arguments: &[&str]) -> String {
     let (code, _, message) = run(arguments);
     assert_eq!(code, 2, "{arguments:?}: {message}");
@@ -142,14 +142,14 @@ fn frames_have_the_numbers_of_the_trace() {
     assert_eq!(code, 0, "{message}");
     assert_eq!([1, 2, 3].map(|n: u32| one.path().join(format!("frame-{n:04}.png")).exists()), [false, true, false]);
     assert!(one.path().join("frame-mine.png").exists());
-    // A replay that finds no frame leaves what is there.
+    // A replay that finds no frame does not change the folder.
     let missing = ["replay", "traces/particles", "--fidelity", "functional", "--frames", "7..9", "--out", &folder];
     assert!(refused(&missing).contains("no frame in 7..9; it has 4"));
     let mut names: Vec<_> =
         fs::read_dir(one.path()).expect("a folder").map(|entry| entry.expect("an entry").file_name()).collect();
     names.sort();
     assert_eq!(names, ["config.ron", "frame-0002.png", "frame-mine.png", "stats.csv", "stats.json"]);
-    // One that finds fewer than it was asked for says so.
+    // One that finds fewer frames than requested says so.
     let (code, _, message) = run(&["replay", "traces/particles", "--fidelity", "functional", "--frames", "2..9"]);
     assert!(code == 0 && message.contains("warning: the trace ends with frame 3: --frames 2..9 asks for more"), "{message}");
 }
@@ -158,7 +158,7 @@ fn frames_have_the_numbers_of_the_trace() {
 fn a_run_names_the_knobs_that_differ_from_its_configuration() {
     let out = tempfile::tempdir().expect("a folder");
     let folder = out.path().display().to_string();
-    // With --config they differ from that configuration, without from the baseline; a knob that is set to its own value does not differ.
+    // Differences are those from the configuration of --config, or from the baseline without it. A knob set to its old value does not differ.
     for (config, name, warps) in [(&["--config", "tiny"][..], "tiny", 8), (&[], "baseline", 64)] {
         let set = ["--set", "core.warps=3", "--set", "sort=sort-middle", "--set", "memory.kind=ideal", "--out", &folder];
         let (code, report, message) = run(&[&["replay", "traces/triangle"], config, &set].concat());
@@ -212,7 +212,7 @@ fn images_none_leaves_statistics_only() {
     let (none, same) = files(&["--images", "none"]);
     assert_eq!(none, ["config.ron", "passes.csv", "stats.csv", "stats.json"]);
     assert!(same == statistics, "--images none changes the statistics");
-    // Without --out there is nothing that it could change.
+    // Without --out the option has nothing to change.
     let (code, _, message) = run(&["replay", "traces/triangle", "--images", "none"]);
     assert!(code == 2 && message.contains("--out"), "{message}");
     let (code, _, message) = run(&["replay", "traces/triangle", "--images", "some", "--out", &folder]);
@@ -249,6 +249,13 @@ fn what_would_be_ignored_is_told() {
     assert!(message.contains("--each-bank") && message.contains("a configuration"), "{message}");
     let message = refused(&["replay", "traces/triangle", "--samples", "4"]);
     assert!(message.contains("--samples") && message.contains("--fidelity sampled"), "{message}");
+    for option in ["--lenient", "--keep-draws"] {
+        let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", option]);
+        assert!(
+            code == 0 && message.contains(&format!("{option} has no effect: traces/triangle is a native trace")),
+            "{message}"
+        );
+    }
     for (change, told) in [("depth.early=false", "hierarchical Z"), ("bin.hide=true", "sort-middle-binned")] {
         let (code, _, message) = run(&["replay", "traces/triangle", "--fidelity", "functional", "--set", change]);
         assert!(code == 0 && message.contains(told), "{change}: {message}");
@@ -303,13 +310,13 @@ fn a_machine_is_drawn_from_itself() {
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"), "{svg}");
         assert!(svg.contains(&format!(">{class}, 4 pipelines<")) && svg.contains("traverse x4"), "{svg}");
         assert_eq!(run(&["configs", class, "--draw=svg"]).1, svg, "the same again");
-        // What only this class has.
+        // Parts that only this class has.
         let own = ["route x4", "distribute x2", "tile_fetch x4", "order x4", "compose x4"];
         let place = classes.iter().position(|c| *c == class);
         assert!(svg.contains(own[place.expect("a class")]) && dot.contains(own[place.expect("a class")]));
         assert!(!svg.contains("router"));
     }
-    // It is the machine that is drawn, knobs and all.
+    // The drawing is made from the machine, and follows its knobs.
     let (_, svg, _) =
         run(&["configs", "sort-first", "--set", "network.topology=ring", "--set", "pipelines=3", "--draw", "svg"]);
     assert!(svg.contains("router x3") && svg.contains("route x3"), "{svg}");
@@ -343,7 +350,7 @@ fn a_replay_tells_what_sorting_cost() {
         }
         assert!(lines.iter().any(|line| line.contains(" from ") && line.contains("sorted[")), "the hot spot: {lines:#?}");
     }
-    // One pipeline: whatever is sent stays in it.
+    // With one pipeline all that is sent stays in it.
     let lines = sections(&["--set", "pipelines=1", "--set", "geometry_units=1"]);
     assert_eq!(lines[0], "sort-middle, 1 pipeline");
     assert!(lines.contains(&"to another pipeline 0 0.0 %; 0 B".to_owned()), "{lines:#?}");

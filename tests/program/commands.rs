@@ -55,7 +55,7 @@ impl When {
     }
 }
 
-/// What one page is made of.
+/// A part of a page.
 enum Piece {
     /// Lines that are kept.
     Text(String),
@@ -66,7 +66,7 @@ enum Piece {
 /// The line that ends Markdown that a command prints.
 const END: &str = "<!-- end -->";
 
-/// What begins the line with the host and the date, which follows what a host prints.
+/// The beginning of the line with the host and the date. It follows the output of a command that depends on the host.
 const MEASURED: &str = "Measured on ";
 
 fn pieces(page: &str) -> Vec<Piece> {

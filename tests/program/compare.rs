@@ -155,7 +155,7 @@ fn folders_are_compared_file_by_file() {
     assert!(text.contains("frame-0001.png is in") && text.contains("stats.json is in"), "{text}");
     assert!(text.ends_with("0 statistics differ\n0 of 1 images differ\n"), "{text}");
 
-    // Difference images of those that differ.
+    // There are difference images of the images that differ.
     let (x, y, out) = (dir.path("x"), dir.path("y"), dir.path("differences"));
     for (folder, red) in [(&x, 0), (&y, 200)] {
         fs::create_dir(folder).expect("made");

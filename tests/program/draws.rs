@@ -1,4 +1,4 @@
-//! Passes and draws in what a replay leaves.
+//! Passes and draws in the files of a replay.
 
 use std::fs;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! The floors of `docs/architecture.md` that no package keeps: modules of the program import only those below, and what is
-//! computed stays apart from when.
+//! The rules of `docs/architecture.md` that packages do not enforce: modules of the program import only modules below them, and code that
+//! computes pictures knows no cycles.
 
 use std::fs;
 use std::path::{Path, PathBuf};

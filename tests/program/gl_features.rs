@@ -1,4 +1,4 @@
-//! What OpenGL does beside triangles, each in a recording of some calls whose pixels are known by arithmetic.
+//! Features of OpenGL other than triangles, each in a recording of a few calls whose pixels follow from arithmetic.
 
 use std::path::Path;
 
@@ -415,7 +415,7 @@ fn depths_of_a_texture_are_compared_with_the_third_coordinate() {
         let image = shown(&calls.replace("glEnable(GL_TEXTURE_2D)", &program), &[]);
         assert_eq!([image.at(2, 5), image.at(13, 5)], [BLACK, [255; 3]], "{program}");
     }
-    // As they are: half and one.
+    // The values as they are stored: half and one.
     let plain = calls.replace("GL_COMPARE_R_TO_TEXTURE", "GL_NONE");
     let image = shown(&plain, &[]);
     assert!(near(image.at(2, 5), [128; 3]) && image.at(13, 5) == [255; 3], "{:?}", image.at(2, 5));

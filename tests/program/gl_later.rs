@@ -1,4 +1,4 @@
-//! What came after OpenGL 1.5 and programs of any age use: several colour buffers, floating-point images, swizzles, instances.
+//! Features later than OpenGL 1.5 that old and new programs use: several colour buffers, floating-point images, swizzles, instances.
 
 use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
 

@@ -1,4 +1,4 @@
-//! Display lists: what they keep of the time when they are made, and what stays on the card.
+//! Display lists: which state they keep from the time when they are made, and which buffers stay on the card.
 
 use fillrate::trace::TraceError;
 use fillrate::trace::command::{Command, Object};

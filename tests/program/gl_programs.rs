@@ -193,7 +193,7 @@ fn programs_meet_fixed_functions_and_textures() {
     let fogged = "!!ARBfp1.0\nOPTION ARB_fog_linear;\nMOV result.color, {0.2, 0.4, 2.0};\nEND";
     recording.add("glFogCoordf(2)\nglFogi(GL_FOG_COORD_SRC,GL_FOG_COORD)");
     frame(&mut recording, "FRAGMENT", fogged, "");
-    // 4: what is killed leaves the frame before, and an incomplete texture is black.
+    // 4: fragments that are killed show the frame before, and an incomplete texture is black.
     frame(&mut recording, "FRAGMENT", "!!ARBfp1.0\nKIL -fragment.texcoord[0];\nMOV result.color, 1.0;\nEND", "");
     frame(&mut recording, "FRAGMENT", "!!ARBfp1.0\nTEX result.color, fragment.texcoord[0], texture[3], CUBE;\nEND", "");
     // 6: position_invariant, with a light of fixed functions that has no effect.

@@ -1,4 +1,4 @@
-//! What OpenGL 1.5 has in its corners: copies of depths and stencil values, borders, flat outlines, stencils with two sides, and the like.
+//! Rarely used features of OpenGL 1.5: copies of depths and stencil values, borders, flat outlines, stencils with two sides, and others.
 
 use super::gl_features::{BLACK, BLUE, GREEN, QUAD, RED, near, shown};
 
@@ -14,7 +14,7 @@ fn a_material_keeps_the_colour_that_tracked_it() {
     assert_eq!(of(&format!("{tracked}glColor3f(0,1,0)")), GREEN);
     // Another term is tracked from now on: the ambient one stays.
     assert_eq!(of(&format!("{tracked}glColorMaterial(GL_FRONT_AND_BACK,GL_SPECULAR)\nglColor3f(0,0,1)")), RED);
-    // What is restored is what was tracked when it was saved.
+    // The term that was tracked at the time of saving is restored.
     assert_eq!(
         of(&format!("{tracked}glPushAttrib(GL_LIGHTING_BIT)\nglColor3f(0,1,0)\nglPopAttrib()\nglDisable(GL_COLOR_MATERIAL)")),
         GREEN,

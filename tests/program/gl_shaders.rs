@@ -73,7 +73,7 @@ fn statements_compute_what_the_language_says() {
         frame(&mut recording, 2 * k + 1, PASS, &fragment, "");
     }
     near(&recording, &cases);
-    // The same in the vertex shader, but for what only fragments know.
+    // The same in the vertex shader, without what only fragment shaders can read.
     let mut recording = Recording::new();
     let cases: Vec<_> = cases.into_iter().filter(|(text, _)| !text.contains("gl_F")).collect();
     for (k, (statement, _)) in cases.iter().enumerate() {
@@ -324,7 +324,7 @@ fn what_is_not_supported_is_named_with_its_line() {
     frame(&mut recording, 1, clip, "", "");
     let refused = recording.import().expect("a recording").1.refusal().unwrap_or_default();
     assert!(refused.contains("clip planes with a vertex shader without gl_ClipVertex"), "{refused}");
-    // Uniforms at a location that nobody has asked for.
+    // Uniforms at a location that the program never queried.
     let mut recording = Recording::new();
     frame(&mut recording, 1, PASS, "uniform float x; void main() { gl_FragColor = vec4(x); }", "glUniform1f(5,1)");
     let refused = recording.import().expect("a recording").1.refusal().unwrap_or_default();
@@ -348,7 +348,7 @@ fn clip_planes_cut_at_the_clip_vertex() {
 
 #[test]
 fn a_location_is_no_neighbour_of_a_uniform_that_is_no_array() {
-    // An explicit location behind one that was asked for, and a location behind a sampler.
+    // An explicit location after one that was queried, and a location after a sampler.
     let fragment = "#version 430\nlayout(location = 6) uniform float b; uniform float a; uniform sampler2D t; out vec4 c;\n\
                     void main() { c = vec4(a, b, 0.0, 1.0) + texture(t, vec2(0.0)) * 0.0; }";
     let asked = "glGetUniformLocation(@,\"a\")=5\nglUniform1f(5,0.5)\nglUniform1f(6,0.25)";

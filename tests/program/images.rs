@@ -14,7 +14,7 @@ use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
 use fillrate::work::Funnel;
 use image::RgbaImage;
 
-/// What an image may differ from its reference: pixels with a channel off by more than 2, and the least PSNR in dB.
+/// How much an image may differ from its reference: pixels with a channel off by more than 2, and the least PSNR in dB.
 type Limit = (u64, f64);
 
 /// The page with the table.
@@ -39,8 +39,8 @@ fn bless(name: &str, d: &Difference) {
     std::fs::write(here(PAGE), page.lines().map(row).collect::<String>()).expect("the page can be written");
 }
 
-/// The limits by image, from the table of `docs/data/images.md`, which says for each what remains and why. Some room is left, so that a
-/// change of arithmetic that is nothing but rounding does not fail here.
+/// The limits by image, from the table of `docs/data/images.md`, which explains the differences that remain. The limits are a little larger
+/// than the differences, so that a change of rounding alone does not fail here.
 fn limits() -> Vec<(String, Limit)> {
     let _held = PAGE_IN_USE.lock().unwrap_or_else(PoisonError::into_inner);
     let page = std::fs::read_to_string(here(PAGE)).expect("the page");
@@ -82,8 +82,8 @@ fn stem(path: &Path) -> String {
 
 /// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for
 /// `tests/machine/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/same_tiles.rs`,
-/// which compares those of machines with the renderer's; the town, for many small draws of which most are out of view, and the
-/// viewer, for what is bound and not read, show nothing that other scenes do not.
+/// which compares those of machines with the renderer's; the town (many small draws, most of them out of view) and the viewer (resources
+/// that are bound and not read) show nothing that other scenes do not.
 fn scenes() -> Vec<Case> {
     let references = entries(&here("tests/references"));
     entries(&here("traces"))
@@ -153,7 +153,7 @@ fn image_of(case: &Case, frame: &Frame) -> RgbaImage {
     picture(surface, bytes).unwrap_or_else(|error| panic!("{}: {error}", case.name))
 }
 
-/// Compares the frames of a replay with the references; what is beyond the limits.
+/// Compares the frames of a replay with the references. Returns those beyond the limits.
 fn differences(case: &Case, replay: &Replay, limits: &[(String, Limit)]) -> Vec<String> {
     let mut failures = Vec::new();
     // A trace that shows several frames but has one reference is compared at its last.
@@ -203,10 +203,10 @@ fn compare_all(cases: &[Case]) {
     assert!(failures.is_empty(), "images beyond their limits:\n{}", failures.join("\n"));
 }
 
-/// Shaded fragments from which on a trace is drawn by one machine only, since more take long.
+/// From this number of shaded fragments on, a trace is drawn by one machine only, since more machines take long.
 const LARGE: f64 = 200_000.0;
 
-/// Counters that depend on the machine: how long it keeps shaded vertices, and what it finds hidden ahead of tests.
+/// Counters that depend on the machine: how long it keeps shaded vertices, and which fragments it finds hidden before tests.
 const OF_MACHINES: [&str; 2] = ["vertices_shaded", "tiles_hiz_culled"];
 
 /// The card's own image is the renderer's on every machine, and so are its counters.

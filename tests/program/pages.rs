@@ -1,4 +1,4 @@
-//! Generated pages and drawings are up to date, and explain every statistic that a replay leaves.
+//! Generated pages and drawings are up to date, and explain every statistic of a replay.
 
 use std::fs;
 use std::path::Path;
@@ -77,7 +77,7 @@ fn every_statistic_of_a_replay_is_explained() {
     assert_eq!(glossary.find("units.setup.busy").map(|of| of.unit), Some("cycles"));
 }
 
-/// What the terminal states of estimates is what the page of errors has, on the baseline: single frames, and sequences.
+/// The errors of estimates that the terminal states are those of the page of errors, on the baseline: for single frames and for sequences.
 #[test]
 fn stated_errors_of_estimates_are_those_of_the_page() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/data/fidelity.md");

@@ -1,5 +1,4 @@
-//! Pages of replays and sweeps: their numbers are those of the files, what is written in a trace stays text, and bad input is
-//! told.
+//! Pages of replays and sweeps: their numbers are those of the files, text of a trace stays text, and bad input is reported.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -65,7 +64,7 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
         let own = embedded(&page, "statistics");
         assert_eq!(own["frames"][0], statistics["frames"][0], "{name}");
         assert_eq!(own["total"], statistics["total"], "{name}");
-        // What is drawn over time adds up to the accounts.
+        // The charts over time add up to the accounts.
         let units = embedded(&page, "estimates")["timeline"]["units"].as_array().expect("a timeline").clone();
         assert!(units.len() > 10, "{name}");
         for unit in units {
@@ -264,7 +263,7 @@ fn maps_add_up_to_the_funnel() {
         assert_eq!(shaded + sum(Kind::Waste), maps.funnel.fragments_shaded + maps.funnel.helper_fragments, "{name}");
         assert_eq!(maps.surfaces.iter().map(|surface| surface.passes.len()).sum::<usize>(), passes, "{name}");
         assert!(estimate.phases.iter().any(|phase| phase.cycles > 0.0));
-        // What the machine has noted, a block each, is what it counts.
+        // The machine's values by block add up to its counters.
         let home = replayed(&format!("traces/{name}"), &["--frames", "0"]);
         let json = json_of(&home.path().join("stats.json"));
         let counted = |path: &str| number(&json["total"], path).unwrap_or(0.0) as u64;
@@ -282,7 +281,7 @@ fn maps_add_up_to_the_funnel() {
         };
         let total = |kind: Kind| noted(kind).iter().sum::<u64>();
         assert_eq!(total(Kind::HierarchicalZ) + total(Kind::EarlyZ), counted("funnel.quads_early_culled"), "{name}");
-        // What vertex shaders miss belongs to no block.
+        // Misses of vertex shaders belong to no block.
         let (noted_misses, all) = (total(Kind::Misses), counted("caches.texture[*].misses"));
         assert!(
             noted_misses <= all && (name == "particles" || all - noted_misses <= all / 100),
@@ -365,7 +364,7 @@ fn browser() -> Option<PathBuf> {
     named.or(found)
 }
 
-/// What is done in a page: errors are counted, a table is sorted twice, a map is pointed at, a filter is set. What came of it stands in an element.
+/// A script for a page: it counts errors, sorts a table twice, points at a map and sets a filter. It writes the results into an element.
 const ACTS: &str = r##"<script>
 addEventListener("load", async () => {
   const out = { errors: window.errors, wide: document.documentElement.scrollWidth - document.documentElement.clientWidth };
@@ -403,7 +402,7 @@ addEventListener("load", async () => {
 });
 </script>"##;
 
-/// Opens a page, acts in it, and answers what came of it.
+/// Opens a page, runs the script in it, and returns its results.
 fn acted(browser: &Path, page: &Path, width: u32) -> Value {
     let text = fs::read_to_string(page).expect("a page");
     let watched = text.replacen(

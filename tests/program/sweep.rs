@@ -136,7 +136,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     assert_eq!(sweep(&whole, &["--threads", "1"]).0, 0);
     let wanted = files(&whole);
 
-    // Killed in the middle of a line, with results in the order in which they came.
+    // Killed in the middle of a line; results stand in the order in which they were found.
     let part = home.path().join("part");
     fs::create_dir(&part).expect("a folder");
     let journal = "shard-1-of-1.jsonl";
@@ -183,7 +183,7 @@ fn a_screen_simulates_the_fastest() {
     let screen = table(home.path(), "screen.csv");
     let simulated = screen.iter().filter(|row| row["simulated"] == "true" && row["error"].is_empty()).count();
     assert_eq!((screen.len(), simulated), (6, 2));
-    // What has no estimate is not dropped in silence.
+    // A machine without an estimate is not dropped silently.
     assert_eq!(table(home.path(), "machines.csv").len(), 5);
 }
 
@@ -289,7 +289,7 @@ fn every_experiment_of_the_repository_has_a_question_and_machines() {
     assert_eq!(found, 8);
 }
 
-/// `tests/slurm.sh`: a job array of a real Slurm. It starts services, so it runs only where it is asked for.
+/// `tests/slurm.sh`: a job array of a real Slurm. It starts services, so it runs only on request.
 #[test]
 fn a_job_array_leaves_what_one_process_leaves() {
     if std::env::var_os("FILLRATE_SLURM").is_none() {

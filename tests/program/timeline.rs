@@ -81,7 +81,7 @@ fn a_timeline_is_the_same_under_every_clock_and_changes_nothing() {
     }
 }
 
-/// What Perfetto is asked about a timeline, by the Python package of that name. The answers are printed as JSON.
+/// Queries about a timeline for the Python package `perfetto`. The results are printed as JSON.
 const ASKS: &str = r##"
 import json, sys
 from perfetto.trace_processor import TraceProcessor, TraceProcessorConfig

@@ -1,4 +1,4 @@
-//! `fillrate why`: machines with one resource made scarce on purpose are told so, and the gain that is promised is that of a replay.
+//! `fillrate why` finds the resource that a test made scarce on purpose, and the gain that it states is that of a replay.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use fillrate::why::why;
 
 use crate::cli::{refused, run};
 
-/// A trace, what is made scarce, and the title of the change that gains most.
+/// A trace, the resource that is made scarce, and the title of the change that gains most.
 const SCARCE: &[(&str, &[&str], &str)] = &[
     ("cube", &["core.float_lanes=8"], "core: twice as fast"),
     ("cube", &["core.warps=1"], "core: twice as much in flight"),

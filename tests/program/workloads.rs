@@ -1,4 +1,4 @@
-//! The recorded speed workloads are those that others were measured on, to the byte.
+//! The recorded speed workloads are byte for byte those on which other renderers were measured.
 
 #[path = "../../examples/record_workloads/mesh.rs"]
 mod mesh;

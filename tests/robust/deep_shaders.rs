@@ -153,7 +153,7 @@ fn nested_spirv_is_refused() {
     }
 }
 
-/// A sum of so many terms in naga's form, all but the last of which nothing says when to compute: asking for the last asks for all.
+/// A sum of a number of terms in naga's form. Only the last partial sum is emitted, so that computing it computes all others.
 fn sum_on_demand(terms: usize) -> String {
     use naga::{Expression, Statement};
     let text = "@group(0) @binding(0) var<storage, read_write> b: array<u32>; @compute @workgroup_size(1) fn main() { b[1] = b[0] + b[0]; }";

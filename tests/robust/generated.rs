@@ -17,7 +17,7 @@ fn lines(n: usize, line: impl Fn(usize) -> String) -> String {
     (0..n).map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Texts that are so many levels deep, each on its own way.
+/// Texts that are nested to this depth, each by another construct.
 pub const DEEP: &[Kind] = &[
     ("not", |n| shader("", &format!("t = {}t;", "!".repeat(n)))),
     ("complement", |n| shader("", &format!("x = {}x;", "~".repeat(n)))),
@@ -148,7 +148,7 @@ pub fn many_entry_points(n: usize) -> String {
     shader(&all, "")
 }
 
-/// A switch with so many cases.
+/// A switch with this number of cases.
 pub fn cases(n: usize) -> String {
     let all = lines(n, |k| format!("case {k}u: {{ x += {k}u; }}"));
     shader("", &format!("switch x {{ {all} default {{}} }}"))
@@ -159,7 +159,7 @@ pub fn statements(n: usize) -> String {
     shader("", &lines(n, |k| format!("x = x * {k}u + b[x];")))
 }
 
-/// So many `if`s one after the other, over a state of so many variables.
+/// A number of `if`s one after the other, over a state of a number of variables.
 pub fn branches(n: usize, variables: usize) -> String {
     let declared = lines(variables, |k| format!("var v{k} = x;"));
     shader("", &format!("{declared}\n{}", lines(n, |k| format!("if b[{k}] == x {{ v{} = {k}u; }}", k % variables))))
@@ -183,7 +183,7 @@ pub fn empty_branches(n: usize) -> String {
     shader("", &format!("{open}{}", "}".repeat(n)))
 }
 
-/// A structure with so many members, and the last one read as often.
+/// A structure with a number of members. Its last member is read the same number of times.
 pub fn members(n: usize) -> String {
     let mut all = String::new();
     for k in 0..n {
@@ -193,7 +193,7 @@ pub fn members(n: usize) -> String {
     shader(&format!("struct S {{ {all} }}\n@group(0) @binding(1) var<storage> s: S;"), &read)
 }
 
-/// An array of constants, and so many readings of it.
+/// An array of constants, and a number of reads of it.
 pub fn constant_array(n: usize, readings: usize) -> String {
     let all = lines(n, |k| format!("{k}u,"));
     shader(&format!("const a = array<u32, {n}>({all});"), &lines(readings, |k| format!("x += a[{}];", k % n)))

@@ -7,7 +7,7 @@ use fillrate::trace::record::{self, Recorder};
 use super::endless::Hostile;
 use super::process::{below_mib, done, fillrate, refused};
 
-/// What the message of a refusal says: the command and its place, how much is asked for, how much is alive, the limit and what raises it.
+/// The parts of a refusal's message: the command and its place, the bytes requested, the bytes in use, the limit and the option that raises it.
 fn texts<'a>(command: &'a str, asked: &'a str, what: &'a str) -> [&'a str; 7] {
     ["trace.ron:", ": command ", command, asked, what, " are alive: ", "; --limit memory.bytes=N allows more"]
 }

@@ -153,7 +153,7 @@ fn too_many_threads_are_refused() {
 
 #[test]
 fn threads_that_cannot_be_started_are_an_error() {
-    // The stacks of so many do not fit.
+    // The stacks of this number of threads do not fit.
     for command in [&["replay", "traces/triangle"][..], &["inspect", "traces/triangle"], &["accuracy", "--list"], &["configs"]]
     {
         let output = run(command).env("RAYON_NUM_THREADS", "1000").memory_mib(1000).run();

@@ -1,8 +1,8 @@
 //! Registers and operations: the last step of compiling.
 //!
-//! Registers of a batch: first the uniforms, then the constants, then what linear scan gives out, then the runs of registers
-//! that are indexed at run time. A value lives from its definition to its last use; one that is defined before a loop and used
-//! inside lives to the loop's end; a mutable register lives through everything between its first and last mention.
+//! The registers of a batch are, in this order: uniforms, constants, registers that linear scan allocates, runs of registers that are
+//! indexed at run time. A value lives from its definition to its last use. If it is defined before a loop and used inside, it lives to
+//! the loop's end. A mutable register lives from its first to its last use.
 
 use super::code::Code;
 use super::ir::{Builder, Def, Inst, NONE, V, texture_src as at};
@@ -12,7 +12,7 @@ use super::options::Fault;
 use super::program::{Body, NO_REG, Op, Program, Reg};
 use super::vector;
 
-/// Registers that a program may have at most: operations number them with 16 bits.
+/// Most registers of a program: operations number them with 16 bits.
 const MAX_REGISTERS: usize = 60_000;
 
 /// Where each value is.
@@ -35,7 +35,7 @@ impl Homes {
     }
 }
 
-/// Uniforms and constants that a list of instructions and further values use, in order of first use.
+/// Uniforms and constants that a list of instructions and some more values use, in order of first use.
 fn shared_values(b: &Builder, insts: &[Inst], more: &[V]) -> (Vec<V>, Vec<V>) {
     let mut seen = vec![false; b.defs.len()];
     let (mut uniforms, mut constants) = (Vec::new(), Vec::new());
@@ -52,14 +52,14 @@ fn shared_values(b: &Builder, insts: &[Inst], more: &[V]) -> (Vec<V>, Vec<V>) {
     (uniforms, constants)
 }
 
-/// The life of a register: half-steps, two an instruction (uses, then definitions).
+/// The life of a register, in half-steps: each instruction has one for its uses and one for its definitions.
 #[derive(Clone, Copy)]
 struct Life {
     start: usize,
     end: usize,
 }
 
-/// Gives registers from `first` on to everything that lives; the number given out.
+/// Allocates registers from `first` on to all values that live. Returns how many.
 fn allocate(
     b: &Builder,
     insts: &[Inst],
@@ -73,8 +73,8 @@ fn allocate(
     const NEVER: Life = Life { start: usize::MAX, end: 0 };
     let mut values = vec![NEVER; b.defs.len()];
     let mut classes = vec![NEVER; b.classes as usize];
-    // Loops as half-step ranges. A loop begins after the operation that opens it: what is written just before that operation is
-    // written before the loop, and lives to the loop's end if the body reads it.
+    // Loops as ranges of half-steps. A loop begins after the operation that opens it. So a value that is written just before that
+    // operation is written before the loop, and lives to the loop's end if the body reads it.
     let after = if fault == Some(Fault::LoopsBeginEarly) { 0 } else { 2 };
     let mut loops: Vec<(usize, usize)> = Vec::new();
     let mut open = Vec::new();
@@ -167,7 +167,7 @@ fn allocate(
     used
 }
 
-/// Makes a program of what lowering left.
+/// Makes a program of the result of lowering.
 pub(super) fn assemble(module: &str, l: Lowered, fault: Option<Fault>) -> Result<Program, String> {
     let b = &l.builder;
     let slots = usize::from(b.slots) + b.loops.len();
@@ -339,8 +339,8 @@ fn operation(b: &Builder, inst: &Inst, homes: &Homes, body: &mut Body) -> Op {
     op
 }
 
-/// Fills in jump targets. An operation that leaves its mask empty jumps to the *join* of what encloses it: the next place where
-/// lanes that it does not see may go on.
+/// Fills in jump targets. An operation that leaves its mask empty jumps to the *join* of the construct around it: the next place
+/// where lanes that are not in its mask may go on.
 fn link(ops: &mut [Op]) {
     // Pass 1, backwards: the join that follows each operation, by nesting.
     let end = ops.len() - 1;

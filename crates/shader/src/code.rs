@@ -158,7 +158,7 @@ pub(super) mod eval {
         p(0) + p(8) + p(16) + p(24)
     }
 
-    /// As `x as i32`, in a form of selects, of which the compiler makes vector instructions.
+    /// As `x as i32`, written with selects, so that the compiler makes vector instructions of it.
     #[inline(always)]
     pub fn to_s(x: f32) -> i32 {
         const LIMIT: f32 = 2_147_483_648.0;

@@ -1,4 +1,4 @@
-//! How deep and how large a module is that was no text: SPIR-V before naga reads it, naga's IR before anything walks it.
+//! Depth and size of a module that was not text: of SPIR-V before naga reads it, of naga's IR before any pass walks it.
 
 use naga::{ArraySize, Block, Expression, Handle, Span, Statement, TypeInner};
 
@@ -7,7 +7,7 @@ use host::one_line;
 use num::{LimitExceeded, Limits};
 
 /// The instructions of a SPIR-V module: their first words and their codes. Five words of header come before them. Each begins with its
-/// length in words and its code; what has no length ends the module.
+/// length in words and its code. A length of 0 ends the module.
 pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32)> {
     let mut at = 5;
     std::iter::from_fn(move || {

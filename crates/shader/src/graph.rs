@@ -1,4 +1,4 @@
-//! Declarations that need each other: how deep, and how large when what they copy is written out.
+//! Declarations that need each other: how deep they are nested, and how large they are with all copies written out.
 
 /// One declaration.
 #[derive(Clone, Copy, Debug, Default)]
@@ -11,16 +11,16 @@ pub(super) struct Node {
     pub tokens: u64,
     /// How often it names `array`.
     pub arrays: u64,
-    /// Whether those that use it get a copy of its value.
+    /// Whether each declaration that uses it gets a copy of its value.
     pub copied: bool,
-    /// Whether it is a type, of which values with many parts are made.
+    /// Whether it is a type: its values may have many parts.
     pub is_type: bool,
 }
 
-/// Tokens that a mention of a scalar, vector or matrix stands for at most: such values are computed, and then copied.
+/// The most tokens that a use of a scalar, vector or matrix counts as: such values are computed, and then copied.
 const COMPUTED: u64 = 32;
 
-/// How far a declaration reaches.
+/// Depth and size of a declaration with all that it needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Reach {
     /// Nesting, with that of all that it needs.
@@ -31,7 +31,7 @@ pub(super) struct Reach {
     large: bool,
 }
 
-/// Declarations, and which needs which.
+/// Declarations, and which of them each one needs.
 #[derive(Debug, Default)]
 pub(super) struct Graph {
     pub nodes: Vec<Node>,
@@ -56,8 +56,8 @@ impl Graph {
         self.edges.push((user, used, false));
     }
 
-    /// How far each reaches. Declarations that need each other in a circle are no valid shader, or only seem to: names of members and
-    /// variables may be those of functions. They are taken as one that is as deep as all of them.
+    /// Depth and size of each. Declarations that need each other in a circle are not a valid shader, or they only seem to need each other:
+    /// a member or variable may have the name of a function. They count as one declaration that is as deep as all of them together.
     pub fn reaches(&self) -> Vec<Reach> {
         let n = self.nodes.len();
         // Edges by their user.
@@ -74,7 +74,7 @@ impl Graph {
             targets[next[user as usize] as usize] = (used, mention);
             next[user as usize] += 1;
         }
-        // Tarjan's strongly connected components, without recursion: they come out with what they need before them.
+        // Tarjan's strongly connected components, without recursion: each comes after those that it needs.
         const NEW: u32 = u32::MAX;
         let (mut number, mut low) = (vec![NEW; n], vec![0u32; n]);
         let mut done: Vec<Option<Reach>> = vec![None; n];
@@ -126,7 +126,7 @@ impl Graph {
                 let Some(reach) = done[w as usize] else { continue };
                 below = below.max(reach.depth);
                 let used = self.nodes[w as usize];
-                // A question about a type is a question about all its parts.
+                // A type counts with all its parts.
                 if used.is_type && self.nodes[v].is_type {
                     size = size.saturating_add(reach.size);
                 } else if mention && used.copied {

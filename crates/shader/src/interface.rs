@@ -1,4 +1,4 @@
-//! What a compiled entry point asks of its surroundings: bindings, inputs, outputs, flags.
+//! The interface of a compiled entry point: bindings, inputs, outputs, flags.
 
 use gfx::format::Format;
 use gfx::state::ViewDimension;
@@ -69,7 +69,7 @@ pub enum Sampling {
     Sample,
 }
 
-/// A value that the pipeline, not the program, gives a meaning to.
+/// A value whose meaning the pipeline defines, not the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BuiltIn {
     /// Vertex stage, out: clip position. Fragment stage, in: x, y in pixels, depth, 1/w.
@@ -125,7 +125,7 @@ pub enum BuiltIn {
     NumSubgroups,
 }
 
-/// What connects a value of the interface.
+/// What a value of the interface is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Connection {
     /// A user-defined attribute, varying or colour.
@@ -152,7 +152,7 @@ pub struct Slot {
     pub components: u32,
     /// How the bits are to be read.
     pub scalar: Scalar,
-    /// Inputs: whether the program reads it at all after dead code is gone. Unread inputs need not be written. Outputs: true.
+    /// Inputs: whether the program reads it after dead code is removed; unread inputs need not be written. Outputs: true.
     pub used: bool,
 }
 
@@ -171,7 +171,7 @@ impl Slot {
     }
 }
 
-/// What texels a sampled texture gives.
+/// The type of the texels of a sampled texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SampleKind {
     /// `f32`
@@ -256,7 +256,7 @@ pub enum DepthPromise {
     Unchanged,
 }
 
-/// What a compiled entry point asks of its surroundings.
+/// The interface of a compiled entry point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interface {
     /// The stage.

@@ -85,7 +85,7 @@ pub(super) struct Builder {
     pub table: Vec<u32>,
     /// First entry and number of entries of each constant array in `table`.
     pub tables: Vec<(u32, u32)>,
-    /// Runtime arrays whose length is asked: binding, byte offset, stride.
+    /// Runtime arrays whose length the program reads: binding, byte offset, stride.
     pub lengths: Vec<(u16, u32, u32)>,
     pub ranges: Vec<Range>,
     pub range_registers: u32,
@@ -314,7 +314,7 @@ impl Builder {
         }) as u32
     }
 
-    /// Enters a region whose computations may be skipped, so that they cannot be shared with what follows.
+    /// Enters a region whose computations may be skipped, so that later code cannot share them.
     pub fn scope(&self) -> usize {
         self.log.len()
     }
@@ -330,8 +330,8 @@ impl Builder {
         Mark { insts: self.insts.len(), log: self.log.len() }
     }
 
-    /// Forgets all instructions of the batch program since the mark. (Those of the prologue stay: they are true everywhere, and
-    /// dropped later if nobody wants them.)
+    /// Removes all instructions of the batch program since the mark. (Those of the prologue stay: they are valid everywhere, and dead
+    /// code is removed later.)
     pub fn rewind(&mut self, mark: &Mark) {
         self.insts.truncate(mark.insts);
         self.leave(mark.log);

@@ -83,11 +83,11 @@ pub struct Module {
     pub(super) places: Places,
     pub(super) ir: Arc<Ir>,
     pub(super) info: Arc<ModuleInfo>,
-    /// What compiling it may take.
+    /// The limits of compiling it.
     pub(super) limits: Limits,
 }
 
-/// What the spans of naga's form of a module are.
+/// What the spans of naga's form of a module refer to.
 #[derive(Clone, Debug)]
 pub(super) enum Places {
     /// Bytes of a text.
@@ -124,12 +124,12 @@ impl std::ops::Deref for Ir {
 
 impl Drop for Ir {
     fn drop(&mut self) {
-        // This may be any thread.
+        // This may run on any thread.
         extent::take_apart(&mut self.0);
     }
 }
 
-/// What of naga's optional capabilities this implementation runs.
+/// The optional capabilities of naga that this implementation supports.
 pub(super) fn capabilities() -> Capabilities {
     Capabilities::IMMEDIATES
         | Capabilities::PRIMITIVE_INDEX
@@ -160,8 +160,8 @@ pub(super) fn capabilities() -> Capabilities {
         | Capabilities::MEMORY_DECORATION_VOLATILE
 }
 
-/// The first function that a SPIR-V module calls and does not have, on which naga 30 panics, and the word of the call. Nothing is said of
-/// what is no such module.
+/// The first function that a SPIR-V module calls and does not have, and the word of the call: naga 30 panics on it. None where the words are
+/// not a SPIR-V module.
 fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
     const FUNCTION: u32 = 54;
     const FUNCTION_CALL: u32 = 57;
@@ -176,7 +176,7 @@ fn undefined_function(words: &[u32]) -> Option<(u32, u32)> {
     called.into_iter().find(|(id, _)| !defined.contains(id))
 }
 
-/// Reads a SPIR-V module. naga says of no error where it is, but it asks for one word after the other.
+/// Reads a SPIR-V module. naga's errors have no place, but naga reads one word after the other, so that the last one read is known.
 fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga::Module, (Option<Place>, String)> {
     let taken = std::cell::Cell::new(0);
     let parsed = guarded(|| {
@@ -184,7 +184,7 @@ fn read_spirv(words: &[u32], options: &naga::front::spv::Options) -> Result<naga
         parsed.map_err(|error| (matches!(error, naga::front::spv::Error::IncompleteData), chain(&error)))
     });
     parsed.unwrap_or_else(|message| Err((false, message))).map_err(|(is_cut, message)| {
-        // The last word that it took belongs to the instruction at fault. Of other errors found after all words nothing is known.
+        // The last word that naga read belongs to the instruction at fault. An error that naga finds after all words has no place.
         let within = is_cut || taken.get() < words.len();
         let begins = |&(at, _): &(usize, u32)| at < taken.get();
         let at = extent::instructions(words).take_while(begins).last().map_or(0, |(at, _)| at as u32);

@@ -1,9 +1,9 @@
 //! How deep a WGSL text is nested and how far its constants reach, found before naga reads it.
 //!
-//! naga's front end calls itself for what is nested, writes the value of a constant out wherever it is used, and sorts declarations by
-//! calling itself for each that another one needs: a short text can take any amount of stack and memory. One pass over the tokens finds
-//! bounds of both. It knows no grammar but brackets, operators and the names that are declared: what it answers is never too small for a
-//! valid text, and an invalid one is naga's to refuse.
+//! naga's front end calls itself for nested constructs, copies the value of a constant to each use, and calls itself for each declaration
+//! that another one needs. So a short text can take any amount of stack and memory. One pass over the tokens finds bounds of both. It
+//! knows no grammar except brackets, operators and the names that are declared. Its bounds are never too small for a valid text; naga
+//! refuses an invalid one.
 
 use std::collections::HashMap;
 
@@ -16,7 +16,7 @@ use num::{LimitExceeded, Limits};
 /// Why a text is refused, and where.
 pub(super) type Refusal = (Place, String);
 
-/// What a text was found to be.
+/// The size of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Extent {
     /// Levels of nesting.
@@ -29,12 +29,12 @@ pub(super) struct Extent {
     pub deepest: Place,
 }
 
-/// What stands between a bracket and its partner.
+/// The state of the scan between an opening bracket and its closing one.
 #[derive(Default)]
 struct Level {
     /// Brackets and operators around.
     outside: u64,
-    /// Operators since the last separator: each may have all before it as its left operand.
+    /// Operators since the last separator: the left operand of each may be all text before it.
     operators: u64,
     /// Nesting of the brackets since the last separator.
     inside: u64,
@@ -155,7 +155,7 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
             scan.graph.uses(user, used);
         }
     }
-    // Types and constants that lengths are made of are followed as deep as they are nested.
+    // Types and constants that are part of a length are followed as deep as they are nested.
     for (node, Reach { depth, .. }) in scan.graph.reaches().into_iter().enumerate() {
         limits.shader_nesting.check(depth).map_err(|error| reaches_too_far(text, scan.graph.nodes[node].at, &error))?;
     }
@@ -164,14 +164,14 @@ pub(super) fn check(text: &str, limits: &Limits) -> Result<Extent, Refusal> {
     for (node, Reach { depth, size, .. }) in scan.graph.reaches().into_iter().enumerate() {
         let own = scan.graph.nodes[node];
         out.nesting = out.nesting.max(depth);
-        // A type is one thing however large it is; a constant is written out at each use.
+        // A type is stored once, whatever its size; a constant is copied to each use.
         out.tokens = out.tokens.saturating_add(if own.is_type { own.tokens } else { size });
         limits.shader_constants.check(size.max(out.tokens)).map_err(|error| reaches_too_far(text, own.at, &error))?;
     }
     Ok(out)
 }
 
-/// A declaration that begins here is refused with all that it needs.
+/// A declaration that begins here is refused, because it and the declarations that it needs exceed a limit.
 fn reaches_too_far(text: &str, at: usize, error: &LimitExceeded) -> Refusal {
     (place(text, at), format!("a declaration and those that it needs have {error}"))
 }
@@ -199,7 +199,7 @@ impl<'t> Scan<'t> {
         level.separate();
         let depth = std::mem::take(&mut level.deepest);
         self.graph.nodes[self.top as usize].depth = depth;
-        // What a head has declared, parameters, ends with the function.
+        // The parameters, which the head has declared, end with the function.
         self.leave();
         self.scopes.push(Vec::new());
     }
@@ -220,7 +220,7 @@ impl<'t> Scan<'t> {
                 continue;
             }
             let Some(elements) = zeros.elements(begin) else {
-                let message = "the zero value of an array of which it cannot be said ahead of compiling how long it is: its length must be \
+                let message = "the zero value of an array whose length is not known before compiling: its length must be \
                                made of whole numbers and constants, or the value be stored in a variable of its own";
                 return Err((place(text, tokens[begin].0), message.to_owned()));
             };
@@ -253,7 +253,7 @@ impl<'t> Scan<'t> {
         let level = self.level();
         level.separate();
         if let Some((node, outer)) = level.declaring.take() {
-            // The text around counts its brackets. Arrays of what was declared before make values deeper than the text is.
+            // The brackets of the text are counted elsewhere. Arrays of earlier declarations make values deeper than the text is.
             let own = &mut self.graph.nodes[node as usize];
             own.depth = own.arrays;
             self.declare(self.name, node);

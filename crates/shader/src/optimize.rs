@@ -1,4 +1,4 @@
-//! What the walk left over goes: values that nobody uses, branches without content; products that are added fuse.
+//! Removes what the walk leaves over: values without a use, branches without content. Joins a product with the sum that it is used in.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use super::code::Code;
 use super::ir::{Def, Inst, NONE, V};
 use super::lower::Lowered;
 
-/// Which values, mutable registers and ranges are wanted.
+/// Which values, mutable registers and ranges are used.
 struct Wanted {
     values: Vec<bool>,
     classes: Vec<bool>,
@@ -14,7 +14,7 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// The number of what a value lives in, among values, registers and ranges.
+    /// The number of the value, register or range that holds a value.
     fn home(&self, defs: &[Def], v: V) -> usize {
         match defs[v as usize] {
             Def::Version(class) => self.values.len() + class as usize,
@@ -23,7 +23,7 @@ impl Wanted {
         }
     }
 
-    /// Wants a value; whether nobody did before.
+    /// Marks a value as used. Returns whether it was not marked before.
     fn mark(&mut self, defs: &[Def], v: V) -> bool {
         if v == NONE {
             return false;
@@ -37,7 +37,7 @@ impl Wanted {
     }
 
     fn is(&self, defs: &[Def], v: V) -> bool {
-        // A result that does not exist, such as that of an atomic operation used for its effect, is wanted by nobody.
+        // A result that does not exist has no use, such as that of an atomic operation that runs for its effect.
         if v == NONE {
             return false;
         }
@@ -49,7 +49,7 @@ impl Wanted {
     }
 }
 
-/// Whether an instruction matters for itself, not for its results.
+/// Whether an instruction has an effect beside its results.
 fn has_effect(code: Code) -> bool {
     matches!(
         code,
@@ -81,7 +81,7 @@ pub(super) fn is_control(code: Code) -> bool {
     has_effect(code) && !matches!(code, Code::Store | Code::Atomic | Code::TextureStore | Code::TextureAtomic)
 }
 
-/// Rounds of dropping what nobody wants.
+/// Rounds of removing dead code.
 const ROUNDS: usize = 100;
 
 pub(super) fn run(l: &mut Lowered) {
@@ -90,8 +90,8 @@ pub(super) fn run(l: &mut Lowered) {
     if wanted.fuse {
         fuse(&mut l.builder.insts, &l.builder.defs, &outputs);
     }
-    // Each round can empty the branch around those that the one before has dropped. Branches inside more than so many others stay,
-    // empty: they cost nothing but their own operations.
+    // Each round can empty the branch around those that the round before has removed. Empty branches that are nested deeper than the
+    // number of rounds stay: they cost only their own operations.
     for _ in 0..ROUNDS {
         if wanted.drop_dead {
             drop_dead(l, &outputs);
@@ -164,7 +164,7 @@ fn drop_dead(l: &mut Lowered, outputs: &[V]) {
     };
     b.insts.retain(&keep);
     b.prologue.retain(&keep);
-    // Memory and texture accesses need not deliver what nobody wants.
+    // Memory and texture accesses need not deliver results without a use.
     for inst in &mut b.insts {
         if matches!(inst.code, Code::Load | Code::Texture | Code::Atomic | Code::Subgroup) {
             for d in &mut inst.dst {
@@ -218,7 +218,7 @@ fn fuse(insts: &mut Vec<Inst>, defs: &[Def], outputs: &[V]) {
     let mut dead = vec![false; insts.len()];
     for i in 0..insts.len() {
         let code = insts[i].code;
-        // Registers may change here: what was computed before does not move across.
+        // Registers may change here, so that no earlier computation moves across.
         if is_control(code) || matches!(code, Code::Mov | Code::Copy | Code::StoreIndexed) {
             products.clear();
             continue;

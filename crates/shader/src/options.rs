@@ -1,11 +1,11 @@
-//! What a program is compiled for, beside its source.
+//! The options of compiling a program.
 
-/// What a program is compiled for, beside its source.
+/// The options of compiling a program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
     /// Values of pipeline-overridable constants by name, or by number where they have one.
     pub constants: &'a [(String, f64)],
-    /// Locations of user-defined outputs that anybody reads; none: all are kept. What only others need is not computed.
+    /// Locations of the user-defined outputs that are read; none: all are kept. Values that only other outputs need are not computed.
     pub outputs: Option<&'a [u32]>,
     /// Which optimisations are applied. The results are the same bits with any choice; only the time differs.
     pub optimisations: Optimisations,
@@ -21,7 +21,7 @@ pub struct Optimisations {
     pub fold: bool,
     /// Loops whose exits the compiler can decide are written out turn by turn.
     pub unroll: bool,
-    /// What is the same for all invocations is computed once a draw, in the prologue.
+    /// Values that are the same for all invocations are computed once a draw, in the prologue.
     pub hoist: bool,
     /// Equal computations are done once.
     pub share: bool,
@@ -29,7 +29,7 @@ pub struct Optimisations {
     pub flatten: bool,
     /// A product and the sum that it is used in become one operation.
     pub fuse: bool,
-    /// Computations that nobody uses are left out.
+    /// Computations whose results have no use are left out.
     pub drop_dead: bool,
     /// Branches with nothing in them are left out.
     pub drop_empty: bool,

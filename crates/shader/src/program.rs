@@ -161,7 +161,7 @@ pub(super) enum SubgroupOp {
     Exclusive(Fold),
 }
 
-/// What a reduction combines with.
+/// The operation of a reduction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Fold {
     AddI,
@@ -237,17 +237,17 @@ impl Body {
 }
 
 impl Program {
-    /// Steps that a batch of 64 invocations counts before its loops go round: each operation once.
+    /// Steps of a batch of 64 invocations whose loops make one turn: each operation counts once.
     pub fn steps(&self) -> u64 {
         self.body.all_steps()
     }
 
-    /// Steps of what is computed once a draw or dispatch for all invocations.
+    /// Steps of the prologue, which runs once a draw or dispatch for all invocations.
     pub fn uniform_steps(&self) -> u64 {
         self.prologue.all_steps()
     }
 
-    /// Whether all invocations cost the same and ask nothing of memory: there is no branch, and no request.
+    /// Whether all invocations cost the same and make no memory request: there is no branch, and no request.
     pub fn is_straight(&self) -> bool {
         self.body.ops.iter().all(|op| !op.code.breaks_block() || op.code == Code::End)
     }
@@ -257,7 +257,7 @@ impl Program {
         (self.body.registers * size_of::<num::Lanes>()) as u64
     }
 
-    /// What the program asks of its surroundings.
+    /// The interface of the program.
     pub fn interface(&self) -> &Interface {
         &self.interface
     }

@@ -1,4 +1,4 @@
-//! What a program is bound to when it runs.
+//! The resources that are bound to a program when it runs.
 
 use gfx::image::ImageDesc;
 use gfx::texture;
@@ -11,7 +11,7 @@ pub struct BufferRange<'a> {
     pub words: &'a Words,
     /// First byte, a multiple of 4.
     pub offset: u64,
-    /// Bytes; at most what the buffer has from the offset on (more is treated as that).
+    /// Bytes. A range that is longer than the buffer ends with the buffer.
     pub size: u64,
     /// Address of the first byte of the range in the card's memory; only recorded memory lines use it.
     pub address: u64,

@@ -1,4 +1,4 @@
-//! The tokens of a WGSL text, as far as brackets, operators and names go.
+//! The tokens of a WGSL text, in the detail that brackets, operators and names need.
 
 /// A token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +79,7 @@ impl<'t> Iterator for Tokens<'t> {
         let start = self.at;
         let rest = &self.text[start..];
         let first = rest.chars().next()?;
-        // Whatever is no mark of ASCII may be part of a name.
+        // Every character that is not a mark of ASCII may be part of a name.
         let in_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || !(c.is_ascii() || is_blank(c));
         let (length, token) = match first {
             '(' | '[' | '{' => (1, Token::Open(first)),

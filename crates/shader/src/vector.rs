@@ -1,13 +1,13 @@
-//! What a program counts as on a machine whose instructions work on up to four components at once.
+//! Instruction counts of a program on a machine whose instructions work on up to four components at once.
 //!
-//! Between two places where the execution mask may change, operations of one code become one instruction, up to four of them, as
-//! far as none needs what another of them leaves. Operands may be any components of any registers, negated or not, and a result
-//! may be kept between 0 and 1: so have it the assembly languages for vertices and fragments of 2002 (`ARB_vertex_program`), whose
-//! dot products, multiply-adds and comparisons are one instruction each, and whose transcendental ones give a single value. A
-//! quotient is a product with a reciprocal, of which there is one for all quotients by the same value.
+//! Between two places where the execution mask may change, up to four operations of the same code become one instruction if none of
+//! them needs a result of another. Operands may be any components of any registers, negated or not, and a result may be clamped to
+//! 0 to 1. These are the rules of the assembly languages for vertices and fragments of 2002 (`ARB_vertex_program`): a dot product, a
+//! multiply-add and a comparison are one instruction each, and a transcendental one gives a single value. A quotient is a product with
+//! a reciprocal, and quotients by the same value share one reciprocal.
 //!
-//! Beside an instruction, the next one is issued if it does not need it and one of both has a single component: a unit for four
-//! components and one for one (ATTILA's `simd4+scalar`).
+//! An instruction is issued together with the next one if the next one does not need its result and one of the two has a single
+//! component: the machine has a unit for four components and a unit for one (ATTILA's `simd4+scalar`).
 
 use std::collections::HashMap;
 
@@ -18,22 +18,22 @@ use work::Class;
 /// Components that an instruction works on.
 const WIDTH: u32 = 4;
 
-/// Instructions that an operation may join, of those with room: a bound on the time of the search.
+/// The most instructions with free components that are searched for an operation: this bounds the time of the search.
 const OPEN: usize = 32;
 
 type Counts = [u32; Class::COUNT];
 
 /// How an operation counts.
 enum Cost {
-    /// So much, in instructions of its own.
+    /// As this number of instructions of its own.
     Alone(Counts),
     /// As an instruction for up to four of the same code.
     Shared(Class),
-    /// As one of a single component, which takes so many times as long as the shortest of its class.
+    /// As an instruction of a single component, which takes this number of times as long as the shortest of its class.
     Single(Class, u32),
     /// A product with the reciprocal of the second operand.
     Quotient,
-    /// Nothing: it is part of what it stands before or behind.
+    /// As nothing: it is part of the instruction before or behind it.
     Free,
 }
 
@@ -65,17 +65,17 @@ fn cost(code: Code) -> Cost {
     }
 }
 
-/// An instruction of the block at hand.
+/// An instruction of the current block.
 struct Pack {
     code: Code,
     imm: u32,
-    /// The operation that it begins with.
+    /// The first operation in it.
     first: usize,
     operations: u32,
-    /// The first instruction that it may be: behind those that it needs.
+    /// The earliest place that it may have: behind the instructions that it needs.
     needs: u32,
     cost: Counts,
-    /// Whether another may be issued beside it, and whether its operation has a single component whatever joins it.
+    /// Whether another one may be issued with it, and whether its operation always has a single component.
     paired: bool,
     single: bool,
 }
@@ -84,7 +84,7 @@ struct Pack {
 struct Packer {
     /// The first instruction that may use each value.
     ready: Vec<u32>,
-    /// Instructions of the block at hand; the first has the number `base`.
+    /// Instructions of the current block; the first has the number `base`.
     packs: Vec<Pack>,
     base: u32,
     /// Those with room, as places in `packs`.
@@ -111,7 +111,7 @@ impl Packer {
         if let Some(found) = self.open.iter().position(fits) {
             let at = self.open[found];
             self.packs[at].operations += 1;
-            // It may be beside the one before it as long as none of its operations needs that.
+            // It may be issued with the one before it as long as none of its operations needs that one.
             self.packs[at].needs = self.packs[at].needs.max(needs);
             if self.packs[at].operations == WIDTH {
                 self.open.remove(found);
@@ -238,7 +238,7 @@ mod tests {
             }
         }
         assert_eq!(last(&insts), [4, 0, 0, 0]);
-        // A fifth of the code is another instruction, of a single component: it goes beside the next that does not need it.
+        // A fifth operation of the code is another instruction, of a single component: it is issued with the next one that does not need it.
         let five: Vec<_> = (0..5).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();
         assert_eq!(last(&five), [1, 0, 0, 0]);
         let nine: Vec<_> = (0..9).map(|k| inst(Code::FAdd, 20 + k, &[k, k])).collect();

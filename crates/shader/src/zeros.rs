@@ -1,8 +1,8 @@
-//! How many elements the zero values have that a WGSL text writes: `array<i32, 1000>()` has a thousand.
+//! The number of elements of the zero values in a WGSL text: `array<i32, 1000>()` has a thousand.
 //!
-//! naga keeps such a value as one expression. But where an operator or a builtin function is to be computed ahead of time it first makes a
-//! list of all elements, and only then finds that arrays have no operators: `array<i32, 500000000>() == x` takes 8 GB before it is refused.
-//! So the elements are counted here, from the text: lengths are sums and products of numbers and constants, or they are not known.
+//! naga stores such a value as one expression. But where it evaluates an operator or a built-in function at compile time, it first makes
+//! a list of all elements, and only then finds that arrays have no operators: `array<i32, 500000000>() == x` takes 8 GB before it is refused.
+//! So this module counts the elements from the text. A length is a sum or product of numbers and constants, or it is not known.
 
 use std::collections::HashMap;
 
@@ -28,9 +28,9 @@ pub(super) struct Zeros<'t, 's> {
     pub tops: &'s HashMap<&'t str, u32>,
     /// Names of declarations, by the numbers of their tokens.
     pub names: &'s HashMap<u32, usize>,
-    /// Which declaration of a function a token names, for those that do.
+    /// Which declaration of a function a token names, for tokens that name one.
     pub locals: &'s HashMap<usize, u32>,
-    /// Elements of a value of a type, numbers that constants are; none while they are looked for.
+    /// Elements of a value of a type, or the number of a constant; none while it is being found.
     pub known: HashMap<u32, Option<u64>>,
 }
 
@@ -46,7 +46,7 @@ impl<'t> Zeros<'t, '_> {
     /// Where the types begin whose template lists end ahead of a bracket, by the numbers of their tokens.
     pub fn templates(&self) -> HashMap<usize, usize> {
         let mut begins = HashMap::new();
-        // Template lists that are open, and a mark for each bracket. What looks like a list and is a comparison ends with its bracket.
+        // Template lists that are open, and a mark for each bracket. A comparison that looks like a list ends with its bracket.
         let mut open: Vec<Option<usize>> = Vec::new();
         for (at, (_, token)) in self.tokens.iter().enumerate() {
             match *token {
@@ -75,7 +75,7 @@ impl<'t> Zeros<'t, '_> {
         }
     }
 
-    /// Whether a zero value is stored or returned as it is: then nothing makes a list of its elements.
+    /// Whether a zero value is stored or returned without change: then naga makes no list of its elements.
     pub fn is_kept(&self, begin: usize, zero: Zero) -> bool {
         let (Some(before), true) = (begin.checked_sub(1), self.is(zero.bracket + 2, Token::Separator(';'))) else {
             return false;
@@ -90,7 +90,7 @@ impl<'t> Zeros<'t, '_> {
         }
     }
 
-    /// What a declaration begins with: `const`, `alias` or `struct`; empty for all others.
+    /// The first word of a declaration: `const`, `alias` or `struct`; empty for all others.
     fn keyword(&self, node: u32) -> &'t str {
         match self.names.get(&node).and_then(|name| self.token(name.checked_sub(1)?)) {
             Some(Token::Word(word @ ("const" | "alias" | "struct"))) => word,
@@ -207,7 +207,7 @@ impl<'t> Zeros<'t, '_> {
         }
     }
 
-    /// The number that an expression is, whose operators bind more tightly than `loosest`, and the token after it.
+    /// The value of an expression whose operators bind more tightly than `loosest`, and the token after it.
     fn number(&mut self, at: usize, loosest: u32) -> Option<(u64, usize)> {
         let exact = |value: u64| Some(value).filter(|value| *value < EXACT);
         let (mut left, mut at) = self.operand(at)?;

@@ -1,9 +1,10 @@
 //! The lighting equation (OpenGL 1.5, section 2.14.1).
 
 use anyhow::Result;
+use glam::{DVec3, DVec4, dvec3};
 
 use super::super::{Row, Setting};
-use super::{Cases, dot, list, normalized, point, unit};
+use super::{Cases, list, point, unit, vector};
 use num::Random;
 
 /// A light, in eye space.
@@ -11,10 +12,10 @@ struct Light {
     ambient: [f64; 3],
     diffuse: [f64; 3],
     specular: [f64; 3],
-    position: [f64; 4],
+    position: DVec4,
     attenuation: [f64; 3],
     /// Direction, cutoff in degrees, exponent.
-    spot: Option<([f64; 3], f64, f64)>,
+    spot: Option<(DVec3, f64, f64)>,
 }
 
 /// A vertex and all that lights it.
@@ -27,8 +28,8 @@ struct Scene {
     model: [f64; 3],
     lights: Vec<Light>,
     local: bool,
-    normal: [f64; 3],
-    at: [f64; 3],
+    normal: DVec3,
+    at: DVec3,
 }
 
 impl Scene {
@@ -44,14 +45,14 @@ impl Scene {
             model: color(0.6),
             lights: Vec::new(),
             local: false,
-            normal: normalized([unit(random) - 0.5, unit(random) - 0.5, 0.3 + unit(random)]),
-            at: std::array::from_fn(|_| 1.6 * unit(random) - 0.8),
+            normal: dvec3(unit(random) - 0.5, unit(random) - 0.5, 0.3 + unit(random)).normalize(),
+            at: vector(|| 1.6 * unit(random) - 0.8),
         }
     }
 
     fn light(&mut self, random: &mut Random, directional: bool) {
         let side = |random: &mut Random| 2.0 * unit(random) - 1.0;
-        let position = [side(random), side(random), 1.0 + unit(random), if directional { 0.0 } else { 1.0 }];
+        let position = dvec3(side(random), side(random), 1.0 + unit(random)).extend(if directional { 0.0 } else { 1.0 });
         let (ambient, diffuse, specular) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         self.lights.push(Light { ambient, diffuse, specular, position, attenuation: [1.0, 0.0, 0.0], spot: None });
     }
@@ -60,19 +61,19 @@ impl Scene {
     fn color(&self) -> [f64; 3] {
         let mut sum: [f64; 3] = std::array::from_fn(|c| self.emission[c] + self.model[c] * self.ambient[c]);
         for light in &self.lights {
-            let [x, y, z, w] = light.position;
-            let way = if w == 0.0 { [x, y, z] } else { std::array::from_fn(|k| light.position[k] / w - self.at[k]) };
-            let (distance, to) = (dot(way, way).sqrt(), normalized(way));
+            let (from, w) = (light.position.truncate(), light.position.w);
+            let way = if w == 0.0 { from } else { from / w - self.at };
+            let (distance, to) = (way.length(), way.normalize());
             let [a, b, c] = light.attenuation;
             let mut strength = if w == 0.0 { 1.0 } else { 1.0 / (a + b * distance + c * distance * distance) };
             if let Some((direction, cutoff, exponent)) = light.spot {
-                let inside = -dot(to, normalized(direction));
+                let inside = -to.dot(direction.normalize());
                 strength *= if inside >= cutoff.to_radians().cos() { inside.max(0.0).powf(exponent) } else { 0.0 };
             }
-            let facing = dot(self.normal, to).max(0.0);
-            let eye = if self.local { normalized(self.at.map(|v| -v)) } else { [0.0, 0.0, 1.0] };
-            let half = normalized(std::array::from_fn(|k| to[k] + eye[k]));
-            let gloss = if facing > 0.0 { dot(self.normal, half).max(0.0).powf(self.shininess) } else { 0.0 };
+            let facing = self.normal.dot(to).max(0.0);
+            let eye = if self.local { -self.at.normalize() } else { DVec3::Z };
+            let half = (to + eye).normalize();
+            let gloss = if facing > 0.0 { self.normal.dot(half).max(0.0).powf(self.shininess) } else { 0.0 };
             for c in 0..3 {
                 sum[c] += strength
                     * (light.ambient[c] * self.ambient[c]
@@ -107,17 +108,17 @@ impl Scene {
                 list(&light.ambient.map(|v| if fault { 0.5 * v } else { v })),
                 list(&light.diffuse),
                 list(&light.specular),
-                list(&light.position)
+                list(&light.position.to_array())
             );
             if let Some((direction, cutoff, exponent)) = light.spot {
                 text += &format!(
                     "glLightfv(GL_LIGHT{k},GL_SPOT_DIRECTION,{{{}}})\nglLightf(GL_LIGHT{k},GL_SPOT_CUTOFF,{cutoff})\n\
                      glLightf(GL_LIGHT{k},GL_SPOT_EXPONENT,{exponent})\n",
-                    list(&direction)
+                    list(&direction.to_array())
                 );
             }
         }
-        let [x, y, z] = self.normal.map(|v| v * scale);
+        let [x, y, z] = (self.normal * scale).to_array();
         text += &format!("glNormal3f({})\n", list(&if fault { [x, z, y] } else { [x, y, z] }));
         text
     }
@@ -161,8 +162,8 @@ pub(super) fn check(setting: &Setting) -> Result<Vec<Row>> {
         };
         let spot = |scene: &mut Scene, random: &mut Random| {
             let light = &mut scene.lights[0];
-            let target: [f64; 3] = std::array::from_fn(|k| scene.at[k] - light.position[k] + 0.6 * (unit(random) - 0.5));
-            light.spot = Some((target.map(|v| f64::from(v as f32)), 20.0 + 50.0 * unit(random), (8.0 * unit(random)).floor()));
+            let target = scene.at - light.position.truncate() + vector(|| 0.6 * (unit(random) - 0.5));
+            light.spot = Some((target.as_vec3().as_dvec3(), 20.0 + 50.0 * unit(random), (8.0 * unit(random)).floor()));
         };
         let local = |scene: &mut Scene, _: &mut Random| scene.local = true;
         let same = |_: &mut Scene, _: &mut Random| {};
@@ -194,14 +195,14 @@ pub(super) fn check(setting: &Setting) -> Result<Vec<Row>> {
         // The modelview matrix makes normals half as long.
         let matrix = "glMatrixMode(GL_MODELVIEW)\nglPushMatrix()\nglScalef(2,2,2)\n";
         let calls = format!("glEnable(GL_RESCALE_NORMAL)\n{}{matrix}", scene.calls("GL_FRONT", 1.0, fault));
-        cases.frame("normals rescaled", &format!("{calls}{}\nglPopMatrix()", point([0.1, 0.0, 0.0])), scene.color());
+        cases.frame("normals rescaled", &format!("{calls}{}\nglPopMatrix()", point(0.1 * DVec3::X)), scene.color());
         // Back faces have the opposite normal, so the light is turned round.
         let mut back = make(Term::Diffuse, true, &same);
-        back.lights[0].position = back.lights[0].position.map(|v| -v);
+        back.lights[0].position *= -1.0;
         let mut calls = back.calls("GL_BACK", 1.0, fault);
         calls += "glLightModeli(GL_LIGHT_MODEL_TWO_SIDE,1)\nglBegin(GL_TRIANGLES)\n";
         calls += "glVertex2f(-1,-1)\nglVertex2f(-1,3)\nglVertex2f(3,-1)\nglEnd()";
-        back.normal = back.normal.map(|v| -v);
+        back.normal *= -1.0;
         cases.frame("back faces", &calls, back.color());
         tracked(&mut cases, &make(Term::Diffuse, true, &same), &make(Term::Specular, false, &same), random, fault);
     }

@@ -8,6 +8,7 @@ mod pixel;
 mod texture;
 
 use anyhow::{Result, ensure};
+use glam::DVec3;
 
 use super::{Row, Section, Target};
 use num::Random;
@@ -113,17 +114,13 @@ fn list(values: &[f64]) -> String {
 }
 
 /// A point that covers the window: all its pixels have the values of one vertex.
-fn point(at: [f64; 3]) -> String {
-    format!("glPointSize(64)\nglBegin(GL_POINTS)\nglVertex3f({})\nglEnd()", list(&at))
+fn point(at: DVec3) -> String {
+    format!("glPointSize(64)\nglBegin(GL_POINTS)\nglVertex3f({})\nglEnd()", list(&at.to_array()))
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn normalized(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    v.map(|component| component / length)
+/// A vector of components that a function gives, in the order x, y, z.
+fn vector(mut component: impl FnMut() -> f64) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|_| component()))
 }
 
 /// A number that single precision has.

@@ -1,6 +1,7 @@
 //! Fog (OpenGL 1.5, section 3.10) and blending (section 4.1.7).
 
 use anyhow::Result;
+use glam::dvec3;
 
 use super::super::{Row, Setting};
 use super::{Cases, list, point, unit};
@@ -30,9 +31,9 @@ pub(super) fn fog(setting: &Setting) -> Result<Vec<Row>> {
                 list(&color)
             );
             let name = mode.to_lowercase();
-            cases.frame(format!("{name}, by the distance"), &format!("{calls}{}", point([0.0, 0.0, -drawn])), expected);
+            cases.frame(format!("{name}, by the distance"), &format!("{calls}{}", point(dvec3(0.0, 0.0, -drawn))), expected);
             let calls = format!("{calls}glFogi(GL_FOG_COORD_SRC,GL_FOG_COORD)\nglFogCoordf({drawn})\n");
-            cases.frame(format!("{name}, by the coordinate"), &format!("{calls}{}", point([0.0, 0.0, -1.0])), expected);
+            cases.frame(format!("{name}, by the coordinate"), &format!("{calls}{}", point(dvec3(0.0, 0.0, -1.0))), expected);
         }
     }
     cases.rows()

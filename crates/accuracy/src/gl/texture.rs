@@ -1,9 +1,10 @@
 //! Texture environments (OpenGL 1.5, tables 3.22 to 3.24) and generated coordinates (section 2.11.4).
 
 use anyhow::Result;
+use glam::{DVec3, DVec4, dvec3};
 
 use super::super::{Row, Setting};
-use super::{Cases, dot, list, normalized, point, unit};
+use super::{Cases, list, point, unit, vector};
 use num::Random;
 
 /// A texel of a base format: its bytes, how they are given, and its colour and alpha where the format has them.
@@ -192,23 +193,21 @@ pub(super) fn generation(setting: &Setting) -> Result<Vec<Row>> {
     for _ in 0..setting.pick(3, 12, 60) {
         let random = &mut random;
         let mut signed = |most: f64| most * (2.0 * unit(random) - 1.0);
-        let object: [f64; 3] = std::array::from_fn(|_| signed(0.4));
-        let by: [f64; 3] = std::array::from_fn(|_| signed(0.3));
-        let eye: [f64; 3] = std::array::from_fn(|k| object[k] + by[k]);
-        let normal = normalized([signed(1.0), signed(1.0), 0.4 + signed(0.3)]);
-        let plane: [f64; 4] = std::array::from_fn(|_| signed(0.5));
-        let on_plane = |p: [f64; 3]| plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] + plane[3];
-        let way = normalized(eye);
-        let reflected: [f64; 3] = std::array::from_fn(|k| way[k] - 2.0 * normal[k] * dot(normal, way));
-        let [rx, ry, rz] = reflected;
-        let m = 2.0 * (rx * rx + ry * ry + (rz + 1.0) * (rz + 1.0)).sqrt();
+        let object = vector(|| signed(0.4));
+        let by = vector(|| signed(0.3));
+        let eye = object + by;
+        let normal = dvec3(signed(1.0), signed(1.0), 0.4 + signed(0.3)).normalize();
+        let plane = DVec4::from_array(std::array::from_fn(|_| signed(0.5)));
+        let on_plane = |p: DVec3| plane.dot(p.extend(1.0));
+        let reflected = eye.normalize().reflect(normal);
+        let m = 2.0 * (reflected + DVec3::Z).length();
         for (coordinate, letter) in ["S", "T", "R", "Q"].into_iter().enumerate() {
             let modes = [
                 ("OBJECT_LINEAR", 4, on_plane(object)),
                 ("EYE_LINEAR", 4, on_plane(eye)),
-                ("SPHERE_MAP", 2, [rx, ry, 0.0, 0.0][coordinate] / m + 0.5),
-                ("REFLECTION_MAP", 3, [rx, ry, rz, 0.0][coordinate]),
-                ("NORMAL_MAP", 3, [normal[0], normal[1], normal[2], 0.0][coordinate]),
+                ("SPHERE_MAP", 2, reflected.extend(0.0)[coordinate] / m + 0.5),
+                ("REFLECTION_MAP", 3, reflected.extend(0.0)[coordinate]),
+                ("NORMAL_MAP", 3, normal.extend(0.0)[coordinate]),
             ];
             for (mode, _, value) in modes.into_iter().filter(|&(_, count, _)| coordinate < count) {
                 // The texture matrix takes the coordinate to s, from 0.05 to 0.95, and another one, which is 1, to q.
@@ -216,7 +215,7 @@ pub(super) fn generation(setting: &Setting) -> Result<Vec<Row>> {
                 let mut matrix = [0.0; 16];
                 (matrix[4 * coordinate], matrix[4 * one], matrix[4 * one + 3]) = (0.3, 0.5, 1.0);
                 let given = if coordinate == 3 { "1,0,0,1" } else { "0,0,0,1" };
-                let [nx, ny, nz, _] = turned([normal[0], normal[1], normal[2], 0.0]);
+                let [nx, ny, nz, _] = turned(normal.extend(0.0).to_array());
                 let calls = format!(
                     "glEnable(GL_TEXTURE_2D)\nglTexEnvi(GL_TEXTURE_ENV,GL_TEXTURE_ENV_MODE,GL_REPLACE)\nglMatrixMode(GL_TEXTURE)\n\
                      glLoadMatrixf({{{}}})\nglMatrixMode(GL_MODELVIEW)\nglTexGeni(GL_{letter},GL_TEXTURE_GEN_MODE,GL_{mode})\n\
@@ -224,8 +223,8 @@ pub(super) fn generation(setting: &Setting) -> Result<Vec<Row>> {
                      glEnable(GL_TEXTURE_GEN_{letter})\nglPushMatrix()\nglTranslatef({1})\nglTexCoord4f({given})\nglNormal3f({3})\n{4}\n\
                      glPopMatrix()",
                     list(&matrix),
-                    list(&by),
-                    list(&turned(plane)),
+                    list(&by.to_array()),
+                    list(&turned(plane.to_array())),
                     list(&[nx, ny, nz]),
                     point(object)
                 );

@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
+use glam::{DVec2, DVec3, Vec3Swizzles, dvec3};
 
 pub(super) const AXIAL: Scene = Scene {
     name: "axial",
@@ -18,7 +19,7 @@ pub(super) const AXIAL: Scene = Scene {
 };
 
 const SIZE: [u32; 2] = [128, 128];
-const EYE: [f64; 3] = [0.5, 2.5, -3.0];
+const EYE: DVec3 = dvec3(0.5, 2.5, -3.0);
 const HALF: f64 = 0.25;
 const HEIGHT: f64 = 1.5;
 
@@ -32,9 +33,9 @@ fn color(k: usize) -> [u8; 3] {
 }
 
 /// Right and depth are x and z; the eye looks down by a slope of 1/2.
-fn seen(p: [f64; 3]) -> [f64; 3] {
-    let [x, y, z]: [f64; 3] = std::array::from_fn(|c| p[c] - EYE[c]);
-    [x, y + 0.5 * z, z - 0.5 * y]
+fn seen(p: DVec3) -> DVec3 {
+    let p = p - EYE;
+    dvec3(p.x, p.y + 0.5 * p.z, p.z - 0.5 * p.y)
 }
 
 fn play(stage: &mut Stage) -> Result<()> {
@@ -72,18 +73,17 @@ fn play(stage: &mut Stage) -> Result<()> {
     for (x, y) in frames[0].places() {
         let [a, b] = [(f64::from(x) + 0.5) / 64.0 - 1.0, 1.0 - (f64::from(y) + 0.5) / 64.0];
         // The inverse of `seen` for a depth of one: y + z/2 = b and z - y/2 = 1.
-        let d = [a, (b - 0.5) / 1.25, (1.0 + 0.5 * b) / 1.25];
+        let d = dvec3(a, (b - 0.5) / 1.25, (1.0 + 0.5 * b) / 1.25);
         let mut nearest: Option<(f64, usize)> = None;
         let mut edge = false;
-        for (k, [fx, fz]) in feet().into_iter().enumerate() {
-            let to = [EYE[0] - fx, EYE[2] - fz];
-            let square = to[0] * to[0] + to[1] * to[1];
-            let t = -square / (to[0] * d[0] + to[1] * d[2]);
-            let p: [f64; 3] = std::array::from_fn(|c| EYE[c] + t * d[c]);
-            let across = (to[0] * (p[2] - fz) - to[1] * (p[0] - fx)) / square.sqrt();
+        for (k, foot) in feet().map(DVec2::from).into_iter().enumerate() {
+            let to = EYE.xz() - foot;
+            let t = -to.length_squared() / to.dot(d.xz());
+            let p = EYE + t * d;
+            let across = to.normalize().perp_dot(p.xz() - foot);
             // A pixel is depth / 64 wide.
-            let near = seen(p)[2] / 6_400.0;
-            let off = [HALF - across.abs(), p[1].min(HEIGHT - p[1])].into_iter().fold(f64::MAX, f64::min);
+            let near = seen(p).z / 6_400.0;
+            let off = [HALF - across.abs(), p.y.min(HEIGHT - p.y)].into_iter().fold(f64::MAX, f64::min);
             edge |= t > 0.0 && off.abs() < 2.0 * near;
             if t > 0.0 && off > 0.0 && nearest.is_none_or(|(other, _)| t < other) {
                 nearest = Some((t, k));

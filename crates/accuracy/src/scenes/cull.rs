@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
+use glam::{DVec3, Vec3, dvec3};
 use num::Random;
 use trace::Trace;
 use trace::command::{LinearLayout, QueryKind, TextureEnd};
@@ -31,35 +32,40 @@ pub(super) const OCCLUSION: Scene = Scene {
 
 const SIZE: [u32; 2] = [128, 128];
 
-type Sphere = ([f32; 3], f32);
+type Sphere = (Vec3, f32);
 
 /// Triangles in a shell around the eye, each with its sphere.
-fn triangles() -> Vec<([[f32; 3]; 3], Sphere)> {
+fn triangles() -> Vec<([Vec3; 3], Sphere)> {
     let mut random = Random::new(5);
     (0..256)
         .map(|_| {
-            let c: [f32; 3] = std::array::from_fn(|_| random.range(-4.0, 4.0));
-            let corners = [(); 3].map(|()| std::array::from_fn(|k| c[k] + random.range(-0.4, 0.4)));
-            let far = |p: &[f32; 3]| (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum::<f32>().sqrt();
-            (corners, (c, corners.iter().map(far).fold(0.0, f32::max) * 1.0001))
+            let mut any = |most: f32| Vec3::from_array(std::array::from_fn(|_| random.range(-most, most)));
+            let c = any(4.0);
+            let corners = [(); 3].map(|()| c + any(0.4));
+            (corners, (c, corners.iter().map(|p| p.distance(c)).fold(0.0, f32::max) * 1.0001))
         })
         .collect()
 }
 
 /// The planes of a view along z with a field of 90 degrees and a near plane at 0.1: inside is positive.
-const PLANES: [[f64; 4]; 5] =
-    [[1.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, -1.0, 1.0, 0.0], [0.0, 0.0, 1.0, -0.1]];
+const PLANES: [(DVec3, f64); 5] = [
+    (dvec3(1.0, 0.0, 1.0), 0.0),
+    (dvec3(-1.0, 0.0, 1.0), 0.0),
+    (dvec3(0.0, 1.0, 1.0), 0.0),
+    (dvec3(0.0, -1.0, 1.0), 0.0),
+    (DVec3::Z, -0.1),
+];
 
 /// Whether a sphere lies outside of a plane, in f32 as a program does it.
-fn outside(([x, y, z], radius): Sphere) -> bool {
-    PLANES.iter().any(|plane| {
-        let [a, b, c, d] = plane.map(|p| p as f32);
-        a * x + b * y + c * z + d < -radius * (a * a + b * b + c * c).sqrt()
+fn outside((center, radius): Sphere) -> bool {
+    PLANES.iter().any(|&(normal, d)| {
+        let (normal, d) = (normal.as_vec3(), d as f32);
+        normal.dot(center) + d < -radius * normal.length()
     })
 }
 
 /// The leaves that a tree of spheres leaves, halving by the longest axis; how many spheres it tested.
-fn walked(all: &[([[f32; 3]; 3], Sphere)], own: &mut [usize], shrink: f32, left: &mut Vec<usize>) -> u32 {
+fn walked(all: &[([Vec3; 3], Sphere)], own: &mut [usize], shrink: f32, left: &mut Vec<usize>) -> u32 {
     if let [leaf] = own {
         let (center, radius) = all[*leaf].1;
         if !outside((center, radius * shrink)) {
@@ -67,10 +73,10 @@ fn walked(all: &[([[f32; 3]; 3], Sphere)], own: &mut [usize], shrink: f32, left:
         }
         return 1;
     }
-    let low: [f32; 3] = std::array::from_fn(|k| own.iter().map(|&i| all[i].1.0[k]).fold(f32::MAX, f32::min));
-    let high: [f32; 3] = std::array::from_fn(|k| own.iter().map(|&i| all[i].1.0[k]).fold(f32::MIN, f32::max));
-    let center: [f32; 3] = std::array::from_fn(|k| (low[k] + high[k]) / 2.0);
-    let reach = |&i: &usize| (0..3).map(|k| (all[i].1.0[k] - center[k]).powi(2)).sum::<f32>().sqrt() + all[i].1.1;
+    let low = own.iter().map(|&i| all[i].1.0).fold(Vec3::MAX, Vec3::min);
+    let high = own.iter().map(|&i| all[i].1.0).fold(Vec3::MIN, Vec3::max);
+    let center = (low + high) / 2.0;
+    let reach = |&i: &usize| all[i].1.0.distance(center) + all[i].1.1;
     let radius = own.iter().map(reach).fold(0.0, f32::max) * 1.0001;
     if outside((center, radius)) {
         return 1;
@@ -81,13 +87,13 @@ fn walked(all: &[([[f32; 3]; 3], Sphere)], own: &mut [usize], shrink: f32, left:
     1 + walked(all, first, shrink, left) + walked(all, second, shrink, left)
 }
 
-fn drawn(all: &[([[f32; 3]; 3], Sphere)], which: &[usize]) -> Trace {
+fn drawn(all: &[([Vec3; 3], Sphere)], which: &[usize]) -> Trace {
     let mut kit = Kit::new("frustum");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, Format::Depth32Float);
     let vertices = which.iter().flat_map(|&i| {
         let color = [(i % 7) as f32 / 6.0, (i % 5) as f32 / 4.0, 0.3 + (i % 3) as f32 / 4.0, 1.0];
-        all[i].0.iter().flat_map(move |&[x, y, z]| [[x, y, z - 0.1, z], color].concat()).collect::<Vec<f32>>()
+        all[i].0.iter().flat_map(move |p| [[p.x, p.y, p.z - 0.1, p.z], color].concat()).collect::<Vec<f32>>()
     });
     let draw = Draw::list(COLORED, 2, vertices.collect()).depth(Format::Depth32Float, Compare::Less);
     let pass =
@@ -108,10 +114,7 @@ fn frustum(stage: &mut Stage) -> Result<()> {
     let frames = stage.show(&culled)?;
     let other = stage.frames(&whole)?;
     let exact = |&(center, radius): &Sphere| {
-        PLANES.iter().any(|plane| {
-            let distance = (0..3).map(|k| plane[k] * f64::from(center[k])).sum::<f64>() + plane[3];
-            distance < -f64::from(radius) * (plane[0].powi(2) + plane[1].powi(2) + plane[2].powi(2)).sqrt()
-        })
+        PLANES.iter().any(|(normal, d)| normal.dot(center.as_dvec3()) + d < -f64::from(radius) * normal.length())
     };
     let wrong = (0..all.len()).filter(|&i| exact(&all[i].1) == left.contains(&i)).count();
     stage.row(Row::none("triangles about which f64 decides otherwise", wrong as u64));

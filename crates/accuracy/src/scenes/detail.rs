@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
+use glam::{DVec3, Vec3, dvec3, vec2, vec3};
 use num::Random;
 use trace::Trace;
 
@@ -33,13 +34,12 @@ const SIZE: [u32; 2] = [128, 128];
 const FOCAL: f64 = 64.0;
 const SMALLEST: f64 = 0.6;
 
-type Triangle = [[f32; 3]; 3];
+type Triangle = [Vec3; 3];
 
 /// The middle of a triangle's corners and how far they are from it.
-fn sphere(corners: &Triangle) -> ([f32; 3], f32) {
-    let c: [f32; 3] = std::array::from_fn(|k| (corners[0][k] + corners[1][k] + corners[2][k]) / 3.0);
-    let far = |p: &[f32; 3]| (0..3).map(|k| (p[k] - c[k]) * (p[k] - c[k])).sum::<f32>().sqrt();
-    (c, corners.iter().map(far).fold(0.0, f32::max))
+fn sphere(corners: &Triangle) -> (Vec3, f32) {
+    let c = corners.iter().sum::<Vec3>() / 3.0;
+    (c, corners.iter().map(|p| p.distance(c)).fold(0.0, f32::max))
 }
 
 fn triangles() -> Vec<Triangle> {
@@ -47,9 +47,9 @@ fn triangles() -> Vec<Triangle> {
     (0..600)
         .map(|_| {
             let z = random.range(2.0, 60.0);
-            let middle = [random.range(-0.9, 0.9) * z, random.range(-0.9, 0.9) * z, z];
+            let middle = vec3(random.range(-0.9, 0.9) * z, random.range(-0.9, 0.9) * z, z);
             let edge = random.range(0.1, 0.9);
-            [(); 3].map(|()| std::array::from_fn(|k| middle[k] + edge * random.range(-1.0, 1.0)))
+            [(); 3].map(|()| middle + edge * Vec3::from_array(std::array::from_fn(|_| random.range(-1.0, 1.0))))
         })
         .collect()
 }
@@ -65,8 +65,8 @@ fn shown(vertices: Vec<f32>, name: &str) -> Trace {
     kit.finish()
 }
 
-fn vertex([x, y, z]: [f32; 3], color: [f32; 3]) -> [f32; 8] {
-    [x, y, z - 0.1, z, color[0], color[1], color[2], 1.0]
+fn vertex(at: Vec3, color: [f32; 3]) -> [f32; 8] {
+    [at.x, at.y, at.z - 0.1, at.z, color[0], color[1], color[2], 1.0]
 }
 
 fn detail(stage: &mut Stage) -> Result<()> {
@@ -76,7 +76,7 @@ fn detail(stage: &mut Stage) -> Result<()> {
         .iter()
         .map(|triangle| {
             let (center, radius) = sphere(triangle);
-            radius * shrink * FOCAL as f32 >= SMALLEST as f32 * center[2]
+            radius * shrink * FOCAL as f32 >= SMALLEST as f32 * center.z
         })
         .collect();
     let trace = |kept: &dyn Fn(usize) -> bool| {
@@ -90,10 +90,9 @@ fn detail(stage: &mut Stage) -> Result<()> {
     let frames = stage.show(&culled)?;
     let other = stage.frames(&whole)?;
     let exact = |triangle: &Triangle| {
-        let p = triangle.map(|p| p.map(f64::from));
-        let c: [f64; 3] = std::array::from_fn(|k| (p[0][k] + p[1][k] + p[2][k]) / 3.0);
-        let far = p.iter().map(|p| (0..3).map(|k| (p[k] - c[k]).powi(2)).sum::<f64>().sqrt()).fold(0.0, f64::max);
-        far * FOCAL >= SMALLEST * c[2]
+        let p = triangle.map(|p| p.as_dvec3());
+        let c = p.iter().sum::<DVec3>() / 3.0;
+        p.iter().map(|p| p.distance(c)).fold(0.0, f64::max) * FOCAL >= SMALLEST * c.z
     };
     let wrong = all.iter().zip(&kept).filter(|(triangle, kept)| exact(triangle) != **kept).count();
     stage.row(Row::none("triangles about which f64 decides otherwise", wrong as u64));
@@ -137,7 +136,7 @@ fn detail(stage: &mut Stage) -> Result<()> {
 const MESHES: [u32; 4] = [6, 8, 12, 16];
 
 /// The triangles of a ball of radius 1.
-fn mesh(segments: u32) -> Vec<[[f64; 3]; 3]> {
+fn mesh(segments: u32) -> Vec<[DVec3; 3]> {
     let rings = segments / 2;
     let at = |ring: u32, segment: u32| {
         let [up, around] = [
@@ -146,7 +145,7 @@ fn mesh(segments: u32) -> Vec<[[f64; 3]; 3]> {
         ];
         // The poles are points.
         let out = if ring == 0 || ring == rings { 0.0 } else { libm::sin(up) };
-        [out * libm::cos(around), libm::cos(up), out * libm::sin(around)]
+        dvec3(out * libm::cos(around), libm::cos(up), out * libm::sin(around))
     };
     let mut triangles = Vec::new();
     for ring in 0..rings {
@@ -165,21 +164,16 @@ fn mesh(segments: u32) -> Vec<[[f64; 3]; 3]> {
 }
 
 /// The radius of the ball that a mesh contains: the distance of its nearest plane.
-fn contained(mesh: &[[[f64; 3]; 3]]) -> f64 {
-    let distance = |[a, b, c]: &[[f64; 3]; 3]| {
-        let [u, v]: [[f64; 3]; 2] = [std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k])];
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
-        ((0..3).map(|k| n[k] * a[k]).sum::<f64>() / length).abs()
-    };
+fn contained(mesh: &[[DVec3; 3]]) -> f64 {
+    let distance = |&[a, b, c]: &[DVec3; 3]| (b - a).cross(c - a).normalize().dot(a).abs();
     mesh.iter().map(distance).fold(1.0, f64::min)
 }
 
 /// Balls: centre and radius. None is behind another.
-fn balls() -> Vec<([f32; 3], f32)> {
+fn balls() -> Vec<(Vec3, f32)> {
     let distances: [f32; 9] = [5.0, 6.0, 7.0, 9.0, 12.0, 17.0, 22.0, 30.0, 60.0];
-    let place = |k: usize| [(k % 3) as f32 * 0.6 - 0.6, (k / 3) as f32 * 0.6 - 0.6];
-    (0..).zip(distances).map(|(k, z)| ([place(k)[0] * z, place(k)[1] * z, z], 0.8)).collect()
+    let place = |k: usize| vec2((k % 3) as f32 * 0.6 - 0.6, (k / 3) as f32 * 0.6 - 0.6);
+    (0..).zip(distances).map(|(k, z)| (place(k).extend(1.0) * z, 0.8)).collect()
 }
 
 fn lod(stage: &mut Stage) -> Result<()> {
@@ -188,8 +182,8 @@ fn lod(stage: &mut Stage) -> Result<()> {
     let allowed = if stage.fault() { 2.0_f32 } else { 0.5 };
     let finest = MESHES.len() - 1;
     // The coarsest whose distance from the ball, at the ball's nearest point, is small enough.
-    let level = |&(center, radius): &([f32; 3], f32)| {
-        let fits = |&mesh: &usize| off[mesh] as f32 * radius * FOCAL as f32 <= allowed * (center[2] - radius);
+    let level = |&(center, radius): &(Vec3, f32)| {
+        let fits = |&mesh: &usize| off[mesh] as f32 * radius * FOCAL as f32 <= allowed * (center.z - radius);
         (0..finest).find(fits).unwrap_or(finest)
     };
     let levels: Vec<usize> = balls.iter().map(level).collect();
@@ -198,7 +192,7 @@ fn lod(stage: &mut Stage) -> Result<()> {
         let mut out = Vec::new();
         for (k, (&(center, radius), &level)) in balls.iter().zip(levels).enumerate() {
             for p in meshes[level].iter().flatten() {
-                out.extend(vertex(std::array::from_fn(|c| center[c] + radius * p[c] as f32), color(k)));
+                out.extend(vertex(center + radius * p.as_vec3(), color(k)));
             }
         }
         shown(out, "lod")
@@ -206,9 +200,9 @@ fn lod(stage: &mut Stage) -> Result<()> {
     let (culled, whole) = (trace(&levels), trace(&vec![finest; balls.len()]));
     let frames = stage.show(&culled)?;
     let other = stage.frames(&whole)?;
-    let exact = |&(center, radius): &([f32; 3], f32)| {
+    let exact = |&(center, radius): &(Vec3, f32)| {
         let fits = |&mesh: &usize| {
-            let [z, radius] = [center[2], radius].map(f64::from);
+            let [z, radius] = [center.z, radius].map(f64::from);
             off[mesh] * radius * FOCAL / (z - radius) <= 0.5
         };
         (0..finest).find(fits).unwrap_or(finest)
@@ -218,19 +212,17 @@ fn lod(stage: &mut Stage) -> Result<()> {
     // A ray's distance from each ball's centre: outside of the ball nothing may be drawn, inside of the contained one all must be.
     let (mut elsewhere, mut between) = (0, 0);
     for (x, y) in frames[0].places() {
-        let d = [(f64::from(x) + 0.5 - 64.0) / FOCAL, (64.0 - f64::from(y) - 0.5) / FOCAL, 1.0];
-        let length = d.iter().map(|c| c * c).sum::<f64>();
+        let d = dvec3((f64::from(x) + 0.5 - 64.0) / FOCAL, (64.0 - f64::from(y) - 0.5) / FOCAL, 1.0);
         let drawn = frames[0].rgba(x, y)[0] == 255;
         let (mut inside, mut outside) = (false, true);
         for ball in &balls {
-            let (c, radius) = (ball.0.map(f64::from), f64::from(ball.1));
-            let along = (0..3).map(|k| c[k] * d[k]).sum::<f64>();
-            let square = c.iter().map(|c| c * c).sum::<f64>() - along * along / length;
+            let (c, radius) = (ball.0.as_dvec3(), f64::from(ball.1));
+            let distance = c.reject_from(d).length();
             // The grid of positions moves an outline by a 256th of a pixel.
-            let grid = (c[2] + radius) / FOCAL / 256.0;
+            let grid = (c.z + radius) / FOCAL / 256.0;
             let own = off[exact(ball)];
-            inside |= square.max(0.0).sqrt() < radius * (1.0 - own) - grid;
-            outside &= square.max(0.0).sqrt() > radius + grid;
+            inside |= distance < radius * (1.0 - own) - grid;
+            outside &= distance > radius + grid;
         }
         elsewhere += u64::from(inside && !drawn || outside && drawn);
         between += u64::from(!inside && !outside);

@@ -6,6 +6,7 @@ use super::kit::{Draw, Kit, Pass};
 use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
+use glam::{DVec3, dvec3};
 use trace::Trace;
 
 pub(super) const LIGHTS: Scene = Scene {
@@ -52,26 +53,11 @@ fn covered(name: &str, size: [u32; 2], fragment: &str) -> Trace {
     kit.finish()
 }
 
-type Vector = [f64; 3];
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn sub(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn unit(a: Vector) -> Vector {
-    let length = dot(a, a).sqrt();
-    a.map(|c| c / length)
-}
-
 /// Diffuse and specular light of a plane with normal z, towards an eye.
-fn parts(p: Vector, to_light: Vector, eye: Vector) -> [f64; 2] {
-    let (l, v) = (unit(to_light), unit(sub(eye, p)));
-    let h = unit([l[0] + v[0], l[1] + v[1], l[2] + v[2]]);
-    [l[2].max(0.0), libm::pow(h[2].max(0.0), 20.0)]
+fn parts(p: DVec3, to_light: DVec3, eye: DVec3) -> [f64; 2] {
+    let (l, v) = (to_light.normalize(), (eye - p).normalize());
+    let h = (l + v).normalize();
+    [l.z.max(0.0), libm::pow(h.z.max(0.0), 20.0)]
 }
 
 fn lights(stage: &mut Stage) -> Result<()> {
@@ -100,14 +86,14 @@ fn lights(stage: &mut Stage) -> Result<()> {
     );
     let frames = stage.show(&covered("lights", SIZE, &source))?;
     let exact = |x: u32, y: u32| {
-        let p = [(f64::from(x) + 0.5) / 64.0 - 1.0, (f64::from(y) + 0.5) / 64.0 - 1.0, 0.0];
-        let eye = [0.0, 0.0, 3.0];
-        let sun = parts(p, [1.0, 2.0, 2.0], eye);
-        let to_point = sub([-0.5, -0.4, 0.6], p);
-        let d = dot(to_point, to_point).sqrt();
+        let p = dvec3((f64::from(x) + 0.5) / 64.0 - 1.0, (f64::from(y) + 0.5) / 64.0 - 1.0, 0.0);
+        let eye = 3.0 * DVec3::Z;
+        let sun = parts(p, dvec3(1.0, 2.0, 2.0), eye);
+        let to_point = dvec3(-0.5, -0.4, 0.6) - p;
+        let d = to_point.length();
         let point = parts(p, to_point, eye).map(|part| part / (0.5 + 0.3 * d + 0.4 * d * d));
-        let to_spot = sub([0.5, 0.5, 1.0], p);
-        let cone = libm::pow(unit(to_spot)[2], 8.0);
+        let to_spot = dvec3(0.5, 0.5, 1.0) - p;
+        let cone = libm::pow(to_spot.normalize().z, 8.0);
         let spot = parts(p, to_spot, eye).map(|part| part * cone);
         let colors = [[0.25, 0.1, 0.3], [0.2, 0.2, 0.1], [0.1, 0.3, 0.1]];
         let own = [0.05, 0.06, 0.06];
@@ -282,7 +268,7 @@ fn shading(stage: &mut Stage) -> Result<()> {
     let traces = [one(&phong, 1.0), one(&gouraud(""), lean), one(&gouraud("@interpolate(flat)"), lean)];
     let frames = stage.show(&traces[0])?;
     let brightest = |image: &super::Image| image.places().map(|(x, y)| image.rgba(x, y)[0]).max().unwrap_or(0);
-    let of = |[x, y]: [f64; 2]| 255.0 * (0.1 + 0.9 * libm::pow(unit([x, y + 0.3, 1.0])[2], 60.0));
+    let of = |[x, y]: [f64; 2]| 255.0 * (0.1 + 0.9 * libm::pow(dvec3(x, y + 0.3, 1.0).normalize().z, 60.0));
     let corner = corners.iter().map(|c| of([f64::from(c[0]), f64::from(c[1])])).fold(0.0, f64::max);
     stage.row(Row::within("brightest code, Phong shading", 255.0, f64::from(brightest(&frames[0])), 1.0));
     for (name, trace) in [("Gouraud", &traces[1]), ("flat", &traces[2])] {

@@ -7,6 +7,7 @@ use super::{Image, Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{FilterMode, SamplerDesc, TextureDimension};
+use glam::{DMat3, DVec3, dvec3};
 use num::Random;
 use trace::Trace;
 use trace::command::{BoundResource, TextureDesc};
@@ -89,8 +90,8 @@ fn bump(stage: &mut Stage) -> Result<()> {
         let height = |x: u32, y: u32| f64::from(heights[(64 * (y & 63) + (x & 63)) as usize]) / 255.0;
         let (x, y) = (x / 2 + 64, y / 2 + 64);
         let [dx, dy] = [(height(x + 1, y) - height(x - 1, y)) / 2.0, (height(x, y + 1) - height(x, y - 1)) / 2.0];
-        let light = ((1.0 - dx - dy) / ((dx * dx + dy * dy + 1.0) * 3.0).sqrt()).max(0.0);
-        [0.9 * light, 0.8 * light, 0.6 * light]
+        let light = dvec3(-dx, -dy, 1.0).normalize().dot(DVec3::ONE.normalize()).max(0.0);
+        (dvec3(0.9, 0.8, 0.6) * light).to_array()
     })?;
     Ok(())
 }
@@ -113,18 +114,11 @@ fn quaternions(stage: &mut Stage) -> Result<()> {
     );
     covered(&mut kit, &source, Vec::new());
     compare(stage, &kit.finish(), |x, y| {
-        // A slerp from no turn is a turn by a part of the angle: Rodrigues' formula.
+        // A slerp from no turn is a turn by a part of the angle.
         let angle = 150.0_f64.to_radians() * (f64::from(x) + 0.5) / 128.0;
-        let k = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
-        let v = [1.0, (f64::from(y) + 0.5) / 96.0, 0.2];
-        let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-        let v = v.map(|c| c / length);
-        let along = k[0] * v[0] + k[1] * v[1] + k[2] * v[2];
-        let (s, c) = (libm::sin(angle), libm::cos(angle));
-        std::array::from_fn(|i| {
-            let (j, l) = ((i + 1) % 3, (i + 2) % 3);
-            0.5 + 0.5 * (v[i] * c + (k[j] * v[l] - k[l] * v[j]) * s + k[i] * along * (1.0 - c))
-        })
+        let turn = DMat3::from_axis_angle(dvec3(1.0, 2.0, 2.0) / 3.0, angle);
+        let v = dvec3(1.0, (f64::from(y) + 0.5) / 96.0, 0.2).normalize();
+        (0.5 + 0.5 * (turn * v)).to_array()
     })?;
     Ok(())
 }

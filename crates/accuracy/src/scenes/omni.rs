@@ -8,6 +8,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::{Compare, ViewDimension};
+use glam::{DVec3, dvec3};
 use num::Random;
 use trace::Trace;
 use trace::command::{BoundResource, TextureDesc, ViewDesc};
@@ -25,61 +26,39 @@ pub(super) const OMNI: Scene = Scene {
 
 const TILE: u32 = 64;
 const EDGE: u32 = 64;
-const LIGHT: [f64; 3] = [0.31, -0.23, 0.37];
+const LIGHT: DVec3 = dvec3(0.31, -0.23, 0.37);
 const NEAR: f64 = 0.05;
 
-type V = [f64; 3];
-
-fn cross(a: V, b: V) -> V {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: V, b: V) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Axes of a face: to where s grows, to where t grows, and forward, by the table of OpenGL's specification.
-fn axes(face: usize) -> [V; 3] {
-    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let minus = |v: V| v.map(|c: f64| -c);
-    [
-        [minus(z), minus(y), x],
-        [z, minus(y), minus(x)],
-        [x, z, y],
-        [x, minus(z), minus(y)],
-        [x, minus(y), z],
-        [minus(x), minus(y), minus(z)],
-    ][face]
+fn axes(face: usize) -> [DVec3; 3] {
+    let [x, y, z] = DVec3::AXES;
+    [[-z, -y, x], [z, -y, -x], [x, z, y], [x, -z, -y], [x, -y, z], [-x, -y, -z]][face]
 }
 
 /// Corners as seen from the light.
-fn triangles() -> Vec<[V; 3]> {
+fn triangles() -> Vec<[DVec3; 3]> {
     let mut random = Random::new(17);
     (0..8)
         .map(|_| {
-            let middle: V = std::array::from_fn(|_| f64::from(random.range(-1.0, 1.0)));
-            let length = dot(middle, middle).sqrt();
-            let middle = middle.map(|c| 0.9 * c / length);
-            [(); 3].map(|()| std::array::from_fn(|c| middle[c] + f64::from(random.range(-0.8, 0.8))))
+            let mut any = |most: f32| DVec3::from_array(std::array::from_fn(|_| f64::from(random.range(-most, most))));
+            let middle = 0.9 * any(1.0).normalize();
+            [(); 3].map(|()| middle + any(0.8))
         })
         .collect()
 }
 
 /// The wall's point that a pixel shows, as seen from the light: six tiles, in two rows.
-fn place(x: u32, y: u32) -> V {
+fn place(x: u32, y: u32) -> DVec3 {
     let [a, b] = [x % TILE, y % TILE].map(|c| (f64::from(c) + 0.5) / f64::from(TILE / 2) - 1.0);
     let [s, t, forward] = axes((y / TILE * 3 + x / TILE) as usize);
-    std::array::from_fn(|c| 2.0 * (a * s[c] + b * t[c] + forward[c]) - LIGHT[c])
+    2.0 * (a * s + b * t + forward) - LIGHT
 }
 
 /// How far a direction, where it meets the plane of a triangle, is inside of it: the sign says whether, and the size is the sine of the angle to the
 /// nearest edge. A triangle behind is not met.
-fn inside(d: V, [a, b, c]: [V; 3]) -> f64 {
-    let turned = dot(cross(a, b), c).signum();
-    let side = |p: V, q: V| {
-        let n = cross(p, q);
-        turned * dot(n, d) / (dot(n, n) * dot(d, d)).sqrt()
-    };
+fn inside(d: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let turned = a.cross(b).dot(c).signum();
+    let side = |p: DVec3, q: DVec3| turned * p.cross(q).normalize().dot(d.normalize());
     side(a, b).min(side(b, c)).min(side(c, a))
 }
 
@@ -101,13 +80,13 @@ fn recorded(swapped: bool, culled: bool) -> Trace {
         for triangle in triangles() {
             // Outside of one side of the face's pyramid with all corners: nothing of it is in the map.
             let sides = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-            let out = |[u, v]: [f64; 2]| triangle.iter().all(|&p| u * dot(axes[0], p) + v * dot(axes[1], p) > dot(axes[2], p));
+            let out = |[u, v]: [f64; 2]| triangle.iter().all(|&p| (u * axes[0] + v * axes[1]).dot(p) > axes[2].dot(p));
             if culled && sides.into_iter().any(out) {
                 continue;
             }
             for p in triangle {
-                let [s, t, m] = axes.map(|axis| dot(axis, p));
-                vertices.extend([s, -t, m - NEAR, m, p[0], p[1], p[2], 1.0].map(|c| c as f32));
+                let [s, t, m] = axes.map(|axis| axis.dot(p));
+                vertices.extend([s, -t, m - NEAR, m, p.x, p.y, p.z, 1.0].map(|c| c as f32));
             }
         }
         let map = Target { texture, view, format: Format::R32Float, samples: 1 };
@@ -118,7 +97,7 @@ fn recorded(swapped: bool, culled: bool) -> Trace {
     let view = kit.card.create_view_of(texture, ViewDesc { dimension: Some(ViewDimension::Cube), ..ViewDesc::default() });
     let sampler = kit.sampler(Default::default());
     let rows: Vec<f32> =
-        (0..6).flat_map(|face| axes(face).map(|axis| [axis[0], axis[1], axis[2], 0.0]).concat()).map(|c| c as f32).collect();
+        (0..6).flat_map(|face| axes(face).map(|axis| axis.extend(0.0).to_array()).concat()).map(|c| c as f32).collect();
     let axes_bound = kit.numbers("axes", &rows);
     let show = format!(
         "@group(0) @binding(0) var distances: texture_cube<f32>;
@@ -134,9 +113,9 @@ fn recorded(swapped: bool, culled: bool) -> Trace {
             return vec4f(shade, shade * (0.6 + 0.08 * f32(wall / 3u)), shade * 0.6, 1.0);
         }}",
         TILE / 2,
-        LIGHT[0],
-        LIGHT[1],
-        LIGHT[2],
+        LIGHT.x,
+        LIGHT.y,
+        LIGHT.z,
     );
     let show = Draw::cover(&show).with([BoundResource::View(view), sampler, axes_bound]);
     kit.pass(&Pass { color: vec![(target, Some([0.0; 4]))], ..Pass::default() }, &[show]);
@@ -151,12 +130,12 @@ fn play(stage: &mut Stage) -> Result<()> {
     let (mut wrong, mut aside, mut dark, mut faces) = (0, 0, 0, [0; 6]);
     for (x, y) in frames[0].places() {
         let d = place(x, y);
-        let (face, at) = face(d);
+        let (face, at) = face(d.to_array());
         let texels = at.map(|c| c * f64::from(EDGE));
         // The centre of the texel, as a direction.
         let [s, t] = texels.map(|c| 2.0 * (c.floor() + 0.5) / f64::from(EDGE) - 1.0);
-        let axes = axes(face);
-        let through: V = std::array::from_fn(|c| s * axes[0][c] + t * axes[1][c] + axes[2][c]);
+        let [right, down, forward] = axes(face);
+        let through = s * right + t * down + forward;
         let inside = triangles.iter().map(|&triangle| inside(through, triangle)).fold(f64::MIN, f64::max);
         let near = triangles.iter().any(|&triangle| self::inside(through, triangle).abs() < 0.02 / f64::from(EDGE));
         if texels.iter().any(|c| (c - c.round()).abs() < 1e-3) || near {

@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::Compare;
+use glam::{DVec3, Vec3, dvec3};
 use num::Random;
 use trace::Trace;
 
@@ -146,7 +147,7 @@ fn ways(walls: &[Wall], way: &mut Vec<usize>, windows: &mut Vec<[f64; 4]>, met: 
 }
 
 /// What is seen through doors: a door is a polygon that the pyramid of planes through the eye clips, one plane after another.
-fn through(walls: &[Wall], room: usize, planes: &[[f64; 3]], from: &mut Vec<usize>, met: &mut [bool]) {
+fn through(walls: &[Wall], room: usize, planes: &[DVec3], from: &mut Vec<usize>, met: &mut [bool]) {
     met[room] = true;
     from.push(room);
     for wall in walls.iter().filter(|wall| wall.rooms.contains(&Some(room))) {
@@ -155,39 +156,32 @@ fn through(walls: &[Wall], room: usize, planes: &[[f64; 3]], from: &mut Vec<usiz
         if from.contains(&next) {
             continue;
         }
-        let door: Vec<[f64; 3]> = wall
-            .part(door, [0.0, LINTEL])
-            .iter()
-            .map(|&p| std::array::from_fn(|c| f64::from(p[c]) - f64::from(EYE[c])))
-            .collect();
-        let side = |plane: &[f64; 3], p: &[f64; 3]| (0..3).map(|c| plane[c] * p[c]).sum::<f64>();
+        let eye = Vec3::from(EYE).as_dvec3();
+        let door: Vec<DVec3> = wall.part(door, [0.0, LINTEL]).iter().map(|&p| Vec3::from(p).as_dvec3() - eye).collect();
         let clipped = planes.iter().fold(door.clone(), |polygon, plane| {
             let mut left = Vec::new();
-            for (k, p) in polygon.iter().enumerate() {
+            for (k, &p) in polygon.iter().enumerate() {
                 let q = polygon[(k + 1) % polygon.len()];
-                let [at, to] = [side(plane, p), side(plane, &q)];
+                let [at, to] = [plane.dot(p), plane.dot(q)];
                 if at > 0.0 {
-                    left.push(*p);
+                    left.push(p);
                 }
                 if (at > 0.0) != (to > 0.0) {
-                    left.push(std::array::from_fn(|c| p[c] + at / (at - to) * (q[c] - p[c])));
+                    left.push(p + at / (at - to) * (q - p));
                 }
             }
             left
         });
         // What is in front of the near plane is not seen through; what crosses it does not narrow the view.
-        if clipped.iter().all(|p| p[2] < f64::from(NEAR)) {
+        if clipped.iter().all(|p| p.z < f64::from(NEAR)) {
             continue;
         }
         let mut narrowed = planes.to_vec();
-        if door.iter().all(|p| p[2] >= f64::from(NEAR)) {
-            let slope = |c: usize| door.iter().map(move |p| p[c] / p[2]);
-            for c in 0..2 {
+        if door.iter().all(|p| p.z >= f64::from(NEAR)) {
+            let slope = |c: usize| door.iter().map(move |p| p[c] / p.z);
+            for (c, axis) in [DVec3::X, DVec3::Y].into_iter().enumerate() {
                 let (low, high) = (slope(c).fold(f64::MAX, f64::min), slope(c).fold(f64::MIN, f64::max));
-                let axis = |sign: f64, offset: f64| {
-                    std::array::from_fn(|k| if k == 2 { offset } else { sign * f64::from(u8::from(k == c)) })
-                };
-                narrowed.extend([axis(1.0, -low), axis(-1.0, high)]);
+                narrowed.extend([axis.with_z(-low), (-axis).with_z(high)]);
             }
         }
         through(walls, next, &narrowed, from, met);
@@ -253,7 +247,7 @@ fn portal(stage: &mut Stage) -> Result<()> {
     let (mut met, mut right) = ([false; ROOMS * ROOMS], [false; ROOMS * ROOMS]);
     let lintel = if stage.fault() { 0.3 } else { LINTEL };
     let tests = walk(&walls, own, [-2.0, -1.0, 2.0, 1.0], &mut Vec::new(), &mut met, lintel);
-    let view = [[1.0, 0.0, 2.0], [-1.0, 0.0, 2.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]];
+    let view = [dvec3(1.0, 0.0, 2.0), dvec3(-1.0, 0.0, 2.0), dvec3(0.0, 1.0, 1.0), dvec3(0.0, -1.0, 1.0)];
     ways(&walls, &mut vec![own], &mut Vec::new(), &mut right);
     let mut seen = [false; ROOMS * ROOMS];
     through(&walls, own, &view, &mut Vec::new(), &mut seen);

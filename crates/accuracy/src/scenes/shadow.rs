@@ -7,6 +7,7 @@ use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
 use gfx::state::*;
+use glam::{DVec3, dvec3};
 use trace::Trace;
 use trace::record;
 
@@ -30,68 +31,54 @@ pub(super) const VOLUMES: Scene = Scene {
 const SIZE: [u32; 2] = [256, 256];
 const DEPTH: Format = Format::Depth24PlusStencil8;
 
-type V = [f64; 3];
-
-const SOLID: [V; 4] = [[-0.31, 0.4, -0.27], [0.37, 0.43, -0.11], [0.02, 0.47, 0.33], [0.05, 0.93, 0.01]];
+const SOLID: [DVec3; 4] =
+    [dvec3(-0.31, 0.4, -0.27), dvec3(0.37, 0.43, -0.11), dvec3(0.02, 0.47, 0.33), dvec3(0.05, 0.93, 0.01)];
 /// Faces, wound so that they are counter-clockwise from outside.
 const FACES: [[usize; 3]; 4] = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
-const LIGHT: V = [0.23, 2.1, -0.37];
-
-fn sub(a: V, b: V) -> V {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn cross(a: V, b: V) -> V {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: V, b: V) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+const LIGHT: DVec3 = dvec3(0.23, 2.1, -0.37);
 
 /// Whether a segment from `a` to `b` meets a triangle, by signed volumes.
-fn meets(a: V, b: V, [p, q, r]: [V; 3]) -> bool {
-    let volume = |a: V, b: V, c: V, d: V| dot(cross(sub(b, a), sub(c, a)), sub(d, a)) > 0.0;
+fn meets(a: DVec3, b: DVec3, [p, q, r]: [DVec3; 3]) -> bool {
+    let volume = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| (b - a).cross(c - a).dot(d - a) > 0.0;
     volume(a, p, q, r) != volume(b, p, q, r) && {
         let side = volume(a, b, p, q);
         side == volume(a, b, q, r) && side == volume(a, b, r, p)
     }
 }
 
-fn shadowed(p: V, solid: &[V; 4]) -> bool {
+fn shadowed(p: DVec3, solid: &[DVec3; 4]) -> bool {
     FACES.iter().any(|face| meets(p, LIGHT, face.map(|k| solid[k])))
 }
 
 /// A camera: its columns of rotation are those of the axes below, with focal length 1.
 #[derive(Clone, Copy)]
 struct Camera {
-    eye: V,
+    eye: DVec3,
     /// To the right, up and forward.
-    axes: [V; 3],
+    axes: [DVec3; 3],
 }
 
 const NEAR: f64 = 0.01;
 
 impl Camera {
     /// Clip coordinates with an infinite far plane: depth 1 - near/w.
-    fn clip(&self, p: V, w: f64) -> [f32; 4] {
-        let d = std::array::from_fn(|c| p[c] - w * self.eye[c]);
-        let [x, y, z] = self.axes.map(|axis| dot(axis, d));
+    fn clip(&self, p: DVec3, w: f64) -> [f32; 4] {
+        let [x, y, z] = self.axes.map(|axis| axis.dot(p - w * self.eye));
         [x as f32, y as f32, (z - NEAR * w) as f32, z as f32]
     }
 
     /// The floor's point that a pixel sees.
-    fn floor(&self, x: u32, y: u32) -> Option<V> {
+    fn floor(&self, x: u32, y: u32) -> Option<DVec3> {
         let [a, b] = [(f64::from(x) + 0.5) / 128.0 - 1.0, 1.0 - (f64::from(y) + 0.5) / 128.0];
-        let d: V = std::array::from_fn(|c| a * self.axes[0][c] + b * self.axes[1][c] + self.axes[2][c]);
-        let t = -self.eye[1] / d[1];
-        (t > 0.0).then(|| std::array::from_fn(|c| self.eye[c] + t * d[c]))
+        let d = a * self.axes[0] + b * self.axes[1] + self.axes[2];
+        let t = -self.eye.y / d.y;
+        (t > 0.0).then(|| self.eye + t * d)
     }
 }
 
 /// From above the floor, looking down.
-fn above(eye: V) -> Camera {
-    Camera { eye, axes: [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]] }
+fn above(eye: DVec3) -> Camera {
+    Camera { eye, axes: [DVec3::X, DVec3::Z, DVec3::NEG_Y] }
 }
 
 fn vertex(clip: [f32; 4], shade: f32) -> Vec<f32> {
@@ -99,7 +86,7 @@ fn vertex(clip: [f32; 4], shade: f32) -> Vec<f32> {
 }
 
 fn floor(camera: Camera, shade: f32) -> Vec<f32> {
-    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| [x, 0.0, z]);
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| dvec3(x, 0.0, z));
     [0, 1, 2, 0, 2, 3].iter().flat_map(|&k: &usize| vertex(camera.clip(corners[k], 1.0), shade)).collect()
 }
 
@@ -115,7 +102,7 @@ fn stencil(compare: Compare, face: impl Fn(bool) -> StencilFace, depth_compare: 
     }
 }
 
-fn wrong(frame: &super::Image, camera: Camera, solid: &[V; 4]) -> u64 {
+fn wrong(frame: &super::Image, camera: Camera, solid: &[DVec3; 4]) -> u64 {
     let shade = |x, y| match camera.floor(x, y) {
         Some(p) if shadowed(p, solid) => [51; 3],
         Some(_) => [204; 3],
@@ -125,16 +112,16 @@ fn wrong(frame: &super::Image, camera: Camera, solid: &[V; 4]) -> u64 {
 }
 
 fn flat(stage: &mut Stage) -> Result<()> {
-    let camera = above([0.1, 1.9, 0.05]);
+    let camera = above(dvec3(0.1, 1.9, 0.05));
     let mut kit = Kit::new("flat-shadow");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, DEPTH);
     let mut light = LIGHT;
-    light[1] *= if stage.fault() { 1.1 } else { 1.0 };
+    light.y *= if stage.fault() { 1.1 } else { 1.0 };
     // The matrix of a point light onto y = 0, applied to the corners.
-    let project = |p: V| -> V {
-        let t = light[1] / (light[1] - p[1]);
-        std::array::from_fn(|c| light[c] + t * (p[c] - light[c]))
+    let project = |p: DVec3| -> DVec3 {
+        let t = light.y / (light.y - p.y);
+        light + t * (p - light)
     };
     let shadow = FACES.iter().flatten().flat_map(|&k| vertex(camera.clip(project(SOLID[k]), 1.0), 0.2)).collect();
     let once = stencil(
@@ -159,31 +146,31 @@ fn flat(stage: &mut Stage) -> Result<()> {
 }
 
 /// The volume of a solid, with caps at the solid and at infinity: each face's prism from the face to infinity away from the light, for faces that see the light.
-fn volume(camera: Camera, solid: &[V; 4], Volume { caps: [near, infinite], silhouette, .. }: Volume) -> Vec<f32> {
+fn volume(camera: Camera, solid: &[DVec3; 4], Volume { caps: [near, infinite], silhouette, .. }: Volume) -> Vec<f32> {
     let mut out = Vec::new();
-    let mut triangle = |corners: [(V, f64); 3]| {
+    let mut triangle = |corners: [(DVec3, f64); 3]| {
         for (p, w) in corners {
             out.extend(vertex(camera.clip(p, w), 1.0));
         }
     };
-    let inside: V = std::array::from_fn(|k| solid.iter().map(|p| p[k]).sum::<f64>() / 4.0);
+    let inside = solid.iter().sum::<DVec3>() / 4.0;
     let normal = |face: [usize; 3]| {
         let [a, b, c] = face.map(|k| solid[k]);
-        cross(sub(b, a), sub(c, a))
+        (b - a).cross(c - a)
     };
     let lit = FACES.into_iter().filter(|&face| {
         let (n, a) = (normal(face), solid[face[0]]);
-        (dot(n, sub(LIGHT, a)) > 0.0) != (dot(n, sub(inside, a)) > 0.0)
+        (n.dot(LIGHT - a) > 0.0) != (n.dot(inside - a) > 0.0)
     });
     // Counter-clockwise from the light.
     let lit: Vec<[usize; 3]> = lit
         .map(|face| {
             let [a, b, c] = face;
-            if dot(normal(face), sub(LIGHT, solid[a])) > 0.0 { face } else { [a, c, b] }
+            if normal(face).dot(LIGHT - solid[a]) > 0.0 { face } else { [a, c, b] }
         })
         .collect();
     let sides = |[a, b, c]: [usize; 3]| [[a, b], [b, c], [c, a]];
-    let far = |k: usize| (sub(solid[k], LIGHT), 0.0);
+    let far = |k: usize| (solid[k] - LIGHT, 0.0);
     let own = |k: usize| (solid[k], 1.0);
     for &face in &lit {
         for [from, to] in sides(face) {
@@ -217,11 +204,11 @@ struct Volume {
     wall: bool,
 }
 
-fn volumed(camera: Camera, solid: &[V; 4], how: Volume) -> Trace {
+fn volumed(camera: Camera, solid: &[DVec3; 4], how: Volume) -> Trace {
     volumes_of(camera, std::slice::from_ref(solid), how)
 }
 
-fn volumes_of(camera: Camera, solids: &[[V; 4]], how: Volume) -> Trace {
+fn volumes_of(camera: Camera, solids: &[[DVec3; 4]], how: Volume) -> Trace {
     let mut kit = Kit::new("volumes");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let depth = kit.target("depth", SIZE, DEPTH);
@@ -258,7 +245,7 @@ fn volumes(stage: &mut Stage) -> Result<()> {
     let caps = [!stage.fault(); 2];
     let fail = Volume { fail: true, caps, silhouette: false, wall: false };
     // Beside the shadow, and inside of it, below the solid.
-    let (outside, inside) = (above([-1.3, 1.7, 1.2]), above([0.0, 0.2, 0.05]));
+    let (outside, inside) = (above(dvec3(-1.3, 1.7, 1.2)), above(dvec3(0.0, 0.2, 0.05)));
     let outside_fail = volumed(outside, &SOLID, fail);
     let frames = stage.show(&outside_fail)?;
     stage.row(Row::at_most(
@@ -353,12 +340,12 @@ fn hidden(stage: &mut Stage, camera: Camera) -> Result<()> {
 }
 
 /// The solid so many times, each a little beside the one before.
-fn crowd(count: usize) -> Vec<[V; 4]> {
-    (0..count).map(|k| SOLID.map(|[x, y, z]| [x + 0.01 * k as f64, y, z - 0.01 * k as f64])).collect()
+fn crowd(count: usize) -> Vec<[DVec3; 4]> {
+    (0..count).map(|k| SOLID.map(|p| p + 0.01 * k as f64 * dvec3(1.0, 0.0, -1.0))).collect()
 }
 
 /// The same shadows by a map of depths as the light sees them, looking down.
-fn mapped(camera: Camera, solids: &[[V; 4]]) -> Trace {
+fn mapped(camera: Camera, solids: &[[DVec3; 4]]) -> Trace {
     let mut kit = Kit::new("shadow-map");
     let target = kit.target("target", SIZE, Format::Rgba8Unorm);
     let map = kit.target("map", SIZE, Format::Depth32Float);
@@ -378,7 +365,7 @@ fn mapped(camera: Camera, solids: &[[V; 4]]) -> Trace {
             let lit = textureSampleCompareLevel(map, compare, p.xy * vec2f(0.5, -0.5) + 0.5, p.z);
             return vec4f(vec3f(0.2 + 0.6 * lit), 1.0);
         }";
-    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| [x, 0.0, z]);
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, z]| dvec3(x, 0.0, z));
     let floor =
         [0, 1, 2, 0, 2, 3].iter().flat_map(|&k: &usize| [camera, light].map(|view| view.clip(corners[k], 1.0)).concat());
     let receive = Draw::list(source, 2, floor.collect()).with([map.bound(), compare]);
@@ -389,7 +376,7 @@ fn mapped(camera: Camera, solids: &[[V; 4]]) -> Trace {
 
 /// Which are cheaper, maps or volumes, for solids whose shadows lie over each other.
 fn maps(stage: &mut Stage) -> Result<()> {
-    let camera = above([-1.3, 1.7, 1.2]);
+    let camera = above(dvec3(-1.3, 1.7, 1.2));
     let picture = stage.frames(&mapped(camera, &crowd(1)))?;
     let share = wrong(&picture[0], camera, &SOLID) as f64 / 65_536.0;
     stage.row(Row::at_most("shadow map: share of pixels that are not as rays find", share, 0.02));

@@ -3,6 +3,7 @@
 use gfx::state::*;
 use gl_shader::arb::program::Output;
 use gl_shader::wgsl;
+use glam::Mat4;
 
 use super::arb::{Active, Stage, input};
 use super::call::{Fault, Outcome};
@@ -12,7 +13,6 @@ use super::draw_key::varying;
 use super::geometry::Geometry;
 use super::key::*;
 use super::machine::Gl;
-use super::matrix::{IDENTITY, Matrix};
 use super::pack::{Drawn, Packing, STREAM_ALIGN, streams};
 use super::primitive::{Batch, Class};
 use super::state::{Stencil, TARGETS, UNITS, Vertex, capability};
@@ -193,7 +193,7 @@ impl Gl {
             key.varying = varying(batch, &summary, &key);
         }
         let mut blob = Vec::new();
-        let textures: [Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
+        let textures: [Mat4; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
         let source = Source {
             state: &self.state,
             modelview: &self.modelview.top,
@@ -232,7 +232,7 @@ impl Gl {
         }
         let packing = Packing::new(&key, &summary, batch.class, batch.sent);
         let fixed = self.fixed(&target, shader, packing.attributes.clone(), batch, &key, bound.len())?;
-        let clip = if packing.cuts() { to_clip(&self.projection.top, &self.modelview.top) } else { IDENTITY };
+        let clip = if packing.cuts() { to_clip(&self.projection.top, &self.modelview.top) } else { Mat4::IDENTITY };
         let (flat, upright, viewport) = (self.state.flat, self.keeps_upright(), self.viewport(&target));
         // Where it begins in the pass; what is kept has buffers of its own.
         let (mut vertices, mut first, mut streams_of) = (0, 0, Vec::new());

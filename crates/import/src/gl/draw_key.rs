@@ -1,5 +1,7 @@
 //! The key of a draw's shader: what the state at hand asks for, and no more.
 
+use glam::{Mat4, Vec4};
+
 use super::arb::{GENERICS, input};
 use super::call::Outcome;
 use super::consts as e;
@@ -7,7 +9,6 @@ use super::draw::kind_of;
 use super::key::*;
 use super::machine::Gl;
 use super::materials::{tracked, tracks};
-use super::matrix::IDENTITY;
 use super::primitive::{Batch, Class, Sent};
 use super::state::{PLANES, UNITS};
 use super::summary::Summary;
@@ -66,8 +67,8 @@ impl Gl {
             border: bound.as_ref().is_some_and(|bound| bound.border.is_some()),
             clamp: bound.as_ref().map_or([false; 3], |bound| bound.clamp),
             depth: bound.as_ref().map_or(DepthRead::No, |bound| bound.depth),
-            matrix: *m != IDENTITY && !sprite,
-            projective: made[3].is_some() || [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0],
+            matrix: *m != Mat4::IDENTITY && !sprite,
+            projective: made[3].is_some() || m.row(3) != Vec4::W,
             bias: env.bias + bound.as_ref().map_or(0.0, |bound| bound.bias) != 0.0,
             made,
             sprite,

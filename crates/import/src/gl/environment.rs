@@ -1,5 +1,7 @@
 //! Environments of texture units, and texture generation.
 
+use glam::Mat4;
+
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::{Gl, parameters};
@@ -67,7 +69,7 @@ fn operand(word: u32) -> Outcome<u32> {
 
 pub(super) fn generation(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (coordinate, name, values) = (call.u32(0)?.wrapping_sub(e::S) as usize, call.u32(1)?, parameters(call, 2)?);
-    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(matrix::IDENTITY);
+    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(Mat4::IDENTITY);
     let unit = &mut gl.state.units[gl.state.active];
     let generation = unit.generation.get_mut(coordinate).ok_or(INVALID_ENUM)?;
     let plane = || -> Outcome<[f32; 4]> {

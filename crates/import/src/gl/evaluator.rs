@@ -1,9 +1,10 @@
 //! Evaluators: Bezier curves and surfaces (OpenGL 1.5, section 5.1).
 
+use glam::{Vec3, Vec4};
+
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
-use super::matrix;
 use super::state::capability;
 
 /// The greatest order.
@@ -152,12 +153,12 @@ impl Gl {
         let Some(map) = map(VERTEX_4).or_else(|| map(VERTEX_3)) else { return Ok(()) };
         let [p, du, dv] = map.at(u, v);
         if surface && self.state.is(e::AUTO_NORMAL) {
-            let part = |d: [f32; 4]| -> [f32; 3] {
-                std::array::from_fn(|k| d[k] * p[3] - p[k] * if p[3] == 1.0 { 0.0 } else { d[3] })
+            let at = Vec4::from(p);
+            let part = |d: [f32; 4]| -> Vec3 {
+                let d = Vec4::from(d);
+                d.truncate() * at.w - at.truncate() * if at.w == 1.0 { 0.0 } else { d.w }
             };
-            let (a, b) = (part(du), part(dv));
-            let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-            vertex.normal = matrix::normalized(cross);
+            vertex.normal = part(du).cross(part(dv)).normalize_or_zero().to_array();
         }
         self.state.current = vertex;
         let outcome = self.vertex_at(p);

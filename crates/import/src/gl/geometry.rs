@@ -4,13 +4,13 @@
 use std::cell::{Cell, OnceCell, RefCell};
 use std::rc::Rc;
 
+use glam::Mat4;
 use num::BufferId;
 
 use super::call::Outcome;
 use super::card::Card;
 use super::consts as e;
 use super::machine::Gl;
-use super::matrix::IDENTITY;
 use super::pack::{Drawn, Packing};
 use super::primitive::{Batch, Class, Corners, class_of, is_upright, points_and_lines, triangles};
 use super::state::{UNITS, Vertex};
@@ -134,7 +134,7 @@ impl Card {
         }
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
         let drawn = Drawn { vertices: &geometry.vertices, indices: &geometry.indices(upright) };
-        packing.write(drawn, &IDENTITY, false, &mut vertices, &mut indices);
+        packing.write(drawn, &Mat4::IDENTITY, false, &mut vertices, &mut indices);
         let count = indices.len() as u32;
         let indices: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
         let bytes = (vertices.len() + indices.len()) as u64;

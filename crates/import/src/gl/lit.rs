@@ -1,19 +1,17 @@
 //! Lighting of one vertex, for raster positions (OpenGL 1.5, section 2.14.1). Vertices that are drawn are lit by the shader.
 
-use super::consts as e;
-use super::matrix::{self, Matrix, normalized};
-use super::state::{State, Vertex};
+use glam::{Mat4, Vec3, Vec4, vec3};
 
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+use super::consts as e;
+use super::matrix;
+use super::state::{State, Vertex};
 
 fn power(base: f32, exponent: f32) -> f32 {
     libm::pow(f64::from(base), f64::from(exponent)) as f32
 }
 
 /// The primary and secondary colour of a vertex of a polygon, by the side that it shows.
-pub fn colors_of_side(state: &State, modelview: &Matrix, vertex: &Vertex, back: bool) -> ([f32; 4], [f32; 3]) {
+pub fn colors_of_side(state: &State, modelview: &Mat4, vertex: &Vertex, back: bool) -> ([f32; 4], [f32; 3]) {
     if !back || !state.two_side {
         return colors(state, modelview, vertex);
     }
@@ -31,7 +29,7 @@ pub fn colors_of_side(state: &State, modelview: &Matrix, vertex: &Vertex, back: 
 }
 
 /// The primary and secondary colour of a vertex.
-pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], [f32; 3]) {
+pub fn colors(state: &State, modelview: &Mat4, vertex: &Vertex) -> ([f32; 4], [f32; 3]) {
     let unit = |value: f32| value.clamp(0.0, 1.0);
     if !state.is(e::LIGHTING) {
         return (vertex.color.map(unit), vertex.secondary.map(unit));
@@ -46,30 +44,29 @@ pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], 
             _ => (material.ambient, material.diffuse) = (vertex.color, vertex.color),
         }
     }
-    let [x, y, z, w] = matrix::transform(modelview, vertex.position);
-    let eye = [x / w, y / w, z / w];
+    let eye = place(modelview, vertex);
     let n = eye_normal(state, modelview, vertex);
     let mut primary: [f32; 3] = std::array::from_fn(|c| material.emission[c] + material.ambient[c] * state.model_ambient[c]);
     let mut shine = [0.0; 3];
     for (_, light) in state.lights.iter().enumerate().filter(|(k, _)| state.is(e::LIGHT0 + *k as u32)) {
         let [lx, ly, lz, lw] = light.position;
         let (to_light, mut strength) = if lw == 0.0 {
-            (normalized([lx, ly, lz]), 1.0)
+            (vec3(lx, ly, lz).normalize_or_zero(), 1.0)
         } else {
-            let way = [lx / lw - eye[0], ly / lw - eye[1], lz / lw - eye[2]];
-            let distance = dot(way, way).sqrt();
+            let way = vec3(lx, ly, lz) / lw - eye;
+            let distance = way.length();
             let [constant, linear, quadratic] = light.attenuation;
-            (normalized(way), 1.0 / (constant + distance * (linear + distance * quadratic)))
+            (way.normalize_or_zero(), 1.0 / (constant + distance * (linear + distance * quadratic)))
         };
         if light.spot_cutoff != 180.0 {
-            let spot = -dot(to_light, normalized(light.spot_direction));
+            let spot = -to_light.dot(Vec3::from(light.spot_direction).normalize_or_zero());
             let least = libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32;
             strength *= if spot >= least { power(spot.max(0.0), light.spot_exponent) } else { 0.0 };
         }
-        let facing = dot(n, to_light);
-        let viewer = if state.local_viewer { normalized(eye.map(|value| -value)) } else { [0.0, 0.0, 1.0] };
-        let half = normalized(std::array::from_fn(|k| to_light[k] + viewer[k]));
-        let gloss = if facing > 0.0 { power(dot(n, half).max(0.0), material.shininess) } else { 0.0 };
+        let facing = n.dot(to_light);
+        let viewer = if state.local_viewer { (-eye).normalize_or_zero() } else { Vec3::Z };
+        let half = (to_light + viewer).normalize_or_zero();
+        let gloss = if facing > 0.0 { power(n.dot(half).max(0.0), material.shininess) } else { 0.0 };
         for c in 0..3 {
             primary[c] +=
                 strength * (material.ambient[c] * light.ambient[c] + facing.max(0.0) * material.diffuse[c] * light.diffuse[c]);
@@ -83,24 +80,26 @@ pub fn colors(state: &State, modelview: &Matrix, vertex: &Vertex) -> ([f32; 4], 
     ([r, g, b, unit(material.diffuse[3])], shine.map(unit))
 }
 
+/// The place of a vertex in eye space.
+fn place(modelview: &Mat4, vertex: &Vertex) -> Vec3 {
+    let eye = *modelview * Vec4::from(vertex.position);
+    eye.truncate() / eye.w
+}
+
 /// The normal of a vertex in eye space, as lighting has it.
-fn eye_normal(state: &State, modelview: &Matrix, vertex: &Vertex) -> [f32; 3] {
-    let columns = matrix::normal_matrix(modelview);
-    let n: [f32; 3] = std::array::from_fn(|row| (0..3).map(|k| columns[k][row] * vertex.normal[k]).sum());
-    if state.is(e::NORMALIZE) || state.is(e::RESCALE_NORMAL) { normalized(n) } else { n }
+fn eye_normal(state: &State, modelview: &Mat4, vertex: &Vertex) -> Vec3 {
+    let n = matrix::normal_matrix(modelview) * Vec3::from(vertex.normal);
+    if state.is(e::NORMALIZE) || state.is(e::RESCALE_NORMAL) { n.normalize_or_zero() } else { n }
 }
 
 /// One of the texture coordinates s, t, r that a map of the surroundings has (OpenGL 1.5, section 2.10.4); q stays as it is.
-pub fn map_coordinate(state: &State, modelview: &Matrix, vertex: &Vertex, mode: u32, k: usize) -> f32 {
+pub fn map_coordinate(state: &State, modelview: &Mat4, vertex: &Vertex, mode: u32, k: usize) -> f32 {
     let n = eye_normal(state, modelview, vertex);
-    let [x, y, z, w] = matrix::transform(modelview, vertex.position);
-    let way = normalized([x / w, y / w, z / w]);
-    let by = 2.0 * dot(n, way);
-    let reflected: [f32; 3] = std::array::from_fn(|i| way[i] - by * n[i]);
+    let way = place(modelview, vertex).normalize_or_zero();
+    let reflected = way - 2.0 * n.dot(way) * n;
     match mode {
         e::SPHERE_MAP if k < 2 => {
-            let [rx, ry, rz] = reflected;
-            let m = 2.0 * (rx * rx + ry * ry + (rz + 1.0) * (rz + 1.0)).sqrt();
+            let m = 2.0 * (reflected + Vec3::Z).length();
             reflected[k] / m + 0.5
         }
         e::REFLECTION_MAP if k < 3 => reflected[k],
@@ -112,7 +111,6 @@ pub fn map_coordinate(state: &State, modelview: &Matrix, vertex: &Vertex, mode: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gl::matrix::IDENTITY;
     use crate::gl::state::capability;
 
     #[test]
@@ -120,15 +118,15 @@ mod tests {
         let mut state = State::default();
         let mut vertex = state.current.clone();
         vertex.color = [0.25, 2.0, -1.0, 0.5];
-        assert_eq!(colors(&state, &IDENTITY, &vertex).0, [0.25, 1.0, 0.0, 0.5]);
+        assert_eq!(colors(&state, &Mat4::IDENTITY, &vertex).0, [0.25, 1.0, 0.0, 0.5]);
         state.enabled |= capability(e::LIGHTING).unwrap_or(0) | capability(e::LIGHT0).unwrap_or(0);
         // Ambient 0.2 * 0.2 of the scene and diffuse 0.8 of a white light in front: 0.04 + 0.8.
-        let (lit, _) = colors(&state, &IDENTITY, &vertex);
+        let (lit, _) = colors(&state, &Mat4::IDENTITY, &vertex);
         assert!(lit[..3].iter().all(|value| (value - 0.84).abs() < 1e-6) && lit[3] == 1.0, "{lit:?}");
         // At 60 degrees half of the diffuse light is left.
         let mut tilted = vertex;
         tilted.normal = [0.75_f32.sqrt(), 0.0, 0.5];
-        let (lit, _) = colors(&state, &IDENTITY, &tilted);
+        let (lit, _) = colors(&state, &Mat4::IDENTITY, &tilted);
         assert!((lit[0] - 0.44).abs() < 1e-6, "{lit:?}");
     }
 }

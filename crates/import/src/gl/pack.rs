@@ -1,10 +1,11 @@
 //! Vertices of a batch as the card reads them: only what differs between them, and points and lines as triangles where they are wide.
 
 use gfx::state::VertexFormat;
+use glam::Mat4;
 
 use super::arb::GENERICS;
 use super::key::{Expand, ShaderKey};
-use super::matrix::{self, Matrix};
+use super::matrix;
 use super::primitive::{Class, Sent};
 use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
@@ -112,7 +113,7 @@ impl Packing {
 
     /// Appends vertices as the card reads them, one behind another; of draws that are kept, an array for each attribute. Indices count from
     /// the first of them. `clip` is the matrix to clip space, `flat` says whether shading is flat: they cut lines that become triangles.
-    pub fn write(&self, of: Drawn<'_>, clip: &Matrix, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+    pub fn write(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         if self.expand != Expand::No {
             return self.expand(of, clip, flat, bytes, indices);
         }
@@ -146,7 +147,7 @@ impl Packing {
 
     /// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
     /// Smooth ones are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
-    fn expand(&self, of: Drawn<'_>, clip: &Matrix, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
+    fn expand(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         let smooth = self.expand == Expand::SmoothLine;
         let mut count = 0;
         let mut quad = |bytes: &mut Vec<u8>, corners: [(&Vertex, Option<&Vertex>); 4]| {
@@ -186,7 +187,7 @@ pub struct Drawn<'a> {
 }
 
 /// Cuts a line at the near plane, or at the whole view volume; whether anything is left.
-fn cut(ends: &mut [Vertex], clip: &Matrix, flat: bool, whole: bool) -> bool {
+fn cut(ends: &mut [Vertex], clip: &Mat4, flat: bool, whole: bool) -> bool {
     if flat {
         ends[0].color = ends[1].color;
         ends[0].normal = ends[1].normal;

@@ -84,10 +84,7 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
     let position = components(call, shape, 0)?.0.map(|value| value as f32);
     let eye = matrix::transform(&gl.modelview.top, position);
     let [x, y, z, w] = matrix::transform(&gl.projection.top, eye);
-    let cut = |k: usize| {
-        let plane = gl.state.planes[k];
-        gl.state.is(e::CLIP_PLANE0 + k as u32) && (0..4).map(|i| plane[i] * eye[i]).sum::<f32>() < 0.0
-    };
+    let cut = |k: usize| gl.state.is(e::CLIP_PLANE0 + k as u32) && matrix::at_plane(gl.state.planes[k], eye) < 0.0;
     let inside = w > 0.0 && [x, y, z].iter().all(|value| value.abs() <= w) && !(0..PLANES).any(cut);
     let [vx, vy, width, height] = gl.state.viewport.map(|value| value as f32);
     let [near, far] = gl.state.depth_range;
@@ -105,10 +102,9 @@ pub(super) fn raster_position(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome
         let mut coordinates = vertex.texture(unit);
         for k in (0..4).filter(|k| state.generated & 1 << k != 0) {
             let generation = state.generation[k];
-            let dot = |plane: [f32; 4], of: [f32; 4]| (0..4).map(|i| plane[i] * of[i]).sum();
             coordinates[k] = match generation.mode {
-                e::OBJECT_LINEAR => dot(generation.object, position),
-                e::EYE_LINEAR => dot(generation.eye, eye),
+                e::OBJECT_LINEAR => matrix::at_plane(generation.object, position),
+                e::EYE_LINEAR => matrix::at_plane(generation.eye, eye),
                 mode => super::lit::map_coordinate(&gl.state, &gl.modelview.top, &vertex, mode, k),
             };
         }

@@ -1,12 +1,13 @@
 //! Primitives become lists of points, lines or triangles, which wait for one draw as long as the state stays.
 
 use gfx::state::Topology;
+use glam::{DVec2, Mat4, Vec4, dvec2};
 
 use super::arb::Stage;
 use super::call::{Fault, Outcome};
 use super::consts as e;
 use super::machine::Gl;
-use super::matrix::{self, Matrix};
+use super::matrix;
 use super::state::{Vertex, capability};
 use super::uniforms::to_clip;
 
@@ -217,7 +218,8 @@ impl Gl {
     /// Whether shading is smooth, and the matrices only move and scale, without perspective.
     pub fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
-        !self.state.flat && [1, 2, 3, 4, 6, 7, 8, 9, 11].iter().all(|&k| m[k] == 0.0)
+        let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, Vec4::Z * m.z_axis, m.w_axis);
+        !self.state.flat && m == moves
     }
 
     /// Whether the faces that are not culled are filled.
@@ -318,19 +320,14 @@ impl Gl {
     }
 
     /// Whether a polygon shows its back: by the sign of its area in the window.
-    fn is_back<'a>(&self, clip: &Matrix, corners: impl Iterator<Item = &'a Vertex>) -> bool {
-        let window: Vec<[f64; 2]> = corners
+    fn is_back<'a>(&self, clip: &Mat4, corners: impl Iterator<Item = &'a Vertex>) -> bool {
+        let window: Vec<DVec2> = corners
             .map(|vertex| {
                 let [x, y, _, w] = matrix::transform(clip, vertex.position).map(f64::from);
-                [x / w, y / w]
+                dvec2(x, y) / w
             })
             .collect();
-        let area: f64 = (0..window.len())
-            .map(|k| {
-                let ([ax, ay], [bx, by]) = (window[k], window[(k + 1) % window.len()]);
-                ax * by - bx * ay
-            })
-            .sum();
+        let area: f64 = (0..window.len()).map(|k| window[k].perp_dot(window[(k + 1) % window.len()])).sum();
         (area < 0.0) == (self.state.front == e::CCW)
     }
 }

@@ -4,6 +4,7 @@
 
 use gfx::format::Format;
 use gfx::state::*;
+use glam::Mat4;
 use num::*;
 use trace::command::*;
 use trace::record;
@@ -57,7 +58,7 @@ impl Gl {
         };
         let state = self.state.clone();
         let (modelview, projection) = (self.modelview.top, self.projection.top);
-        let textures: [matrix::Matrix; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
+        let textures: [Mat4; UNITS] = std::array::from_fn(|unit| self.texture_matrices[unit].top);
         let mut vertex = state.raster_vertex.clone();
         let off = [e::LIGHTING, e::CULL_FACE, e::POLYGON_STIPPLE, e::POLYGON_SMOOTH, e::POLYGON_OFFSET_FILL];
         let bits = |caps: &mut dyn Iterator<Item = u32>| caps.filter_map(capability).fold(0, |all, bit| all | bit);
@@ -70,11 +71,11 @@ impl Gl {
         self.state.polygon_modes = [e::FILL; 2];
         (self.state.flat, self.state.two_side, self.state.fog_from_coordinate) = (false, false, true);
         self.state.units.iter_mut().for_each(|unit| unit.generated = 0);
-        self.texture_matrices.iter_mut().for_each(|stack| stack.top = matrix::IDENTITY);
+        self.texture_matrices.iter_mut().for_each(|stack| stack.top = Mat4::IDENTITY);
         let [width, height] = target.size.map(f64::from);
         self.state.viewport = [0, 0, target.size[0] as i32, target.size[1] as i32];
         self.state.depth_range = [0.0, 1.0];
-        self.modelview.top = matrix::IDENTITY;
+        self.modelview.top = Mat4::IDENTITY;
         self.projection.top = matrix::ortho([0.0, width, 0.0, height, 1.0, -1.0]);
         vertex.position = [0.0, 0.0, 2.0 * depth - 1.0, 1.0];
         let outcome = run(self, vertex).and_then(|()| self.flush());

@@ -3,11 +3,10 @@
 use std::rc::Rc;
 
 pub use gl_shader::{LIGHTS, PLANES, TARGETS, UNITS};
+use glam::Mat4;
 
 use super::arb::GENERICS;
 use super::consts as e;
-use super::matrix::IDENTITY;
-use super::matrix::Matrix;
 use super::pixel_data::Transfer;
 
 /// Texture units whose coordinates a vertex has itself. Few programs use more.
@@ -559,15 +558,15 @@ impl State {
 #[derive(Clone, Debug)]
 pub struct Stack {
     /// The one that is used.
-    pub top: Matrix,
-    below: Vec<Matrix>,
+    pub top: Mat4,
+    below: Vec<Mat4>,
     most: usize,
 }
 
 impl Stack {
     /// A stack with the identity; it holds `most` matrices.
     pub fn new(most: usize) -> Stack {
-        Stack { top: IDENTITY, below: Vec::new(), most }
+        Stack { top: Mat4::IDENTITY, below: Vec::new(), most }
     }
 
     /// Pushes a copy of the top; whether there was room.

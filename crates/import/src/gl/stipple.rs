@@ -1,6 +1,8 @@
 //! Line stipple (OpenGL 1.5, section 3.4.2): each end of a line gets the pixels that lie along the line up to it. The fragment stage takes
 //! the bit of the pattern.
 
+use glam::vec2;
+
 use super::arb::GENERICS;
 use super::consts as e;
 use super::machine::Gl;
@@ -30,11 +32,10 @@ impl Gl {
             let Some([from, to]) = visible(a, b, &VIEW_VOLUME) else { continue };
             let at = |t: f32| {
                 let [x, y, _, w]: [f32; 4] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t);
-                [x / w * 0.5 * width, y / w * 0.5 * height]
+                vec2(x, y) / w * 0.5 * vec2(width, height)
             };
-            let ([x0, y0], [x1, y1]) = (at(from), at(to));
-            let (dx, dy) = ((x1 - x0).abs(), (y1 - y0).abs());
-            let length = if self.state.is(e::LINE_SMOOTH) { (dx * dx + dy * dy).sqrt() } else { dx.max(dy) };
+            let apart = (at(to) - at(from)).abs();
+            let length = if self.state.is(e::LINE_SMOOTH) { apart.length() } else { apart.max_element() };
             let [mut first, mut second] = [from, to].map(|t| between(&ends, t));
             (first.along, second.along) = (along, along + length);
             if self.state.flat {

@@ -1,10 +1,12 @@
 //! Matrices, viewport and clip planes.
 
+use glam::{Mat4, Vec3};
+
 use super::arb::MATRIX0;
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
 use super::machine::Gl;
-use super::matrix::{self, IDENTITY, Matrix};
+use super::matrix;
 use super::state::PLANES;
 
 pub(super) fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -16,18 +18,17 @@ pub(super) fn matrix_mode(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-fn multiply(gl: &mut Gl, by: &Matrix) -> Outcome {
-    let stack = gl.stack();
-    stack.top = matrix::product(&stack.top, by);
+fn multiply(gl: &mut Gl, by: Mat4) -> Outcome {
+    gl.stack().top *= by;
     Ok(())
 }
 
-fn given(call: &Call) -> Outcome<Matrix> {
-    Ok(call.array::<16>(0)?.map(|value| value as f32))
+fn given(call: &Call) -> Outcome<Mat4> {
+    Ok(Mat4::from_cols_array(&call.array::<16>(0)?.map(|value| value as f32)))
 }
 
 pub(super) fn load_identity(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
-    gl.stack().top = IDENTITY;
+    gl.stack().top = Mat4::IDENTITY;
     Ok(())
 }
 
@@ -37,16 +38,16 @@ pub(super) fn load_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn load_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    gl.stack().top = matrix::transpose(&given(call)?);
+    gl.stack().top = given(call)?.transpose();
     Ok(())
 }
 
 pub(super) fn multiply_matrix(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &given(call)?)
+    multiply(gl, given(call)?)
 }
 
 pub(super) fn multiply_transposed(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &matrix::transpose(&given(call)?))
+    multiply(gl, given(call)?.transpose())
 }
 
 pub(super) fn push_matrix(gl: &mut Gl, _: &Call, _: Shape) -> Outcome {
@@ -69,7 +70,7 @@ fn box_of(call: &Call) -> Outcome<[f64; 6]> {
 }
 
 pub(super) fn ortho(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &matrix::ortho(box_of(call)?))
+    multiply(gl, matrix::ortho(box_of(call)?))
 }
 
 pub(super) fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -77,19 +78,19 @@ pub(super) fn frustum(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if values[4] <= 0.0 || values[5] <= 0.0 {
         return Err(INVALID_VALUE);
     }
-    multiply(gl, &matrix::frustum(values))
+    multiply(gl, matrix::frustum(values))
 }
 
 pub(super) fn rotate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
+    multiply(gl, matrix::rotation(call.f64(0)?, [call.f64(1)?, call.f64(2)?, call.f64(3)?]))
 }
 
 pub(super) fn scale(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &matrix::scaling([call.f32(0)?, call.f32(1)?, call.f32(2)?]))
+    multiply(gl, Mat4::from_scale(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?)))
 }
 
 pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    multiply(gl, &matrix::translation([call.f32(0)?, call.f32(1)?, call.f32(2)?]))
+    multiply(gl, Mat4::from_translation(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?)))
 }
 
 /// Edges of viewports at most, and how far they lie from the window's corner.
@@ -118,7 +119,7 @@ pub(super) fn depth_range(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn clip_plane(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let plane = call.u32(0)?.wrapping_sub(e::CLIP_PLANE0) as usize;
     let equation = call.array::<4>(1)?.map(|value| value as f32);
-    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(IDENTITY);
+    let inverse = matrix::inverse(&gl.modelview.top).unwrap_or(Mat4::IDENTITY);
     *gl.state.planes.get_mut(plane).filter(|_| plane < PLANES).ok_or(INVALID_ENUM)? =
         matrix::transform_plane(equation, &inverse);
     Ok(())

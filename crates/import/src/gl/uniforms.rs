@@ -2,10 +2,12 @@
 
 use gl_shader::wgsl::Field;
 
+use glam::{Mat4, Vec3, vec3};
+
 use super::arb::{Active, GENERICS, input};
 use super::consts as e;
 use super::key::{EnvironmentKey, Made, ShaderKey};
-use super::matrix::{self, Matrix};
+use super::matrix;
 use super::state::{State, UNITS, Vertex};
 
 /// What uniforms are made of.
@@ -13,11 +15,11 @@ pub struct Source<'a> {
     /// The state.
     pub state: &'a State,
     /// The modelview matrix.
-    pub modelview: &'a Matrix,
+    pub modelview: &'a Mat4,
     /// The projection matrix.
-    pub projection: &'a Matrix,
+    pub projection: &'a Mat4,
     /// Texture matrices.
-    pub texture: &'a [Matrix; UNITS],
+    pub texture: &'a [Mat4; UNITS],
     /// Attributes that are the same for all vertices.
     pub constant: &'a Vertex,
     /// Biases of the level of detail.
@@ -39,15 +41,11 @@ pub struct Source<'a> {
 /// A field: its name, the number of an element if it has one, and its vectors.
 pub type Visit<'a> = &'a mut dyn FnMut(&'static str, Option<usize>, &[[f32; 4]]);
 
-fn columns(m: &Matrix) -> [[f32; 4]; 4] {
-    std::array::from_fn(|column| std::array::from_fn(|row| m[4 * column + row]))
-}
-
 /// The matrix from object space to the clip space of the card, where depths are from 0 to w.
-pub fn to_clip(projection: &Matrix, modelview: &Matrix) -> Matrix {
-    let mut m = matrix::product(projection, modelview);
-    for column in 0..4 {
-        m[4 * column + 2] = 0.5 * (m[4 * column + 2] + m[4 * column + 3]);
+pub fn to_clip(projection: &Mat4, modelview: &Mat4) -> Mat4 {
+    let mut m = *projection * *modelview;
+    for column in [&mut m.x_axis, &mut m.y_axis, &mut m.z_axis, &mut m.w_axis] {
+        column.z = 0.5 * (column.z + column.w);
     }
     m
 }
@@ -63,18 +61,20 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
     let mut mvp = to_clip(source.projection, source.modelview);
     if source.upward {
-        (0..4).for_each(|column| mvp[4 * column + 1] *= -1.0);
+        for column in [&mut mvp.x_axis, &mut mvp.y_axis, &mut mvp.z_axis, &mut mvp.w_axis] {
+            column.y *= -1.0;
+        }
     }
-    field("mvp", None, &columns(&mvp));
+    field("mvp", None, &mvp.to_cols_array_2d());
     if key.eye() {
-        field("modelview", None, &columns(source.modelview));
+        field("modelview", None, &source.modelview.to_cols_array_2d());
     }
     if key.normal() && key.vertex.is_none() {
         let normals = matrix::normal_matrix(source.modelview);
-        field("normal_matrix", None, &normals);
+        field("normal_matrix", None, &normals.to_cols_array_2d().map(|column| wide(column, 0.0)));
         if key.normalize == 2 {
             // The length of the third row of the inverse (OpenGL 1.5, section 2.11.3).
-            let length = normals.iter().map(|column| column[2] * column[2]).sum::<f32>().sqrt();
+            let length = normals.row(2).length();
             field("rescale", None, &[[if length > 0.0 { 1.0 / length } else { 1.0 }; 4]]);
         }
     }
@@ -124,7 +124,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
             field("eye_planes", Some(k), &planes);
         }
         if unit.matrix {
-            field("texture_matrix", Some(k), &columns(&source.texture[k]));
+            field("texture_matrix", Some(k), &source.texture[k].to_cols_array_2d());
         }
         if unit.border {
             field("border", Some(k), &[source.borders[k]]);
@@ -202,19 +202,14 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
     let lights = (0..state.lights.len()).filter(|&k| state.is(e::LIGHT0 + k as u32)).map(|k| &state.lights[k]);
     for (k, (light, of)) in lights.zip(&lighting.lights).enumerate() {
         let [x, y, z, w] = light.position;
-        let position = if of.directional {
-            let [x, y, z] = matrix::normalized([x, y, z]);
-            [x, y, z, 0.0]
-        } else {
-            [x / w, y / w, z / w, 1.0]
-        };
-        let mut vectors = vec![light.ambient, light.diffuse, light.specular, position];
+        let position =
+            if of.directional { vec3(x, y, z).normalize_or_zero().extend(0.0) } else { (vec3(x, y, z) / w).extend(1.0) };
+        let mut vectors = vec![light.ambient, light.diffuse, light.specular, position.to_array()];
         // Half way to a viewer at infinity.
-        let [hx, hy, hz] = matrix::normalized([position[0], position[1], position[2] + 1.0]);
-        vectors.push([hx, hy, hz, 0.0]);
+        vectors.push((position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array());
         let [a, b, c] = light.attenuation;
         vectors.push([light.spot_exponent, a, b, c]);
-        let [x, y, z] = matrix::normalized(light.spot_direction);
+        let [x, y, z] = Vec3::from(light.spot_direction).normalize_or_zero().to_array();
         vectors.push([x, y, z, libm::cos(f64::from(light.spot_cutoff).to_radians()) as f32]);
         field("light", Some(k), &vectors);
     }

@@ -1,4 +1,4 @@
-//! Payload: files beside the trace, used where they are, and bytes inside its text.
+//! Payload of a trace: files beside it, which are used in place, and bytes in its text.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,25 +8,25 @@ use trace::{Builder, Reading, check_name};
 use super::objects::Reason;
 use wgpu_text as schema;
 
-/// Gives the payload of actions to a trace.
+/// Turns the payload of actions into blobs of a trace.
 pub struct Blobs {
     folder: PathBuf,
     reading: Reading,
-    /// Bytes of the trace so far, its text among them.
+    /// Bytes of the trace so far, including its text.
     bytes: u64,
-    /// Sizes of the files that are blobs already.
+    /// Sizes of the files that already are blobs.
     sizes: HashMap<String, u64>,
     /// Number of blobs made from bytes inside the text.
     inline: u32,
 }
 
 impl Blobs {
-    /// Blobs of a trace in this folder, whose text has so many bytes.
+    /// Blobs of a trace in this folder. `text` is the size of its text in bytes.
     pub fn new(folder: &Path, reading: &Reading, text: u64) -> Blobs {
         Blobs { folder: folder.to_path_buf(), reading: *reading, bytes: text, sizes: HashMap::new(), inline: 0 }
     }
 
-    /// Makes a blob of some payload and answers its name and size.
+    /// Makes a blob of a payload. Returns its name and size.
     pub fn add(&mut self, builder: &mut Builder, data: schema::Data) -> Result<(String, u64), Reason> {
         match data {
             schema::Data::File(name) => {
@@ -64,7 +64,7 @@ impl Blobs {
         Ok((name, size))
     }
 
-    /// Makes a blob of some payload and answers its first `size` bytes: a recorder may leave more than it wrote.
+    /// Makes a blob of a payload. Returns its first `size` bytes: the file of a recorder may be longer than what was written.
     pub fn add_prefix(&mut self, builder: &mut Builder, data: schema::Data, size: u64) -> Result<Data, Reason> {
         let (blob, length) = self.add(builder, data)?;
         if length < size {

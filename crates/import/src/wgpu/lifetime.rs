@@ -1,15 +1,15 @@
 //! When objects end.
 //!
-//! A wgpu trace says when its program let go of an object, not when the object was last used: what was recorded before may be
-//! submitted after. So the native stream destroys a dropped object after its last use, where use passes through bind groups,
-//! views, bundles, layouts and pipelines to everything that they hold. Objects that may hold the trace's picture are left alone,
-//! and so are all once nothing more is created.
+//! A wgpu trace says when its program dropped an object, not when it last used the object: a command buffer that was recorded
+//! before the drop may be submitted after it. So the native stream destroys a dropped object after its last use. Who uses a bind
+//! group, view, bundle, layout or pipeline also uses all objects that it holds. Objects that may hold the trace's picture are not
+//! destroyed. After the last creation no object is destroyed.
 
 use std::collections::{HashMap, HashSet};
 
 use trace::command::*;
 
-/// The objects to destroy, each with the index of the command after which, in order.
+/// The objects to destroy, in order, each with the index of the command after which it is destroyed.
 pub fn destructions(commands: &[Command], dropped: &[Object]) -> Vec<(usize, Object)> {
     let dropped: HashSet<Object> = dropped.iter().copied().collect();
     if dropped.is_empty() {
@@ -20,8 +20,8 @@ pub fn destructions(commands: &[Command], dropped: &[Object]) -> Vec<(usize, Obj
     let mut seen: HashSet<Object> = picture(commands).into_iter().collect();
     let mut ends = Vec::new();
     let mut stack = Vec::new();
-    // Backwards: the first sight of an object is its last use. Uses inside a pass or bundle count as at its end, because
-    // nothing may be destroyed inside.
+    // The walk goes backwards, so that it meets the last use of an object first. A use inside a pass or bundle counts at its end,
+    // because no object may be destroyed inside.
     let mut end = None;
     for (index, command) in commands.iter().enumerate().rev() {
         if matches!(command, Command::EndRenderPass | Command::EndComputePass | Command::EndBundle) {
@@ -67,7 +67,7 @@ fn holds(commands: &[Command]) -> HashMap<Object, Vec<Object>> {
     holds
 }
 
-/// The object that a command creates out of others.
+/// The object that a command creates from other objects.
 fn created(command: &Command) -> Option<Object> {
     Some(match command {
         Command::CreateView { id, .. } => Object::View(*id),
@@ -80,7 +80,7 @@ fn created(command: &Command) -> Option<Object> {
     })
 }
 
-/// Whether a command asks for memory: after the last one that does, nothing is gained by destroying.
+/// Whether a command allocates memory. After the last one that does, destroying objects saves nothing.
 fn allocates(command: &Command) -> bool {
     matches!(
         command,
@@ -91,7 +91,7 @@ fn allocates(command: &Command) -> bool {
     )
 }
 
-/// What may be the picture of a trace that presents nothing: what the last copy to a buffer reads, and the last colour targets.
+/// Objects that may hold the picture of a trace that presents nothing: the source of the last copy to a buffer, and the last colour targets.
 fn picture(commands: &[Command]) -> Vec<Object> {
     let mut kept = Vec::new();
     if let Some(texture) = commands.iter().rev().find_map(|command| match command {
@@ -235,7 +235,7 @@ fn for_each_bound(resource: &BoundResource, see: &mut impl FnMut(Object)) {
     }
 }
 
-/// Kind and number: holders before what they hold.
+/// Kind and number, by which objects are sorted: a holder comes before the objects that it holds.
 fn order(object: Object) -> (u8, u32) {
     match object {
         Object::Bundle(id) => (0, id.0),

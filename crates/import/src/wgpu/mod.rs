@@ -1,16 +1,16 @@
 //! Import of wgpu 30 API traces: a folder with `trace.ron`, one list of actions, and the files that it names.
 //!
 //! The text is mapped and read action by action ([`reader`]), each action translated at once ([`translate`]); files of the trace
-//! become blobs where they are. What the trace format leaves to care for:
+//! become blobs in place. What an importer of this format must know:
 //!
-//! * Objects are named by address. Addresses come back: the last creation of an address counts, from its place in the file on.
-//! * A drop may stand before the submit that uses the object, so a drop frees nothing. Objects that were dropped are destroyed
-//!   after their last use instead ([`lifetime`]), which bounds the memory of long traces.
+//! * Objects are named by address, and addresses are used again. An address names the object that was created last at it.
+//! * A drop may come before the submit that uses the object, so a drop does not destroy it. Dropped objects are destroyed after
+//!   their last use ([`lifetime`]), which bounds the memory of long traces.
 //! * File order is execution order.
-//! * What never ran (`FailedCommands`, textures that were invalid) is passed over; using such an object is an error.
+//! * Actions that never ran (`FailedCommands`, the creation of invalid textures) are skipped. It is an error to use such an object.
 //!
-//! What is out of scope is refused by name, with the place in the file: ray tracing, external textures, mesh pipelines,
-//! multiview, conservative rasterisation, and texture formats that are not ours.
+//! These features are not supported and refused by name, with the place in the file: ray tracing, external textures, mesh pipelines,
+//! multiview, conservative rasterisation, and texture formats that Fillrate does not have.
 
 mod blob;
 mod copy;
@@ -39,7 +39,7 @@ pub fn open_with(file: &Path, reading: &Reading) -> Result<Trace, TraceError> {
     open_linked(file, Links::Follow, reading)
 }
 
-/// As [`open_with`], with a rule for the case that `file` is a symbolic link.
+/// As [`open_with`]; `links` says whether `file` may be a symbolic link.
 pub(super) fn open_linked(file: &Path, links: Links, reading: &Reading) -> Result<Trace, TraceError> {
     import_with(file, &read_commands_file(file, links, &reading.limits)?, reading)
 }

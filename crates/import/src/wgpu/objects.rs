@@ -26,7 +26,7 @@ pub struct Texture {
     pub desc: TextureDesc,
 }
 
-/// A view, with what passes need to know of its texture.
+/// A view, with the properties of its texture that passes need.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     pub id: ViewId,
@@ -41,7 +41,7 @@ pub struct GroupLayout {
     pub origin: LayoutOrigin,
 }
 
-/// Where a bind group layout comes from. Two of equal origin are interchangeable.
+/// Where a bind group layout comes from. Layouts of equal origin are interchangeable.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayoutOrigin {
     /// Created with these entries, in order of their bindings.
@@ -50,7 +50,7 @@ pub enum LayoutOrigin {
     Derived(AnyPipeline, u32),
 }
 
-/// The layout of a pipeline: none is derived, else its bind group layouts.
+/// The layout of a pipeline: its bind group layouts, or none where the layout is derived from shaders.
 pub type Groups = Option<Vec<Option<GroupLayout>>>;
 
 /// A render pipeline.
@@ -79,7 +79,7 @@ pub struct PipelineLayout {
 pub struct Surface {
     /// What its textures are.
     pub desc: Option<TextureDesc>,
-    /// The texture that was acquired and neither presented nor given back.
+    /// The texture that was acquired and has neither been presented nor discarded.
     pub acquired: Option<TextureId>,
 }
 
@@ -94,7 +94,7 @@ impl<T> Table<T> {
         Table { kind, by_address: HashMap::new() }
     }
 
-    /// The object that an id means now.
+    /// The object that an id names now.
     pub fn get(&self, id: Id) -> Result<&T, Reason> {
         let (kind, address) = (self.kind, id.address());
         match self.by_address.get(&address) {
@@ -104,17 +104,17 @@ impl<T> Table<T> {
         }
     }
 
-    /// The object that an id means now, if it means one.
+    /// The object that an id names now, if there is one.
     pub fn find(&self, id: Id) -> Option<&T> {
         self.by_address.get(&id.address())?.as_ref()
     }
 
-    /// The id means this object from now on. Answers the object that it meant before.
+    /// Makes the id name this object. Returns the object that it named before.
     pub fn set(&mut self, id: Id, object: T) -> Option<T> {
         self.by_address.insert(id.address(), Some(object)).flatten()
     }
 
-    /// The id means an object that was invalid from now on. Answers the object that it meant before.
+    /// Makes the id name an object that is invalid. Returns the object that it named before.
     pub fn set_invalid(&mut self, id: Id) -> Option<T> {
         self.by_address.insert(id.address(), None).flatten()
     }
@@ -189,7 +189,7 @@ impl Objects {
     }
 }
 
-/// The view dimension that wgpu takes where none is given.
+/// The view dimension that wgpu uses where none is given.
 pub fn default_dimension(desc: &TextureDesc) -> ViewDimension {
     use gfx::state::TextureDimension;
     match desc.dimension {

@@ -9,11 +9,11 @@ use super::pipeline::check_multiview;
 use super::translate::Translator;
 use wgpu_text::{self as schema, DrawCommandFamily, Id, LoadOp, Pass, PassChannel, StoreOp};
 
-/// The data beside a pass's commands.
+/// The data that a trace stores beside the commands of a pass.
 struct Streams {
     offsets: std::vec::IntoIter<u32>,
     text: Vec<u8>,
-    /// Bytes of `text` that were taken.
+    /// Bytes of `text` that have been read.
     taken: usize,
     immediates: Vec<u32>,
 }
@@ -33,7 +33,7 @@ impl Streams {
     fn text(&mut self, length: usize) -> Result<String, Reason> {
         let left = self.text.len() - self.taken;
         if length > left {
-            return Err(format!("a label of {length} bytes is asked for, {left} are left"));
+            return Err(format!("a command needs a label of {length} bytes, and {left} bytes of labels are left"));
         }
         let bytes = &self.text[self.taken..self.taken + length];
         let text = std::str::from_utf8(bytes).map_err(|_| "a label is not UTF-8 text")?.to_owned();
@@ -56,7 +56,7 @@ impl Streams {
     }
 }
 
-/// Immediates are few: a claim of more is a damaged file, not a reason to ask for memory.
+/// The most immediates that a trace may have. A file that states more is damaged, and no memory is allocated for it.
 const IMMEDIATE_WORDS_MAX: usize = 1 << 16;
 
 fn zeros(count: usize) -> Result<Vec<u32>, Reason> {
@@ -157,7 +157,7 @@ impl Translator {
             stencil_store: true,
             stencil_read_only: false,
         };
-        // wgpu calls an aspect read-only that the format does not have.
+        // wgpu marks an aspect that the format does not have as read-only.
         if view.format.has_depth() {
             (native.depth_clear, native.depth_store, native.depth_read_only) = channel(a.depth);
         }

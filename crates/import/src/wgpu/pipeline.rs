@@ -12,7 +12,7 @@ use wgpu_text::{self as schema, DataKind, Id};
 impl Translator {
     pub(super) fn create_shader(&mut self, id: Id, label: Option<String>, data: schema::Data) -> Result<(), Reason> {
         let Some(kind) = data.kind() else {
-            return Err("the shader's language cannot be told from its data's name".into());
+            return Err("the name of the shader's data does not say its language".into());
         };
         let as_source = match kind {
             DataKind::Wgsl => ShaderSource::Wgsl,
@@ -31,7 +31,7 @@ impl Translator {
         Ok(())
     }
 
-    /// A shader that wgpu gave to its driver as it is, in one language or several. WGSL and SPIR-V mean the same to us.
+    /// A shader that wgpu passed to its driver unchanged, in one or several languages. Any of WGSL and SPIR-V is read.
     pub(super) fn create_passthrough(&mut self, id: Id, label: Option<String>, data: Vec<schema::Data>) -> Result<(), Reason> {
         let names: Vec<_> = data.iter().map(|data| data.kind().map_or("unknown", DataKind::name)).collect();
         let usable = |wanted| data.iter().position(|data| data.kind() == Some(wanted));
@@ -54,7 +54,7 @@ impl Translator {
         Ok(())
     }
 
-    /// Gives an id a layout. wgpu shares equal layouts, so one is often created again under the id that it has.
+    /// Gives an id a layout. wgpu shares equal layouts, so that a trace often creates a layout again with the same id.
     fn set_group_layout(&mut self, id: Id, origin: LayoutOrigin) {
         if self.objects.group_layouts.find(id).is_some_and(|known| known.origin == origin) {
             return;
@@ -68,7 +68,7 @@ impl Translator {
         self.gone(old.map(|old| Object::BindGroupLayout(old.id)));
     }
 
-    /// The layout of one of a pipeline's groups: of a derived layout a new name, of an explicit one the layout given.
+    /// The layout of one of a pipeline's groups. A derived layout gets a new id; an explicit one is the layout that was given.
     pub(super) fn get_group_layout(&mut self, id: Id, pipeline: AnyPipeline, groups: Groups, index: u32) -> Result<(), Reason> {
         let Some(groups) = groups else {
             self.set_group_layout(id, LayoutOrigin::Derived(pipeline, index));
@@ -144,7 +144,7 @@ impl Translator {
             depth_stencil: desc.depth_stencil.map(depth_stencil),
             multisample: Multisample {
                 count: desc.multisample.count,
-                // wgpu has room for 64 samples; the lowest bits are those of the samples that there are.
+                // wgpu's mask has 64 bits; the lowest ones belong to the samples of the target.
                 mask: desc.multisample.mask as u32,
                 alpha_to_coverage: desc.multisample.alpha_to_coverage_enabled,
             },
@@ -212,7 +212,7 @@ fn depth_stencil(state: schema::DepthStencilState) -> DepthStencil {
         depth_fail_op: face.depth_fail_op.into(),
         pass_op: face.pass_op.into(),
     };
-    // As wgpu has it: with both masks 0, or without a stencil aspect, there is no stencil test, whatever the faces say.
+    // As in wgpu: where both masks are 0, or the format has no stencil, the faces are ignored and there is no stencil test.
     let mut stencil = state.stencil;
     if (stencil.read_mask | stencil.write_mask) == 0 || !state.format.0.has_stencil() {
         stencil.front = schema::StencilFaceState::default();

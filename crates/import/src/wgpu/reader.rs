@@ -1,6 +1,6 @@
 //! Reads a wgpu trace's list of actions one by one, each with its place in the file.
 //!
-//! Each action is given to the RON reader by itself, so that no more than one is in memory and every error can say where it is.
+//! The RON reader gets one action at a time. So at most one action is in memory, and every error can name its place.
 
 use std::path::Path;
 
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What is wrong with an action. The message names only the nearest of the valid names: there are up to fifty.
+/// What is wrong with an action. Of up to fifty valid names the message gives only the nearest.
 fn reason(error: &ron::Error) -> String {
     let (what, within, expected, found) = match error {
         ron::Error::NoSuchEnumVariant { expected, found, outer } => ("variant", outer, expected, found),
@@ -141,7 +141,7 @@ fn advance(place: Place, text: &str) -> Place {
     }
 }
 
-/// Length of the white space and comments at the beginning of some RON text. A comment without an end is none.
+/// Length of the white space and comments at the beginning of a RON text. A comment that does not end is not counted.
 pub fn trivia(text: &str) -> usize {
     let mut at = 0;
     loop {

@@ -9,7 +9,7 @@ use super::objects::*;
 use super::translate::Translator;
 use wgpu_text::{self as schema, Id};
 
-/// Anisotropy at most: wgpu clamps greater values.
+/// The largest anisotropy: wgpu clamps greater values.
 const ANISOTROPY_MAX: u16 = 16;
 
 impl Translator {
@@ -55,7 +55,7 @@ impl Translator {
         native
     }
 
-    /// A surface hands out a texture without contents for each frame.
+    /// For each frame a surface gives out a texture without contents.
     pub(super) fn acquire(&mut self, id: Id, surface: Id) -> Result<(), Reason> {
         let state = self.objects.surfaces.surface(surface);
         let Some(desc) = state.desc.clone() else {
@@ -92,7 +92,7 @@ impl Translator {
         let texture = self.objects.textures.get(parent)?;
         let (parent, of) = (texture.id, texture.desc.clone());
         let range = desc.range;
-        // The defaults are resolved here, as wgpu does, so that nothing depends on another reading of them.
+        // The defaults are resolved here by wgpu's rules, so that no later code has to know these rules.
         let dimension = desc.dimension.map_or_else(|| default_dimension(&of), Into::into);
         let layered = of.dimension == TextureDimension::D2;
         let layers = match dimension {
@@ -191,7 +191,7 @@ impl Translator {
     }
 }
 
-/// Refuses sample counts that are not ours.
+/// Refuses sample counts that Fillrate does not have.
 pub(super) fn check_samples(count: u32) -> Result<(), Reason> {
     match count {
         1 | 4 => Ok(()),

@@ -22,7 +22,7 @@ pub struct Translator {
 }
 
 impl Translator {
-    /// A translator of the trace whose actions are in this file, as so many bytes of text.
+    /// A translator of the trace whose actions are in this file, a text of this number of bytes.
     pub fn new(file: &Path, reading: &Reading, text: u64) -> Translator {
         Translator {
             objects: Objects::new(),
@@ -64,7 +64,7 @@ impl Translator {
         self.place = place;
         match action {
             Action::Init { .. } => Ok(()),
-            // They never ran. What they name may be invalid.
+            // These commands never ran. The objects that they name may be invalid.
             Action::FailedCommands { .. } => Ok(()),
 
             Action::CreateBuffer(id, desc) => self.create_buffer(id, desc),
@@ -150,8 +150,8 @@ impl Translator {
         }
     }
 
-    /// Notes that an object was dropped. It stays usable: a submit that was encoded before may come later in the file. Objects
-    /// that no action creates (derived pipeline layouts) are dropped too; those are nothing.
+    /// Notes that an object was dropped. It stays usable: a submit that was encoded before may come later in the file. A trace also
+    /// drops objects that no action creates (derived pipeline layouts): these drops are ignored.
     fn drop_object(&mut self, action: Action) {
         let o = &self.objects;
         let object = match action {

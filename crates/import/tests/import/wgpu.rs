@@ -304,7 +304,7 @@ fn pass_streams_are_taken_in_order_and_checked() {
             "2 words of immediates from word 0 on are asked for, there are 1",
         ),
         ("SetImmediate(offset: 0, size_bytes: 4, values_offset: 4294967295)", "there are 1"),
-        ("PushDebugGroup(color: 0, len: 3)", "a label of 3 bytes is asked for, 2 are left"),
+        ("PushDebugGroup(color: 0, len: 3)", "a command needs a label of 3 bytes, and 2 bytes of labels are left"),
         ("PushDebugGroup(color: 0, len: 2)", "a label is not UTF-8 text"),
     ];
     for (command, expected) in cases {

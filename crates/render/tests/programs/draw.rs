@@ -3,6 +3,7 @@
 use crate::common::*;
 use gfx::format::Format;
 use gfx::state::*;
+use glam::{DVec3, dvec3};
 use num::{BufferId, TextureId, ViewId};
 use trace::command::*;
 use trace::record::{self, RenderPass};
@@ -651,28 +652,26 @@ fn clustered_lights_with_cascaded_shadows() {
         BoundResource::Sampler(compare),
     ];
     let got = floats(&paint(lab, shade, [W as u32, W as u32], Format::Rgba32Float, resources));
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let unit = |a: [f64; 3]| a.map(|x| x / dot(a, a).sqrt());
     let pi = std::f64::consts::PI;
     for y in 0..W {
         for x in 0..W {
             let at = [x as f64 + 0.5, y as f64 + 0.5];
-            let n = unit([at[0].sin(), (at[1] * 0.5).cos(), 4.0]);
-            let v = unit([8.0 - at[0], 8.0 - at[1], 10.0]);
-            let (base, metallic, a) = ([0.8, 0.4, 0.2], 0.3, 0.16);
+            let n = dvec3(at[0].sin(), (at[1] * 0.5).cos(), 4.0).normalize();
+            let v = dvec3(8.0 - at[0], 8.0 - at[1], 10.0).normalize();
+            let (base, metallic, a) = (dvec3(0.8, 0.4, 0.2), 0.3, 0.16);
             let a2: f64 = a * a;
-            let mut sum = [0.0; 3];
+            let mut sum = DVec3::ZERO;
             for light in lights.chunks(8) {
                 let q: Vec<f64> = light.iter().map(|&x| f64::from(x)).collect();
-                let d = [q[0] - at[0], q[1] - at[1], q[2]];
-                let l = unit(d);
-                let nl = dot(n, l).clamp(0.0, 1.0);
-                let window = (1.0 - (dot(d, d) / (q[3] * q[3])).powi(2)).clamp(0.0, 1.0);
+                let d = dvec3(q[0] - at[0], q[1] - at[1], q[2]);
+                let l = d.normalize();
+                let nl = n.dot(l).clamp(0.0, 1.0);
+                let window = (1.0 - (d.length_squared() / (q[3] * q[3])).powi(2)).clamp(0.0, 1.0);
                 if nl <= 0.0 || window == 0.0 {
                     continue;
                 }
-                let h = unit([l[0] + v[0], l[1] + v[1], l[2] + v[2]]);
-                let (nv, nh, vh) = (dot(n, v).max(1e-4), dot(n, h).clamp(0.0, 1.0), dot(v, h).clamp(0.0, 1.0));
+                let h = (l + v).normalize();
+                let (nv, nh, vh) = (n.dot(v).max(1e-4), n.dot(h).clamp(0.0, 1.0), v.dot(h).clamp(0.0, 1.0));
                 let f = (nh * a2 - nh) * nh + 1.0;
                 let smith = nl * ((nv - a2 * nv) * nv + a2).sqrt() + nv * ((nl - a2 * nl) * nl + a2).sqrt();
                 let s = a2 / (pi * f * f) * 0.5 / smith;
@@ -680,7 +679,7 @@ fn clustered_lights_with_cascaded_shadows() {
                     let f0 = 0.04 * (1.0 - metallic) + base[c] * metallic;
                     let fresnel = f0 + (1.0 - f0) * (1.0 - vh).powi(5);
                     sum[c] += (base[c] * (1.0 - metallic) / pi + s * fresnel) * nl * q[4 + c] * q[7] * window * window
-                        / dot(d, d).max(1e-4);
+                        / d.length_squared().max(1e-4);
                 }
             }
             let (cascade, lit) = if at[0] < 5.0 {

@@ -11,6 +11,8 @@
 //! The interval comes from how much the ratios of simulated to estimated differ between clusters, with Student's t for their
 //! number: what differs between clusters, too, is taken for chance, so that the interval is rather too wide.
 
+use num::Random;
+
 /// Level of the intervals.
 pub const LEVEL: f64 = 0.997;
 
@@ -116,8 +118,8 @@ impl Clusters {
     }
 
     /// A frame of each, drawn at random.
-    pub fn draw(&self, random: &mut impl FnMut() -> u64) -> Vec<usize> {
-        self.members.iter().map(|members| members[(random() % members.len() as u64) as usize]).collect()
+    pub fn draw(&self, random: &mut Random) -> Vec<usize> {
+        self.members.iter().map(|members| members[random.below(members.len() as u32) as usize]).collect()
     }
 
     /// How much each drawn frame stands for: the estimates of its cluster, by its own.
@@ -153,16 +155,9 @@ impl Clusters {
     }
 }
 
-/// The random generator for sampling (SplitMix64: Steele, Lea and Flood 2014).
-pub fn random(seed: u64) -> impl FnMut() -> u64 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
+/// The random generator that draws frames.
+pub fn random(seed: u64) -> Random {
+    Random::new(seed)
 }
 
 #[cfg(test)]
@@ -212,7 +207,7 @@ mod tests {
     fn intervals_cover() {
         // Estimates are off by 5 %, independently; a quarter of the frames is of another kind, off by 10 % more.
         let mut chance = random(7);
-        let mut normal = || (0..12).map(|_| chance() as f64 / u64::MAX as f64).sum::<f64>() - 6.0;
+        let mut normal = || (0..12).map(|_| f64::from(chance.unit())).sum::<f64>() - 6.0;
         let estimates: Vec<f64> = (0..300).map(|i| 100.0 + 50.0 * libm::sin(f64::from(i) / 20.0)).collect();
         let kind = |i: usize| f64::from(u8::from(i.is_multiple_of(4)));
         let counts: Vec<f64> = estimates.iter().enumerate().map(|(i, x)| x * (1.0 + 0.05 * normal() + 0.1 * kind(i))).collect();

@@ -1,9 +1,9 @@
 //! Arithmetic on ranges.
 //!
-//! Sums, differences, products, quotients and square roots are rounded to nearest, and rounding to nearest never turns an order round:
-//! if x <= y then fl(x) <= fl(y). So the ends of a result, computed with the operation itself from the ends of its operands, are bounds
-//! of all *rounded* results; nothing has to be widened. Where an operation of the instruction set rounds twice, so it does here. What
-//! is not monotone, or can overflow, divide by zero or wrap round, may be anything.
+//! Sums, differences, products, quotients and square roots are rounded to nearest. Rounding to nearest is monotone: if x <= y then
+//! fl(x) <= fl(y). So the operation itself, applied to the ends of its operands, gives bounds of all *rounded* results, and no bound has
+//! to be widened. Where an operation of the instruction set rounds twice, this code also rounds twice. The result of an operation that is
+//! not monotone, or that can overflow, divide by zero or wrap round, may be anything.
 
 use crate::code::{Code, eval};
 
@@ -14,7 +14,7 @@ type Ends<T> = (T, T);
 
 type Floats = Ends<f32>;
 
-/// Both ends by a function that never falls.
+/// Applies a function that never falls to both ends.
 fn rising(a: Floats, f: impl Fn(f32) -> f32) -> Range {
     Range::floats(f(a.0), f(a.1))
 }
@@ -43,8 +43,8 @@ pub(super) fn subtract(a: Range, b: Range) -> Range {
     }
 }
 
-/// A product; `square`: of one register with itself. A product of two numbers rises or falls with each of them while the other stays,
-/// so that its extremes are at the corners.
+/// A product; `square`: of one register with itself. While one factor stays, a product is monotone in the other, so that its extremes
+/// are at the corners.
 pub(super) fn multiply(a: Range, b: Range, square: bool) -> Range {
     match (a.float, b.float) {
         (Some(a), Some(_)) if square => {
@@ -72,7 +72,7 @@ pub(super) fn inverse_root(a: Range) -> Range {
     }
 }
 
-/// Whether a comparison is decided: certain to hold, certain not to, or neither.
+/// Whether a comparison holds for all values, for none, or is not decided.
 fn decided(yes: bool, no: bool) -> Range {
     match (yes, no) {
         (true, _) => Range::point(1),
@@ -115,8 +115,8 @@ fn float(code: Code, a: Floats) -> Range {
         Code::FCeil => rising(a, f32::ceil),
         Code::FRound => rising(a, f32::round_ties_even),
         Code::FTrunc => rising(a, f32::trunc),
-        // Inside one unit a number and its fraction rise together; else the fraction is anything from 0 to 1, which it reaches by
-        // rounding just below an integer.
+        // Between two integers the fraction rises with the number. Else the fraction is anything from 0 to 1; it is 1 where a number just
+        // below an integer is rounded.
         Code::FFract if a.0.floor() == a.1.floor() => rising(a, |x| x - x.floor()),
         Code::FFract => Range::floats(0.0, 1.0),
         Code::FSign => rising(a, eval::sign),
@@ -242,7 +242,7 @@ pub(super) fn ternary(code: Code, a: Range, b: Range, c: Range) -> Range {
             Some(false) => c,
             None => b.join(c),
         },
-        // NaN becomes the lower bound, and infinities one of the two.
+        // NaN becomes the lower bound, and an infinity becomes one of the two bounds.
         Code::FClamp => match (a.float, b.float, c.float) {
             (Some(x), Some(low), Some(high)) => {
                 let clamp = |x, low, high| eval::fmin(eval::fmax(x, low), high);

@@ -1,16 +1,16 @@
-//! Bounds of what a program leaves, found without running it for any invocation: interval analysis (Hasselgren and Akenine-Möller 2007,
+//! Bounds of a program's outputs, found without running it for any invocation: interval analysis (Hasselgren and Akenine-Möller 2007,
 //! "Automatic pixel culling by interval analysis"; Tupper 2001).
 //!
 //! The register program runs once, on ranges instead of lanes. A range holds the values that a register has in all invocations whose
 //! inputs lie in given ranges. Operations on single values are done by the instruction set itself ([`Code::fold`], the executor's
-//! kernels), so that what is the same for all invocations stays exact; for ranges see [`arithmetic`].
+//! kernels), so that a value that all invocations share stays exact; for ranges see [`arithmetic`].
 //!
 //! Control flow follows the execution mask as the executor does, but with three values: all invocations are active, some, or none.
-//! Where only some are, both sides of a branch are walked, and what is written under the mask (`Mov`, `StoreIndexed`) is joined with
-//! what was there. Everything else the executor writes in all lanes, active or not, and so it is here. A loop goes round as long as
-//! any invocation may; a program that takes more than [`STEPS`] steps has no bounds.
+//! Where only some are, both sides of a branch are walked. An operation that writes under the mask (`Mov`, `StoreIndexed`) joins its value
+//! with the old one. All other operations write all lanes, active or not, as in the executor. A loop repeats as long as any
+//! invocation may stay in it. A program that takes more than [`STEPS`] steps has no bounds.
 //!
-//! Textures, storage at addresses that differ, and functions that are not known to rise or fall give anything. A program with side
+//! The results of textures, of storage at addresses that differ, and of functions that are not known to be monotone may be anything. A program with side
 //! effects or subgroup operations is refused.
 
 mod arithmetic;
@@ -24,7 +24,7 @@ use super::program::{NO_REG, Program};
 use super::resources::Resources;
 pub use range::Range;
 
-/// Operations after which a program is given up.
+/// Most operations that are walked for one program.
 pub const STEPS: usize = 1 << 13;
 
 /// A register file of ranges; reused from program to program.
@@ -40,8 +40,8 @@ impl Encloser {
         Encloser::default()
     }
 
-    /// Finds the bounds of a program's outputs, its inputs lying in `inputs`; an input that is not among them may be anything. Returns
-    /// whether there are any: [`Encloser::output`] tells them.
+    /// Finds the bounds of a program's outputs for inputs in the ranges `inputs`. An input that is not in the list may be anything. Returns
+    /// whether there are bounds: [`Encloser::output`] gives them.
     pub fn enclose(
         &mut self,
         program: &Program,
@@ -65,7 +65,7 @@ impl Encloser {
         run::run(&program.body, resources, &self.file, &mut self.masks)
     }
 
-    /// The range of a component of an output of the program that was enclosed last.
+    /// The range of a component of an output of the last program that was enclosed.
     pub fn output(&self, program: &Program, slot: usize, component: usize) -> Range {
         let register = program.outputs.get(slot).and_then(|components| components.get(component));
         match register {

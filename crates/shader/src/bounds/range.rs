@@ -1,13 +1,13 @@
-//! What is known of a register: ranges that hold the values of all invocations.
+//! What is known about a register: ranges that contain the values of all invocations.
 
-/// What 32 bits can be. Each of the three readings, where it is given, holds for every value on its own; none of them: anything.
+/// The values that 32 bits can have, in three readings. Each reading that is given is true of every value; without any, all values are possible.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Range {
     /// As unsigned numbers: least and greatest.
     pub(super) unsigned: Option<(u32, u32)>,
     /// As signed numbers.
     pub(super) signed: Option<(i32, i32)>,
-    /// As numbers in floating point: finite, neither end NaN, and so none of the values. Both zeros are one number.
+    /// As floating-point numbers: the ends are finite, so that no value is NaN. Both zeros are one number.
     pub(super) float: Option<(f32, f32)>,
 }
 
@@ -34,7 +34,7 @@ impl Range {
         Range::integers(Some((least, greatest)), None)
     }
 
-    /// Numbers in floating point from the least to the greatest; anything where an end is infinite or NaN. Where both ends are finite no
+    /// Floating-point numbers from the least to the greatest; anything where an end is infinite or NaN. Where both ends are finite no
     /// value between them is infinite, so that a value that came of an overflow is never held to be in a range.
     pub fn floats(least: f32, greatest: f32) -> Range {
         let float = (least.is_finite() && greatest.is_finite()).then_some((least, greatest));
@@ -48,7 +48,7 @@ impl Range {
         Range { unsigned: unsigned.or(signed.and_then(same_sign)), signed: signed.or(unsigned.and_then(one_sign)), float: None }
     }
 
-    /// What holds for both.
+    /// What is true of both.
     pub fn join(self, other: Range) -> Range {
         let float = self.float.zip(other.float);
         Range {
@@ -68,7 +68,7 @@ impl Range {
         self.float
     }
 
-    /// Whether a condition holds: for all, for none, or none of both.
+    /// Whether a condition holds for all invocations, for none, or is not known.
     pub(super) fn truth(self) -> Option<bool> {
         match self.unsigned {
             Some((0, 0)) => Some(false),
@@ -77,7 +77,7 @@ impl Range {
         }
     }
 
-    /// Whether a value may be among those that are meant.
+    /// Whether the range contains a value.
     #[cfg(test)]
     pub fn holds(self, bits: u32) -> bool {
         let x = f32::from_bits(bits);

@@ -34,7 +34,7 @@ impl Share {
         }
     }
 
-    /// Those that are in neither of two masks after `leaving` has left.
+    /// The invocations of this mask that stay after `leaving` has left it.
     fn without(self, leaving: Share) -> Share {
         match (self, leaving) {
             (share, Share::None) => share,
@@ -128,7 +128,7 @@ pub(super) fn run(body: &Body, resources: &Resources<'_>, file: File<'_>, masks:
             continue;
         }
         let r = &op.r;
-        // Where nobody is left the executor jumps.
+        // Where no invocation is left the executor jumps.
         let mut empty = None;
         match op.code {
             Code::Mov if mask == Share::All => set(file, r[0], get(file, r[1])),
@@ -213,7 +213,7 @@ pub(super) fn run(body: &Body, resources: &Resources<'_>, file: File<'_>, masks:
     false
 }
 
-/// Operations of several roundings or results. False: one that has no rule.
+/// Operations with several roundings or results. Returns false for an operation that has no rule.
 fn several(file: File<'_>, op: &Op) -> bool {
     let r = &op.r;
     let x = |k: usize| get(file, r[k]);
@@ -224,7 +224,7 @@ fn several(file: File<'_>, op: &Op) -> bool {
             std::array::from_fn(|k| if k < results { arithmetic::multiply(x(results + k), by, false) } else { Range::ANY });
         out.iter().take(results).zip(r).for_each(|(&range, &to)| set(file, to, range));
     };
-    // Single values are what the instruction set makes of them.
+    // Single values are computed by the instruction set itself.
     let operands = match op.code {
         Code::MulAdd | Code::MulSub | Code::NegMulAdd => 3,
         Code::Pow | Code::Atan2 => 2,
@@ -274,7 +274,7 @@ fn several(file: File<'_>, op: &Op) -> bool {
     true
 }
 
-/// The places that an index may choose of so many, which are at least one: the last for all beyond; none: too many.
+/// The places that an index may choose among `count`, which is at least 1. An index beyond the end chooses the last. None: there are too many.
 fn places(index: Range, count: usize) -> Option<std::ops::RangeInclusive<usize>> {
     let last = count.saturating_sub(1);
     let (least, greatest) = index.unsigned.map_or((0, last), |(a, b)| ((a as usize).min(last), (b as usize).min(last)));
@@ -307,7 +307,7 @@ fn load_const(file: File<'_>, op: &Op, table: &[u32]) {
     set(file, op.r[0], places(get(file, op.r[1]), n).map_or(Range::ANY, joined));
 }
 
-/// A load is what memory holds where all invocations read one place, and anything where they do not.
+/// A load. Where all invocations read one place the result is what memory holds there, else it may be anything.
 fn load(body: &Body, resources: &Resources<'_>, file: File<'_>, entry: u32) {
     let op = &body.memory[entry as usize];
     let known = |r: Reg| if r == NO_REG { Some(0) } else { get(file, r).bits() };

@@ -178,7 +178,7 @@ impl Bound<'_> {
                 if ended[b] {
                     continue;
                 }
-                // To its barrier or end, whatever pauses lie between.
+                // Until its barrier or its end: pauses between are passed over.
                 loop {
                     let stop = if b == 0 {
                         run::dispatch::<RECORD>(machine, file, masks, scratch)

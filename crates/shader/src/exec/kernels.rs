@@ -1,8 +1,8 @@
 //! Lane loops: how a function of one lane is applied to whole registers.
 //!
 //! The register file is a slice of cells, so that an operation may read and write it through several references without
-//! copying a register first. A kernel takes eight lanes at a time by value and stores the eight results: an operation whose
-//! destination is one of its operands needs no care, and the compiler needs no overlap check to use vector instructions.
+//! copying a register first. A kernel takes eight lanes at a time by value and stores the eight results. So the destination of an
+//! operation may be one of its operands, and the compiler needs no overlap check to use vector instructions.
 
 use std::cell::Cell;
 
@@ -94,8 +94,8 @@ pub(super) fn masked_copy(file: File<'_>, d: Reg, s: Reg, mask: Mask) {
     }
 }
 
-/// All-ones lanes for each set bit of a byte. With masks made from bits in the loop, the compiler sees a masked store and uses
-/// an instruction for it that takes twenty cycles on some hosts.
+/// For each set bit of a byte a lane of ones. Were masks made from bits in the loop, the compiler would see a masked store, and use
+/// an instruction that takes twenty cycles on some hosts.
 static EXPANDED: [[u32; CHUNK]; 256] = {
     let mut table = [[0; CHUNK]; 256];
     let mut byte = 0;

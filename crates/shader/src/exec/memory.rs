@@ -67,7 +67,7 @@ impl Window<'_> {
     }
 }
 
-/// What a binding shows of a buffer.
+/// The part of a buffer that a binding makes visible.
 #[inline(always)]
 fn buffer<'a>(resources: &Resources<'a>, binding: u16, element: u32) -> Window<'a> {
     match resources.get(binding, element) {
@@ -95,7 +95,7 @@ fn immediate(resources: &Resources<'_>, op: &MemoryOp, at: u32, component: usize
     resources.immediates.get(word).copied().unwrap_or(0)
 }
 
-/// What a load at one place gives, without running anything; none for memory that only a run has.
+/// The result of a load at one place, found without a run; none for memory that exists only during a run.
 pub(crate) fn peek(resources: &Resources<'_>, op: &MemoryOp, element: u32, at: u32) -> Option<[u32; 4]> {
     let binding = match op.space {
         Space::Immediate => return Some(std::array::from_fn(|c| immediate(resources, op, at, c))),
@@ -175,7 +175,7 @@ pub(super) fn load<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: Ma
     } else {
         each(mask, |i| read_lane(&w, op, u64::from(at.0[i]) + u64::from(op.offset), size, i, &mut out));
     }
-    // Before the results are written, which may have the element's register.
+    // This is read before the results are written, because a result may have the element's register.
     if RECORD && op.space != Space::Shared {
         let offset = u64::from(op.offset);
         let address = |i: usize| {
@@ -291,7 +291,7 @@ pub(super) fn atomic<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
             exchanged.0[i] = u32::from(result == comparand.0[i]);
         }
     });
-    // As in a load: before the results are written.
+    // As in a load, this is read before the results are written.
     if RECORD && op.space != Space::Shared {
         let offset = u64::from(op.offset);
         let address = |i: usize| Some(window_of(i).address + u64::from(at.0[i]) + offset);

@@ -1,9 +1,8 @@
 //! The executor: runs a program on batches of 64 lanes.
 //!
-//! Every operation does its work on whole registers, so that finding out which operation it is costs one jump for 64
-//! invocations. Values that are assigned once are computed on all lanes, active or not; only variables, memory and side effects
-//! look at the execution mask. Control flow is structured: a mask slot for each open construct remembers which lanes go on after
-//! it, and a construct that no lane wants is jumped over.
+//! Every operation works on whole registers, so that 64 invocations share the cost of one dispatch. Values that are assigned once are
+//! computed on all lanes, active or not; only variables, memory and side effects depend on the execution mask. Control flow is
+//! structured: a mask slot for each open construct stores which lanes go on after it, and a construct that no lane enters is skipped.
 
 mod compute;
 mod kernels;
@@ -22,16 +21,16 @@ use record::Scratch;
 pub use record::{Extra, QuadCost, Recorder};
 use run::{Machine, PAUSE, Stop};
 
-/// What a run was stopped for.
+/// The limit at which a run was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Why {
-    /// One loop made so many turns.
+    /// One loop made too many turns.
     #[error("a loop ran {turns} times without an end; --limit work.loop_turns=N allows more")]
     Loop {
         /// How many are allowed.
         turns: u64,
     },
-    /// All work together came to more than is allowed. No place is known: it is where some thread happened to be.
+    /// All work together exceeded its limit. No place is given: it would be where one of the threads was by chance.
     #[error(transparent)]
     Limit(#[from] LimitOverrun),
 }
@@ -40,7 +39,7 @@ pub enum Why {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("shader `{module}`, entry point `{entry}`{}: {why}", .place.map(|p| format!(", {p}")).unwrap_or_default())]
 pub struct ShaderFault {
-    /// What for.
+    /// The limit.
     pub why: Why,
     /// Name of the module.
     pub module: String,
@@ -50,7 +49,7 @@ pub struct ShaderFault {
     pub place: Option<Place>,
 }
 
-/// What a run leaves beside its outputs.
+/// Results of a run other than its outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Active lanes that were not discarded.
@@ -170,7 +169,7 @@ pub struct Bound<'a> {
 /// Recorded bytes after which they are added to the meter.
 const RECORDED_PAUSE: u64 = if cfg!(test) { 1 << 16 } else { 1 << 24 };
 
-/// The meters of what runs come to.
+/// The meters that runs are charged to.
 #[derive(Clone, Copy, Default)]
 struct Allowance<'a> {
     steps: Option<&'a Meter>,
@@ -179,7 +178,7 @@ struct Allowance<'a> {
 }
 
 impl Allowance<'_> {
-    /// Tells the meter of steps, which are counted from 0 again.
+    /// Charges the steps to their meter, and counts from 0 again.
     #[cold]
     fn tell_steps(&self, spent: &mut u64) -> Result<(), LimitOverrun> {
         let spent = std::mem::take(spent);
@@ -189,7 +188,7 @@ impl Allowance<'_> {
         }
     }
 
-    /// Tells the meter of what a recorder has, and of runs that have not ended. Answers whether these are to be forgotten too.
+    /// Charges the bytes of a recorder and of runs that have not ended to their meter. Returns whether what was recorded must be dropped.
     fn tell_recorded(&self, recorder: &mut Recorder, unfinished: u64) -> Result<bool, LimitOverrun> {
         let bytes = recorder.metered() + unfinished;
         let more = bytes.saturating_sub(recorder.told);
@@ -207,15 +206,15 @@ impl Allowance<'_> {
 }
 
 impl<'a> Bound<'a> {
-    /// Runs stop when a meter is over: of steps, or of the bytes that recorders hold. Meters are told from time to time; of the rest the
-    /// caller tells them ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on who ran what.
+    /// Runs stop when a meter is over its limit: that of steps, or that of the bytes that recorders hold. Meters are charged from time to
+    /// time; the caller charges the rest ([`Executor::take_steps`], [`Recorder::take_bytes`]). So no sum depends on which thread ran what.
     pub fn within(mut self, steps: &'a Meter, recorded: Option<&'a Meter>) -> Bound<'a> {
         self.allowance = Allowance { steps: Some(steps), recorded, forgets: false };
         self
     }
 
-    /// Runs go on when the meter of recorded bytes is over, and what was recorded is forgotten. Where several threads run a program, the
-    /// steps of all their runs are counted so, whichever of them came to the limit of memory and when.
+    /// Runs go on when the meter of recorded bytes is over its limit, and what was recorded is dropped. So where several threads run a
+    /// program, the steps of all runs are counted, no matter which thread reached the limit of memory first.
     pub fn forgetting(mut self) -> Bound<'a> {
         self.allowance.forgets = true;
         self

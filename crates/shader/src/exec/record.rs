@@ -1,4 +1,4 @@
-//! What a run cost: instructions by class and memory requests, for each quad on its own.
+//! The cost of a run: instructions by class and memory requests, for each quad separately.
 
 use std::collections::HashMap;
 
@@ -17,7 +17,7 @@ pub struct QuadCost {
     pub first_request: u32,
 }
 
-/// What a recorder keeps for those who ask for it.
+/// What a recorder keeps only where it is requested.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Extra {
     /// The paths that were taken through the program.
@@ -51,12 +51,12 @@ pub struct Recorder {
     pub extra: Extra,
     /// Bytes that have been charged to a meter.
     pub(super) told: u64,
-    /// Bytes of runs that count though they are not kept: what runs took for a while that took much, and those that were stopped.
+    /// Bytes of runs that are charged though they are not kept: those of runs that took much memory for a while, or that were stopped.
     pub(super) passed: u64,
     known: HashMap<Cost, CostId>,
     /// The cost that was found last.
     last: CostId,
-    /// Requests and lines of the last piece of work: the next begins with room for as many, because lists that grow are copied.
+    /// Requests and lines of the last piece of work. The next one reserves memory for as many, because lists that grow are copied.
     room: [usize; 2],
     /// Spans in the table, by where they begin.
     spans: HashMap<u32, u32>,
@@ -67,8 +67,8 @@ const MOST_LINES: usize = 255;
 
 /// What a run in progress has cost so far.
 ///
-/// As long as all instructions with a request or a branch have had lanes in the same quads, these go together: what they have executed is
-/// noted once, as that of quad 0, and requests are noted row by row. Where quads part, each gets a copy.
+/// Quads stay together as long as all instructions with a request or a branch have had lanes in the same quads. What they have executed is
+/// then recorded once, as that of quad 0, and requests are recorded row by row. Where quads part, each gets a copy.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     /// First operation not yet accounted.
@@ -124,7 +124,7 @@ impl Recorder {
         (size_of_val(&*self.requests) + size_of_val(&*self.lines)) as u64
     }
 
-    /// Bytes that count against a limit. They follow from what was run, not from when it was asked.
+    /// Bytes that count against a limit. They depend on what was run, not on when this is called.
     pub(super) fn metered(&self) -> u64 {
         self.bytes() + self.passed
     }
@@ -161,7 +161,7 @@ impl Scratch {
         (self.together, self.parted) = (0, extra.paths);
     }
 
-    /// Whether the quads of the mask, which has some, are those that go together; else all have parted.
+    /// Whether the quads of the mask, which is not empty, are those that stay together. If not, all have parted.
     #[inline(always)]
     fn goes_together(&mut self, mask: Mask) -> bool {
         if self.parted {
@@ -254,7 +254,7 @@ impl Scratch {
         self.kept() + self.passing()
     }
 
-    /// Bytes that count against a limit: what the recorder keeps at the end of the run, and what the run takes beside, beyond a little.
+    /// Bytes that count against a limit: those that the recorder keeps at the end of the run, and those of the run itself beyond a free amount.
     pub(super) fn metered(&self) -> u64 {
         self.kept() + self.passing().saturating_sub(RECORDED_PAUSE)
     }
@@ -401,7 +401,7 @@ impl Recorder {
             let cost = match q.checked_sub(1) {
                 Some(p) if !run.keeps_paths && run.steps[p] == run.steps[q] => self.quads[p].cost,
                 _ => {
-                    // The steps and the path lend their memory to the key and get it back: no allocation for a path seen before.
+                    // The key borrows the memory of the steps and the path, so that a path that is known costs no allocation.
                     std::mem::swap(&mut cost.steps, &mut run.steps[q]);
                     let id = self.intern(&cost);
                     std::mem::swap(&mut cost.steps, &mut run.steps[q]);
@@ -430,7 +430,7 @@ impl Recorder {
             *quad = QuadCost { cost: costs[runs as usize], first_request: next };
             next += runs as u32 * each as u32;
         }
-        // Row by row, each request to where its quad's are.
+        // Row by row, each request is put to those of its quad.
         self.requests.resize(next as usize, NONE);
         for (at, row) in run.rows.iter().enumerate() {
             let mut place = first + at;
@@ -443,9 +443,9 @@ impl Recorder {
         }
     }
 
-    /// The cost of the quads that have gone together; or of the others, which have done nothing.
+    /// The cost of the quads that have stayed together, or that of the others, which have executed nothing.
     fn intern_shared(&mut self, run: &mut Scratch, runs: bool) -> CostId {
-        // The others' list is empty, and so it is left.
+        // The list of the others is empty and stays empty.
         let steps = &mut run.steps[usize::from(!runs)];
         if !runs {
             steps.push(Step { instructions: [0; Class::COUNT], then: RequestKind::End });
@@ -489,7 +489,7 @@ impl Recorder {
         }
     }
 
-    /// The known cost with as many requests whose instructions are nearest: the table is full.
+    /// For a full table: of the known costs with the same number of requests, the one with the nearest instructions.
     fn nearest(&self, cost: &Cost) -> CostId {
         let wanted = cost.requests();
         let total = |c: &Cost| c.instructions().iter().sum::<u32>();

@@ -22,8 +22,8 @@ pub(super) enum Stop {
     Pause,
 }
 
-/// Steps in loops after which a run pauses, so that they are counted against the limit: some hundredths of a second. Tests of limits make do
-/// with less work.
+/// Steps in loops after which a run pauses to count them against the limit. They take some hundredths of a second. Tests of limits pause
+/// earlier.
 pub(super) const PAUSE: u64 = if cfg!(test) { 1 << 14 } else { 1 << 20 };
 
 /// The state of one batch apart from its registers and mask slots.
@@ -37,7 +37,7 @@ pub(super) struct Machine<'a> {
     pub mask: Mask,
     /// Lanes that may leave side effects: neither helpers nor discarded.
     pub live: Mask,
-    /// Steps of the turns of loops, but for the first of each, since the last pause.
+    /// Steps since the last pause in turns of loops, without the first turn of each.
     pub spent: u64,
 }
 
@@ -47,7 +47,7 @@ impl<'a> Machine<'a> {
     }
 }
 
-/// Runs with the widest vector instructions that the host has; the results are the same bits with any.
+/// Runs with the widest vector instructions of the host. The results have the same bits with all of them.
 #[inline]
 pub(super) fn dispatch<const RECORD: bool>(
     machine: &mut Machine<'_>,
@@ -228,7 +228,7 @@ pub(super) fn run<const RECORD: bool>(
                 }
                 mask = masks[usize::from(r[0])];
                 if mask == 0 {
-                    // Nobody is left after the loop: to the end of what encloses it.
+                    // No lane is left after the loop: execution goes on at the end of the construct around it.
                     go!(usize::from(r[3]) | usize::from(r[4]) << 16);
                 }
             }
@@ -279,7 +279,7 @@ pub(super) fn run<const RECORD: bool>(
                 m.mask = mask;
                 return Stop::End;
             }
-            // The arithmetic codes were dealt with above.
+            // The arithmetic codes have been executed above.
             _ => {}
         }
         pc += 1;

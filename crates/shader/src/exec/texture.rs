@@ -16,7 +16,7 @@ use super::memory::atomic_value;
 use super::record::Scratch;
 use super::run::Machine;
 
-/// What a register that is not there holds.
+/// The value of a register that does not exist.
 static ZEROS: Lanes = Lanes::ZERO;
 
 /// A register, or zeros.
@@ -46,8 +46,8 @@ pub(super) fn access<const RECORD: bool>(m: &Machine<'_>, file: File<'_>, mask: 
     // Both arrays may be indexed: a pair of elements is one number.
     let (t, s) = (operand(file, op.texture_element), operand(file, op.sampler_element));
     let pairs = Lanes(std::array::from_fn(|i| t.0[i].min(0xffff) << 16 | s.0[i].min(0xffff)));
-    // The results may have the registers of the coordinates, and a level follows from the coordinates of a whole quad: nothing is
-    // written before all elements have been read.
+    // Results may have the registers of coordinates, and a level depends on the coordinates of a whole quad. So nothing is written
+    // before all elements have been read.
     let mut all = [Lanes::ZERO; 4];
     let mut left = mask;
     while left != 0 {
@@ -93,7 +93,7 @@ fn one<const RECORD: bool>(
             if op.clamp_to_edge {
                 clamp_to_edge(view, [&mut u, &mut v]);
             }
-            // Registers are copied only where they are: a copy takes as long as a few instructions of the program.
+            // Only registers that exist are copied: a copy takes as long as a few instructions of the program.
             let (w, layer, level, reference);
             let w = if op.coordinate[2] == NO_REG {
                 &ZEROS
@@ -220,7 +220,7 @@ fn one<const RECORD: bool>(
         (TextureAction::Layers, Resource::Texture(view)) => out[0] = Lanes::splat(view.layers()),
         (TextureAction::Layers, Resource::Storage(image)) => out[0] = Lanes::splat(image.layers),
         (TextureAction::Samples, Resource::Texture(view)) => out[0] = Lanes::splat(view.samples()),
-        // Nothing is bound, or something else: zeros, and no effect.
+        // Nothing is bound, or a resource of another kind: the access gives zeros and has no effect.
         _ => {
             if RECORD && !matches!(op.action, TextureAction::Size | TextureAction::Levels | TextureAction::Layers) {
                 recorder.request(RequestKind::Texture, mask, 1, |_| None, 1);

@@ -135,7 +135,7 @@ impl<'a> Lowerer<'a> {
                 (None, Some(r)) => Val::Data(self.zeros(Ty::Named(r.ty))?.into()),
                 (None, None) => Val::Data([].into()),
             };
-            // What a callee hands back may be nothing but the contents of a mutable register (`fn f(x: u32) -> u32 { return x; }`
+            // The result of a callee may be just the contents of a mutable register (`fn f(x: u32) -> u32 { return x; }`
             // called with a loop's variable), which a `continue` after the call overwrites: the continuing block needs a copy of
             // it, as it does of what an `Emit` computes.
             self.keep(h, &value);
@@ -163,7 +163,7 @@ impl<'a> Lowerer<'a> {
         Ok(self.exit(region))
     }
 
-    /// The place that a variable is.
+    /// The place of a variable.
     pub fn variable_place(&self, var: Var, ty: Ty) -> Place {
         Place::new(Root::Var(var), ty, 0)
     }

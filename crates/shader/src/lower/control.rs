@@ -116,13 +116,13 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// What a region merges that differs from what its registers hold.
+    /// The components that a region merges and whose values differ from its registers.
     fn dirty(&self, region: usize) -> Vec<(usize, u32)> {
         let clean = |v: V, class: u32| self.b.defs[v as usize] == Def::Version(class);
         self.regions[region].merge.iter().copied().filter(|&(i, class)| !clean(self.state[i], class)).collect()
     }
 
-    /// Writes what a region merges into its registers, for the lanes of the mask.
+    /// Writes the merged components of a region into its registers, for the lanes of the mask.
     pub fn flush(&mut self, region: usize) {
         self.b.steps += self.regions[region].merge.len() as u64 / 8;
         let dirty = self.dirty(region);
@@ -246,7 +246,7 @@ impl<'a> Lowerer<'a> {
         Ok(Flow::Next)
     }
 
-    /// From here on the merged components are what the region's registers hold.
+    /// From here on the state's merged components are the region's registers.
     pub fn take_merged(&mut self, region: usize) {
         for k in 0..self.regions[region].merge.len() {
             let (i, class) = self.regions[region].merge[k];
@@ -254,7 +254,7 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Copies what of a value may not outlive a `continue`, if it is computed where the continuing block can see it.
+    /// Copies the components of a value that a `continue` may overwrite, if the continuing block can see the value.
     pub fn keep(&mut self, h: Handle<Expression>, value: &Val) {
         if self.frame().kept.as_ref().is_none_or(|k| k.depth != self.depth) {
             return;
@@ -280,12 +280,12 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Tries to run the loop at compile time. None: it cannot be, and nothing has happened.
+    /// Tries to run the loop at compile time. None: that is not possible, and nothing has changed.
     fn unroll(&mut self, body: &'a Block, continuing: &'a Block, break_if: Option<Handle<Expression>>) -> Result<Option<Flow>> {
         if self.unroll_steps == 0 || !self.b.optimisations.unroll {
             return Ok(None);
         }
-        // What the copies below take counts too.
+        // The memory of the copies below counts too.
         let begun = self.b.steps;
         self.spend((self.state.len() + self.frame().exprs.len()) / 8)?;
         let mark = self.b.mark();
@@ -308,7 +308,7 @@ impl<'a> Lowerer<'a> {
                     break;
                 }
             }
-            // Loops inside have taken their steps out of the same budget, and are counted again: what is nested is tried again
+            // Inner loops have already taken their steps from the same budget and are counted again, because they are tried again
             // in each turn.
             if self.b.insts.len() - start > self.unroll_budget || self.b.steps - begun > self.unroll_steps {
                 break;
@@ -408,7 +408,7 @@ impl<'a> Lowerer<'a> {
                 self.flush(region);
             }
             self.b.control(Code::RegionEnd, vec![], 0, [slot, 0, 0]);
-            // What only the remaining lanes computed does not hold for those that broke out.
+            // Values that only the remaining lanes computed are not valid in the lanes that broke out.
             self.b.leave(scope);
             self.take_merged(region);
             if matches!(flow, Flow::Next | Flow::Left) { Flow::Next } else { flow }

@@ -75,7 +75,7 @@ impl<'a> Lowerer<'a> {
         self.moved(value)
     }
 
-    /// Counts what it takes to move a value.
+    /// Counts the steps of moving a value.
     fn moved(&mut self, value: Val) -> Result<Val> {
         if let Val::Data(d) = &value {
             self.spend(d.len() / 8)?;
@@ -381,12 +381,12 @@ impl<'a> Lowerer<'a> {
 
     fn derivative(&mut self, axis: DerivativeAxis, ctrl: DerivativeControl, expr: Handle<Expression>) -> Result<Val> {
         self.flags.derivatives = true;
-        // Where the program leaves the choice, the fine one is taken, as lavapipe does.
+        // Where the program leaves the choice, the fine derivative is taken, as in lavapipe.
         let fine = u32::from(ctrl != DerivativeControl::Coarse);
         let scalar = self.scalar_of(expr)?;
         let d = self.data(expr)?;
         let one = |s: &mut Self, v: V, kind: u32| {
-            // What all lanes share differs by nothing, but infinity minus infinity is no number here as in any other difference.
+            // The difference of a value that all lanes share is 0, except that infinity minus infinity is NaN, as in any difference.
             if s.b.is_uniform(v) {
                 return s.b.op(Code::FSub, &[v, v]);
             }

@@ -294,7 +294,7 @@ impl<'a> Lowerer<'a> {
             }
             return Ok(out);
         }
-        // The registers are read here and never again: what comes after may have them.
+        // This is the last read of the registers, so that later values may have them.
         let range_top = self.range_top;
         let var = self.variable(true, d)?;
         let ty = crate::types::Ty::Scalar(naga::Scalar::U32);

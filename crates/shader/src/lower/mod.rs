@@ -1,9 +1,9 @@
 //! From naga's IR to ours.
 //!
 //! The entry point's body is walked once, in order, with every call inlined. Variables that are only accessed at places known
-//! at compile time never become memory: the walk carries what each of their components holds at this point (`state`), an `if`
-//! merges two states with selects, and only loops, and functions that return early, need mutable registers, written under the
-//! mask. Pointers are places known to the compiler. A loop whose exits are decided at compile time is unrolled.
+//! at compile time never become memory: the walk keeps the current value of each of their components (`state`). An `if` merges two
+//! states with selects. Only loops and functions that return early need mutable registers, which are written under the mask.
+//! Pointers are places known to the compiler. A loop whose exits are decided at compile time is unrolled.
 
 mod call;
 mod control;
@@ -35,7 +35,7 @@ pub(super) use writes::each_statement;
 pub(super) enum Stop {
     /// The program cannot be run.
     Error(Box<ShaderError>),
-    /// A loop that was tried to be unrolled cannot be; the attempt is taken back.
+    /// A loop cannot be unrolled; the attempt is undone.
     Unroll,
 }
 
@@ -61,9 +61,9 @@ pub(super) enum Var {
     Range { id: u32 },
 }
 
-/// How a function hands back its result.
+/// How a function returns its result.
 pub(super) enum Results {
-    /// The only `return` is the last thing it does.
+    /// The only `return` is at its end.
     Tail,
     /// Early returns: lanes leave under the mask.
     Region {
@@ -72,9 +72,8 @@ pub(super) enum Results {
     },
 }
 
-/// Values of a loop's body for its continuing block. A value that is nothing but the present contents of a mutable register is
-/// gone once a `continue` has written that register, so a copy is taken where the value is computed; copies that the continuing
-/// block does not want are dead code.
+/// Values of a loop's body for its continuing block. A value may be just the current contents of a mutable register. It is lost when a
+/// `continue` writes that register, so it is copied where it is computed. Copies that the continuing block does not use are dead code.
 pub(super) struct Kept {
     /// Depth of masks of the body: only what is computed there can be seen from the continuing block.
     pub depth: u32,
@@ -165,7 +164,7 @@ pub(super) struct Lowerer<'a> {
     pub unroll_steps: u64,
     /// Blocks and expressions that are being walked inside each other.
     pub level: u64,
-    /// Whether each function returns early, as far as it was asked.
+    /// Whether each function returns early, for the functions that were asked about.
     pub early: HashMap<Option<Handle<Function>>, bool>,
     pub flags: Flags,
     pub shared_bytes: u32,
@@ -173,7 +172,7 @@ pub(super) struct Lowerer<'a> {
     pub immediate_size: u32,
 }
 
-/// What the walk notices.
+/// Properties of the program that the walk finds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Flags {
     pub derivatives: bool,
@@ -184,7 +183,7 @@ pub(super) struct Flags {
     pub immediate_bytes: u32,
 }
 
-/// What lowering leaves.
+/// The result of lowering.
 pub(super) struct Lowered {
     pub builder: Builder,
     pub interface: Interface,
@@ -240,7 +239,7 @@ impl<'a> Lowerer<'a> {
         self.within(self.origin.limits.shader_instructions, self.b.steps)
     }
 
-    /// Does work that may call itself for what is nested.
+    /// Does work that may call itself for nested parts.
     pub fn deeper<T>(&mut self, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.level += 1;
         self.within(self.origin.limits.shader_nesting, self.level)?;

@@ -1,4 +1,4 @@
-//! Places: what a pointer points to, as far as the compiler knows it.
+//! Places: the targets of pointers, as far as the compiler knows them.
 
 use std::rc::Rc;
 
@@ -51,7 +51,7 @@ impl Place {
         Place { root, ty, offset, choices: Vec::new(), address: None, element: None }
     }
 
-    /// Workgroup memory is laid out by us: one word a component.
+    /// The layout of workgroup memory is the compiler's own: one word a component.
     pub fn is_shared(&self) -> bool {
         matches!(self.root, Root::Memory { space: Space::Shared, .. })
     }

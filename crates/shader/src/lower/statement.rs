@@ -54,7 +54,7 @@ impl<'a> Lowerer<'a> {
                     self.barrier();
                 }
             }
-            // Lanes of a batch run in step, and batches one after the other: memory is always seen in order.
+            // Lanes of a batch run in lockstep, and batches one after the other, so that all accesses to memory are in order.
             Statement::MemoryBarrier(_) => {}
             Statement::Store { pointer, value } => {
                 let place = self.place(pointer)?;
@@ -101,7 +101,7 @@ impl<'a> Lowerer<'a> {
         self.b.control(Code::Barrier, vec![], 0, [0; 3]);
     }
 
-    /// What an atomic function does to scalars of a kind.
+    /// The operation of an atomic function on scalars of a kind.
     pub fn atomic_op(&self, fun: AtomicFunction, kind: ScalarKind) -> Result<AtomicOp> {
         let signed = kind == ScalarKind::Sint;
         let float = kind == ScalarKind::Float;

@@ -300,7 +300,7 @@ impl<'a> Lowerer<'a> {
         if let ImageQuery::Size { level: Some(l) } = query {
             src[at::LEVEL] = self.scalar(l)?;
         }
-        // What is bound does not change during a draw: a query with uniform operands is done once.
+        // Bindings do not change during a draw, so that a query with uniform operands is done once.
         let uniform = src.iter().all(|&s| s == NONE || self.b.is_uniform(s));
         self.b.textures.push(op);
         let entry = (self.b.textures.len() - 1) as u32;

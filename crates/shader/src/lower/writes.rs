@@ -1,4 +1,4 @@
-//! Which variables code may write, and which are indexed at run time: asked before the code is walked.
+//! Which variables code may write, and which are indexed at run time. Both are found before the code is walked.
 
 use std::collections::HashSet;
 use std::rc::Rc;
@@ -160,7 +160,7 @@ impl<'a> Lowerer<'a> {
         for block in blocks {
             self.pointers_written(block, &mut |h| pointers.push(h), &mut globals);
         }
-        // First and last component and one: a variable that is written often is listed once in the end.
+        // Ranges of components, so that a variable that is written often is listed once in the end.
         let mut out: Vec<(usize, usize)> = Vec::new();
         let types = self.types;
         for h in pointers {

@@ -1,6 +1,6 @@
 //! Random functions on integers, for the bounds: variables written in branches, loops left from inside branches and switches,
 //! values of the body used in the continuing block, early returns, pointer arguments, arrays indexed at run time, loops that
-//! can be unrolled and loops that cannot. Whether programs compute what they say is asked in `tests/shaders`.
+//! can be unrolled and loops that cannot. `tests/shaders` checks that programs compute the right values.
 
 use std::fmt::Write;
 

@@ -1,9 +1,10 @@
 //! The values of a program's parameters in the machine's state.
 
 use gl_shader::arb::program::*;
+use glam::{Mat4, Vec3, vec3};
 
 use crate::gl::machine::Gl;
-use crate::gl::matrix::{self, IDENTITY};
+use crate::gl::matrix;
 use crate::gl::state::Light;
 
 /// The values of all parameters of a program.
@@ -74,18 +75,17 @@ pub fn state(gl: &Gl, param: Param) -> [f32; 4] {
             let mut m = match matrix {
                 Matrix::Modelview => gl.modelview.top,
                 Matrix::Projection => gl.projection.top,
-                Matrix::Mvp => matrix::product(&gl.projection.top, &gl.modelview.top),
+                Matrix::Mvp => gl.projection.top * gl.modelview.top,
                 Matrix::Texture(unit) => gl.texture_matrices[usize::from(unit)].top,
                 Matrix::Program(k) => gl.programs.matrices[usize::from(k)].top,
             };
             if inverse {
-                m = matrix::inverse(&m).unwrap_or(IDENTITY);
+                m = matrix::inverse(&m).unwrap_or(Mat4::IDENTITY);
             }
             if transpose {
-                m = matrix::transpose(&m);
+                m = m.transpose();
             }
-            let row = usize::from(row);
-            [m[row], m[4 + row], m[8 + row], m[12 + row]]
+            m.row(usize::from(row)).to_array()
         }
     }
 }
@@ -106,9 +106,8 @@ fn light(light: &Light, term: Term) -> [f32; 4] {
         }
         Term::Cutoff => [light.spot_cutoff, 0.0, 0.0, 1.0],
         Term::Half => {
-            let [x, y, z] = matrix::normalized([x, y, z]);
-            let [x, y, z] = matrix::normalized([x, y, z + 1.0]);
-            [x, y, z, 1.0]
+            let half = (vec3(x, y, z).normalize_or_zero() + Vec3::Z).normalize_or_zero();
+            half.extend(1.0).to_array()
         }
         _ => [x, y, z, w],
     }
