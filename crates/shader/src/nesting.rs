@@ -513,7 +513,7 @@ mod tests {
             let text = format!("const n = array(1, 2);\nconst m = m; override x: u32;\nconst c = array<i32, {length}>();");
             let (place, message) = refused(&text);
             assert_eq!(
-                (place, message.contains("how long")),
+                (place, message.contains("length is not known")),
                 (Place::Text { line: 3, column: 11 }, true),
                 "{length}: {message}"
             );

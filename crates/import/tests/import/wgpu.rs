@@ -269,7 +269,7 @@ fn payload_is_checked() {
         (write("File(\"\")", 0, 4), "blob name"),
         (
             "[CreateShaderModule(id: PointerId(1), desc: (label: None), data: File(\"x.cso\"))]".into(),
-            "language cannot be told",
+            "does not say its language",
         ),
         ("[CreateShaderModule(id: PointerId(1), desc: (label: None), data: Binary(spv, [1]))]".into(), "no whole words"),
     ];
