@@ -4,7 +4,8 @@
 //!
 //! Positions are in 1/256 pixel, y down.
 
-use dashu_int::{IBig, Sign};
+use num_bigint::{BigInt, Sign};
+use num_traits::ToPrimitive;
 
 /// A position in 1/256 pixel.
 pub type Position = [i64; 2];
@@ -24,28 +25,28 @@ pub fn samples(count: u32) -> Vec<Position> {
 }
 
 /// Twice the signed area of a triangle: positive where b, c follow a clockwise on the screen.
-fn cross(a: Position, b: Position, c: Position) -> IBig {
-    let d = |v: i64, w: i64| IBig::from(v) - IBig::from(w);
+fn cross(a: Position, b: Position, c: Position) -> BigInt {
+    let d = |v: i64, w: i64| BigInt::from(v) - BigInt::from(w);
     d(b[0], a[0]) * d(c[1], a[1]) - d(b[1], a[1]) * d(c[0], a[0])
 }
 
 /// Whether the edge from a to b of a triangle whose third vertex is c is a top edge, horizontal and above c, or a left edge, not
 /// horizontal and left of c: the edges whose own samples belong to the triangle.
 fn is_top_or_left(a: Position, b: Position, c: Position) -> bool {
-    let d = |v: i64, w: i64| IBig::from(v) - IBig::from(w);
+    let d = |v: i64, w: i64| BigInt::from(v) - BigInt::from(w);
     if a[1] == b[1] {
         return a[1] < c[1];
     }
     // At c's height the edge's line is at a.x + (c.y - a.y) (b.x - a.x) / (b.y - a.y). That is less than c.x:
     let (run, rise) = (d(c[1], a[1]) * d(b[0], a[0]), d(b[1], a[1]));
     let there = d(c[0], a[0]) * &rise;
-    if rise.sign() == Sign::Positive { run < there } else { run > there }
+    if rise.sign() == Sign::Plus { run < there } else { run > there }
 }
 
 /// Whether a triangle, of either winding, covers a sample: the sample is inside, or on edges all of which are top or left ones.
 pub fn triangle_covers(v: [Position; 3], sample: Position) -> bool {
     let area = cross(v[0], v[1], v[2]);
-    let zero = IBig::ZERO;
+    let zero = BigInt::ZERO;
     let [a, b, c] = if area < zero { [v[0], v[2], v[1]] } else { v };
     area != zero
         && [(a, b, c), (b, c, a), (c, a, b)].into_iter().all(|(a, b, c)| {
@@ -65,15 +66,17 @@ pub fn polygon_covers(polygon: &[Position], sample: Position) -> bool {
         }
         // The edge crosses the sample's row; it does so right of the sample if the sample is left of the edge, seen upwards.
         let (lower, upper) = if a[1] > b[1] { (a, b) } else { (b, a) };
-        inside ^= cross(lower, upper, sample) < IBig::ZERO;
+        inside ^= cross(lower, upper, sample) < BigInt::ZERO;
     }
     inside
 }
 
 /// Weights of a triangle's vertices at a position, linear in the window: areas opposite to them over the triangle's.
 pub fn weights(v: [Position; 3], at: Position) -> [f64; 3] {
-    let area = cross(v[0], v[1], v[2]).to_f64().value();
-    [cross(v[1], v[2], at), cross(v[2], v[0], at), cross(v[0], v[1], at)].map(|part| part.to_f64().value() / area)
+    // Rounded once; beyond the range of `f64` the number is infinite.
+    let number = |part: BigInt| part.to_f64().unwrap_or(f64::NAN);
+    let area = number(cross(v[0], v[1], v[2]));
+    [cross(v[1], v[2], at), cross(v[2], v[0], at), cross(v[0], v[1], at)].map(|part| number(part) / area)
 }
 
 /// Perspective-correct weights at a position, and 1/w there, from those of the vertices.
@@ -96,18 +99,18 @@ pub fn line_draws(from: Position, to: Position, pixel: Position) -> bool {
     // Numbers that decide are whole multiples of 1/2^96 or more (coordinates are far below 2^40, and all are products of at most two
     // differences over one); the first move is below that, and the second is to the first what the first is to 1.
     const E: usize = 96;
-    let scale = |x: i64| IBig::from(x) << (2 * E);
-    let moved = |p: Position| [scale(p[0]) - (IBig::ONE << E), scale(p[1]) - IBig::ONE];
+    let scale = |x: i64| BigInt::from(x) << (2 * E);
+    let moved = |p: Position| [scale(p[0]) - (BigInt::from(1) << E), scale(p[1]) - BigInt::from(1)];
     let (p, q) = (moved(from), moved(to));
     let center = pixel.map(|v| scale(v * 256 + 128));
-    let zero = IBig::ZERO;
+    let zero = BigInt::ZERO;
     // The part of the segment inside of all four sides of the diamond, from `low` to `high` as fractions of its length.
-    let mut low: Option<(IBig, IBig)> = None;
-    let mut high: Option<(IBig, IBig)> = None;
+    let mut low: Option<(BigInt, BigInt)> = None;
+    let mut high: Option<(BigInt, BigInt)> = None;
     let mut ends_inside = true;
     for (sx, sy) in [(1_i32, 1_i32), (1, -1), (-1, 1), (-1, -1)] {
         // f > 0 inside this side of the diamond; linear along the segment from f0 to f1.
-        let f = |r: &[IBig; 2]| -> IBig { scale(128) - (&r[0] - &center[0]) * sx - (&r[1] - &center[1]) * sy };
+        let f = |r: &[BigInt; 2]| -> BigInt { scale(128) - (&r[0] - &center[0]) * sx - (&r[1] - &center[1]) * sy };
         let (f0, f1) = (f(&p), f(&q));
         ends_inside &= f1 > zero;
         // The zero lies at t = f0 / (f0 - f1).
@@ -140,13 +143,13 @@ pub fn line_draws(from: Position, to: Position, pixel: Position) -> bool {
 /// Whether the rectangle of width 1 about a line covers a sample: from the start on and before the end, and within half a
 /// pixel on either side, the side of negative cross product included.
 pub fn wide_line_covers(from: Position, to: Position, sample: Position) -> bool {
-    let d = [0, 1].map(|i| IBig::from(to[i] - from[i]));
-    let s = [0, 1].map(|i| IBig::from(sample[i] - from[i]));
+    let d = [0, 1].map(|i| BigInt::from(to[i] - from[i]));
+    let s = [0, 1].map(|i| BigInt::from(sample[i] - from[i]));
     let along = &d[0] * &s[0] + &d[1] * &s[1];
     let across = &d[0] * &s[1] - &d[1] * &s[0];
     let length2 = &d[0] * &d[0] + &d[1] * &d[1];
     let (left, right) = (&across * &across, &length2 * (128 * 128));
-    along >= IBig::ZERO && along < length2 && (left < right || left == right && across < IBig::ZERO)
+    along >= BigInt::ZERO && along < length2 && (left < right || left == right && across < BigInt::ZERO)
 }
 
 /// Whether the square of side 1 about a point covers a sample.
