@@ -191,7 +191,7 @@ impl Chunks {
         Ok(bytes.into())
     }
 
-    /// Appends the next bytes up to and including the end of a line; returns whether it was found. At the end of the text, nothing is appended.
+    /// Appends the next bytes up to and including the end of a line; returns whether it was found. At the end of the text, appends nothing.
     pub fn line(&mut self, line: &mut Vec<u8>) -> Result<bool, Stop> {
         if self.at == self.piece.len() {
             self.refill()?;
