@@ -1,4 +1,4 @@
-//! What must hold of the statistics of every run, whatever the machine and the scene; and small work to run.
+//! Laws for the statistics of every run, on every machine and scene; and small work to run.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ pub fn rendered(name: &str) -> Vec<Event> {
 /// Runs work from cycle 0 to its end.
 pub fn run(config: &Config, events: &[Event], clock: Clock) -> MachineReport {
     let mut machine = Machine::new(config).unwrap_or_else(|error| panic!("{error}"));
-    // Under one clock draws are reported, under the others they are not: no statistic may show that.
+    // Draws are reported under one clock only. This must not change any statistic.
     if clock == Clock::SkipIdle {
         machine.watch_draws();
     }
@@ -90,7 +90,7 @@ pub fn dispatch_of(groups: u32, invocations: u32, shared_bytes: u32, barrier: bo
     vec![Event::Dispatch(Arc::new(dispatch)), Event::Groups(Arc::new(work))]
 }
 
-/// A run's statistics, to be asked by path.
+/// A run's statistics, by path.
 pub struct Figures<'a>(pub &'a Tree);
 
 impl Figures<'_> {
@@ -101,7 +101,7 @@ impl Figures<'_> {
         value as u64
     }
 
-    /// The subtrees of a list such as `units.setup`, none where there is no such list.
+    /// The subtrees of a list such as `units.setup`; none if there is no such list.
     pub fn list(&self, path: &str) -> &[Tree] {
         match self.0.get(path) {
             Some(Node::List(list)) => list,
@@ -136,8 +136,8 @@ pub fn accounts_add_up(tree: &Tree) {
     assert!(checked > 15, "{checked} units");
 }
 
-/// Counters of the frames add up to those of the run. A free-running display shows the last frame behind its end, and what is on its way to
-/// memory then comes there: that is the run's alone, and nothing is drawn in it.
+/// Counters of the frames add up to those of the run. A free-running display shows the last frame after the frame's end. Transfers that are
+/// then on their way to memory arrive after it: they count for the run only, and nothing is drawn in that time.
 pub fn frames_add_up(report: &MachineReport) {
     let mut sums = std::collections::BTreeMap::<String, u64>::new();
     for frame in &report.frames {
@@ -204,7 +204,7 @@ fn phases_add_up(frame: &FrameReport) {
     let mut checked = 0;
     for (path, value) in sums {
         let of = |name: &str| Figures(&frame).at(&path.replace(".starved", name));
-        // What is starved to the end of a frame is idle; a phase does not know.
+        // A unit that is starved until the end of a frame is idle; within a phase this is not known.
         let whole = if path.ends_with(".starved") { of(".starved") + of(".idle") } else { of(".starved") };
         assert_eq!(value, whole, "{path} of the phases");
         checked += 1;
@@ -212,7 +212,7 @@ fn phases_add_up(frame: &FrameReport) {
     assert!(checked > 100, "{checked} counters");
 }
 
-/// What comes into each unit leaves it, or is counted as thrown away there. `fragments` says that every draw has a fragment stage.
+/// All that enters a unit leaves it, or is counted as discarded there. `fragments`: whether every draw has a fragment stage.
 pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     let f = Figures(tree);
     let (units, channels) = (
@@ -221,7 +221,7 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     );
     let items = |name: &str| channels(name, "items");
 
-    // What geometry lets through is set up once, binned or not.
+    // Each triangle that passes geometry is set up once, binned or not.
     if matches!(config.card.sort, SortClass::Middle | SortClass::MiddleBinned) {
         assert_eq!(units("distribute"), f.funnel("triangles_setup"));
     }
@@ -229,13 +229,13 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
         return conserved_anywhere(config, tree, fragments);
     }
 
-    // Vertices: batches that are shaded come back, and are given up when they are assembled.
+    // Vertices: shaded batches return, and are released after assembly.
     assert_eq!(units("fetch"), f.funnel("vertices_in"));
     assert_eq!(items("vertex_warps"), items("vertices_shaded"));
     assert_eq!(items("vertex_warps"), items("vertices_retired"));
     assert!(f.funnel("vertices_shaded") <= f.funnel("vertices_in"));
 
-    // Primitives: culled for one reason, or triangles to be set up.
+    // Primitives: each is culled for one reason, or becomes triangles for setup.
     assert_eq!(units("assembly"), f.funnel("primitives_in"));
     assert_eq!(units("clip"), f.funnel("primitives_in"));
     let thrown = ["degenerate", "backface", "frustum", "scissor"].map(|why| f.funnel(&format!("culled_{why}")));
@@ -246,7 +246,7 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     assert_eq!(f.at("sort.sorted_items"), f.funnel("triangles_setup"));
     assert!(f.at("sort.sent") <= f.at("sort.sorted_items"));
 
-    // The sort: what is sent arrives, and its bytes are those of triangles and marks.
+    // The sort: every item that is sent arrives, and the bytes are those of triangles and marks.
     if config.network.topology == Topology::PointToPoint {
         assert_eq!(items("sorted"), f.at("sort.redistributed_items") + f.at("sort.marks"));
         assert_eq!(channels("sorted", "bytes"), f.at("sort.redistributed_bytes") + 4 * f.at("sort.marks"));
@@ -265,7 +265,7 @@ pub fn conserved(config: &Config, tree: &Tree, fragments: bool) {
     conserved_anywhere(config, tree, fragments);
 }
 
-/// What holds on any machine, whatever it sorts.
+/// Laws of conservation for machines of every sort class.
 fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     let f = Figures(tree);
     let units = |name: &str| f.sum(&format!("units.{name}"), "items");
@@ -277,15 +277,15 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     assert!(f.at("sort.foreign_bytes") <= f.at("sort.redistributed_bytes"));
     if config.network.topology == Topology::PointToPoint && config.card.sort != SortClass::MiddleBinned {
         let bytes = f.sum("channels.sorted", "bytes");
-        // What a pipeline has composed in place is not sent.
+        // Pixels that a pipeline composes in place are not sent.
         let kind = if config.card.sort == SortClass::LastImage { "foreign" } else { "redistributed" };
         assert_eq!(bytes, f.at(&format!("sort.{kind}_bytes")) + 4 * f.at("sort.marks"));
     }
 
-    // Quads: culled early, or shaded (or done, where there is no fragment stage).
+    // Quads: culled early, or shaded (or finished, if there is no fragment stage).
     assert_eq!(units("traverse"), f.funnel("quads_rasterized"));
     assert!(f.funnel("tiles_hiz_culled") <= f.funnel("tiles_visited"));
-    // Of opaque quads that are held back, those that are not seen end here.
+    // Hidden quads among the opaque quads that are held back end here.
     let hidden =
         if config.bin.hide && config.card.sort == SortClass::MiddleBinned { f.sum("hiding.hide", "hidden_quads") } else { 0 };
     let kept = f.funnel("quads_rasterized") - f.funnel("quads_early_culled") - hidden;
@@ -302,7 +302,7 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
     assert_eq!(f.funnel("fragments_shaded") + f.funnel("helper_fragments"), 4 * f.funnel("quads_shaded"));
     assert!(f.funnel("fragments_covered") >= f.funnel("fragments_shaded"));
 
-    // Warps: as many come back as are sent; requests are answered.
+    // Warps: as many return as are sent; requests are answered.
     assert_eq!(items("fragment_warps"), items("fragments_shaded"));
     assert_eq!(items("compute_warps"), items("computed"));
     assert_eq!(units("compute"), items("computed"));
@@ -318,7 +318,7 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
         assert_eq!(items(task), items(answer), "{task}");
     }
     if config.scanout.mode == ScanoutMode::FreeRunning {
-        // Frames, and that none follows; swaps in the vertical blank are reported. All frames were shown or dropped.
+        // It gets each frame and one item for the end. Swaps in the vertical blank are reported. All frames are shown or dropped.
         let presented = f.at("display.presented");
         assert_eq!((items("shown"), units("scanout")), (presented + 1, presented));
         assert_eq!(items("scanned"), if config.scanout.swap == Swap::Vsync { presented } else { 0 });
@@ -345,7 +345,7 @@ fn caches_are_conserved(config: &Config, tree: &Tree) {
     for (cache, rop) in [("depth", "depth"), ("color", "color")] {
         for (cache, rop) in f.list(&format!("caches.{cache}")).iter().zip(f.list(&format!("rop.{rop}"))) {
             let of = |leaf: &str| Figures(rop).at(leaf);
-            // What is not read may be written over bit by bit, be read later, or be given up before either.
+            // A block that is not read may be overwritten piece by piece, be read later, or be evicted before either.
             let brought_in = of("fills") + of("cleared_fills") + of("overwritten");
             let unread = config.color.skip_reads || config.traverse.hierarchical_accept;
             let misses = Figures(cache).at("misses");
@@ -354,14 +354,14 @@ fn caches_are_conserved(config: &Config, tree: &Tree) {
     }
 }
 
-/// What hierarchical Z accepts passes.
+/// Everything that hierarchical Z accepts passes the depth test.
 fn acceptance_holds(tree: &Tree) {
     let f = Figures(tree);
     assert_eq!(f.sum("rop.depth", "accepted_failed"), 0);
     assert!(f.sum("rop.depth", "overwritten") <= f.sum("hierarchical.traverse", "accepted"));
 }
 
-/// Bytes that clients ask for are those that the memory serves.
+/// The bytes that clients request equal those that the memory serves.
 fn memory_is_conserved(tree: &Tree, config: &Config) {
     let f = Figures(tree);
     let Some(Node::Tree(clients)) = tree.get("memory.clients") else { panic!("clients") };
@@ -370,7 +370,7 @@ fn memory_is_conserved(tree: &Tree, config: &Config) {
     let line = 64;
     let vertex_line = u64::from(config.fetch.line_bytes);
     assert_eq!(f.at("memory.clients.vertex.read_bytes"), vertex_line * f.sum("caches.vertex", "misses"));
-    // What the texture units ask for beside the lines that miss are atomics and stores.
+    // Texture units request the lines that miss; all other requests are atomics and stores.
     let lines = line * f.sum("caches.texture", "misses");
     let atomics = f.at("memory.clients.texture.read_bytes") - lines;
     assert_eq!(atomics % 4, 0);

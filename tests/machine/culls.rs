@@ -1,5 +1,5 @@
-//! Where geometry does not cull, setup and traversal find out what is not drawn: later, by a known number of triangles, and with the
-//! same picture, on every sort class.
+//! If geometry does not cull, setup and traversal find the triangles that are not drawn: later, in a known number, and with the same
+//! picture, on every sort class.
 
 use std::sync::Arc;
 
@@ -116,7 +116,7 @@ fn machine(class: &str, pipelines: u32, off: &[&str], more: &[&str]) -> Config {
     config("baseline", &changes.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
-/// What no cull may change.
+/// Counters that no cull may change.
 const KEPT: [&str; 12] = [
     "primitives_in",
     "culled_degenerate",
@@ -160,7 +160,7 @@ fn what_is_not_culled_is_found_out_later_on_every_class() {
                 }
                 let (a, b) = (Figures(&plain.total), Figures(&report.total));
                 for name in KEPT {
-                    // Who routes throws away what would have to be cut, and what several pipelines cut counts in each.
+                    // Routing discards triangles that would have to be clipped; a triangle that several pipelines clip counts in each.
                     if class == "sort-first" && name == "clipped" {
                         continue;
                     }
@@ -176,7 +176,7 @@ fn what_is_not_culled_is_found_out_later_on_every_class() {
                 if pipelines == 1 && class != "sort-middle-binned" {
                     assert_eq!(ended, (in_setup, in_traversal), "{context}");
                 } else if class != "sort-middle-binned" {
-                    // Each copy is found out where it goes; no pipeline gets two.
+                    // Each copy is culled at its destination; no pipeline gets two.
                     let most = u64::from(pipelines);
                     assert!((in_setup..=most * in_setup).contains(&ended.0), "{context}: {ended:?}");
                     assert!((in_traversal..=most * in_traversal).contains(&ended.1), "{context}: {ended:?}");
@@ -232,7 +232,7 @@ fn each_switch_is_about_the_primitives_that_the_funnel_counts_for_it() {
     }
 }
 
-/// What is thrown away and must not be is missing from the picture: the other tests would see it.
+/// A triangle that is culled by mistake is missing from the picture, so the other tests would detect it.
 #[test]
 fn a_triangle_that_setup_takes_for_one_that_ends_is_missing() {
     let trace = scene(1);

@@ -1,5 +1,5 @@
-//! A free-running display on whole machines: closed forms of what is shown and for how long, one outcome under all clocks, and what is
-//! refused.
+//! A free-running display on whole machines: closed forms for the frames shown and their duration, the same result under all clocks, and
+//! refused settings.
 
 use std::path::Path;
 
@@ -57,7 +57,7 @@ fn parts(refresh: &Refresh) -> Vec<(u32, u32)> {
     refresh.parts.iter().map(|(line, frame)| (*line, frame.frame)).collect()
 }
 
-/// How many refreshes show each frame, of a display that never tears.
+/// Number of refreshes that show each frame, for a display that never tears.
 fn times_shown(report: &MachineReport) -> Vec<u64> {
     let mut times = vec![0; report.frames.len()];
     for refresh in &shown(report).refreshes {
@@ -67,7 +67,7 @@ fn times_shown(report: &MachineReport) -> Vec<u64> {
     times
 }
 
-/// Cycles from one frame handed over to the next, of frames that wait for nothing.
+/// Cycles between the hand-overs of two frames, if frames wait for nothing.
 fn pace(work: &[Event]) -> u64 {
     let report = run(&free(&["scanout.swap=immediate", "scanout.line_cycles=10000"]), work, Clock::SkipIdle);
     let cycles: Vec<u64> = report.frames.iter().skip(1).map(|frame| frame.cycles).collect();
@@ -94,7 +94,7 @@ fn with_vsync_frames_of_t_cycles_are_shown_for_ceil_of_t_over_p_with_two_buffers
         // The first frame is shown before the second is begun; the last is shown once.
         assert_eq!(two[1..24], [t.div_ceil(p); 23], "T = {t}, P = {p}");
         assert_eq!(two[24], 1);
-        // Each refresh reads what is visible, once.
+        // Each refresh reads the visible surface once.
         let refreshes = two.iter().sum::<u64>();
         assert_eq!(report.total.number("display.refreshes"), Some(refreshes as f64));
         assert_eq!(report.total.number("memory.clients.scanout.read_bytes"), Some((refreshes * LINES * ROW) as f64));
@@ -148,7 +148,7 @@ fn immediate_swaps_tear_at_the_line_of_their_cycle() {
     }
 }
 
-/// What a run has shown, with all its bytes.
+/// All that a run has shown, with all its bytes.
 fn pictures(report: &MachineReport) -> String {
     let all = shown(report);
     let hash = |refresh: &Refresh| blake3::hash(&refresh.picture().1).to_hex().to_string();
@@ -180,7 +180,7 @@ fn clocks_and_orders_of_ticks_agree_and_frames_are_those_that_are_read_after_the
                     assert_eq!(own.picture, other.picture, "{what}");
                 }
                 let (statistics, display) = (everything(&report), pictures(&report));
-                // What the last refresh shows is the last frame.
+                // The last refresh shows the last frame.
                 let last = &report.shown.refreshes[report.shown.refreshes.len() - 1];
                 let picture = after.frames[2].picture.as_ref().expect("a picture");
                 assert!(last.picture().1 == picture.bytes, "{what}");

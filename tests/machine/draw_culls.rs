@@ -15,7 +15,7 @@ use fillrate::trace::record::{self, Recorder};
 use fillrate::work::{Cull, Culling, Event, Funnel, RenderKey};
 use rayon::prelude::*;
 
-/// What a render leaves: pictures, the funnel, and what tests of bounds came to.
+/// The results of a render: pictures, the funnel, and the results of bounds tests.
 #[derive(Default)]
 struct Rendered {
     pictures: Vec<Vec<u8>>,
@@ -26,7 +26,7 @@ struct Rendered {
 fn rendered(trace: &Trace, cull: Cull) -> Rendered {
     let mut out = Rendered::default();
     let key = RenderKey { cull, ..RenderKey::default() };
-    // Of a long sequence the first frames.
+    // Only the first frames of a long sequence.
     let options = render::Options { record: true, key, frames: (0..6).into(), ..render::Options::default() };
     let mut keep = |event| {
         match event {
@@ -55,7 +55,7 @@ fn compared(name: &str, trace: &Trace) -> (u64, [Culling; 2]) {
     let left = [Cull::Draws, Cull::Instances].map(|cull| {
         let Rendered { pictures, funnel, culling } = rendered(trace, cull);
         assert!(pictures == plain.pictures, "{name}, {cull:?}: another picture");
-        // All that is left out would have ended outside the view volume.
+        // All primitives that are left out would have been culled outside the view volume.
         let all = Funnel {
             primitives_in: funnel.primitives_in + culling.primitives,
             vertices_in: funnel.vertices_in + culling.vertices,
@@ -133,7 +133,7 @@ fn machines_of_all_classes_draw_what_is_left() {
             let sum = |paths: [&str; 2]| paths.map(|path| number(run, path)).iter().sum::<f64>();
             assert_eq!(sum(["funnel.primitives_in", "command.primitives_culled"]), 22_942.0, "{sort}");
             assert_eq!(sum(["funnel.vertices_in", "command.vertices_culled"]), 68_826.0, "{sort}");
-            // Where each pipeline has depths of its own, what passes depends on who draws what.
+            // If each pipeline has its own depths, the fragments that pass depend on the distribution of triangles.
             let all = if sort == "sort-last-image" { 2 } else { 3 };
             for path in &["funnel.triangles_setup", "funnel.fragments_covered", "funnel.fragments_written"][..all] {
                 assert_eq!(number(run, path), number(&runs[0], path), "{sort}: {path}");

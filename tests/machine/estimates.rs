@@ -1,4 +1,4 @@
-//! Estimates against the cycles that they stand for.
+//! Estimates compared with simulated cycles.
 
 use std::ops::Range;
 use std::path::Path;
@@ -216,7 +216,7 @@ fn what_sorts_limits_where_it_is_slow() {
     }
 }
 
-/// Frames are what they are in the whole sequence: the picture, and, but for what warming leaves, the cycles.
+/// Frames equal those of the whole sequence: their pictures, and, apart from the remaining error of warming, their cycles.
 fn same_frames(some: &Replay, whole: &Replay) {
     for frame in &some.frames {
         let same = whole.frames.iter().find(|other| other.number == frame.number).expect("a frame of the sequence");

@@ -1,5 +1,5 @@
-//! Cards of history against their data sheets: peak rates of pixels, texels, triangles and bytes, measured on the model by work that is
-//! limited by nothing else.
+//! Historical cards compared with their data sheets: peak rates of pixels, texels, triangles and bytes. Each is measured on the model with
+//! work that has no other limit.
 
 use std::sync::Arc;
 
@@ -57,7 +57,7 @@ fn rate(config: &Config, small: &Scene, large: &Scene, figure: &str) -> f64 {
     per_second(config, measured(config, small, figure), measured(config, large, figure))
 }
 
-/// Prints what was measured beside the data sheet, and asks for it within a share.
+/// Prints the measured value and that of the data sheet, and asserts that they differ by at most this share.
 fn near(card: &str, what: &str, measured: f64, sheet: f64, share: f64) {
     let off = measured / sheet - 1.0;
     println!("{card}: {what} {:.4} of {:.4} billion/s, {:+.1} %", measured / 1e9, sheet / 1e9, 100.0 * off);
@@ -127,7 +127,7 @@ fn gtx_titan() {
     // 5 raster engines x 8 pixels x 837 MHz, 224 texture units, 5 raster engines x a triangle, 48 bytes x 6.008 GHz.
     fill(card, 160, 8, [33.48e9, 187.5e9]);
     near(card, "triangles", triangles(card, 5, 8000), 4.185e9, 0.05);
-    // The sheet's is the rate of the pins. Refresh takes a share of it, as it does on boards; without, it is reached.
+    // The data sheet gives the rate of the pins. Refresh takes a share of it, as on real boards; without refresh it is reached.
     let mut config = Config::built_in(card).unwrap();
     near(card, "bytes", bytes(&config), 288.4e9, 0.07);
     config.set("memory.dram.t_refi=0").unwrap();

@@ -1,5 +1,5 @@
-//! Laws that every machine keeps on every scene: accounts that add up, conservation, one outcome whatever the clock and the order of
-//! ticks.
+//! Laws for every machine on every scene: accounts add up, items are conserved, and the result does not depend on the clock or the order
+//! of ticks.
 
 use crate::common::{
     Figures, accounts_add_up, config, conserved, dispatch, dispatch_of, everything, frames_add_up, rendered, run,
@@ -108,7 +108,7 @@ fn mixture(covered: bool, less: bool) -> Vec<Vec<Event>> {
     scenes.iter().map(|scene| [dispatch(6), events(scene)].concat()).collect()
 }
 
-/// Every law on one machine, which has its work as it needs it.
+/// Checks every law on one machine, with the work that suits it.
 fn lawful(config: &Config, works: &[Vec<Vec<Event>>; 2], number: usize, clocks: &[Clock]) {
     let work = &works[usize::from(config.render_key().shade == Shade::Covered)];
     let events = &work[number % work.len()];
@@ -116,9 +116,9 @@ fn lawful(config: &Config, works: &[Vec<Vec<Event>>; 2], number: usize, clocks: 
     let text = everything(&report);
     frames_add_up(&report);
     conserved(config, &report.total, true);
-    // Without order the picture is what it is.
+    // Without order, the picture is not checked.
     for frame in report.frames.iter().filter(|_| config.order.keep == Keep::Always) {
-        // Blending needs an order, which pipelines with frame buffers of their own do not keep, and say so.
+        // Blending needs an order. Pipelines with their own framebuffers do not keep it, and report this.
         if frame.tree.number("sort.passes_needing_order").unwrap_or(0.0) == 0.0 {
             assert_eq!(frame.picture.as_ref().map(|picture| picture.wrong_pixels), Some(0), "{}", config.resolved());
         }
@@ -177,7 +177,7 @@ fn every_knob_at_its_ends_makes_a_lawful_machine() {
                         changed.set(setting).unwrap();
                     }
                 }
-                // What does not fit the other knobs is refused by name, and a machine of it is not built.
+                // A value that conflicts with other knobs is refused by name, and no machine is built.
                 if let Err(error) = changed.check() {
                     assert!(error.to_string().contains(knob.name), "{path}={value}: {error}");
                     assert!(Machine::new(&changed).is_err());

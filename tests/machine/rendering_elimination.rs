@@ -1,4 +1,4 @@
-//! Tiles that memory has already are left out, and only these: whatever goes into a tile makes it another one.
+//! Only tiles that memory already has are left out: a change of any input of a tile makes it a different tile.
 
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
@@ -40,7 +40,7 @@ struct Varying { @builtin(position) position: vec4<f32>, @location(0) tint: vec4
 }
 ";
 
-/// What is other in the second frame, or in both.
+/// The difference in the second frame, or in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Other {
     Nothing,

@@ -1,4 +1,4 @@
-//! What a scene does not need is skipped, and nothing else changes.
+//! Unneeded work of a scene is skipped, and nothing else changes.
 
 use std::path::Path;
 use std::time::Duration;

@@ -199,7 +199,7 @@ fn what_is_hidden_in_a_tile_is_not_shaded() {
         assert!(seen < 0.95 * all && seen == written && seen + hidden == all, "{seen} + {hidden} of {all}: {scene:?}");
         assert!(scene.samples > 1 || seen <= f64::from(scene.width * scene.height), "{seen} shaded");
     }
-    // What shows through is not hidden.
+    // Nothing is hidden behind blended triangles.
     let blended = Scene { blend: true, ..opaque };
     assert_eq!(shaded(&blended, "bin.hide=true").2, 0.0);
 }
@@ -222,7 +222,7 @@ fn scenes_of_all_directions() -> Vec<Scene> {
         Scene { compare: Greater, depth_format: Some(Format::Depth24PlusStencil8), ..of(&[GreaterEqual, Less, Greater]) },
         counted.clone(),
         Scene { compares: vec![Less, Greater], discard: true, early: false, ..counted },
-        // What a late draw discards has no depth.
+        // Fragments that a late draw discards write no depth.
         Scene { discard: true, early: false, ..of(&[Less]) },
         Scene { discard: true, early: false, samples: 4, blend: true, ..of(&[LessEqual]) },
     ]
@@ -351,7 +351,7 @@ fn early_tests_save_shading_and_traffic() {
         let [(none, written), (local, other), (remote, another)] =
             ["order.early=none", "order.early=local", "order.early=remote"].map(of);
         assert_eq!((written, written), (other, another));
-        // A pipeline of four knows a quarter of what hides; the owner knows all that has come.
+        // One of four pipelines knows a quarter of the occluders; the owner knows all that have arrived.
         assert!(local < none * 9 / 10 && remote < local, "{none}, {local}, {remote} quads shaded");
     }
 }

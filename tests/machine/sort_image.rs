@@ -1,5 +1,5 @@
-//! Sort-last-image: pipelines with frame buffers of their own draw the picture of API order wherever order does not matter, send what
-//! the formulas of composition say, and name the passes whose order they do not keep.
+//! Sort-last-image: pipelines with their own framebuffers draw the picture of API order wherever order does not matter, send the bytes
+//! that the composition formulas give, and name the passes whose order they do not keep.
 
 use std::sync::Arc;
 
@@ -135,7 +135,7 @@ fn ties_go_to_the_primitive_that_api_order_keeps() {
                 ] {
                     let report = run_events(&config, twice(compare, kept_first), Clock::SkipIdle);
                     assert_eq!(wrong(&report), 0, "{changes:?} {compare:?}");
-                    // The other picture is another one.
+                    // The other picture differs.
                     let other = run_events(&config, twice(compare, !kept_first), Clock::SkipIdle);
                     assert!(wrong(&other) > 1000, "{changes:?} {compare:?}");
                 }
@@ -149,11 +149,11 @@ fn the_numbers_of_primitives_are_needed_for_ties() {
     for scheme in SCHEMES {
         let scheme = format!("compose.scheme={scheme}");
         let lost = config(&["pipelines=4", &scheme, "assembly.batch=3", "order.keep=never"]);
-        // Depths are equal everywhere, and which of the two colours is found says who was composed first.
+        // Depths are equal everywhere; the colour shows which pipeline was composed first.
         let both = [twice(Compare::Less, true), twice(Compare::LessEqual, false)];
         let wrong: u64 = both.into_iter().map(|events| wrong(&run_events(&lost, events, Clock::SkipIdle))).sum();
         assert!(wrong > 1000, "{scheme}: {wrong} pixels");
-        // Where no two depths are equal numbers decide nothing.
+        // If no two depths are equal, the pipelines' numbers do not matter.
         let scene = &opaque()[0];
         assert_eq!(self::wrong(&run(&lost, scene, Clock::SkipIdle)), 0, "{scheme}");
     }
@@ -231,7 +231,7 @@ fn passes_that_need_order_are_counted_and_named() {
         assert_eq!(number(&report, "sort.passes_needing_order"), needs, "{scene:?}");
         let text = report.total.json()["sort"]["passes_out_of_order"].as_str().unwrap().to_owned();
         assert_eq!(text, label);
-        // Where it may depend on the order it need not: no two of these triangles have the same depths anywhere.
+        // A picture that may depend on the order need not do so: no two of these triangles have the same depth anywhere.
         assert_eq!(wrong(&report) > 0, scene.blend, "{scene:?}");
     }
 }

@@ -1,5 +1,4 @@
-//! What pipelines gain: linear speed-up where nothing stands against it, and where something does, a loss that is told apart by cause,
-//! to the cycle.
+//! Speed-up by pipelines: linear if nothing limits it; if something does, the loss is attributed to its causes, exact to the cycle.
 
 use crate::common::{Figures, config, run};
 use fillrate::gfx::state::Compare;
@@ -11,7 +10,7 @@ use fillrate::work::{Event, Shade};
 
 const CLASSES: [&str; 5] = ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"];
 
-/// The parts that the pipelines' cycles are split into.
+/// The parts into which the pipelines' cycles are split.
 const PARTS: [&str; 10] = [
     "useful",
     "overlap",
@@ -81,7 +80,7 @@ fn row(tiles: u32, shapes: Vec<[[f32; 2]; 3]>, instructions: u32) -> Scene {
     }
 }
 
-/// So many triangles within each tile, in turn.
+/// This number of triangles within each tile, in turn.
 fn balanced(tiles: u32, rounds: u32, instructions: u32) -> Scene {
     row(tiles, (0..tiles * rounds).map(|n| in_tile(n % tiles, 31.0)).collect(), instructions)
 }
@@ -113,7 +112,7 @@ impl Split {
         self.0.iter().find(|(name, _)| *name == part).map_or(f64::NAN, |(_, share)| *share)
     }
 
-    /// More is lost to a cause than to all others.
+    /// Asserts that a cause loses more than all others together.
     fn is_most(&self, cause: &str, of: &str) {
         let lost = 1.0 - self.at("useful");
         assert!(self.at(cause) > lost / 2.0 && lost > 0.5, "{of}: not {cause}, but {:?}", self.0);
@@ -158,7 +157,7 @@ fn copies_are_overlap() {
         assert!(report.total.get("sort.loss.stage") == Some(&Node::Leaf(Leaf::Text("setup".to_owned()))), "{class}");
         let copies = report.total.number("sort.overlap").unwrap();
         assert!(copies >= 4.0, "{class}: {copies}");
-        // Of each triangle's copies one is work.
+        // Only one copy of each triangle is useful work.
         let (useful, overlap) = (split.at("useful"), split.at("overlap"));
         assert!((overlap / (useful + overlap) - (1.0 - 1.0 / copies)).abs() < 1e-4, "{class}: {copies}, {:?}", split.0);
         split.is_most("overlap", class);
@@ -183,7 +182,7 @@ fn uneven_work_is_imbalance() {
         let (report, split) = split(class, 4, &[], &scene);
         crate::common::frames_add_up(&report);
         split.is_most("imbalance", class);
-        // A quarter of all pipelines works, but for the small ones.
+        // Except for small triangles, a quarter of the pipelines works.
         assert!((split.at("useful") - 0.25).abs() < 0.02, "{class}: {:?}", split.0);
     }
 }
@@ -212,7 +211,7 @@ fn waiting_for_a_turn_is_order() {
     let (free, after) = of("order.keep=never");
     before.is_most("reorder_stalls", "kept");
     assert!(after.at("reorder_stalls") < 0.01 && after.at("useful") > 0.95, "{:?}", after.0);
-    // What was lost to the order is what is gained without.
+    // The time lost to the order equals the time gained without it.
     let gained = 1.0 - free.cycles as f64 / kept.cycles as f64;
     assert!((gained - before.at("reorder_stalls")).abs() < 0.02, "{gained} gained, {:?}", before.0);
 }

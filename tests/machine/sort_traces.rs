@@ -25,7 +25,7 @@ const MACHINES: [(&str, &[&str]); 6] = [
 /// Scenes of `traces/` with passes that sort-last-image names: they blend, or draw over each other without depth.
 const SCENES_NEEDING_ORDER: &[&str] = &["panel", "particles", "sprites"];
 
-/// Quads from which on a trace is drawn by one machine of each class only, since more take long.
+/// From this number of quads on, a trace is drawn by only one machine of each class, to save time.
 const LARGE: u64 = 50_000;
 
 /// Room for the largest workgroups of the programs.
@@ -36,7 +36,7 @@ fn work(trace: &Path, shade: Shade) -> Vec<Event> {
     let name = trace.display();
     let trace = import::open(trace).unwrap_or_else(|error| panic!("{error}"));
     let key = RenderKey { shade, ..RenderKey::default() };
-    // Of a long sequence the first frames.
+    // Only the first frames of a long sequence.
     let options = Options { record: true, key, frames: (0..2).into(), ..Options::default() };
     let mut events = Vec::new();
     let mut keep = |event| {

@@ -113,7 +113,7 @@ fn every_class_shows_them_over_the_picture_and_tells_which_meet() {
             let (told, plain) = (run(&with, class, Fidelity::Cycle, &[]), run(&without, class, Fidelity::Cycle, &[]));
             let (mut met, mut sprites) = (0, 0);
             for (frame, same) in told.frames.iter().zip(&plain.frames) {
-                // The frame buffer knows nothing of them.
+                // The framebuffer does not contain them.
                 assert_eq!(below(frame), below(same), "{class}: frame {}", frame.number);
                 let [refresh] = &frame.display.refreshes[..] else { panic!("{class}: one picture a frame") };
                 assert_eq!((refresh.number, refresh.parts.len()), (frame.number.into(), 1));
@@ -177,7 +177,7 @@ fn runs_of_frames_and_samples_show_what_one_machine_shows() {
     let sampling = Sampling { samples: 3, ..Sampling::default() };
     let some = pictures(&run(&trace, "sort-middle", Fidelity::Sampled(sampling), &[]));
     assert!(some.len() >= 3 && some.iter().all(|picture| all.contains(picture)), "{} pictures", some.len());
-    // The estimates know what is read for them.
+    // The estimates include the bytes that are read for them.
     let without = scene(false, Format::Rgba8Unorm);
     let read = |trace: &Trace| run(trace, "sort-middle", Fidelity::Bound, &[]).total.number("cycles").expect("cycles");
     assert!(read(&trace) > read(&without));

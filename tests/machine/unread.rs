@@ -1,4 +1,4 @@
-//! What nobody reads costs nothing: attributes, varyings and texture levels that shaders do not ask for.
+//! Unread data cost nothing: attributes, varyings and texture levels that shaders do not use.
 
 use fillrate::gfx::format::Format;
 use fillrate::gfx::state::*;
@@ -7,11 +7,11 @@ use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::trace::command::BoundResource;
 use fillrate::trace::record::{self, Recorder};
 
-/// What a scene has that nobody reads, or (`Read`) somebody does.
+/// Additional data of a scene: unread, or (`Read`) read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Extra {
     Nothing,
-    /// An attribute in the layout only, one that the shader declares and does not use, a varying that is written for nobody.
+    /// An attribute in the layout only, one that the shader declares and does not use, a varying that is written and never read.
     Unread,
     /// Levels below the first, which the shader does not sample.
     Levels,
@@ -123,7 +123,7 @@ fn what_nobody_reads_costs_nothing() {
             assert_eq!(cost(&other, "cycles"), cost(&plain, "cycles"));
         }
     }
-    // The same where somebody reads them: 16 bytes a vertex more, and instructions that use them.
+    // If they are read: 16 more bytes for each vertex, and instructions that use them.
     let read = run(Extra::Read);
     assert!(cost(&read, fetched) >= cost(&plain, fetched) + f64::from(17 * 17 * 16));
     assert!(cost(&read, "shading.core[0].float") > cost(&plain, "shading.core[0].float"));

@@ -1,4 +1,4 @@
-//! Short shaders that become large when they are compiled: loops are left as loops, all else is refused, in bounded time and memory.
+//! Short shaders that become large when compiled: loops stay loops, all others are refused, in bounded time and memory.
 
 use super::deep_shaders::{compile, compiling, spirv};
 use super::generated as made;

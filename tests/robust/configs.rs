@@ -1,4 +1,4 @@
-//! What must hold of any text as a configuration, for the property tests and the fuzz target.
+//! Checks for any text as a configuration, for the property tests and the fuzz target.
 
 use fillrate::machine::Config;
 

@@ -71,7 +71,7 @@ fn limited(name: &str, output: &Output, limits: &[&str]) {
     let number = |text: &str| text.parse::<u32>().is_ok_and(|n| n > 0);
     let is_place =
         |word: &str| word.trim_end_matches(':').split_once(':').is_some_and(|(line, column)| number(line) && number(column));
-    // What is too long has no place.
+    // The error for a text that is too long has no place.
     assert!(
         output.stderr.contains("shader.source") || output.stderr.split_whitespace().any(is_place),
         "{name}: no place in {output:?}"
@@ -126,7 +126,7 @@ fn a_raised_limit_has_a_stack_that_suits_it() {
     refused(&output, &["a stack of", "shader.nesting"]);
 }
 
-/// What a text is as a SPIR-V binary, made on a large stack.
+/// Compiles a text to a SPIR-V binary, on a large stack.
 pub fn spirv(wgsl: String) -> Vec<u8> {
     let make = move || {
         let module = naga::front::wgsl::parse_str(&wgsl).expect("a shader");

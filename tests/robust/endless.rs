@@ -88,7 +88,7 @@ fn drawn(vertices: u32, instances: u32) -> Hostile {
     })
 }
 
-/// What must be in the message of a limit: the file, the command, and what to do.
+/// Asserts that the message of a limit has the file, the command, and the remedy.
 fn at_limit(output: &Output, command: &str, limit: &str) {
     refused(output, &["trace.ron:", ": command ", &format!("{command}: "), &format!("--limit {limit}=N allows more")]);
 }

@@ -1,10 +1,10 @@
-//! What must hold of any text as an experiment, for the property tests and the fuzz target.
+//! Checks for any text as an experiment, for the property tests and the fuzz target.
 
 use fillrate::machine::Config;
 use fillrate::sweep::experiment::Experiment;
 use fillrate::sweep::plan::Plan;
 
-/// Machines of an experiment at most, and those of them that are looked at.
+/// Maximum number of machines of an experiment, and the number that are checked.
 const MOST: u64 = 1000;
 const LOOKED_AT: u32 = 20;
 

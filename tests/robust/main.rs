@@ -1,5 +1,5 @@
-//! Mutations of real shaders, configurations and traces, and random primitives: nothing makes the readers, the compiler, the
-//! rasteriser or a replay fall over. `fuzz/` does the same for as long as one likes.
+//! Mutations of real shaders, configurations and traces, and random primitives: none of them makes the readers, the compiler, the
+//! rasteriser or a replay crash. `fuzz/` does the same without a time limit.
 
 mod bombs;
 mod configs;

@@ -5,7 +5,7 @@ use tempfile::TempDir;
 use super::deep_shaders::compiling;
 use super::process::{Run, below_mib, fillrate, refused};
 
-/// How deep.
+/// Nesting depth.
 const LEVELS: usize = 100_000;
 
 /// What is nested: with what a level begins and ends.

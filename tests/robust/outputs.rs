@@ -45,7 +45,7 @@ fn a_full_disk_leaves_no_half_written_file() {
         refused(&import.clone().file_kib(16).run(), &[name, "cannot be written", "File too large"]);
         assert_eq!(files(Path::new(&path(name))), [""; 0], "{name}");
         assert!(!Path::new(&path("small.zip")).exists() || name != "small.zip");
-        // Nothing is in the way of the next try.
+        // The next attempt succeeds.
         done(&import.run());
     }
     let archive = path("small.zip");

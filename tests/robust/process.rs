@@ -1,5 +1,5 @@
-//! Runs the program on hostile input as a process of its own, under bounds of memory and time: what ends or blocks the process is seen
-//! here, and nowhere else.
+//! Runs the program on hostile input as a separate process, under bounds of memory and time. Only here are crashes and hangs of the
+//! process detected.
 
 use std::ffi::{OsStr, OsString};
 use std::io::Read;
@@ -200,7 +200,7 @@ pub fn printable(output: &Output) {
     }
 }
 
-/// Asserts that the resident memory of a run stayed below so many MiB.
+/// Asserts that the resident memory of a run stayed below this number of MiB.
 #[track_caller]
 pub fn below_mib(output: &Output, mib: u64) {
     assert!(output.peak < mib << 20, "{} MiB of resident memory, wanted less than {mib}", output.peak >> 20);

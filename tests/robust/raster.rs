@@ -1,5 +1,5 @@
-//! What must hold of any bits as a primitive, for the property tests and the fuzz target: clipping, setup and traversal leave finite
-//! numbers inside their bounds, and no sample is hit twice by one primitive.
+//! Checks for any bits as a primitive, for the property tests and the fuzz target: clipping, setup and traversal give finite numbers
+//! inside their bounds, and no primitive hits a sample twice.
 
 use std::collections::HashSet;
 

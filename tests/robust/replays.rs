@@ -35,7 +35,7 @@ fn is_long(trace: &Trace) -> bool {
             Command::Dispatch { groups } => {
                 long |= groups.iter().fold(1u64, |n, &g| n.saturating_mul(u64::from(g))) > MOST_GROUPS
             }
-            // What buffers say is known only when they are read.
+            // The contents of buffers are known only when they are read.
             Command::DispatchIndirect { .. } | Command::DrawIndirect { .. } => long = true,
             _ => {}
         }

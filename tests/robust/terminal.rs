@@ -1,4 +1,4 @@
-//! Labels, names, paths and messages of others: shown, never obeyed by a terminal.
+//! Labels, names, paths and messages from input: shown, but never interpreted by a terminal.
 
 use std::path::{Path, PathBuf};
 
@@ -70,7 +70,7 @@ fn labels_are_shown() {
         done(&replayed);
         assert!(replayed.stdout.contains("\\u{1b}]0;owned"), "{replayed:?}");
         assert!(!replayed.stdout.lines().any(|line| line.trim_start().starts_with("forged line")), "{replayed:?}");
-        // What scripts read has the label itself.
+        // The output for scripts has the label unchanged.
         let text = std::fs::read_to_string(Path::new(&out).join("stats.json")).expect("written");
         let statistics: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         let phases = statistics["frames"][0]["phases"].as_array().expect("phases");

@@ -1,4 +1,4 @@
-//! Enumerants that the machine of `import` and its shaders know, without `GL_`. `names.txt` there has all that text recordings may name.
+//! Enumerants that the machine of `import` and its shaders use, without `GL_`. Its `names.txt` has all names of text recordings.
 
 #![allow(missing_docs, reason = "they are OpenGL's own names")]
 

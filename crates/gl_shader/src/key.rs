@@ -1,11 +1,11 @@
-//! What decides which shader a draw needs. Terms that cannot matter are not in it.
+//! The key of a draw's shader. It has only terms that can affect the shader.
 //!
-//! Each draw asks it: functions that it calls are `#[inline]`, so that they are compiled, optimised, where the machine is.
+//! Its functions run for each draw. They are `#[inline]`, so they are compiled with the machine's crate, which is optimised.
 
 use crate::UNITS;
 use crate::arb::program::input;
 
-/// Attributes that come from the vertex buffer; the others are the same for all vertices, and uniforms.
+/// Attributes that come from the vertex buffer; the others are constant for all vertices and are uniforms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Varying {
     /// Primary colour.
@@ -40,17 +40,17 @@ pub struct LightingKey {
     pub lights: Vec<LightKey>,
     /// The viewer is in the scene.
     pub local_viewer: bool,
-    /// Back faces have a colour of their own.
+    /// Back faces have a separate colour.
     pub two_side: bool,
     /// Specular light occurs.
     pub specular: bool,
     /// Specular light is added after texturing.
     pub separate: bool,
-    /// The colour is a material's: bit 0 ambient, 1 diffuse, 2 specular, 3 emission; of front and of back.
+    /// Material parameters taken from the colour: bit 0 ambient, 1 diffuse, 2 specular, 3 emission; for front and back.
     pub color_material: [u8; 2],
 }
 
-/// How a coordinate is made.
+/// How a coordinate is generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Made {
     /// By a plane in object space.
@@ -68,7 +68,7 @@ pub enum Made {
 /// The shape of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// Kept as a 2D texture of one row.
+    /// 1D, stored as a 2D texture of one row.
     D1,
     /// 2D.
     D2,
@@ -80,32 +80,32 @@ pub enum Kind {
     Cube,
 }
 
-/// What a texture's channels mean to its environment (OpenGL 1.5, table 3.15), and how they are kept.
+/// Base format: the meaning of a texture's channels (OpenGL 1.5, table 3.15), and how they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Base {
-    /// Alpha: kept in one channel.
+    /// Alpha: stored in one channel.
     Alpha,
-    /// Luminance: kept in one channel.
+    /// Luminance: stored in one channel.
     Luminance,
-    /// Luminance and alpha: kept in two channels.
+    /// Luminance and alpha: stored in two channels.
     LuminanceAlpha,
-    /// Intensity: kept in one channel.
+    /// Intensity: stored in one channel.
     Intensity,
     /// Colour.
     Rgb,
     /// Colour and alpha.
     Rgba,
-    /// Colour, kept in the encoding of sRGB.
+    /// Colour, stored in sRGB encoding.
     Srgb,
     /// The same with alpha, which is linear.
     SrgbAlpha,
-    /// Red: kept in one channel.
+    /// Red: stored in one channel.
     Red,
-    /// Red and green: kept in two channels.
+    /// Red and green: stored in two channels.
     Rg,
-    /// Numbers that are not bounded.
+    /// Floating-point numbers, not clamped.
     Float(Channels, Width),
-    /// Depth; what the environment reads is chosen by the texture.
+    /// Depth; the texture's depth mode selects what the environment reads.
     Depth,
 }
 
@@ -158,13 +158,13 @@ impl Base {
         }
     }
 
-    /// Whether values outside of [0, 1] are kept.
+    /// Whether values outside [0, 1] are stored.
     #[inline]
     pub fn is_float(self) -> bool {
         matches!(self, Base::Float(..))
     }
 
-    /// WGSL of what the environment reads, from a kept texel `t`.
+    /// WGSL of the value that the environment reads, from a stored texel `t`.
     pub fn swizzle(self) -> &'static str {
         match self.plain() {
             Base::Alpha => "vec4f(0, 0, 0, t.r)",
@@ -178,7 +178,7 @@ impl Base {
         }
     }
 
-    /// WGSL of what is kept, from a colour `c`.
+    /// WGSL of the stored texel, from a colour `c`.
     pub fn unswizzle(self) -> &'static str {
         match self.plain() {
             Base::Alpha => "c.aaaa",
@@ -194,10 +194,10 @@ impl Base {
 /// How depths of a texture are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DepthRead {
-    /// It has colours.
+    /// The texture has colours.
     #[default]
     No,
-    /// As they are.
+    /// Depths as colours, without comparison.
     Plain,
     /// Compared with the third coordinate.
     Compared,
@@ -225,11 +225,11 @@ pub struct UnitKey {
     pub kind: Kind,
     /// Its base format.
     pub base: Base,
-    /// What each component that is read is taken from.
+    /// The source of each component that is read.
     pub swizzle: [u8; 4],
-    /// Whether filters end at the edges of a cube's faces, as they do where cubes are not seamless.
+    /// Whether filters stop at the edges of cube map faces, because cube maps are not seamless.
     pub face_edges: bool,
-    /// Whether its border has a colour that no border of the card has.
+    /// Whether the card does not support the border's colour.
     pub border: bool,
     /// Whether it has depths.
     pub depth: DepthRead,
@@ -247,14 +247,14 @@ pub struct UnitKey {
     pub sprite: bool,
     /// And whether the second of them grows upward.
     pub sprite_up: bool,
-    /// What is done with it.
+    /// Its environment.
     pub environment: EnvironmentKey,
 }
 
 /// How primitives become triangles in the vertex stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Expand {
-    /// Not.
+    /// They do not.
     #[default]
     No,
     /// Points as squares.
@@ -274,11 +274,11 @@ pub struct VertexKey {
     pub number: u32,
     /// Inputs that it reads (`arb::input`).
     pub inputs: u32,
-    /// Back faces have colours of their own.
+    /// Back faces have separate colours.
     pub two_side: bool,
-    /// It gives the size of points.
+    /// It writes the point size.
     pub size: bool,
-    /// Its position is that of fixed functions.
+    /// Its position is that of the fixed-function pipeline.
     pub invariant: bool,
 }
 
@@ -291,14 +291,14 @@ pub struct FragmentKey {
     pub inputs: u32,
 }
 
-/// All that decides a shader.
+/// Everything on which a shader depends.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ShaderKey {
     /// Attributes in the buffer.
     pub varying: Varying,
     /// Lighting.
     pub lighting: Option<LightingKey>,
-    /// Normals: 0 as they are, 1 normalised, 2 rescaled.
+    /// Normals: 0 unchanged, 1 normalised, 2 rescaled.
     pub normalize: u8,
     /// Enabled texture units.
     pub units: Vec<UnitKey>,
@@ -308,7 +308,7 @@ pub struct ShaderKey {
     pub flat: bool,
     /// Fog: the mode.
     pub fog: Option<u32>,
-    /// Fog is by the fog coordinate.
+    /// Fog uses the fog coordinate.
     pub fog_coordinate: bool,
     /// Alpha test: the comparison.
     pub alpha: Option<u32>,
@@ -328,24 +328,24 @@ pub struct ShaderKey {
     pub logic: Option<u32>,
     /// Lines and points of polygons that are back faces.
     pub back: bool,
-    /// The vertex program in the place of transformation, lighting and texture generation.
+    /// The vertex program, which replaces transformation, lighting and texture coordinate generation.
     pub vertex: Option<VertexKey>,
-    /// The fragment program in the place of texture environments, colour sum and fog.
+    /// The fragment program, which replaces texture environments, colour sum and fog.
     pub fragment: Option<FragmentKey>,
-    /// What goes to the colour buffers.
+    /// The writes to the colour buffers.
     pub colors: Colors,
 }
 
-/// What fragments give to the colour buffers.
+/// The colours that fragments write to the colour buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Colors {
-    /// How many there are, at least 1.
+    /// Number of colour buffers, at least 1.
     pub count: u8,
     /// Which of them are written: a bit each.
     pub written: u8,
-    /// Whether all have the first one's colour.
+    /// Whether all get the colour of the first one.
     pub alike: bool,
-    /// Whether one of them keeps what is outside of [0, 1].
+    /// Whether any of them stores values outside [0, 1].
     pub float: bool,
 }
 

@@ -1,8 +1,8 @@
-//! Floor 1: shaders of OpenGL as WGSL: programs in assembly ([`arb`]) and in GLSL ([`glsl`]), and the fixed functions
-//! that a key names ([`wgsl`]).
+//! Floor 1: translates OpenGL's shaders to WGSL: assembly programs ([`arb`]), GLSL programs ([`glsl`]), and the fixed-function
+//! stages of a key ([`wgsl`]).
 //!
-//! A package of its own: a program is translated once, so this code need not be optimised. What runs each call, and what gives values to
-//! uniforms, is the machine of `import`.
+//! It is a separate package: a program is translated once, so this code need not be optimised. The machine of `import` runs the calls and
+//! computes the uniforms.
 
 /// A line of code.
 macro_rules! line {
@@ -17,13 +17,13 @@ pub mod wgsl;
 
 mod texels;
 
-/// Texture units.
+/// Number of texture units.
 pub const UNITS: usize = 8;
-/// Lights.
+/// Number of lights.
 pub const LIGHTS: usize = 8;
-/// User clip planes.
+/// Number of user clip planes.
 pub const PLANES: usize = 6;
-/// Colour buffers that a draw writes at most.
+/// Maximum number of colour buffers that a draw writes.
 pub const COLORS_MAX: usize = 8;
 
 /// Texture targets of a unit, in order of rising precedence.

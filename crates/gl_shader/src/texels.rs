@@ -13,7 +13,7 @@ pub fn sample(unit: &UnitKey, out: &mut String) {
             let down = if unit.sprite_up { "0.5" } else { "-0.5" };
             format!("vec3f(0.5 + vec2f(0.5, {down}) * v.corner.xy / v.corner.z, 0.0)")
         }
-        // A direction stays the same when it is divided.
+        // Division does not change a direction.
         (false, true) if unit.kind == Kind::Cube => format!("v.texture{k}.xyz"),
         (false, true) => format!("v.texture{k}.xyz / v.texture{k}.w"),
         (false, false) => format!("v.texture{k}"),
@@ -22,12 +22,12 @@ pub fn sample(unit: &UnitKey, out: &mut String) {
     read(unit, Detail::Implicit, out);
 }
 
-/// How the level of detail of a read is found.
+/// How the level of detail of a read is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detail {
-    /// From the coordinates beside.
+    /// From the coordinates of neighbouring fragments.
     Implicit,
-    /// So, and `bias` is added.
+    /// As [`Detail::Implicit`], plus `bias`.
     Biased,
     /// It is `level`.
     Level,
@@ -45,7 +45,7 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
         line!(out, "    at{k}.{part} = saturate(at{k}.{part});");
     }
     if unit.face_edges {
-        // The card's cubes are seamless: half a texel inside of the face's edge they are not filtered with the next face.
+        // The card's cube maps are seamless. Coordinates at least half a texel inside the face's edge are not filtered with the next face.
         line!(out, "    {{\n        let side = abs(at{k});\n        let major = max(max(side.x, side.y), side.z);");
         line!(out, "        let most = vec3f(major * (1.0 - 1.0 / f32(textureDimensions(image{k}).x)));");
         line!(out, "        at{k} = select(clamp(at{k}, -most, most), at{k}, side >= vec3f(major));\n    }}");
@@ -73,7 +73,7 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     };
     let mut read = with(&format!("sampler{k}"));
     if unit.border {
-        // With a black and with a white border: they differ by the weight of the border.
+        // Reads with a black and with a white border: the difference is the weight of the border.
         line!(out, "    let inner{k} = {read};");
         let white = with(&format!("white{k}"));
         line!(out, "    let bordered{k} = inner{k} + ({white}.r - inner{k}.r) * u.border{k};");
@@ -87,7 +87,7 @@ pub fn read(unit: &UnitKey, detail: Detail, out: &mut String) {
     }
 }
 
-/// WGSL of what is read of a texture, from a kept texel `t`: its base format, and then its swizzle.
+/// WGSL of the value read from a texture, from a stored texel `t`: its base format is applied first, then its swizzle.
 pub fn swizzled(unit: &UnitKey) -> String {
     let base = unit.base.swizzle();
     if unit.swizzle == [0, 1, 2, 3] {

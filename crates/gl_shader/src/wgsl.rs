@@ -1,4 +1,4 @@
-//! WGSL of a key: the fixed-function vertex stage and fragment stage.
+//! WGSL for a key: the fixed-function vertex and fragment stages.
 
 use std::fmt::Write;
 
@@ -25,7 +25,7 @@ pub mod location {
     pub const CORNER: u32 = 5;
     /// The other end of an expanded line.
     pub const OTHER: u32 = 6;
-    /// Pixels along a stippled line.
+    /// Distance in pixels along a stippled line.
     pub const ALONG: u32 = 7;
     /// Texture coordinates of unit 0.
     pub const TEXTURE: u32 = 8;
@@ -33,7 +33,7 @@ pub mod location {
     pub const GENERIC: u32 = 16;
 }
 
-/// What a module is made of beside its key.
+/// The inputs of a module, beside its key.
 pub struct Source<'a> {
     /// Fields of the block of uniforms, in order.
     pub uniforms: &'a [Field],
@@ -47,7 +47,7 @@ pub struct Source<'a> {
 pub struct Field {
     /// Its name.
     pub name: &'static str,
-    /// The number behind its name, if it has one.
+    /// The number after its name, if it has one.
     pub index: Option<usize>,
     /// Its vectors.
     pub count: usize,
@@ -118,7 +118,7 @@ fn declaration(fields: &[Field]) -> String {
     text
 }
 
-/// What a stage of GLSL has at module scope.
+/// Writes the module-scope text of a GLSL stage.
 fn functions(program: &Program, out: &mut String) {
     if let Some(code) = &program.code {
         out.push_str(&code.functions);
@@ -130,7 +130,7 @@ fn sampled(key: &ShaderKey) -> usize {
     key.units.iter().filter(|unit| unit.sampled).count()
 }
 
-/// What the vertex stage reads and what it hands on.
+/// The inputs and outputs of the vertex stage.
 fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
     line!(out, "struct Input {{");
     line!(out, "    @location({}) position: vec4f,", location::POSITION);
@@ -180,7 +180,7 @@ fn interface(key: &ShaderKey, source: &Source, out: &mut String) {
         let kind = if unit.projective { "vec4f" } else { "vec3f" };
         line!(out, "    @location({}) texture{}: {kind},", location::TEXTURE + unit.unit as u32, unit.unit);
     }
-    // What goes from a vertex shader to a fragment shader.
+    // Varyings from a vertex shader to a fragment shader.
     let varyings = source.vertex.and(source.fragment).and_then(|program| program.code.as_ref());
     for (k, varying) in varyings.iter().flat_map(|code| &code.varyings).enumerate() {
         let how = varying.interpolation.map_or(String::new(), |how| format!("@interpolate({how}) "));
@@ -254,7 +254,7 @@ fn vertex(key: &ShaderKey, out: &mut String) {
         let from = if key.varying.normal { "v.normal" } else { "u.normal.xyz" };
         line!(out, "    var n = u.normal_matrix * {from};");
         match key.normalize {
-            // A normal of no length stays so.
+            // A normal of length 0 stays 0.
             1 => line!(out, "    n *= select(0.0, inverseSqrt(max(dot(n, n), 1e-37)), dot(n, n) > 0.0);"),
             2 => line!(out, "    n *= u.rescale.x;"),
             _ => {}
@@ -378,7 +378,7 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    size *= inverseSqrt(max(terms.x + distance * (terms.y + distance * terms.z), 1e-30));");
                 line!(out, "    size = clamp(size, u.point_limits.x, u.point_limits.y);");
             }
-            // The discs of small points are not smaller than two pixels, as Mesa has them.
+            // The discs of small points have at least two pixels, as in Mesa.
             let least = if key.expand == Expand::SmoothPoint { "2.0" } else { "1.0" };
             let reach = format!("0.5 * max(size, {least})");
             line!(out, "    let reach = {reach};");
@@ -404,7 +404,7 @@ pub(crate) fn expand(key: &ShaderKey, out: &mut String) {
                 line!(out, "    let along = way * inverseSqrt(max(dot(way, way), 1e-30));");
                 // Edges and ends are soft over one pixel.
                 line!(out, "    let reach = 0.5 * max(u.screen.z, 1.0) + 0.5;\n    let half = 0.5 * length(way);");
-                // What is shorter than a pixel gets fainter, as in Mesa.
+                // A line shorter than a pixel gets fainter, as in Mesa.
                 line!(out, "    let soft = select(half + 0.5, 2.0 * half, half < 0.5);");
                 line!(out, "    let by = v.corner.x * reach * vec2f(-along.y, along.x) + v.corner.y * 0.5 * along;");
                 line!(out, "    o.corner = vec4f(v.corner.x * reach, v.corner.y * soft, reach, soft);");
@@ -508,7 +508,7 @@ fn fragment(key: &ShaderKey, source: &Source, out: &mut String) {
     }
 }
 
-/// The second colour of the side that is seen.
+/// The secondary colour of the visible side.
 pub(crate) fn secondary(key: &ShaderKey) -> &'static str {
     if key.two_side() { "select(v.back_secondary, v.secondary, front)" } else { "v.secondary" }
 }

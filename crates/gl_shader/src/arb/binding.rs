@@ -1,4 +1,4 @@
-//! What names with points are bound to: inputs, results, state, parameters of programs.
+//! Bindings of dotted names: inputs, results, state, program parameters.
 
 use super::lex::Wrong;
 use super::parse::Parser;
@@ -23,7 +23,7 @@ impl Parser {
                 3 => input::FOG,
                 4 => input::TEXTURE + self.bracket(UNITS as u32, "texture unit")?,
                 _ => match self.bracket(GENERICS as u32, "generic attribute")? {
-                    // They are one attribute.
+                    // Generic attribute 0 and the position are one attribute.
                     0 => input::POSITION,
                     number => input::GENERIC + number,
                 },
@@ -71,7 +71,7 @@ impl Parser {
         })
     }
 
-    /// What stands after `state` or `program`.
+    /// The binding after `state` or `program`.
     pub(super) fn binding(&mut self, state: bool) -> Outcome<Vec<Param>> {
         if !state {
             let local = self.must(&["env", "local"])? == 1;

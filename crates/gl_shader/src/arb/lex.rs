@@ -1,4 +1,4 @@
-//! Words of an assembly program.
+//! The lexer of assembly programs.
 
 use std::fmt;
 
@@ -11,12 +11,12 @@ pub struct Place {
     pub column: u32,
 }
 
-/// What is wrong with a program, and where.
+/// An error in a program, and its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
-    /// Where.
+    /// The place.
     pub place: Place,
-    /// What.
+    /// The reason.
     pub reason: String,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for Wrong {
 pub enum Word {
     /// A name, a keyword or a texture target (`2D`).
     Name(String),
-    /// A number; whether it is written as a whole one.
+    /// A number, and whether it is written as an integer.
     Number(f32, bool),
     /// A sign.
     Sign(char),
@@ -53,7 +53,7 @@ impl fmt::Display for Word {
     }
 }
 
-/// Parts a text into words; the last one is [`Word::End`].
+/// Splits a text into words; the last one is [`Word::End`].
 pub fn words(text: &str) -> Result<Vec<(Word, Place)>, Wrong> {
     let characters: Vec<char> = text.chars().collect();
     let mut list = Vec::new();
@@ -102,7 +102,7 @@ pub fn words(text: &str) -> Result<Vec<(Word, Place)>, Wrong> {
     Ok(list)
 }
 
-/// A number at the start of a text: its value, its length, whether it is written as a whole one.
+/// A number at the start of a text: its value, its length, whether it is written as an integer.
 fn number(text: &[char]) -> (Option<f32>, usize, bool) {
     let digits = |from: usize| text[from..].iter().take_while(|c| c.is_ascii_digit()).count();
     let mut end = digits(0);

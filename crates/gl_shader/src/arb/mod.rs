@@ -1,5 +1,5 @@
-//! Programs in assembly: ARB_vertex_program and ARB_fragment_program. A program becomes WGSL, instruction by instruction; the stage that has no
-//! program stays that of the fixed functions.
+//! Assembly programs: ARB_vertex_program and ARB_fragment_program. A program becomes WGSL, instruction by instruction. A stage without a
+//! program uses the fixed functions.
 
 pub mod program;
 

@@ -1,4 +1,4 @@
-//! Operands of instructions: what is written and what is read.
+//! Operands of instructions: destinations and sources.
 
 use super::lex::{Word, Wrong};
 use super::parse::{Named, Parser};
@@ -34,7 +34,7 @@ impl Parser {
         }
     }
 
-    /// A destination that is no address register.
+    /// A destination that is not an address register.
     pub(super) fn written(&mut self) -> Outcome<Destination> {
         let place = self.place();
         let destination = self.destination()?;
@@ -195,7 +195,7 @@ impl Parser {
     }
 }
 
-/// Numbers of components that letters name; colours are named so in fragment programs only.
+/// Component numbers of letters; the letters of colours are valid in fragment programs only.
 fn components(letters: &str, stage: Stage) -> Option<Vec<u8>> {
     let of = |set: &str| letters.chars().map(|c| set.find(c).map(|k| k as u8)).collect::<Option<Vec<u8>>>();
     let list = of("xyzw").or_else(|| if stage == Stage::Fragment { of("rgba") } else { None })?;

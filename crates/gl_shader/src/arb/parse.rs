@@ -1,4 +1,4 @@
-//! Reads programs of ARB_vertex_program 1.0 and ARB_fragment_program 1.0.
+//! The parser of ARB_vertex_program 1.0 and ARB_fragment_program 1.0.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,10 @@ use super::program::*;
 use crate::consts as e;
 use crate::{TARGETS, UNITS};
 
-/// Instructions, temporaries and parameters of a program at most.
+/// Maximum number of instructions, of temporaries and of parameters of a program.
 const MOST: usize = 1 << 14;
 
-/// Instructions: name, operands (`v` a vector, `s` a scalar), and in which stages they are: 1 vertex, 2 fragment.
+/// Instructions: name, operands (`v` a vector, `s` a scalar), and the stages that have them: 1 vertex, 2 fragment, 3 both.
 const INSTRUCTIONS: &[(&str, &str, u8)] = &[
     ("ABS", "v", 3),
     ("ADD", "vv", 3),
@@ -44,18 +44,18 @@ const INSTRUCTIONS: &[(&str, &str, u8)] = &[
     ("XPD", "vv", 3),
 ];
 
-/// What a name stands for.
+/// The meaning of a name.
 #[derive(Clone)]
 pub(super) enum Named {
     Temp(usize),
     Address(usize),
     Input(u32),
     Output(Output),
-    /// First parameter, how many; none: no array.
+    /// First parameter, and their number; none: not an array.
     Param(usize, Option<usize>),
 }
 
-/// What has been read of a program.
+/// The state of the parser.
 pub(super) struct Parser {
     words: Vec<(Word, Place)>,
     pub(super) at: usize,
@@ -82,7 +82,7 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
     if stage != wanted {
         return Err(Wrong { place: start, reason: "a program of the other stage".into() });
     }
-    // The header is replaced by blanks, so that columns stay.
+    // The header is replaced by blanks, so columns do not change.
     let body = format!("{}{}", " ".repeat(header), &text[header..]);
     let program = Program::new(stage);
     let mut parser = Parser { words: words(&body)?, at: 0, names: BTreeMap::new(), program, shadow: false };
@@ -92,7 +92,7 @@ pub fn parse(text: &str, wanted: Stage) -> Outcome<Program> {
 
 impl Parser {
     pub(super) fn fail<T>(&self, reason: impl Into<String>) -> Outcome<T> {
-        // The place is that of the word that was read last, or of the one that is looked at.
+        // The place is that of the last word that was read, or of the current word.
         Err(Wrong { place: self.words[self.at.min(self.words.len() - 1)].1, reason: reason.into() })
     }
 
@@ -144,7 +144,7 @@ impl Parser {
         Some(found)
     }
 
-    /// As [`Parser::member`]; it is an error if it is none of these.
+    /// As [`Parser::member`]; any other name is an error.
     pub(super) fn must(&mut self, wanted: &[&str]) -> Outcome<usize> {
         match self.member(wanted) {
             Some(found) => Ok(found),
@@ -152,7 +152,7 @@ impl Parser {
         }
     }
 
-    /// A whole number below `most`.
+    /// An integer below `most`.
     pub(super) fn index(&mut self, most: u32, what: &str) -> Outcome<u32> {
         match *self.peek() {
             Word::Number(number, true) if number < most as f32 => {
@@ -409,7 +409,7 @@ impl Parser {
             "3D" => e::TEXTURE_3D,
             "CUBE" => e::TEXTURE_CUBE_MAP,
             "RECT" => e::TEXTURE_RECTANGLE,
-            // Whether depths are compared is the texture's affair: where its mode and this name differ, the result is undefined.
+            // The texture decides whether depths are compared; if its mode and this name differ, the result is undefined.
             "SHADOW1D" if self.shadow => e::TEXTURE_1D,
             "SHADOW2D" if self.shadow => e::TEXTURE_2D,
             "SHADOWRECT" if self.shadow => e::TEXTURE_RECTANGLE,

@@ -1,13 +1,13 @@
-//! What a program of ARB_vertex_program or ARB_fragment_program is after it has been read.
+//! A parsed program of ARB_vertex_program or ARB_fragment_program.
 
 use crate::UNITS;
 use crate::glsl::stage::Code;
 
-/// Environment and local parameters of a program at most.
+/// Maximum number of environment parameters, and of local parameters, of a program.
 pub const PARAMETERS: u32 = 256;
-/// Generic vertex attributes.
+/// Number of generic vertex attributes.
 pub const GENERICS: usize = 16;
-/// Matrices of programs.
+/// Number of program matrices.
 pub const MATRICES: usize = 8;
 
 /// A stage.
@@ -19,7 +19,7 @@ pub enum Stage {
     Fragment = 2,
 }
 
-/// Bits of inputs, which are those of the locations of vertex attributes.
+/// Bits of inputs; the numbers equal the locations of vertex attributes.
 pub mod input {
     /// Position of the vertex, or of the fragment in the window.
     pub const POSITION: u32 = 0;
@@ -42,7 +42,7 @@ pub mod input {
 pub enum Output {
     /// Position in clip space.
     Position,
-    /// Colours: 0 primary and 1 secondary of the front, 2 and 3 of the back. Of fragments: the colour buffers.
+    /// Colours: 0 primary and 1 secondary of the front, 2 and 3 of the back. In fragment programs: the colour buffers.
     Color(u8),
     /// Fog coordinate.
     Fog,
@@ -65,7 +65,7 @@ pub enum Matrix {
     Mvp,
     /// A texture matrix.
     Texture(u8),
-    /// A matrix of programs.
+    /// A program matrix.
     Program(u8),
 }
 
@@ -90,11 +90,11 @@ pub enum Term {
     Spot,
     /// The spot's cutoff in degrees, of lights.
     Cutoff,
-    /// Half way to a viewer at infinity, of lights.
+    /// Half vector for a viewer at infinity, of lights.
     Half,
 }
 
-/// What a parameter of four components is bound to. Faces: 0 front, 1 back.
+/// The binding of a four-component parameter. Faces: 0 front, 1 back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Param {
     /// A constant.
@@ -109,15 +109,15 @@ pub enum Param {
     Light(u8, Term),
     /// Ambient light of the scene.
     ModelAmbient,
-    /// Emission and ambient light of the scene on a face's material.
+    /// Emission of a face's material plus its reflection of the scene's ambient light.
     SceneColor(u8),
-    /// The product of a light's and a face's term.
+    /// The product of a term of a light and of a face's material.
     Product(u8, u8, Term),
     /// A plane of texture generation: unit, whether in eye space, coordinate.
     Generation(u8, bool, u8),
     /// The colour of a unit's texture environment.
     Environ(u8),
-    /// The number of the instance, in the bits of a whole number.
+    /// The instance number, as the bits of an integer.
     Instance,
     /// Fog colour.
     FogColor,
@@ -131,7 +131,7 @@ pub enum Param {
     PointAttenuation,
     /// Near, far, far - near.
     DepthRange,
-    /// A row of a matrix that is inverted or transposed before.
+    /// A row of a matrix, after inversion or transposition.
     Row {
         /// Which matrix.
         matrix: Matrix,
@@ -144,14 +144,14 @@ pub enum Param {
     },
 }
 
-/// What an operand names.
+/// The register of an operand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Register {
     /// A temporary.
     Temp(usize),
     /// A parameter.
     Param(usize),
-    /// Parameters from this one on, at the place that an address register and an offset give.
+    /// An array of parameters, indexed by an address register plus an offset.
     Relative {
         /// The first parameter of the array plus the offset.
         first: i32,
@@ -171,7 +171,7 @@ pub enum Register {
 pub struct Source {
     /// What is read.
     pub register: Register,
-    /// Which component stands for each.
+    /// The source component of each component.
     pub swizzle: [u8; 4],
     /// Which are negated.
     pub negate: [bool; 4],
@@ -180,7 +180,7 @@ pub struct Source {
 /// An operand that is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Destination {
-    /// What is written.
+    /// The register that is written.
     pub register: Register,
     /// Components.
     pub mask: [bool; 4],
@@ -193,7 +193,7 @@ pub struct Instruction {
     pub name: &'static str,
     /// Whether the result is clamped to [0, 1].
     pub saturate: bool,
-    /// What is written; none for `KIL`.
+    /// The destination; none for `KIL`.
     pub destination: Option<Destination>,
     /// What is read.
     pub sources: Vec<Source>,
@@ -222,16 +222,16 @@ pub struct Program {
     pub targets: [Option<usize>; UNITS],
     /// Units that are read with a bias.
     pub biased: u8,
-    /// The position is that of fixed functions.
+    /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
     /// Fog that is applied to the colour: `GL_LINEAR`, `GL_EXP`, `GL_EXP2`.
     pub fog: Option<u32>,
-    /// A stage of GLSL in the place of instructions.
+    /// A GLSL stage in place of instructions.
     pub code: Option<Code>,
 }
 
 impl Program {
-    /// A program without contents.
+    /// An empty program.
     pub fn new(stage: Stage) -> Program {
         Program {
             stage,

@@ -1,4 +1,4 @@
-//! The stages that programs are: inputs and results joined to what the fixed functions of the other stage have.
+//! Stages from programs: connects inputs and results to the fixed functions of the other stage.
 
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use crate::key::{Colors, DepthRead, Kind, ShaderKey};
 use crate::texels::{self, Detail};
 use crate::wgsl as fixed;
 
-/// A vertex program in the place of the fixed functions.
+/// Writes a vertex program in place of the fixed functions.
 pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     let result = if key.planes != 0 { "Clipped" } else { "Varying" };
     line!(out, "@vertex fn vs(v: Input) -> {result} {{\n    var o: {result};");
@@ -42,7 +42,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     if program.invariant {
         line!(out, "    o.position = u.mvp * v.position;");
     } else if program.outputs.contains(&Output::Position) {
-        // Depths from -w to w become 0 to w.
+        // Maps depths from [-w, w] to [0, w].
         line!(out, "    let p4 = out_position;\n    o.position = vec4f(p4.x, u.upward.x * p4.y, 0.5 * (p4.z + p4.w), p4.w);");
     }
     if key.planes != 0 {
@@ -54,7 +54,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
             line!(out, "    o.clip[{bit}] = dot(u.plane{plane}, eye4);");
         }
     }
-    // What a program does not write is undefined.
+    // Results that a program does not write are undefined.
     let mut hand = |field: &str, output: Output, from: &dyn Fn(&str) -> String, missing: &str| {
         let written = program.outputs.contains(&output);
         let value = if written { from(&wgsl::output_name(output)) } else { missing.to_owned() };
@@ -85,7 +85,7 @@ pub fn vertex_program(key: &ShaderKey, program: &Program, out: &mut String) {
     line!(out, "    return o;\n}}");
 }
 
-/// A fragment program in the place of texturing, colour sum and fog; its colour goes to `c`.
+/// Writes a fragment program in place of texturing, colour sum and fog; its colour goes to `c`.
 pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
     for bit in (0..32).filter(|bit| program.inputs & 1 << bit != 0) {
         let value = match bit {
@@ -121,7 +121,7 @@ pub fn fragment_program(key: &ShaderKey, program: &Program, out: &mut String) {
     }
 }
 
-/// Colour buffers behind the first that have a colour of their own.
+/// Colour buffers after the first that get a separate colour.
 pub fn further_colors(key: &ShaderKey) -> impl Iterator<Item = u8> {
     let Colors { count, written, alike, .. } = key.colors;
     (1..count).filter(move |k| !alike && written & 1 << k != 0)
@@ -136,7 +136,7 @@ pub fn texels(key: &ShaderKey, programs: &[&Program], out: &mut String) {
         None => way::PLAIN,
     };
     let ways = |k: usize| programs.iter().fold(0, |all, program| all | way(program, k));
-    // An assembly program has one function a unit, under one name.
+    // Assembly programs have one function for each unit, with one name.
     let biased = if programs.iter().all(|program| program.code.is_none()) { "" } else { "_bias" };
     for k in (0..UNITS).filter(|&k| ways(k) != 0) {
         let unit = key.units.iter().find(|unit| unit.unit == k && unit.sampled);

@@ -1,4 +1,4 @@
-//! Programs that are read, those that are not, and damaged ones.
+//! Accepted programs, refused programs, and damaged ones.
 
 use super::lex::Place;
 use super::parse::parse;

@@ -34,7 +34,7 @@ pub fn output_name(output: Output) -> String {
     }
 }
 
-/// A number that WGSL reads as the same one.
+/// A literal that WGSL reads as the same number.
 fn literal(value: f32) -> String {
     format!("{value:?}")
 }
@@ -60,7 +60,7 @@ pub fn body(program: &Program, params: &str, bound: &[bool], out: &mut String) {
     }
 }
 
-/// Names of temporaries are the program's, where WGSL has them.
+/// Temporaries keep the program's names if these are valid in WGSL.
 fn temp(k: usize, name: &str) -> String {
     if name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') { format!("t{k}_{name}") } else { format!("t{k}") }
 }
@@ -89,8 +89,8 @@ impl Emitter<'_> {
         }
     }
 
-    /// Whether constants are written as such. An expression of constants alone would be computed by the compiler, which refuses what has
-    /// no finite value.
+    /// Whether constants are written as literals. The compiler evaluates an expression of literals only, and refuses one without a finite
+    /// value.
     fn inline(&self) -> bool {
         let constant = |source: &&Source| matches!(source.register, Register::Param(k) if matches!(self.program.params[k], Param::Literal(_)));
         let sources = &self.instruction.sources;
@@ -123,7 +123,7 @@ impl Emitter<'_> {
 
     fn emit(&self, out: &mut String) {
         let Some(destination) = self.instruction.destination else {
-            // Each component is below 0 or none.
+            // Discards if any component is below 0.
             line!(out, "    if any({} < vec4f()) {{ discard; }}", self.source(0, &[0, 1, 2, 3]));
             return;
         };
@@ -186,7 +186,7 @@ impl Emitter<'_> {
         })
     }
 
-    /// Instructions whose one result goes to all components.
+    /// Instructions with one result for all components.
     fn scalar(&self) -> Option<String> {
         let s = |k: usize| self.source(k, &[0]);
         let three = |k: usize| self.source(k, &[0, 1, 2]);

@@ -1,10 +1,10 @@
-//! Where the values of uniforms are: each scalar, vector and column of a matrix has a vector of four of its own in one array.
+//! The layout of uniforms: each scalar, vector and matrix column has its own vec4 in one array.
 
 use std::collections::BTreeMap;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner};
 
-/// Elements that a value has at most where it is read as a whole.
+/// Maximum number of elements of a value that is read as a whole.
 const WHOLE_MAX: usize = 256;
 
 /// The type of a uniform.
@@ -44,7 +44,7 @@ impl Layout {
         }
     }
 
-    /// Vectors of four.
+    /// Number of vec4 slots.
     #[inline]
     pub fn slots(&self) -> usize {
         match self {
@@ -55,7 +55,7 @@ impl Layout {
         }
     }
 
-    /// Scalars, vectors and columns in the order of their slots: how each is named from the whole, and its components and kind.
+    /// Scalars, vectors and columns in slot order: the path of each, its number of components, and its kind.
     pub fn leaves(&self, path: &str, out: &mut Vec<(String, usize, ScalarKind)>) {
         match self {
             Layout::Vector(n, kind) => out.push((path.to_owned(), *n, *kind)),
@@ -122,7 +122,7 @@ pub fn vector_name(n: usize, kind: ScalarKind) -> String {
     if n == 1 { scalar.into() } else { format!("vec{n}<{scalar}>") }
 }
 
-/// Where a value begins: an array, a number that is known, and terms that are not.
+/// The position of a value: an array, a constant index, and the terms of the index that are not constant.
 #[derive(Clone, Debug)]
 struct Place {
     array: String,
@@ -149,7 +149,7 @@ fn name_end(text: &str, from: usize) -> usize {
     text[from..].find(|c| !word(c)).map_or(text.len(), |k| from + k)
 }
 
-/// The place of the bracket that closes the one at `open`.
+/// The position of the bracket that closes the one at `open`.
 fn close(text: &str, open: usize) -> Option<usize> {
     let mut depth = 0;
     for (k, c) in text[open..].char_indices() {
@@ -165,23 +165,23 @@ fn close(text: &str, open: usize) -> Option<usize> {
     None
 }
 
-/// Puts what uniforms are for their names into functions that naga wrote.
+/// Replaces uniform names by their array elements in functions that naga wrote.
 pub struct Substitution<'a> {
     /// Uniforms by name.
     pub roots: &'a Roots,
     /// The array of their values.
     pub array: &'a str,
-    /// Values of this function that are whole arrays and structures.
+    /// Local names of the current function that stand for whole arrays and structures.
     aliases: BTreeMap<String, (Layout, Place)>,
 }
 
 impl<'a> Substitution<'a> {
-    /// For these uniforms.
+    /// Creates a substitution for these uniforms.
     pub fn new(roots: &'a Roots, array: &'a str) -> Substitution<'a> {
         Substitution { roots, array, aliases: BTreeMap::new() }
     }
 
-    /// The text of functions.
+    /// Substitutes in the text of functions.
     pub fn functions(&mut self, text: &str) -> Result<String, String> {
         let mut out = String::new();
         for line in text.lines() {
@@ -231,7 +231,7 @@ impl<'a> Substitution<'a> {
         Ok(out)
     }
 
-    /// What a text begins with, if that is a uniform or a part of one; and the text behind it.
+    /// The uniform, or part of one, at the start of a text, and the text after it; none if there is no uniform.
     fn path<'t>(&self, text: &'t str) -> Result<Option<(Layout, Place, &'t str)>, String> {
         let mut at = name_end(text, 0);
         let name = &text[..at];
@@ -252,7 +252,7 @@ impl<'a> Substitution<'a> {
                         Ok(known) if known < count => place.first += known * element.slots(),
                         Ok(known) => return Err(format!("element {known} of an array of {count}")),
                         Err(_) => {
-                            // What is outside is the last element.
+                            // An index out of range selects the last element.
                             let index = self.line(index)?;
                             place.terms += &format!(" + {} * min(u32({index}), {}u)", element.slots(), count.saturating_sub(1));
                         }

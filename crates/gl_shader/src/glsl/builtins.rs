@@ -1,29 +1,29 @@
-//! Names of the old dialect that OpenGL's state and fixed stages stand behind (OpenGL Shading Language 1.20, chapter 7).
+//! Built-in names of old dialects, for OpenGL's state and fixed-function stages (OpenGL Shading Language 1.20, chapter 7).
 
 use crate::COLORS_MAX;
 use crate::arb::program::{Matrix, Output, Param, Stage, Term, input};
 use crate::{LIGHTS, PLANES, UNITS};
 
-/// What a name that begins with `gl_` stands for.
+/// The meaning of a name that begins with `gl_`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Role {
     /// A constant of this value.
     Constant(u32),
     /// An input, by its bit.
     Input(u32),
-    /// Whether the front of a triangle is seen.
+    /// Whether the triangle is front-facing.
     Facing,
-    /// Where in a point a fragment is.
+    /// The position of a fragment within a point.
     PointCoord,
     /// A result.
     Output(Output),
-    /// The position in eye space that clip planes cut at.
+    /// The position in eye space for clip planes.
     ClipVertex,
     /// State of the machine: for each vector, a parameter and its first component.
     State(Vec<(Param, u8)>),
 }
 
-/// A name's type as it is declared, the structure that it needs, and its role.
+/// The declared type of a name, the structure that it needs, and its role.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Builtin {
     /// Its type.
@@ -32,7 +32,7 @@ pub struct Builtin {
     pub count: Option<usize>,
     /// The declaration of its structure.
     pub structure: &'static str,
-    /// What it stands for.
+    /// Its meaning.
     pub role: Role,
 }
 
@@ -58,7 +58,7 @@ const POINT: &str = "struct glx_PointParameters { float size; float sizeMin; flo
 const FOG: &str = "struct glx_FogParameters { vec4 color; float density; float start; float end; float scale; };";
 const RANGE: &str = "struct glx_Range { float near; float far; float diff; };";
 
-/// What a name that begins with `gl_` stands for in a stage. `name` comes without that.
+/// The built-in of a stage with this name, given without `gl_`.
 pub fn find(stage: Stage, name: &str) -> Option<Builtin> {
     let role = match stage {
         Stage::Vertex => vertex(name),
@@ -130,7 +130,7 @@ fn constant(name: &str) -> Option<Builtin> {
     Some(Builtin::new("const int", Role::Constant(value as u32)))
 }
 
-/// Columns of a matrix: `M` with `Inverse`, `Transpose` or both behind its name.
+/// Columns of a matrix: its name may be followed by `Inverse`, `Transpose` or both.
 fn matrix(matrix: Matrix, ending: &str, columns: u8) -> Option<Vec<(Param, u8)>> {
     let (inverse, transpose) = match ending {
         "" => (false, false),
@@ -196,7 +196,7 @@ fn state(name: &str) -> Option<Builtin> {
             let terms = [Term::Emission, Term::Ambient, Term::Diffuse, Term::Specular, Term::Shininess];
             structure("glx_Material", None, MATERIAL, terms.map(|term| (Param::Material(face, term), 0)).to_vec())
         }
-        // Of vertices alone.
+        // In vertex shaders only.
         "InstanceID" | "InstanceIDARB" => Some(Builtin::new("int", Role::State(vec![(Param::Instance, 0)]))),
         "LightModel" => structure("glx_Model", None, MODEL, vec![(Param::ModelAmbient, 0)]),
         "FrontLightModelProduct" | "BackLightModelProduct" => {

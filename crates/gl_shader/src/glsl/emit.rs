@@ -1,4 +1,4 @@
-//! A rewritten stage as WGSL: naga reads the text and writes WGSL, and uniforms are put in the place of the variables that stand for them.
+//! Emits a rewritten stage as WGSL. Naga translates the text to WGSL; then uniforms replace the variables that stand for them.
 
 use std::collections::BTreeMap;
 
@@ -15,12 +15,12 @@ use super::{Outcome, Wrong};
 use crate::arb::program::Param;
 use crate::arb::program::Stage;
 
-/// Lines of the text for naga before the first of the source.
+/// Number of lines in the text for naga before the first source line.
 const LINES_BEFORE: u32 = 2;
-/// Vectors of four that the uniforms of a stage have at most.
+/// Maximum number of vec4 slots of a stage's uniforms.
 const SLOTS_MAX: usize = 4096;
 
-/// Vectors of a variable between stages at most.
+/// Maximum number of vectors of a variable between stages.
 const VARIABLE_MAX: usize = 64;
 
 /// A uniform that the program sets.
@@ -36,7 +36,7 @@ pub struct Uniform {
     pub location: Option<u32>,
 }
 
-/// A variable that comes from the stage before or goes to the one behind.
+/// An input from the previous stage or an output to the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// Its declaration.
@@ -47,10 +47,10 @@ pub struct Variable {
     pub wgsl: String,
 }
 
-/// What a name of OpenGL is in WGSL.
+/// A built-in name in WGSL.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
-    /// What it stands for.
+    /// Its meaning.
     pub role: Role,
     /// Its name in WGSL.
     pub wgsl: String,
@@ -69,22 +69,22 @@ pub struct Call {
     pub read: Read,
     /// Types of its arguments.
     pub arguments: Vec<Layout>,
-    /// Whether it gives one number.
+    /// Whether it returns a scalar.
     pub one: bool,
 }
 
-/// A stage in WGSL. Units of its samplers, locations and the stage beside it are known later.
+/// A stage in WGSL. Sampler units, locations and the other stage are known only later.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Translated {
     /// Structures, constants, variables and functions.
     pub text: String,
-    /// The function that is the stage.
+    /// The entry function of the stage.
     pub entry: String,
     /// Uniforms that the program sets.
     pub uniforms: Vec<Uniform>,
-    /// Vectors of uniforms: what the machine's state gives, or none where the program sets them.
+    /// vec4 slots of uniforms: the machine's state that fills each, or none if the program sets it.
     pub slots: Vec<Option<(Param, u8)>>,
-    /// What uniforms are before a program sets them.
+    /// Values of uniforms before the program sets them.
     pub defaults: Vec<[f32; 4]>,
     /// Samplers.
     pub samplers: Vec<Sampler>,
@@ -92,11 +92,11 @@ pub struct Translated {
     pub calls: Vec<Call>,
     /// Variables that come from or go to other stages.
     pub variables: Vec<Variable>,
-    /// Names of OpenGL.
+    /// Built-in names that the stage uses.
     pub named: Vec<Named>,
     /// The factor of derivatives along y.
     pub flip: Option<String>,
-    /// The position is that of fixed functions.
+    /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
 }
 
@@ -296,7 +296,7 @@ fn parse(stage: Stage, text: &str) -> Outcome<Module> {
     }
 }
 
-/// Writes what a uniform begins with to its vectors.
+/// Writes the initial value of a uniform to its vectors.
 fn initial(module: &Module, init: Handle<Expression>, layout: &Layout, to: &mut [[f32; 4]]) {
     let (mut values, mut leaves) = (Vec::new(), Vec::new());
     scalars(module, init, &mut values);
@@ -309,7 +309,7 @@ fn initial(module: &Module, init: Handle<Expression>, layout: &Layout, to: &mut 
     }
 }
 
-/// The scalars of a constant expression, in the bits that uniforms have.
+/// The scalars of a constant expression, with the bits as stored in uniforms.
 fn scalars(module: &Module, expression: Handle<Expression>, out: &mut Vec<f32>) {
     match &module.global_expressions[expression] {
         Expression::Literal(literal) => out.push(match *literal {
@@ -329,7 +329,7 @@ fn scalars(module: &Module, expression: Handle<Expression>, out: &mut Vec<f32>) 
     }
 }
 
-/// What naga wrote, in parts: names, and texts that end in a new line.
+/// Naga's output in parts: names, and texts that end in a new line.
 struct Parts<'a> {
     structures: Vec<(&'a str, &'a str)>,
     constants: String,

@@ -1,8 +1,8 @@
 //! Programs in GLSL.
 //!
-//! The way of a shader: [`tokens`] (preprocessor), [`rewrite`] (dialect of version 4.50, names of OpenGL as plain variables), naga's front
-//! end and its WGSL ([`emit`]), uniforms in the place of variables ([`access`]), and the stage in the machine's module ([`stage`]), where
-//! fixed functions do what programs leave.
+//! The passes of a shader: [`tokens`] (preprocessor), [`rewrite`] (version 4.50, built-in names become plain variables), naga's front
+//! end and WGSL writer ([`emit`]), replacement of variables by uniforms ([`access`]), and the stage in the machine's module ([`stage`]),
+//! where fixed-function code does the rest.
 
 mod access;
 mod builtins;
@@ -22,15 +22,15 @@ pub use access::Layout;
 pub use emit::Translated;
 use emit::translate;
 
-/// Tokens of a shader at most.
+/// Maximum number of tokens of a shader.
 const TOKENS_MAX: usize = 1 << 18;
 
-/// What is wrong with a shader.
+/// An error in a shader.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Wrong {
     /// The line of its source; 0 if that is not known.
     pub line: u32,
-    /// What.
+    /// The reason.
     pub reason: String,
 }
 
@@ -47,7 +47,7 @@ pub type Sources = [Vec<Rc<str>>; 2];
 
 /// Both stages of a program after they have been translated.
 pub struct Linked {
-    /// Its number among all different programs.
+    /// Its number among all distinct programs.
     pub number: u32,
     /// Vertex and fragment stage, where there is one.
     pub stages: [Option<Translated>; 2],

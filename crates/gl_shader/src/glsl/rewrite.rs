@@ -1,5 +1,5 @@
-//! The old dialects of GLSL as that of version 4.50, which naga reads: names that OpenGL declares, attributes, varyings, uniforms and
-//! reads of textures become plain variables and functions, so that what they stand for can be chosen behind.
+//! Rewrites old GLSL dialects to version 4.50, which naga reads. Built-in names, attributes, varyings, uniforms and texture reads become
+//! plain variables and functions, so that their meaning can be chosen later.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,18 +14,18 @@ use crate::arb::program::Stage;
 pub enum Storage {
     /// The program sets it.
     Uniform,
-    /// The stage before, or the vertex.
+    /// It comes from the previous stage, or from the vertex.
     In,
-    /// The stage behind, or the frame buffer.
+    /// It goes to the next stage, or to the framebuffer.
     Out,
 }
 
-/// A variable at global scope that is not the stage's own.
+/// A global variable through which the stage gets or passes on values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Global {
-    /// Its name in the source, and that in the text for naga.
+    /// Its name in the source.
     pub name: String,
-    /// That in the text for naga.
+    /// Its name in the text for naga.
     pub renamed: String,
     /// Where it comes from or goes to.
     pub storage: Storage,
@@ -35,26 +35,26 @@ pub struct Global {
     pub location: Option<u32>,
 }
 
-/// What a stage is after it has been rewritten.
+/// A rewritten stage.
 #[derive(Clone, Debug)]
 pub struct Source {
     /// The text for naga.
     pub text: String,
-    /// Variables that are not the stage's own.
+    /// Uniforms, inputs and outputs.
     pub globals: Vec<Global>,
     /// Samplers.
     pub samplers: Vec<Sampler>,
-    /// Names of OpenGL that occur, as the text for naga has them.
+    /// Built-in names that occur, as in the text for naga.
     pub builtins: BTreeMap<String, Builtin>,
-    /// The position is that of fixed functions.
+    /// Whether the position is that of the fixed-function pipeline.
     pub invariant: bool,
     /// Whether derivatives along y occur.
     pub flips: bool,
-    /// Functions in the text for naga that stand for reads of textures: their names, samplers, kinds of read.
+    /// Functions in the text for naga that stand for texture reads: their names, samplers, kinds of read.
     pub reads: BTreeMap<String, (usize, Read)>,
 }
 
-/// Words that are names in an old dialect and something else in that of version 4.50.
+/// Words that are plain names in an old dialect and reserved in version 4.50.
 const RESERVED: [&str; 27] = [
     "sample",
     "buffer",
@@ -85,7 +85,7 @@ const RESERVED: [&str; 27] = [
     "texture2DArray",
 ];
 
-/// The same of versions before 1.30.
+/// The same for versions before 1.30.
 const LATER: [&str; 8] = ["smooth", "flat", "noperspective", "switch", "case", "default", "layout", "uint"];
 
 /// The factor of derivatives along y: rows of the card go down in a window.
@@ -110,7 +110,7 @@ fn component(name: &str) -> Option<&'static str> {
     Some(["0", "1", "2", "3"][at])
 }
 
-/// The name of a function and the types of its parameters, whose names may be left out.
+/// The name of a function and the types of its parameters. Parameter names may be missing.
 fn signature(name: &Token, parameters: &[Token]) -> String {
     let mut out = name.text.clone();
     for parameter in parts(parameters) {
@@ -152,7 +152,7 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
     rewriter.invariant(&mut shaders);
     let mut first = 0;
     for (dialect, mut tokens) in shaders {
-        // Lines of the second shader come behind those of the first.
+        // Lines of the second shader follow those of the first.
         tokens.iter_mut().for_each(|token| token.line += first);
         first = tokens.last().map_or(first, |token| token.line);
         rewriter.dialect = dialect;
@@ -162,8 +162,8 @@ pub fn rewrite(stage: Stage, shaders: Vec<(Dialect, Vec<Token>)>) -> Outcome<Sou
 }
 
 impl Rewriter {
-    /// Finds out whether the one thing that is done with the position is `gl_Position = ftransform();` in no other block than `main`, and
-    /// removes it.
+    /// Checks whether the only use of the position is `gl_Position = ftransform();` directly in the block of `main`, and removes that
+    /// statement.
     fn invariant(&mut self, shaders: &mut [(Dialect, Vec<Token>)]) {
         let count = |name: &str| shaders.iter().flat_map(|(_, tokens)| tokens).filter(|token| token.is(name)).count();
         if self.stage != Stage::Vertex || count("gl_Position") != 1 || count("gl_ClipVertex") != 0 || count("return") != 0 {
@@ -182,7 +182,7 @@ impl Rewriter {
         }
     }
 
-    /// What stands at global scope.
+    /// Rewrites the declarations at global scope.
     fn globals(&mut self, tokens: &[Token]) -> Outcome {
         let mut at = 0;
         while at < tokens.len() {
@@ -294,7 +294,7 @@ impl Rewriter {
         Ok(())
     }
 
-    /// A function, a structure, or a variable of the stage's own; gives the place behind it.
+    /// Rewrites a function, a structure, or a plain global variable; returns the position after it.
     fn own(&mut self, tokens: &[Token], start: usize) -> Outcome<usize> {
         let line = tokens[start].line;
         let mut at = start;
@@ -306,7 +306,7 @@ impl Rewriter {
                 "(" | "[" => {
                     let end = closing(tokens, at).ok_or_else(|| Wrong::at(token.line, "a bracket that is not closed"))?;
                     if token.is("(") && !function {
-                        // A bracket without a name before it is naga's to refuse.
+                        // Naga refuses a bracket without a name before it.
                         function = at > start && !tokens[start..at].iter().any(|token| token.is("="));
                         let samplers = tokens[at..end].iter().find(|token| sampler(&token.text).is_some());
                         if let Some(kind) = samplers.filter(|_| function) {
@@ -330,7 +330,7 @@ impl Rewriter {
             at += 1;
         }
         if let Some(header) = header {
-            // naga takes a prototype once, and none behind the function.
+            // Naga accepts a prototype once, and none after the function.
             let known = !self.functions.insert(header);
             if known && tokens[at].is(";") {
                 return Ok(at + 1);
@@ -341,13 +341,13 @@ impl Rewriter {
         Ok(at + 1)
     }
 
-    /// A name that version 4.50 does not keep for itself.
+    /// Renames a name that is reserved in version 4.50.
     fn rename(&self, name: &str) -> String {
         let later = self.dialect.version < 130 && LATER.contains(&name);
         if later || RESERVED.contains(&name) { format!("{name}_") } else { name.to_owned() }
     }
 
-    /// Tokens as the dialect of naga has them.
+    /// Tokens in naga's dialect.
     fn body(&mut self, tokens: &[Token]) -> Outcome<Vec<Token>> {
         let mut out: Vec<Token> = Vec::with_capacity(tokens.len());
         let mut at = 0;
@@ -480,7 +480,7 @@ impl Rewriter {
 mod tests {
     use super::*;
 
-    /// What stands before the bracket of a function is its name: at the start of a shader there is nothing.
+    /// A function's bracket follows its name; at the start of a shader there is no name.
     #[test]
     fn a_bracket_at_the_start_of_a_shader_is_no_function() {
         for text in ["(1)\nvoid main() {}", "(sampler2D s)\nvoid main() {}"] {

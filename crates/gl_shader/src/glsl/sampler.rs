@@ -1,4 +1,4 @@
-//! Samplers, and the functions that read textures by them.
+//! Samplers, and the functions that read textures through them.
 
 /// A sampler.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +49,7 @@ pub fn sampler(kind: &str) -> Option<(usize, usize, bool)> {
     })
 }
 
-/// How a function of this name reads a texture, and whether it gives one number where depths are compared.
+/// How the function with this name reads a texture, and whether it returns a scalar when depths are compared.
 pub fn read_of(name: &str) -> Option<(Read, bool)> {
     let name = ["ARB", "EXT"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
     if name == "texelFetch" {
@@ -79,13 +79,13 @@ pub fn read_of(name: &str) -> Option<(Read, bool)> {
     Some((read, *stem == "texture"))
 }
 
-/// Functions without contents that stand for reads of a texture, one for each form of the arguments.
+/// Writes stub functions for reads of a texture, one for each form of the arguments.
 pub fn stubs(name: &str, sampler: &Sampler, read: Read, text: &mut String) {
     let vector = |n: usize| if n == 1 { "float".to_owned() } else { format!("vec{n}") };
     let whole = |n: usize| if n == 1 { "int".to_owned() } else { format!("ivec{n}") };
     let n = sampler.dimensions;
     let cube = sampler.target == 4;
-    // The second component of a 1D comparison means nothing.
+    // The second component of a 1D comparison is not used.
     let plain = vector(if sampler.shadow { 3 } else { n });
     let projected = if sampler.shadow {
         vec![vector(4)]

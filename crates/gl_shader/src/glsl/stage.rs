@@ -1,4 +1,4 @@
-//! Translated stages joined: to each other, to attributes, to texture units and to what fixed functions leave.
+//! Connects translated stages to each other, to attributes, to texture units and to the fixed-function stages.
 
 use std::fmt::Write;
 
@@ -39,36 +39,36 @@ pub struct Varying {
     pub kind: String,
     /// `flat`, `linear`, or none for interpolation with perspective.
     pub interpolation: Option<&'static str>,
-    /// What the vertex stage has it in.
+    /// Its expression in the vertex stage.
     pub from: String,
-    /// What the fragment stage has it in.
+    /// Its expression in the fragment stage.
     pub to: String,
 }
 
-/// A stage of GLSL as a program of the machine has it.
+/// A GLSL stage as part of a program of the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Code {
     /// Structures, variables and functions at module scope.
     pub functions: String,
-    /// The function that is the stage.
+    /// The entry function of the stage.
     entry: String,
-    /// What is set before it runs: a variable and its value.
+    /// Variables that are set before it runs, and their values.
     set: Vec<(String, String)>,
     /// Results, and the expressions of their values.
     results: Vec<(Output, String)>,
-    /// What goes from stage to stage.
+    /// Values that go from stage to stage.
     pub varyings: Vec<Varying>,
-    /// Whether it asks which side is seen.
+    /// Whether it reads `gl_FrontFacing`.
     pub facing: bool,
     /// Whether all colour buffers have the colour of `gl_FragColor`.
     pub broadcast: bool,
-    /// Where clip planes cut.
+    /// The position for clip planes.
     pub clip: Option<String>,
     /// How each unit's texture is read.
     pub ways: [u8; UNITS],
 }
 
-/// What a program object says of its stages.
+/// The bindings of a program object.
 pub struct Joints<'a> {
     /// The location of an attribute.
     pub attribute: &'a dyn Fn(&str) -> Option<u32>,
@@ -78,7 +78,7 @@ pub struct Joints<'a> {
     pub unit: &'a dyn Fn(&str) -> u32,
 }
 
-/// What is between the stages of a program that has both.
+/// The varyings between the stages of a program that has both.
 fn varyings(vertex: &Translated, fragment: &Translated) -> Result<Vec<Varying>, String> {
     let mut list = Vec::new();
     let of = |stage: &'static Storage, from: &Translated| -> Vec<Variable> {
@@ -131,7 +131,7 @@ pub fn program(stages: [Option<&Translated>; 2], stage: Stage, joints: &Joints) 
         builtin(named, &mut code, &mut program);
     }
     if let Some(flip) = &of.flip {
-        // Known together with the place of a fragment.
+        // The uniform for this is present if the fragment position is read.
         program.inputs |= 1 << input::POSITION;
         code.set.push((flip.clone(), if stage == Stage::Fragment { "u.height.y".into() } else { "1.0".into() }));
     }
@@ -270,7 +270,7 @@ fn attributes(of: &Translated, joints: &Joints, code: &mut Code, program: &mut P
     Ok(())
 }
 
-/// Writes the function of a call; gives the way that it reads.
+/// Writes the function of a call; returns its kind of read.
 fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut String) -> u8 {
     let kind = |layout: &Layout| match layout {
         Layout::Vector(n, kind) => (*n, vector_name(*n, *kind)),
@@ -302,7 +302,7 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
             (format!("texel{unit}_gradient({at}, {}, {})", wide("a1"), wide("a2")), way::GRADIENT)
         }
         Read::Level | Read::ProjectedLevel => (format!("texel{unit}_level({at}, a1)"), way::LEVEL),
-        // There are no derivatives.
+        // The vertex stage has no derivatives.
         Read::Plain | Read::Projected if stage == Stage::Vertex => (format!("texel{unit}_level({at}, 0.0)"), way::LEVEL),
         Read::Plain | Read::Projected if arguments.len() > 1 => (format!("texel{unit}_bias({at}, a1)"), way::BIAS),
         Read::Plain | Read::Projected => (format!("texel{unit}({at})"), way::PLAIN),
@@ -320,7 +320,7 @@ fn read(call: &Call, unit: usize, sampler: &Sampler, stage: Stage, out: &mut Str
     way
 }
 
-/// The stage in a function of the module: inputs are in variables, and results come into others.
+/// Writes the stage into a function of the module. Inputs and results are in variables.
 pub(crate) fn body(key: &ShaderKey, code: &Code, stage: Stage, out: &mut String) {
     if code.set.iter().any(|(_, value)| value == "point_place") {
         match key.expand {

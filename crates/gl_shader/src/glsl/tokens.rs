@@ -35,7 +35,7 @@ impl Token {
 /// A shader's dialect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dialect {
-    /// The number behind `#version`; 110 where there is none.
+    /// The number after `#version`; 110 if there is none.
     pub version: u32,
     /// Whether it is that of OpenGL ES.
     pub embedded: bool,
@@ -62,11 +62,11 @@ pub fn dialect(text: &str) -> Dialect {
     Dialect { version, embedded: version == 100 || words.next() == Some("es") }
 }
 
-/// Macros that OpenGL defines for extensions that are there.
+/// Macros that OpenGL defines for supported extensions.
 const EXTENSIONS: [&str; 4] =
     ["GL_ARB_texture_rectangle", "GL_ARB_shader_texture_lod", "GL_EXT_shader_texture_lod", "GL_OES_standard_derivatives"];
 
-/// The tokens that the preprocessor leaves of a text.
+/// The tokens of a text after the preprocessor.
 pub fn preprocess(text: &str) -> Result<(Dialect, Vec<Token>), Wrong> {
     let dialect = dialect(text);
     let starts: Vec<usize> = text.bytes().enumerate().filter(|&(_, b)| b == b'\n').map(|(at, _)| at + 1).collect();
@@ -85,7 +85,7 @@ pub fn preprocess(text: &str) -> Result<(Dialect, Vec<Token>), Wrong> {
     for token in source {
         let token =
             token.map_err(|(error, place)| Wrong::at(line_of(place.start), format!("the preprocessor says {error:?}")))?;
-        // Lines do not go back, so that what is printed keeps them.
+        // Line numbers do not decrease, so printed tokens keep their lines.
         line = line.max(line_of(token.location.start));
         let text = match token.value {
             TokenValue::Ident(name) => name,
@@ -152,9 +152,9 @@ fn mark(punct: Punct) -> &'static str {
     }
 }
 
-/// Levels of brackets, operators and `else` that tokens are nested in at most: what reads them calls itself for each.
+/// Maximum nesting of tokens in brackets, operators and `else`: the parser recurses for each level.
 pub fn nesting(tokens: &[Token]) -> u64 {
-    // Of each bracket that is open: operators since the last separator.
+    // For each open bracket: operators since the last separator.
     let (mut open, mut outside, mut deepest) = (vec![0_u64], 0_u64, 0);
     for (at, token) in tokens.iter().enumerate() {
         let operators = open.last_mut().expect("the outermost level stays");
@@ -168,13 +168,13 @@ pub fn nesting(tokens: &[Token]) -> u64 {
                     open.pop();
                     outside -= open.last().copied().unwrap_or(0) + 1;
                 }
-                // A statement ends with its block, unless `else` comes.
+                // A statement ends with its block, unless `else` follows.
                 if token.is("}") && !tokens.get(at + 1).is_some_and(|next| next.is("else")) {
                     open.last_mut().into_iter().for_each(|operators| *operators = 0);
                 }
             }
             ";" | "," => *operators = 0,
-            // A branch without a block, and one behind a block.
+            // A branch without a block, and one after a block.
             "else" | "if" | "for" | "while" | "do" | "?" => *operators += 1,
             text if !token.word && !text.starts_with(|c: char| c.is_ascii_digit()) => *operators += 1,
             _ => {}
@@ -184,7 +184,7 @@ pub fn nesting(tokens: &[Token]) -> u64 {
     deepest
 }
 
-/// Tokens, each name of a constant counted as all that it stands for: naga writes constants out where they are used.
+/// Number of tokens, with each constant's name counted as its whole value: naga expands constants at each use.
 pub fn reach(tokens: &[Token]) -> u64 {
     let mut known: BTreeMap<&str, u64> = BTreeMap::new();
     let mut total = 0_u64;
@@ -214,7 +214,7 @@ pub fn reach(tokens: &[Token]) -> u64 {
     total
 }
 
-/// The text of tokens, each on its line.
+/// Prints tokens, each on its line.
 pub fn print(tokens: &[Token]) -> String {
     let (mut text, mut line) = (String::new(), 1);
     for token in tokens {
@@ -228,7 +228,7 @@ pub fn print(tokens: &[Token]) -> String {
     text
 }
 
-/// The end of what a bracket at `open` opens: the place of the bracket that closes it.
+/// The position of the bracket that closes the one at `open`.
 pub fn closing(tokens: &[Token], open: usize) -> Option<usize> {
     let mut depth = 0_u32;
     for (at, token) in tokens.iter().enumerate().skip(open) {

@@ -15,7 +15,7 @@ pub(super) fn clear_value(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    // Half precision has no larger numbers; what is no number becomes 0.
+    // Half precision has no larger numbers; NaN becomes 0.
     let (op, value) = (call.u32(0)?, call.f32(1)?);
     let value = if value.is_nan() { 0.0 } else { value.clamp(-HALF_MAX, HALF_MAX) };
     if !matches!(op, e::ACCUM | e::LOAD | e::RETURN | e::MULT | e::ADD) {
@@ -53,7 +53,7 @@ pub(super) fn accumulate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn begin_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     match call.u32(0)? {
-        // Whether any passed is the same count for the card.
+        // The card counts samples for all of these.
         e::SAMPLES_PASSED | ANY_SAMPLES_PASSED | ANY_SAMPLES_PASSED_CONSERVATIVE => {}
         TIME_ELAPSED | PRIMITIVES_GENERATED => return Ok(()),
         _ => return Err(INVALID_ENUM),
@@ -69,7 +69,7 @@ pub(super) fn begin_query(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 const ANY_SAMPLES_PASSED: u32 = 0x8c2f;
 const ANY_SAMPLES_PASSED_CONSERVATIVE: u32 = 0x8d6a;
-// Times and counts of a card change no picture.
+// Times and counts do not change the picture.
 const TIME_ELAPSED: u32 = 0x88bf;
 const PRIMITIVES_GENERATED: u32 = 0x8c87;
 

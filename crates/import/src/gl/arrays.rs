@@ -19,7 +19,7 @@ const GENERIC: usize = 8 + UNITS;
 /// Where the elements of an array are.
 #[derive(Clone, Debug, Default)]
 enum Source {
-    /// Nowhere.
+    /// No memory.
     #[default]
     None,
     /// In the client's memory, as the recorder saw it.
@@ -38,21 +38,21 @@ struct Array {
     source: Source,
     /// Integers of a generic attribute are normalised.
     normalized: bool,
-    /// So many instances have the same element; 0: each vertex has its own.
+    /// This number of instances share an element; 0: each vertex has its own.
     divisor: u32,
 }
 
-/// All of them.
+/// All client arrays.
 #[derive(Clone, Debug, Default)]
 pub struct Arrays {
     slots: [Array; SLOTS],
-    /// The unit that calls mean.
+    /// The active client texture unit.
     pub active: usize,
-    /// The buffers that are bound: of arrays, of indices.
+    /// The bound buffers: of arrays, of indices.
     pub bound: [u32; 2],
-    /// The vertex array object that is bound; 0: the one that is always there.
+    /// The bound vertex array object; 0: the default one.
     object: u32,
-    /// What the others have: slots and the buffer of indices.
+    /// The state of the others: slots and the buffer of indices.
     objects: BTreeMap<u32, (Box<[Array; SLOTS]>, u32)>,
 }
 
@@ -71,7 +71,7 @@ pub(super) fn scalar(kind: u32) -> Option<(Scalar, usize)> {
     })
 }
 
-/// A number of some bytes.
+/// Converts bytes to a number.
 pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
     match scalar {
         Scalar::Byte => f64::from(b[0] as i8),
@@ -85,10 +85,10 @@ pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
     }
 }
 
-/// The components of an element as they are, and normalised; those that it does not have are 0, 0, 0, 1.
+/// The components of an element, unchanged and normalised; missing ones are 0, 0, 0, 1.
 fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 4]) {
     let mut plain = [0.0, 0.0, 0.0, 1.0];
-    // Most arrays are of these, which are their own normal form.
+    // Most arrays are of floats, which normalisation does not change.
     if scalar == Scalar::Float {
         for (value, bytes) in plain.iter_mut().zip(element.as_chunks().0) {
             *value = f32::from_le_bytes(*bytes);
@@ -188,10 +188,10 @@ pub(super) fn edge_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     point(gl, 5, 1, e::UNSIGNED_BYTE, call.i32(0)?, call.arg(1))
 }
 
-/// An array of an interleaved format: components, and where they begin.
+/// An array of an interleaved format: its number of components, and their offset.
 type Part = Option<(usize, usize)>;
 
-/// An interleaved format: where texture coordinates, colours, normals and positions are, and bytes of a vertex.
+/// An interleaved format: the arrays of texture coordinates, colours, normals and positions, and the bytes of a vertex.
 struct Interleaving(u32, [Part; 4], usize);
 
 /// OpenGL 1.5, table 2.5.
@@ -212,7 +212,7 @@ const INTERLEAVINGS: [Interleaving; 14] = [
     Interleaving(e::T4F_C4F_N3F_V4F, [Some((4, 0)), Some((4, 16)), Some((3, 32)), Some((4, 44))], 60),
 ];
 
-/// `glInterleavedArrays(format, stride, pointer)`: the arrays of the format are enabled, the other ones are not.
+/// `glInterleavedArrays(format, stride, pointer)`: enables the arrays of the format and disables the others.
 pub(super) fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let format = call.u32(0)?;
     let Interleaving(_, parts, vertex) = INTERLEAVINGS.iter().find(|known| known.0 == format).ok_or(INVALID_ENUM)?;
@@ -236,7 +236,7 @@ pub(super) fn interleaved(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         }
         gl.arrays.slots[slot].enabled = part.is_some();
     }
-    // Secondary colours, fog coordinates and generic attributes are as they were.
+    // The arrays of secondary colours, fog coordinates and generic attributes are unchanged.
     for slot in [5, 6] {
         gl.arrays.slots[slot].enabled = false;
     }
@@ -269,7 +269,7 @@ pub(super) fn generic_pointer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-/// What lies behind the end of a buffer object, as wide as the widest element.
+/// Data beyond the end of a buffer object, as wide as the widest element.
 const ZEROS: [u8; 32] = [0; 32];
 
 /// `glVertexAttribDivisor(index, divisor)`
@@ -289,9 +289,9 @@ struct Ready {
     stride: usize,
     start: usize,
     data: Rc<[u8]>,
-    /// Whether it was recorded for its draw, so that all elements must be there.
+    /// Whether it was recorded for its draw, so that all elements must be present.
     bounded: bool,
-    /// The element of all vertices, if the array has one for each instance.
+    /// The element for all vertices, if the array has one for each instance.
     instance: Option<u32>,
 }
 
@@ -325,7 +325,7 @@ impl Gl {
             let at = (index as usize).saturating_mul(array.stride).saturating_add(array.start);
             let element = match array.data.get(at..at.saturating_add(array.size * array.bytes)) {
                 Some(element) => element,
-                // Programs read behind their buffer objects; Mesa finds zeros there.
+                // Some programs read beyond the end of their buffer objects; Mesa returns zeros.
                 None if !array.bounded => &ZEROS[..array.size * array.bytes],
                 None => {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
@@ -398,7 +398,7 @@ pub(super) fn array_element(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.element(vertex, bits)
 }
 
-/// Vertex array objects at most.
+/// Maximum number of vertex array objects.
 const OBJECTS_MAX: usize = 1 << 16;
 
 pub(super) fn bind_vertex_array(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

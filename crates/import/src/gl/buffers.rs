@@ -1,4 +1,4 @@
-//! Buffer objects. What a program writes through a mapping recorders tell by a call of `memcpy`.
+//! Buffer objects. Recorders report writes to a mapped buffer as calls of `memcpy`.
 
 use std::rc::Rc;
 
@@ -13,15 +13,15 @@ pub struct Mapping {
     buffer: u32,
     /// Its target.
     target: u32,
-    /// The address in the recorded program of its first byte.
+    /// The address of its first mapped byte in the recorded program.
     address: u64,
-    /// Mapped bytes, from `offset` on.
+    /// Number of mapped bytes, from `offset` on.
     length: u64,
     /// The first byte of the buffer object that is mapped.
     offset: u64,
 }
 
-/// Mapped buffers at most.
+/// Maximum number of mapped buffers.
 const MAPPINGS_MAX: usize = 1 << 16;
 
 fn target(call: &Call) -> Outcome<usize> {
@@ -130,7 +130,7 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     };
     let inside = |m: &&Mapping| to.checked_sub(m.address).is_some_and(|at| at + bytes.len() as u64 <= m.length);
     let mapping = gl.mappings.iter().find(inside).copied();
-    // Other memory that is copied is none of a buffer object.
+    // A copy to any other address does not write to a buffer object.
     let Some(mapping) = mapping else { return Err(Fault::Unsupported("memcpy into memory that is not mapped".into())) };
     let buffer = gl.buffers.get_mut(&mapping.buffer).ok_or(INVALID_OPERATION)?;
     let at = (mapping.offset + to - mapping.address) as usize;

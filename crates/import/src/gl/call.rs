@@ -1,4 +1,4 @@
-//! One recorded call, whichever reader it comes from.
+//! One recorded call, in a form common to all readers.
 
 use std::borrow::Cow;
 use std::rc::Rc;
@@ -42,16 +42,16 @@ pub struct Call {
     pub function: Rc<Function>,
     /// Its arguments.
     pub args: Vec<Arg>,
-    /// What it answered; `Null` if nothing.
+    /// Its return value; `Null` if none.
     pub result: Arg,
 }
 
 /// Why a call has no effect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// It raises an OpenGL error: the standard says that it is ignored.
+    /// It raises an OpenGL error: by the standard, the call is ignored.
     Error(&'static str),
-    /// It, or what it asks for, is not supported: the name of that.
+    /// The call, or a feature that it uses, is not supported: the name of it.
     Unsupported(String),
     /// An argument is missing or of another kind: the recording is damaged.
     Damaged(String),
@@ -59,12 +59,12 @@ pub enum Fault {
     Limit(String),
 }
 
-/// What a call comes to.
+/// The result of a call.
 pub type Outcome<T = ()> = Result<T, Fault>;
 
-/// The error of a value that an argument must not have.
+/// The error of an invalid value.
 pub const INVALID_VALUE: Fault = Fault::Error("GL_INVALID_VALUE");
-/// The error of an enumerant that an argument must not have.
+/// The error of an invalid enumerant.
 pub const INVALID_ENUM: Fault = Fault::Error("GL_INVALID_ENUM");
 /// The error of a call that is not allowed in this state.
 pub const INVALID_OPERATION: Fault = Fault::Error("GL_INVALID_OPERATION");
@@ -85,7 +85,7 @@ impl Call {
             Arg::Num(number) => Ok(*number),
             Arg::Pointer(address) => Ok(*address as f64),
             Arg::Nums(numbers) if numbers.len() == 1 => Ok(numbers[0]),
-            // A null pointer in the place of an integer.
+            // A null pointer in place of an integer.
             Arg::Null if index < self.args.len() => Ok(0.0),
             _ => Err(self.wrong(index, "number")),
         }
@@ -133,7 +133,7 @@ impl Call {
     }
 }
 
-/// The type that the end of a function's name states.
+/// The type that the suffix of a function's name states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scalar {
     /// `b`
@@ -155,7 +155,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// A component that is normalised as colours and normals are: integers become [0, 1] or [-1, 1] (OpenGL 1.5, table 2.9).
+    /// Normalises a component as for colours and normals: integers become [0, 1] or [-1, 1] (OpenGL 1.5, table 2.9).
     pub fn normalized(self, value: f64) -> f32 {
         (match self {
             Scalar::Float | Scalar::Double => value,
@@ -169,7 +169,7 @@ impl Scalar {
     }
 }
 
-/// What the end of a function's name says of its arguments: `glColor4ubv` has 4 components of type `ub` in an array.
+/// The arguments by the suffix of a function's name: `glColor4ubv` has 4 components of type `ub` in an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
     /// Components; 0 where the name has no number.
@@ -180,16 +180,16 @@ pub struct Shape {
     pub vector: bool,
 }
 
-/// Endings of functions that extensions brought, which mean what the function of the core means.
+/// Suffixes of extension functions, which do the same as the core function.
 const EXTENSIONS: &[&str] = &["ARB", "EXT", "SGIS", "NV", "ATI", "APPLE", "MESA"];
 
-/// A name without `gl` and the ending of an extension.
+/// A name without the prefix `gl` and the suffix of an extension.
 pub fn core_name(name: &str) -> Option<&str> {
     let name = name.strip_prefix("gl").filter(|rest| rest.starts_with(|c: char| c.is_ascii_uppercase()))?;
     Some(EXTENSIONS.iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name))
 }
 
-/// Parts a name into its stem and the shape of its arguments.
+/// Splits a name into its stem and the shape of its arguments.
 pub fn shape(name: &str) -> Option<(&str, Shape)> {
     let (rest, vector) = name.strip_suffix('v').map_or((name, false), |rest| (rest, true));
     const TYPES: &[(&str, Scalar)] = &[

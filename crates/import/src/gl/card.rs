@@ -1,4 +1,4 @@
-//! The card's side: frame buffer, passes and pipelines. Draws are gathered into passes, so that all bytes of a pass are written before it.
+//! The card's side: framebuffer, passes and pipelines. Draws are gathered into passes, so all bytes of a pass are written before it starts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,12 +11,12 @@ use trace::record::{self, Recorder};
 use super::pass::Pass;
 pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Surface, Target, kept_channels};
 
-/// Format of the window's colours. Where the window has no alpha, it stays 1.
+/// Format of the window's colours. If the window has no alpha, alpha stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
 /// Format of depth and stencil.
 pub const DEPTH: Format = Format::Depth24PlusStencil8;
 
-/// Bytes of vertices and indices of a pass after which it is ended.
+/// A pass ends after this number of bytes of vertices and indices.
 const PASS_BYTES: usize = 64 << 20;
 /// Uniform blocks begin at multiples of this.
 const BLOCK_ALIGN: usize = 64;
@@ -24,20 +24,20 @@ const BLOCK_ALIGN: usize = 64;
 /// What a group of textures binds.
 type GroupKey = Vec<(ViewId, SamplerId)>;
 
-/// The frame buffer.
+/// The window's framebuffer.
 struct Window {
     size: [u32; 2],
     back: Surface,
     depth: Surface,
     /// The front buffer, if anything has been drawn to it or read from it.
     front: Option<Surface>,
-    /// The back buffer as what is drawn is encoded in, if anything was drawn so.
+    /// The back buffer with sRGB encoding, if anything was drawn with it.
     encoded: Option<Surface>,
 }
 
 /// The card.
 pub struct Card {
-    /// What is recorded.
+    /// The recorder of the commands.
     pub recorder: Recorder,
     window: Option<Window>,
     /// Whether the program has asked for a window with alpha.
@@ -45,11 +45,11 @@ pub struct Card {
     target: Option<Target>,
     /// The pass that waits.
     pub pass: Pass,
-    /// Passes into the window of frames that are not wanted: they are recorded where something can read what they draw.
+    /// Passes that draw to the window in frames that are not wanted. They are recorded once something can read their results.
     held: Vec<Pass>,
     /// The first frame whose draws are wanted.
     pub first_frame: u64,
-    /// Draws that were left out, since nothing reads their results.
+    /// Number of draws that were dropped, since nothing reads their results.
     pub dropped: u64,
     pipelines: BTreeMap<ShaderId, Vec<(Fixed, RenderPipelineId)>>,
     uniform_layout: Option<BindGroupLayoutId>,
@@ -58,15 +58,15 @@ pub struct Card {
     groups: BTreeMap<GroupKey, (BindGroupId, Vec<TextureId>)>,
     samplers: Vec<(SamplerDesc, SamplerId)>,
     pub(super) copies: BTreeMap<super::copies::CopyKey, (RenderPipelineId, BindGroupLayoutId)>,
-    /// Shaders that are not made of a key, by name.
+    /// Shaders that are not generated from a key, by name.
     plain_shaders: BTreeMap<&'static str, ShaderId>,
-    /// What logic operations read: a copy of a frame buffer of this size.
+    /// A copy of the framebuffer for logic operations to read, and its size.
     pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
     /// The accumulation buffer.
     pub(super) accumulation: Option<Surface>,
     /// Whether the window's first row is its lowest.
     pub upward: bool,
-    /// Whether all levels of textures are uploaded, and not those alone that can be read.
+    /// Whether all levels of textures are uploaded, not only those that can be read.
     pub all_levels: bool,
     /// Frames so far.
     pub frames: u64,
@@ -74,7 +74,7 @@ pub struct Card {
     pub bytes: u64,
     /// Bytes of the primitives of display lists that stay on the card.
     pub kept_bytes: u64,
-    /// Buffers that are freed as soon as no pass waits that may read them.
+    /// Buffers that are freed as soon as no pending pass may read them.
     condemned: Vec<BufferId>,
 }
 
@@ -109,7 +109,7 @@ impl Card {
         }
     }
 
-    /// The window's size; nothing where there is none.
+    /// The window's size; zeros if there is no window.
     pub fn size(&self) -> [u32; 2] {
         self.window.as_ref().map_or([0; 2], |window| window.size)
     }
@@ -149,12 +149,12 @@ impl Card {
         }
     }
 
-    /// Whether a target is the window, as which buffer it may be.
+    /// Whether a target is the window, with any of its colour buffers.
     fn is_window(&self, target: &Target) -> bool {
         self.window.as_ref().is_some_and(|window| target.depth.is_some_and(|depth| depth.texture == window.depth.texture))
     }
 
-    /// The window as a target. The front buffer starts as what is in the back buffer.
+    /// The window as a target. The front buffer starts as a copy of the back buffer.
     pub fn window_target(&mut self, buffer: Buffer) -> Option<Target> {
         let window = self.window.as_ref()?;
         let (size, back, depth) = (window.size, window.back, window.depth);
@@ -195,18 +195,18 @@ impl Card {
         self.recorder.copy_texture_to_texture(end(from), end(to), [size[0], size[1], 1]);
     }
 
-    /// Takes the commands that are recorded; what waits stays.
+    /// Takes the recorded commands; pending passes stay.
     pub fn drain(&mut self) -> trace::Part {
         self.bytes = 0;
         self.recorder.drain()
     }
 
-    /// What draws go to.
+    /// The current render target.
     pub fn target(&self) -> Option<Target> {
         self.target
     }
 
-    /// Chooses what draws go to.
+    /// Sets the render target.
     pub fn aim(&mut self, target: Option<Target>) {
         if self.target == target {
             return;
@@ -231,7 +231,7 @@ impl Card {
         pass.stencil = stencil.or(pass.stencil);
     }
 
-    /// Places a block of uniforms in the pass; one that equals the last is kept once.
+    /// Appends a block of uniforms to the pass, unless it equals the last one.
     pub fn uniforms(&mut self, bytes: &[u8]) -> u32 {
         let pass = &mut self.pass;
         if pass.draws.is_empty() || pass.uniforms.get(pass.last_block..) != Some(bytes) {
@@ -251,7 +251,7 @@ impl Card {
         }
     }
 
-    /// Ends the pass that waits, if anything does, and records all that was held: what was drawn can be read.
+    /// Ends the pending pass, if any, and records all held passes, so that their results can be read.
     pub fn end_pass(&mut self) {
         self.close();
         for pass in std::mem::take(&mut self.held) {
@@ -260,7 +260,7 @@ impl Card {
         self.free_condemned();
     }
 
-    /// Frees buffers when nothing that waits can read them any more.
+    /// Frees buffers as soon as no pending pass can read them.
     pub fn condemn(&mut self, buffers: [BufferId; 2]) {
         self.condemned.extend(buffers);
         self.free_condemned();
@@ -274,7 +274,7 @@ impl Card {
         }
     }
 
-    /// Ends what waits if it reads or writes this texture.
+    /// Ends the pending passes if any of them reads or writes this texture.
     pub fn release(&mut self, texture: TextureId) {
         self.pass.target = self.target;
         if self.held.iter().chain([&self.pass]).any(|pass| pass.uses(texture)) {
@@ -282,7 +282,7 @@ impl Card {
         }
     }
 
-    /// Ends the pass that waits. Of frames that are not wanted it is held back, and what it clears need not have been drawn.
+    /// Ends the pending pass. In a frame that is not wanted, it is held back. If it clears all that held passes wrote, they are dropped.
     fn close(&mut self) {
         let mut pass = std::mem::take(&mut self.pass);
         pass.target = self.target;
@@ -292,7 +292,7 @@ impl Card {
         let back = |pass: &Pass| pass.target.and_then(|target| target.color);
         let window = self.window.as_ref().map(|window| window.back);
         if self.frames >= self.first_frame || back(&pass) != window {
-            // What is held and reads nothing of this pass may stay behind.
+            // Held passes may stay held if they and this pass do not read or write the same images.
             let drawn: Vec<Surface> = pass.target.iter().flat_map(Target::surfaces).collect();
             let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
             let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(&surface.texture));
@@ -307,7 +307,7 @@ impl Card {
         if drawn & !pass.clears() == 0 {
             self.dropped += self.held.iter().map(|held| held.draws.len() as u64).sum::<u64>();
             for held in self.held.drain(..).rev() {
-                // What else they cleared stays cleared.
+                // Their clears of other buffers are kept.
                 pass.color = pass.color.or(held.color);
                 pass.depth = pass.depth.or(held.depth);
                 pass.stencil = pass.stencil.or(held.stencil);
@@ -343,7 +343,7 @@ impl Card {
             let bound = BoundResource::Buffer { buffer: uniforms, offset: 0, size: Some(pass.block as u64) };
             group = Some((self.recorder.create_bind_group(layout, [(0, bound)]), own));
         }
-        // A buffer without alpha has 1 there, and only floating-point ones keep what is outside of [0, 1].
+        // A buffer without alpha has alpha 1, and only floating-point buffers store values outside [0, 1].
         let cleared = |[r, g, b, a]: [f64; 4], color: Surface, alpha: bool| {
             let value = [r, g, b, if alpha { a } else { 1.0 }];
             if color.is_float() { value } else { value.map(|channel| channel.clamp(0.0, 1.0)) }
@@ -362,7 +362,7 @@ impl Card {
             stencil_store: true,
             stencil_read_only: false,
         });
-        // A query of the recording is one of the set in each pass that it reaches.
+        // A query of the recording becomes one query of the set in each pass that it spans.
         let queries: BTreeSet<u64> = pass.draws.iter().filter_map(|draw| draw.query).collect();
         let queries: Vec<u64> = queries.into_iter().collect();
         let set = (!queries.is_empty()).then(|| self.recorder.create_query_set(QueryKind::Occlusion, queries.len() as u32));
@@ -440,7 +440,7 @@ impl Card {
     pub fn present(&mut self) {
         self.close();
         if self.frames + 1 >= self.first_frame {
-            // The next frame is wanted, and begins with what is there.
+            // The next frame is wanted, and begins with the present contents.
             self.end_pass();
         }
         let Some(window) = &self.window else { return };
@@ -551,7 +551,7 @@ impl Card {
         self.recorder.push(Command::Destroy(Object::Texture(texture)));
     }
 
-    /// A shader that is not made of a key; made once.
+    /// A shader that is not generated from a key; made once.
     pub fn plain_shader(&mut self, label: &'static str, text: &str) -> ShaderId {
         let recorder = &mut self.recorder;
         *self.plain_shaders.entry(label).or_insert_with(|| recorder.create_shader(label, text))

@@ -1,4 +1,4 @@
-//! Clears, and what limits all that is drawn: scissor and masks.
+//! Clears, scissor and write masks.
 
 use gfx::state::*;
 
@@ -8,28 +8,28 @@ use super::consts as e;
 use super::machine::Gl;
 use super::state::State;
 
-/// What buffers are cleared to.
+/// Clear values of the buffers.
 #[derive(Clone, Copy, Debug)]
 pub struct ClearValues {
     /// Colour.
     pub color: [f32; 4],
     /// Depth.
     pub depth: f32,
-    /// Stencil value, of which the lowest 8 bits count.
+    /// Stencil value; only the lowest 8 bits are used.
     pub stencil: i32,
 }
 
 impl ClearValues {
-    /// Those of the state.
+    /// The clear values of the state.
     pub fn of(state: &State) -> ClearValues {
         ClearValues { color: state.clear_color, depth: state.clear_depth, stencil: state.clear_stencil }
     }
 }
 
-/// Labels of shaders that clear so many colour buffers.
+/// Labels of clear shaders, by number of colour buffers.
 const LABELS: [&str; COLORS_MAX] = ["clear", "clear 2", "clear 3", "clear 4", "clear 5", "clear 6", "clear 7", "clear 8"];
 
-/// The shader that clears a part of so many colour buffers.
+/// The shader that clears a part of this number of colour buffers.
 fn clear_text(colors: usize) -> String {
     let fields: String = (0..colors).map(|k| format!("@location({k}) color{k}: vec4f, ")).collect();
     let values: Vec<String> = (0..colors).map(|_| "u.color".to_owned()).collect();
@@ -59,14 +59,14 @@ impl Gl {
         Some(Rect { x: x0 as u32, y: y as u32, width: (x1 - x0) as u32, height: (y1 - y0) as u32 })
     }
 
-    /// Channels that are written: a window may have no alpha.
+    /// Channels that are written; a window may have no alpha.
     pub fn mask(&self) -> u8 {
         let Some(target) = self.card.target().filter(|target| target.color.is_some()) else { return 0 };
         let off = self.draw_framebuffer == 0 && self.state.draw_buffer == e::NONE;
         if off { 0 } else { self.state.color_mask & kept_channels(target.alpha) }
     }
 
-    /// Clears buffers to these values, or the part of them that scissor and masks leave.
+    /// Clears buffers to these values, as far as scissor and masks allow.
     pub fn clear_buffers(&mut self, mask: u32, values: ClearValues) -> Outcome {
         let Some(target) = self.aim()? else { return Ok(()) };
         let Some(scissor) = self.scissor() else { return Ok(()) };
@@ -78,7 +78,7 @@ impl Gl {
         let depth = wanted(e::DEPTH_BUFFER_BIT) && state.depth_write && target.has_depth;
         let stencil_mask = if wanted(e::STENCIL_BUFFER_BIT) && target.has_stencil { state.stencil[0].write & 0xff } else { 0 };
         let (color, z, stencil) = (values.color, values.depth, values.stencil as u32 & 0xff);
-        // Of each colour buffer all that it keeps.
+        // Whether all stored channels of each colour buffer are cleared.
         let whole_colors =
             channels != 0 && target.colors().all(|(_, alpha)| state.color_mask & kept_channels(alpha) == kept_channels(alpha));
         let written = |alpha: bool| if channels == 0 { 0 } else { state.color_mask & kept_channels(alpha) };

@@ -1,26 +1,26 @@
-//! Calls in little room: display lists have millions of them, most with a few numbers.
+//! Calls in compact form: display lists have millions of calls, most with a few numbers.
 
 use super::call::{Arg, Call};
 
-/// A call whose arguments are numbers in single precision, and at the end an array of such numbers. They stand in a list beside.
+/// A call whose arguments are numbers in single precision, the last one possibly an array. The numbers are stored in a separate list.
 #[derive(Clone, Copy, Debug)]
 pub struct Compact {
     /// The number of its function.
     pub function: u32,
     /// Its number in the recording.
     number: u32,
-    /// Where its arguments begin in the list.
+    /// The index of its first argument in the list.
     at: u32,
-    /// Numbers, and elements of the array.
+    /// Number of scalar arguments, and of elements of the array.
     scalars: u8,
     elements: u8,
 }
 
-/// Elements of no array.
+/// The value of `elements` if there is no array.
 const NONE: u8 = u8::MAX;
 
 impl Compact {
-    /// Appends the arguments of a call, if they are of that kind.
+    /// Appends the arguments of a call, if they have this form.
     pub fn of(call: &Call, numbers: &mut Vec<f32>) -> Option<Compact> {
         let start = numbers.len();
         let compact = Compact::put(call, numbers);
@@ -54,12 +54,12 @@ impl Compact {
         })
     }
 
-    /// Where its arguments begin.
+    /// The index of its first argument.
     pub fn first(&self) -> usize {
         self.at as usize
     }
 
-    /// Makes a call of the same function this one.
+    /// Writes the arguments into a call of the same function.
     pub fn fill(&self, numbers: &[f32], call: &mut Call) {
         let (first, scalars) = (self.at as usize, usize::from(self.scalars));
         call.number = u64::from(self.number);

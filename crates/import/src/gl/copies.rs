@@ -1,4 +1,4 @@
-//! Images that are made of other images by a draw: copies and blits of frame buffers, depths that are uploaded, accumulation.
+//! Draws that compute an image from another image: copies and blits of framebuffers, depth uploads, accumulation.
 
 use gfx::format::Format;
 use gfx::state::*;
@@ -13,7 +13,7 @@ use super::key::Base;
 /// What a copying draw reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum From {
-    /// Colours, as they are.
+    /// Colours, not filtered.
     Color,
     /// Colours, filtered.
     Filtered,
@@ -23,23 +23,23 @@ pub enum From {
     Stencil,
 }
 
-/// How results meet what is there.
+/// How results are combined with the stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Meet {
-    /// They replace it.
+    /// Results replace the stored values.
     Replace,
-    /// They are added.
+    /// Results are added.
     Add,
-    /// What is there is multiplied by the constant, and they are not used.
+    /// Stored values are multiplied by the constant; results are not used.
     Scale,
 }
 
-/// What a copying pipeline is made of.
+/// The key of a copy pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CopyKey {
     /// What is read.
     pub from: From,
-    /// WGSL of the result: of what is read, `c`, and a number, `u.source.z`.
+    /// WGSL of the result, computed from the value that is read, `c`, and a number, `u.source.z`.
     pub result: &'static str,
     /// The format that is written, by its name.
     pub format: &'static str,
@@ -49,19 +49,19 @@ pub struct CopyKey {
     pub mask: u8,
 }
 
-/// From pixels of the target to pixels of the source: source = from + (target - to) * scale, in coordinates of both whose unit is a pixel.
+/// Maps pixels of the target to pixels of the source: source = from + (target - to) * scale, in pixel coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Map {
-    /// A place in the target.
+    /// A point in the target.
     pub to: [f32; 2],
-    /// What it shows.
+    /// The corresponding point in the source.
     pub from: [f32; 2],
-    /// Pixels of the source for one of the target.
+    /// Source pixels for one target pixel.
     pub scale: [f32; 2],
 }
 
 impl Card {
-    /// Draws a rectangle of a surface, each pixel made of one of another surface.
+    /// Draws a rectangle of a surface; each pixel is computed from one of another surface.
     pub fn copy_pixels(
         &mut self,
         key: CopyKey,
@@ -167,7 +167,7 @@ impl Card {
         }
     }
 
-    /// Copies a rectangle of a frame buffer, whose lower left pixel is `from`, to an image of a texture, whose rows are from the bottom.
+    /// Copies a rectangle of a framebuffer, with `from` as its lower left pixel, to an image of a texture, whose rows are from the bottom.
     pub fn copy_to_texture(
         &mut self,
         base: Base,
@@ -190,7 +190,7 @@ impl Card {
         self.copy_pixels(key, format, surface, image, map, 0.0, area);
     }
 
-    /// A texture with the colours of a frame buffer as they are now, to be read by a draw.
+    /// A texture with the present colours of a framebuffer, to be read by a draw.
     pub fn frame_copy(&mut self, source: Surface, size: [u32; 2]) -> (TextureId, ViewId, SamplerId) {
         self.end_pass();
         if let Some((texture, view, _)) = self.frame_copy.take_if(|copy| copy.2 != size) {
@@ -223,7 +223,7 @@ impl Card {
     pub fn clear_accumulation(&mut self, color: [f32; 4], area: Rect) {
         let Some(to) = self.accumulation() else { return };
         let Some(source) = self.window_target(Buffer::Back).and_then(|target| target.color) else { return };
-        // Four draws of one channel: a pipeline has one number.
+        // One draw for each of the four channels: a pipeline has one number.
         for (channel, value) in color.into_iter().enumerate() {
             let mask = 1 << channel;
             let key =
@@ -233,10 +233,10 @@ impl Card {
     }
 }
 
-/// Pixel to pixel.
+/// Each target pixel maps to the source pixel at the same position.
 pub const SAME: Map = Map { to: [0.0; 2], from: [0.0; 2], scale: [1.0; 2] };
 
-/// The row at which a pixel row that is counted from the bottom begins, in the order of a surface.
+/// The row of a surface at which a pixel row, counted from the bottom, begins.
 pub fn row_edge(height: u32, upward: bool, y: f32) -> f32 {
     if upward { y } else { height as f32 - y }
 }

@@ -1,4 +1,4 @@
-//! From what waits to a draw of the card: key, uniforms, vertices, pipeline.
+//! Converts the batch to a draw of the card: key, uniforms, vertices, pipeline.
 
 use gfx::state::*;
 use gl_shader::arb::program::Output;
@@ -25,20 +25,20 @@ pub fn kind_of(target: usize) -> Kind {
     [Kind::D1, Kind::D2, Kind::Rectangle, Kind::D3, Kind::Cube][target]
 }
 
-/// What a draw's fragments give to the colour buffers.
+/// The colours that a draw's fragments write to the colour buffers.
 fn colors_of(target: &Target, fragment: Option<&Active>) -> Colors {
     let count = target.colors().count().max(1) as u8;
     let own = fragment.filter(|active| active.program.code.as_ref().is_some_and(|code| !code.broadcast));
     let written = own.map_or(u8::MAX, |active| {
         let bit = |output: &Output| if let Output::Color(k) = output { 1 << k } else { 0 };
-        // What a shader does not write is undefined; the first buffer has black then.
+        // An output that a shader does not write is undefined; the first buffer then gets black.
         active.program.outputs.iter().map(bit).fold(1, |all: u8, bit: u8| all | bit)
     });
     Colors { count, written, alike: own.is_none(), float: target.colors().any(|(color, _)| color.is_float()) }
 }
 
 impl Gl {
-    /// The texture that a unit's target is bound to.
+    /// The texture that is bound to a target of a unit.
     pub fn texture(&mut self, unit: usize, target: usize) -> &mut Texture {
         let name = self.state.units[unit].bound[target];
         let kind = kind_of(target);
@@ -46,7 +46,7 @@ impl Gl {
         table.entry(key).or_insert_with(|| Texture::new(kind))
     }
 
-    /// Draws what waits.
+    /// Draws the batch.
     pub fn flush(&mut self) -> Outcome {
         if self.batch.indices.is_empty() {
             return Ok(());
@@ -54,16 +54,16 @@ impl Gl {
         let mut batch = std::mem::take(&mut self.batch);
         let outcome = self.draw(&mut batch, None);
         if self.batch.indices.is_empty() {
-            // The room is used again.
+            // The memory is reused.
             batch.vertices.clear();
             batch.indices.clear();
             self.batch = Batch { vertices: batch.vertices, indices: batch.indices, ..Batch::default() };
         }
-        // The call that ends the batch is not the one that cannot be drawn.
+        // The call that ends the batch is not the one with the unsupported draw.
         self.settled(outcome)
     }
 
-    /// Notes what is not supported of a draw.
+    /// Counts the unsupported feature of a draw.
     pub fn settled(&mut self, outcome: Outcome) -> Outcome {
         match outcome {
             Err(Fault::Unsupported(what)) => {
@@ -82,7 +82,7 @@ impl Gl {
         Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 
-    /// Draws a batch, or primitives that stay on the card: then the batch says only what they are.
+    /// Draws a batch, or a primitive that stays on the card: then the batch gives only its type.
     pub fn draw(&mut self, batch: &mut Batch, kept: Option<&Geometry>) -> Outcome {
         let Some(target) = self.aim()? else {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
@@ -128,7 +128,7 @@ impl Gl {
             key.sampled = texture.is_some();
             key.coordinates = coordinates && (key.sampled || fragment.is_some());
             if fragment.is_some() {
-                // What is done with a texture is the program's affair.
+                // The fragment program decides how a texture is used.
                 key.environment = EnvironmentKey::Mode(e::REPLACE);
                 key.projective = true;
             }
@@ -166,7 +166,7 @@ impl Gl {
         self.programmed(&mut key, batch, vertex.as_ref(), fragment.as_ref())?;
         key.colors = colors_of(&target, fragment.as_ref());
         if self.cuts_fog(&key, batch) {
-            // The distance of an end that is cut off is known here alone.
+            // Only here is the distance of a clipped end known.
             let modelview = self.modelview.top;
             for vertex in &mut batch.vertices {
                 vertex.fog = super::matrix::transform(&modelview, vertex.position)[2].abs();
@@ -179,7 +179,7 @@ impl Gl {
             return Err(Fault::Unsupported("logic operations on several colour buffers and on floating-point ones".into()));
         }
         if key.logic.is_some() {
-            // The stored colours, as they are before this primitive.
+            // The stored colours before this primitive.
             match target.color.filter(|surface| surface.level == 0 && surface.layer == 0) {
                 Some(surface) => bound.push(self.card.frame_copy(surface, target.size)),
                 None => return Err(Fault::Unsupported("logic operations on levels and layers of textures".into())),
@@ -187,7 +187,7 @@ impl Gl {
         }
         bound.extend(self.pixels.map(|pixels| pixels.bound));
         bound.extend(white);
-        // What textures needed may have been drawn meanwhile.
+        // Preparing the textures may have drawn to other targets.
         self.card.aim(Some(target));
         if !self.survey {
             key.varying = varying(batch, &summary, &key);
@@ -234,7 +234,7 @@ impl Gl {
         let fixed = self.fixed(&target, shader, packing.attributes.clone(), batch, &key, bound.len())?;
         let clip = if packing.cuts() { to_clip(&self.projection.top, &self.modelview.top) } else { Mat4::IDENTITY };
         let (flat, upright, viewport) = (self.state.flat, self.keeps_upright(), self.viewport(&target));
-        // Where it begins in the pass; what is kept has buffers of its own.
+        // Offsets in the pass; a kept primitive has its own buffers.
         let (mut vertices, mut first, mut streams_of) = (0, 0, Vec::new());
         let (buffers, count) = match kept {
             Some(geometry) => {
@@ -290,14 +290,14 @@ impl Gl {
         Ok(())
     }
 
-    /// Whether the stencil test has other references or masks for triangles that show their back.
+    /// Whether the stencil test has other references or masks for back-facing triangles.
     pub fn sides_differ(&self, batch: &Batch) -> bool {
         let of = |side: &Stencil| (side.reference, side.read & 255, side.write & 255);
         let [front, back] = &self.state.stencil;
         batch.class == Class::Triangles && self.state.is(e::STENCIL_TEST) && self.stencil_sides() && of(front) != of(back)
     }
 
-    /// The card has one reference and one mask for both sides: each triangle is drawn twice, of which one drawing is culled.
+    /// The card has one reference and one mask for both sides: each triangle is drawn twice, and one of the two is culled.
     fn draw_sides(&mut self, batch: &Batch) -> Outcome {
         if batch.topology.is_some() {
             return Err(Fault::Unsupported(
@@ -327,8 +327,8 @@ impl Gl {
         outcome
     }
 
-    /// Whether lines that become triangles are cut at the near plane and fogged by distance. The card's clipper interpolates distances that
-    /// vertices have, as it does for triangles; these lines are cut before.
+    /// Whether these are lines that become triangles, are clipped to the near plane, and are fogged by distance. For triangles, the card's
+    /// clipper interpolates the distances of the vertices; these lines are clipped before that.
     fn cuts_fog(&self, key: &ShaderKey, batch: &Batch) -> bool {
         let lines = matches!(key.expand, Expand::Line | Expand::SmoothLine);
         let clip = to_clip(&self.projection.top, &self.modelview.top);

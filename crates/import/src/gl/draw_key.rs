@@ -1,4 +1,4 @@
-//! The key of a draw's shader: what the state at hand asks for, and no more.
+//! The key of a draw's shader: only what the current state requires.
 
 use glam::{Mat4, Vec4};
 
@@ -142,7 +142,7 @@ impl Gl {
     }
 }
 
-/// Attributes that come from the vertex buffer: those that are read and differ, or are sent in any case.
+/// Attributes that come from the vertex buffer: those that are read and differ between vertices, and those that are always sent.
 pub fn varying(batch: &Batch, summary: &Summary, key: &ShaderKey) -> Varying {
     let all = Varying { color: true, normal: true, secondary: true, fog: true, texture: [true; UNITS], generic: u16::MAX };
     let mut varying = if batch.sent == Some(Sent::Read) { all } else { summary.varying };

@@ -1,4 +1,4 @@
-//! Draws from arrays: vertices in a row, or those that indices name.
+//! Draws from arrays: consecutive vertices, or those that indices select.
 
 use std::rc::Rc;
 
@@ -6,7 +6,7 @@ use super::arrays::{read, scalar};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::machine::Gl;
 
-/// Vertices of one draw at most.
+/// Maximum number of vertices of one draw.
 const VERTICES_MAX: u32 = 1 << 22;
 
 fn bounded(count: u32) -> Outcome {
@@ -29,14 +29,14 @@ pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outco
     instances(gl, call.size(3)?, count, |gl| gl.elements(mode, first..first.saturating_add(count), false))
 }
 
-/// Runs a draw for each of so many instances.
+/// Runs a draw once for each instance.
 fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut Gl) -> Outcome) -> Outcome {
     if u64::from(count) * u64::from(vertices) > u64::from(VERTICES_MAX) {
         return Err(Fault::Limit(format!(
             "{count} instances of {vertices} vertices in one draw, at most {VERTICES_MAX} in all"
         )));
     }
-    // Programs may ask for the number of the instance.
+    // GLSL programs may read the instance number.
     let alone = gl.glsl.used();
     let mut outcome = gl.flush();
     for instance in 0..count {
@@ -53,11 +53,11 @@ fn instances(gl: &mut Gl, count: u32, vertices: u32, mut draw: impl FnMut(&mut G
     outcome
 }
 
-/// A call has start and end behind the mode.
+/// The call has start and end after the mode.
 pub(super) const RANGE: u8 = 1;
-/// It has a number of instances behind the indices.
+/// The call has a number of instances after the indices.
 pub(super) const INSTANCED: u8 = 2;
-/// Last of all it has what is added to each index.
+/// The call's last argument is added to each index.
 pub(super) const BASED: u8 = 4;
 
 /// `glDrawElements(mode, count, type, indices)`, with [`RANGE`], [`INSTANCED`] and [`BASED`] among `PARTS`.

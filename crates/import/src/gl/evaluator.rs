@@ -132,7 +132,7 @@ pub(super) fn grid(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 impl Gl {
-    /// Sends the vertex of a parameter on, with the attributes that enabled maps have. The current attributes stay.
+    /// Sends the vertex at a parameter, with the attributes of the enabled maps. The current attributes do not change.
     fn evaluate(&mut self, surface: bool, u: f32, v: f32) -> Outcome {
         let first = if surface { e::MAP2_COLOR_4 } else { e::MAP1_COLOR_4 };
         let on = |index: usize| capability(first + index as u32).is_some_and(|bit| self.state.enabled & bit != 0);
@@ -146,7 +146,7 @@ impl Gl {
             let [x, y, z, _] = map.at(u, v)[0];
             vertex.normal = [x, y, z];
         }
-        // Of several texture maps the one of most coordinates counts.
+        // Of several texture maps, the one with the most coordinates is used.
         if let Some(map) = (TEXTURE..TEXTURE + 4).rev().find_map(map) {
             vertex.set_texture(0, map.at(u, v)[0]);
         }
@@ -224,7 +224,7 @@ pub(super) fn mesh_2(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mode = call.u32(0)?;
     let (i1, i2, j1, j2) = (call.i32(1)?, call.i32(2)?, call.i32(3)?, call.i32(4)?);
     bounded(&[(i1, i2), (j1, j2)])?;
-    // A mesh that is empty along one axis has no points, however far the other reaches.
+    // A mesh that is empty along one axis has no points, whatever the range of the other.
     let empty = i1 > i2 || j1 > j2;
     match mode {
         e::POINT | e::LINE | e::FILL if empty => Ok(()),

@@ -27,7 +27,7 @@ pub fn compare(value: u32) -> Compare {
 }
 
 impl Stencil {
-    /// What the card does on this side.
+    /// The card's stencil state of this side.
     pub fn face(&self) -> Outcome<StencilFace> {
         let [fail, depth_fail, pass] = self.ops;
         Ok(StencilFace {
@@ -40,14 +40,14 @@ impl Stencil {
 }
 
 impl Gl {
-    /// Whether colours are blended by the constant's alpha, and none by its colour: then the card's constant has it in all channels.
+    /// Whether blend factors use the constant's alpha and not its colour: then all channels of the card's constant are that alpha.
     pub(super) fn constant_alpha(&self) -> bool {
         let [source, destination, ..] = self.state.blend;
         let uses = |factors: [u32; 2]| factors.contains(&source) || factors.contains(&destination);
         uses([e::CONSTANT_ALPHA, e::ONE_MINUS_CONSTANT_ALPHA]) && !uses([e::CONSTANT_COLOR, e::ONE_MINUS_CONSTANT_COLOR])
     }
 
-    /// Whether the stencil test has a state of its own for triangles that show their back.
+    /// Whether the stencil test has separate state for back-facing triangles.
     pub(super) fn stencil_sides(&self) -> bool {
         let state = &self.state;
         state.is(e::STENCIL_TEST_TWO_SIDE_EXT) || state.stencil_face.is_none() && state.stencil[0] != state.stencil[1]
@@ -86,7 +86,7 @@ impl Gl {
         };
         let tested = state.is(e::DEPTH_TEST) && target.has_depth;
         let stencil = state.is(e::STENCIL_TEST) && target.has_stencil;
-        // Points and lines have no back.
+        // Points and lines have no back face.
         let two_side = triangles && self.stencil_sides();
         let [front, back] = [0, usize::from(two_side)].map(|k| state.stencil[k]);
         let offset = match class {
@@ -120,7 +120,7 @@ impl Gl {
         let blend = if state.is(e::BLEND) && !state.is(e::COLOR_LOGIC_OP) {
             let component = |src: u32, dst: u32, op: u32, alpha: bool| -> Outcome<BlendComponent> {
                 let op = blend_operation(op)?;
-                // The card's own rule: these do not weight.
+                // The card's rule: minimum and maximum ignore blend factors.
                 if matches!(op, BlendOp::Min | BlendOp::Max) {
                     return Ok(BlendComponent { src: BlendFactor::One, dst: BlendFactor::One, op });
                 }

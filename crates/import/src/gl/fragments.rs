@@ -1,4 +1,4 @@
-//! What happens to fragments, and clears.
+//! Per-fragment operations, and clears.
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_VALUE, Outcome, Shape};
 use super::clear::ClearValues;
@@ -38,7 +38,7 @@ fn set_func(gl: &mut Gl, face: u32, call: &Call, first: usize) -> Outcome {
     Ok(())
 }
 
-/// The faces that calls without a face mean.
+/// The stencil faces of calls without a face argument.
 fn active_faces(gl: &Gl) -> u32 {
     gl.state.stencil_face.unwrap_or(e::FRONT_AND_BACK)
 }
@@ -144,7 +144,7 @@ pub(super) fn blend_factor(factor: u32, alpha: bool) -> Outcome<gfx::state::Blen
         e::DST_ALPHA => F::DstAlpha,
         e::ONE_MINUS_DST_ALPHA => F::OneMinusDstAlpha,
         e::SRC_ALPHA_SATURATE => F::SrcAlphaSaturated,
-        // The constant's alpha: a factor of alpha, or the card's constant has it in all channels.
+        // Either this is an alpha factor, or all channels of the card's constant are its alpha.
         e::CONSTANT_ALPHA if alpha => F::Constant,
         e::ONE_MINUS_CONSTANT_ALPHA if alpha => F::OneMinusConstant,
         e::CONSTANT_COLOR => F::Constant,
@@ -234,7 +234,7 @@ pub(super) fn color_mask(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 pub(super) fn clear_color(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    // Bounded where the colour buffer is.
+    // Values are clamped when the colour buffer clamps.
     gl.state.clear_color = [call.f32(0)?, call.f32(1)?, call.f32(2)?, call.f32(3)?];
     Ok(())
 }

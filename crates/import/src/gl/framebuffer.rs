@@ -1,4 +1,4 @@
-//! Frame buffer objects, render buffers, and which images drawing and reading mean.
+//! Framebuffer objects, renderbuffers, and the choice of the images that are drawn to and read.
 
 use gfx::state::Rect;
 
@@ -14,11 +14,11 @@ use super::names;
 use super::state::TARGETS;
 use super::texture::{FromTarget, Level};
 
-/// The error of a frame buffer object that cannot be drawn to.
+/// The error of an incomplete framebuffer object.
 const INCOMPLETE: Fault = Fault::Error("GL_INVALID_FRAMEBUFFER_OPERATION");
-/// Colour attachments.
+/// Number of colour attachments.
 const COLORS: usize = 16;
-/// Edges of render buffers at most.
+/// Maximum width and height of renderbuffers.
 const EDGE_MAX: u32 = 16_384;
 
 /// What is attached to a frame buffer object.
@@ -43,7 +43,7 @@ pub struct Framebuffer {
     read: u32,
 }
 
-/// Draw buffers of which only the first is used.
+/// A list of draw buffers with this one first and `NONE` for the others.
 fn alone(buffer: u32) -> [u32; COLORS_MAX] {
     std::array::from_fn(|k| if k == 0 { buffer } else { e::NONE })
 }
@@ -55,13 +55,13 @@ impl Default for Framebuffer {
     }
 }
 
-/// A render buffer: its image, its size, what it holds.
+/// A renderbuffer: its image, its size, its base format.
 #[derive(Clone, Debug, Default)]
 pub struct Renderbuffer {
     image: Option<(Surface, [u32; 2], Base)>,
 }
 
-/// An image that is attached: it, its size, its base format.
+/// An attached image: its surface, its size, its base format.
 type Image = (Surface, [u32; 2], Base);
 
 impl Gl {
@@ -85,7 +85,7 @@ impl Gl {
         }
     }
 
-    /// The image that an attachment of a frame buffer object means, by the enumerant of its colour buffer.
+    /// The image at an attachment of a framebuffer object; `buffer` is the enumerant of the colour buffer.
     fn color_image(&mut self, object: &Framebuffer, buffer: u32) -> Outcome<Option<Image>> {
         if buffer == e::NONE {
             return Ok(None);
@@ -137,7 +137,7 @@ impl Gl {
         })
     }
 
-    /// Chooses what draws go to, as the state has it now.
+    /// Selects the render target by the current state.
     pub fn aim(&mut self) -> Outcome<Option<Target>> {
         let target = match (self.draw_framebuffer, self.state.draw_buffer) {
             (0, e::FRONT | e::FRONT_LEFT | e::LEFT) if self.state.is(e::FRAMEBUFFER_SRGB) => {
@@ -152,7 +152,7 @@ impl Gl {
         Ok(target)
     }
 
-    /// What copies and reads mean: colours, or depths.
+    /// The image that copies and reads take: colours or depths.
     pub fn read_source(&mut self, depth: bool) -> Outcome<FromTarget> {
         self.flush()?;
         let none = || Fault::Unsupported("reading before the size of the window is known".into());
@@ -169,7 +169,7 @@ impl Gl {
     }
 }
 
-/// Which of the two bindings a target means: of drawing, of reading.
+/// Which bindings a target selects: draw, read.
 fn bindings(target: u32) -> Outcome<[bool; 2]> {
     match target {
         e::FRAMEBUFFER => Ok([true, true]),
@@ -179,20 +179,20 @@ fn bindings(target: u32) -> Outcome<[bool; 2]> {
     }
 }
 
-/// The program asks for a kind of window: it has alpha if the list of attributes asks for at least one bit of it. Of several calls, as a
-/// program makes them until one is answered, any may ask.
+/// The program chooses the format of the window. The window has alpha if the attribute list asks for at least one bit of alpha. A program
+/// may make several such calls until one succeeds; one that asks for alpha is enough.
 pub(super) fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
-    // A window has an accumulation buffer only if it is asked for, and none of EGL has one.
+    // A window has an accumulation buffer only if the program asks for one. EGL windows have none.
     let accumulates = [14.0, 15.0, 16.0, 17.0];
     let asks = &*call.function.name != "eglChooseConfig";
     gl.accumulates.get_or_insert(false);
     let (list, alpha_size, flags): (_, _, &[f64]) = match &*call.function.name {
         "eglChooseConfig" => (1, 0x3021, &[]),
         "glXChooseFBConfig" => (2, 11, &[]),
-        // GLX_USE_GL, GLX_RGBA, GLX_DOUBLEBUFFER and GLX_STEREO stand without a value.
+        // GLX_USE_GL, GLX_RGBA, GLX_DOUBLEBUFFER and GLX_STEREO have no value.
         _ => (2, 11, &[1.0, 4.0, 5.0, 6.0]),
     };
-    // A null pointer asks for nothing.
+    // A null pointer is an empty attribute list.
     let Ok(list) = call.numbers(list) else { return Ok(()) };
     let mut rest = list.iter();
     while let Some(name) = rest.next() {
@@ -247,7 +247,7 @@ fn attach(gl: &mut Gl, target: u32, point: u32, what: Attached) -> Outcome {
     Ok(())
 }
 
-/// The texture of an attaching call, and the layer that its target names.
+/// The texture image that a call attaches; its target selects the layer.
 fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> Outcome<Attached> {
     if name == 0 {
         return Ok(Attached::Nothing);
@@ -352,7 +352,7 @@ pub(super) fn renderbuffer_storage_multisample(gl: &mut Gl, call: &Call, _: Shap
     storage(gl, call.u32(2)?, [call.size(3)?, call.size(4)?])
 }
 
-/// The colour buffer that one call names for drawing.
+/// Sets the single colour buffer that is drawn to.
 fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
     let color = buffer.wrapping_sub(e::COLOR_ATTACHMENT0) < COLORS as u32;
     if gl.draw_framebuffer != 0 {
@@ -416,7 +416,7 @@ pub(super) fn generate_mipmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 impl Gl {
-    /// Makes all levels below the first one of these faces of the texture that a target of the active unit means.
+    /// Generates the mipmap levels of these faces from the base level. The texture is the one bound to this target of the active unit.
     pub(super) fn generate_levels(&mut self, target: usize, faces: std::ops::Range<u32>) -> Outcome {
         let unit = self.state.active;
         self.texture(unit, target);
@@ -445,7 +445,7 @@ impl Gl {
                 }
                 let to = texture.surface(&mut self.card, face, level)?.ok_or(INVALID_OPERATION)?;
                 let source = texture.surface(&mut self.card, face, level - 1)?.ok_or(INVALID_OPERATION)?;
-                // The centre of a texel lies between those that it is the mean of.
+                // The centre of a texel lies between the texels whose mean it is.
                 let key =
                     CopyKey { from: From::Filtered, result: "c", format: image.format.name(), meet: Meet::Replace, mask: 15 };
                 let scale = [from[0] as f32 / width as f32, from[1] as f32 / height as f32];

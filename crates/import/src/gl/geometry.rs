@@ -1,5 +1,5 @@
-//! Primitives of display lists. Those that are drawn again and again stay on the card, so that a frame costs what it says and not what is
-//! in its lists.
+//! Primitives of display lists. Those that are drawn repeatedly stay on the card, so the cost of a frame does not grow with the vertices in
+//! its lists.
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::rc::Rc;
@@ -16,18 +16,18 @@ use super::primitive::{Batch, Class, Corners, class_of, is_upright, points_and_l
 use super::state::{UNITS, Vertex};
 use super::summary::Summary;
 
-/// Vertices from which on a primitive stays on the card. Smaller ones are joined with their neighbours to one draw.
+/// Minimum number of vertices of a primitive that stays on the card. Smaller ones are joined with their neighbours to one draw.
 const LEAST: usize = 192;
-/// Bytes that stay on the card at most.
+/// Maximum number of bytes that stay on the card.
 const KEPT_MAX: u64 = 64 << 20;
 
 /// A primitive of a list.
 pub struct Geometry {
-    /// What its vertices are.
+    /// The mode of the primitive.
     pub mode: u32,
     /// Vertices.
     pub vertices: Rc<[Vertex]>,
-    /// Attributes that the list gives: bits of [`Vertex::over`]. The other ones are the current ones where it is drawn.
+    /// Attributes that the list sets: bits of [`Vertex::over`]. The others are the current ones when it is drawn.
     pub own: u32,
     /// Whether it has been drawn.
     drawn: Cell<bool>,
@@ -50,7 +50,7 @@ impl Geometry {
         Geometry { mode, vertices, own, drawn: Cell::new(false), summary: OnceCell::new(), on_card: RefCell::new(Vec::new()) }
     }
 
-    /// What is known of its vertices, and whether upright rectangles are among them.
+    /// The summary of its vertices, and whether some are upright rectangles.
     fn summary(&self) -> &(Summary, bool) {
         self.summary.get_or_init(|| {
             let rectangles = self.mode == e::QUADS
@@ -59,7 +59,7 @@ impl Geometry {
         })
     }
 
-    /// The attributes that do not differ, and what is known of all, where these are the current attributes.
+    /// The constant attributes and the summary, for these current attributes.
     pub fn over(&self, current: &Vertex) -> (Vertex, Summary) {
         let constant = self.vertices[0].over(current, self.own);
         let mut summary = self.summary().0.clone();
@@ -99,7 +99,7 @@ impl Gl {
         self.primitive(geometry.mode, &filled)
     }
 
-    /// Whether a primitive that was drawn before is drawn from the card's memory: no vertex of it depends on the state.
+    /// Whether a primitive can be drawn from the card's memory: none of its vertices depends on the state.
     fn stays(&self, geometry: &Geometry) -> bool {
         let state = &self.state;
         geometry.vertices.len() >= LEAST
@@ -114,7 +114,7 @@ impl Gl {
             }
     }
 
-    /// Frees what primitives of a list have on the card.
+    /// Frees the card's buffers of a list's primitive.
     pub fn free_geometry(&mut self, geometry: &Geometry) {
         for kept in geometry.on_card.take() {
             self.card.kept_bytes -= kept.bytes;
@@ -124,8 +124,8 @@ impl Gl {
 }
 
 impl Card {
-    /// The buffers of a primitive for draws of one kind, and how many indices it has; made once. `upright` is whether upright rectangles are
-    /// seen as such.
+    /// The buffers of a primitive for draws of one kind, and the number of its indices; made once. `upright`: whether upright rectangles
+    /// are treated as such.
     pub fn kept(&mut self, geometry: &Geometry, packing: Packing, upright: bool) -> ([BufferId; 2], u32) {
         let upright = upright && geometry.summary().1;
         let mut on_card = geometry.on_card.borrow_mut();

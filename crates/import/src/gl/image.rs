@@ -18,10 +18,10 @@ const UNSIGNED_INT_24_8: u32 = 0x84fa;
 const PACKED_FLOATS: u32 = 0x8c3b;
 const SHARED_EXPONENT: u32 = 0x8c3e;
 
-/// Texels or pixels of a rectangle at most.
+/// Maximum number of texels or pixels of a rectangle.
 const TEXELS_MAX: u64 = 1 << 28;
 
-/// How pixels lie in the client's memory (`glPixelStore`).
+/// The layout of pixels in the client's memory (`glPixelStore`).
 #[derive(Clone, Copy, Debug)]
 pub struct PixelStore {
     /// Rows begin at multiples of this.
@@ -30,9 +30,9 @@ pub struct PixelStore {
     pub row_length: u32,
     /// Rows of an image; 0: as many as the rectangle has.
     pub image_height: u32,
-    /// Pixels, rows and images that are left out.
+    /// Pixels, rows and images that are skipped.
     pub skip: [u32; 3],
-    /// Whether the bytes of a component are the other way around.
+    /// Whether the bytes of a component are swapped.
     pub swap: bool,
     /// Whether the lowest bit of a bitmap's byte is the leftmost.
     pub low_first: bool,
@@ -46,7 +46,7 @@ impl Default for PixelStore {
     }
 }
 
-/// A component type of packed pixels: bytes, and shift and width of each component.
+/// A packed pixel type: its bytes, and shift and width of each component.
 fn packed(kind: u32) -> Option<(usize, [(u32, u32); 4])> {
     let fields = match kind {
         e::UNSIGNED_BYTE_3_3_2 => (1, [(5, 3), (2, 3), (0, 2), (0, 0)]),
@@ -110,11 +110,11 @@ pub fn byte(value: f64) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// What a component of a pixel becomes.
+/// A type to which a component of a pixel is converted.
 pub trait Component: Copy {
-    /// Nothing, and the greatest value of a normalised component.
+    /// Zero, and the greatest value of a normalised component.
     const ENDS: [Self; 2];
-    /// A value.
+    /// Converts a value.
     fn of(value: f64) -> Self;
 }
 
@@ -161,7 +161,7 @@ fn from_half(bits: u32) -> f32 {
 
 /// Red, green, blue and alpha of each pixel of a rectangle, rows from the bottom.
 pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kind: u32, bytes: &[u8]) -> Outcome<Vec<[T; 4]>> {
-    // A byte is looked up, since most pixels are bytes.
+    // Bytes are converted by a table, since most pixels are bytes.
     let of_byte: [T; 256] = std::array::from_fn(|code| T::of(code as f64 / 255.0));
     let [zero, one] = T::ENDS;
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
@@ -237,18 +237,18 @@ pub fn unpack<T: Component>(store: &PixelStore, size: [u32; 3], format: u32, kin
     Ok(out)
 }
 
-/// How texels of a base format are kept.
+/// How texels of a base format are stored.
 pub trait Kept: Sized {
     /// The base format of an internal format.
     fn of(internal: u32) -> Outcome<Self>;
 
-    /// The format in which texels are kept.
+    /// The format in which texels are stored.
     fn format(self) -> Format;
 
-    /// Texels as they are kept.
+    /// Converts texels to the stored format.
     fn keep(self, texels: &[[u8; 4]]) -> Vec<u8>;
 
-    /// Floating-point texels as they are kept.
+    /// Converts floating-point texels to the stored format.
     fn keep_floats(self, texels: &[[f32; 4]]) -> Vec<u8>;
 }
 
@@ -286,7 +286,7 @@ impl Kept for Base {
             R32F => Base::Float(Channels::Red, Width::Single),
             RG16F => Base::Float(Channels::Rg, Width::Half),
             RG32F => Base::Float(Channels::Rg, Width::Single),
-            // Half precision has all values of these 11 bits.
+            // Half precision represents every value of these 10 or 11 bits.
             R11F_G11F_B10F => Base::Float(Channels::Rgb, Width::Half),
             0..=0xff => return Err(INVALID_VALUE_FORMAT),
             _ => return Err(Fault::Unsupported(format!("textures of internal format {}", names::name(internal)))),
@@ -358,7 +358,7 @@ const R11F_G11F_B10F: u32 = 0x8c3a;
 const DEPTH_COMPONENT32F: u32 = 0x8cac;
 const DEPTH32F_STENCIL8: u32 = 0x8cad;
 
-/// The standard's error for an internal format that is none.
+/// The standard's error for an invalid internal format.
 const INVALID_VALUE_FORMAT: Fault = Fault::Error("GL_INVALID_VALUE");
 
 /// Texels of eight bits as numbers.
@@ -366,7 +366,7 @@ fn wide(texels: &[[u8; 4]]) -> Vec<[f32; 4]> {
     texels.iter().map(|texel| texel.map(|code| f32::from(code) / 255.0)).collect()
 }
 
-/// The next smaller level of an image of kept texels: each is the mean of the eight (or four, or two) below it.
+/// The next smaller level of an image in the stored format: each texel is the mean of eight (or four, or two) of the larger level.
 pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
     let (format, channels) = (base.format(), base.format().block_bytes() as usize);
     let smaller = size.map(|edge| (edge / 2).max(1));
@@ -381,7 +381,7 @@ pub fn half(size: [u32; 3], base: Base, texels: &[u8]) -> ([u32; 3], Vec<u8>) {
             let eight: [&[u8]; 8] =
                 std::array::from_fn(|k| at(2 * x + (k as u32 & 1), 2 * y + (k as u32 >> 1 & 1), 2 * z + (k as u32 >> 2)));
             if matches!(base, Base::Srgb | Base::SrgbAlpha | Base::Float(..)) {
-                // Channels are the mean of what their codes stand for.
+                // A channel is the mean of the decoded values, not of their codes.
                 let eight = eight.map(|texel| texel::decode(format, texel).map(f32::from_bits));
                 let mean: [f32; 4] = std::array::from_fn(|c| eight.iter().map(|texel| texel[c]).sum::<f32>() / 8.0);
                 out.extend(&texel::encode(format, mean.map(f32::to_bits))[..channels]);

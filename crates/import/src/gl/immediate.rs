@@ -1,11 +1,11 @@
-//! Vertices one by one.
+//! Immediate mode: vertices between Begin and End.
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
 use super::consts as e;
 use super::machine::{Gl, components};
 use super::state::{UNITS, capability};
 
-/// Vertices between Begin and End at most.
+/// Maximum number of vertices between Begin and End.
 const VERTICES_MAX: usize = 1 << 22;
 
 pub(super) fn begin(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -47,7 +47,7 @@ pub(super) fn vertex(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
 }
 
 impl Gl {
-    /// A vertex at a position, with the current attributes. Outside of Begin and End it does nothing.
+    /// Sends a vertex with the current attributes. Outside Begin and End it has no effect.
     pub fn vertex_at(&mut self, position: [f32; 4]) -> Outcome {
         let mut vertex = self.state.current.clone();
         vertex.position = position;

@@ -1,4 +1,4 @@
-//! Display lists: calls that are kept and run again.
+//! Display lists: calls that are stored and executed later.
 
 use std::rc::Rc;
 
@@ -11,23 +11,23 @@ use super::machine::{Count, Gl, components};
 use super::state::{UNITS, Vertex};
 use super::table::{Entry, Part};
 
-/// Calls of all lists, and lists in each other (the standard's least maximum).
+/// Limits: calls of all lists together, and the nesting depth of lists (the standard's minimum for `MAX_LIST_NESTING`).
 const LIST_MAX: usize = 1 << 24;
 const NESTING_MAX: u32 = 64;
 
-/// What a list does.
+/// One step of a list.
 enum Step {
     /// A call with a few numbers.
     Numbers(Compact),
     /// A call.
     Call(Box<(Entry, Call)>),
-    /// A call that has read pixels: how they lie in memory was settled when the list was made.
+    /// A call that reads pixels, with the pixel storage modes of the moment when the list was compiled.
     Pixels(Box<(Entry, Call, PixelStore)>),
-    /// A primitive: between Begin and End, or of client arrays as they were when the list was made.
+    /// A primitive: between Begin and End, or from client arrays as they were when the list was compiled.
     Primitive(Box<Geometry>),
-    /// The attributes of these bits of [`Vertex::over`] become those of a vertex.
+    /// Sets the current attributes that these bits of [`Vertex::over`] select to those of the vertex.
     Attributes(Box<Vertex>, u32),
-    /// An element of client arrays as they were, and which attributes are theirs.
+    /// An element of client arrays as they were when the list was compiled, and the bits of the attributes that the arrays give.
     Element(Box<Vertex>, u32),
 }
 
@@ -37,10 +37,10 @@ pub struct List {
     steps: Vec<Step>,
     /// Arguments of calls.
     numbers: Vec<f32>,
-    /// Where the list is made: the attributes at hand in it, and those of them that are known, which the list has set.
+    /// While the list is compiled: the current attributes in it, and (`known`) the bits of those that the list itself has set.
     now: Option<Box<Vertex>>,
     known: u32,
-    /// The step at which the primitive begins that has not ended.
+    /// The step of the Begin that has no End yet.
     begun: Option<usize>,
 }
 
@@ -74,8 +74,8 @@ fn attribute_of(entry: &Entry, call: &Call) -> Option<u32> {
 }
 
 impl Gl {
-    /// Appends a call to a list that is made. Calls from Begin to End become a primitive, wherever the list says which attributes its vertices
-    /// have and which are those at hand when it is run.
+    /// Appends a call to the list that is compiled. Calls from Begin to End become one primitive if the list fixes which attributes its
+    /// vertices set and which they take from the current state when the list runs.
     pub fn compile(&mut self, mut list: List, entry: Entry, call: &Call) -> Result<List, String> {
         let pixels = self.unpack.buffer != 0 || call.args.iter().any(|arg| matches!(arg, Arg::Blob(_)));
         let step = match Compact::of(call, &mut list.numbers) {
@@ -101,7 +101,7 @@ impl Gl {
         Ok(list)
     }
 
-    /// Runs something on the attributes at hand in a list.
+    /// Runs a function with the current attributes of the list in place of those of the machine.
     fn aside<T>(&mut self, list: &mut List, run: impl FnOnce(&mut Gl) -> T) -> T {
         let now = list.now.get_or_insert_with(|| Box::new(self.state.current.clone()));
         std::mem::swap(&mut self.state.current, now);
@@ -110,7 +110,7 @@ impl Gl {
         result
     }
 
-    /// Makes a primitive of the steps of a list from Begin to End, if all its vertices get the same attributes from the list.
+    /// Replaces the steps from Begin to End by one primitive, if the list sets the same attributes for all its vertices.
     fn gather(&mut self, list: &mut List, first: usize) {
         let inside = list.steps.split_off(first);
         let (known, numbers) = (list.known, std::mem::take(&mut list.numbers));
@@ -134,7 +134,7 @@ impl Gl {
         }
     }
 
-    /// The primitive of calls from Begin to End, and the attributes that are set.
+    /// The primitive of the calls from Begin to End, and the bits of the attributes that they set.
     fn primitive_of(&mut self, inside: &[Step], numbers: &[f32], mut known: u32) -> Option<(Option<Geometry>, u32)> {
         let [Step::Numbers(begin), within @ .., _] = inside else { return None };
         let mut call = self.room(begin)?;
@@ -147,7 +147,7 @@ impl Gl {
                     compact.fill(numbers, &mut call);
                     self.function(compact.function)?.0
                 }
-                // Numbers in double precision.
+                // A call with arguments in double precision.
                 Step::Call(of) => {
                     call.args.clone_from(&of.1.args);
                     of.0
@@ -172,13 +172,13 @@ impl Gl {
         Some((geometry, set))
     }
 
-    /// A call to be filled with what a compact one has.
+    /// An empty call of the same function, into which the compact one is expanded.
     fn room(&self, compact: &Compact) -> Option<Call> {
         let (_, function) = self.function(compact.function)?;
         Some(Call { number: self.number, place: 0, function, args: Vec::new(), result: Arg::Null })
     }
 
-    /// Draws vertices of client arrays, or keeps them in the list that is compiled. `arrays` has a bit for each attribute of theirs.
+    /// Draws vertices of client arrays, or stores them in the list that is compiled. `arrays` has a bit for each attribute of the arrays.
     pub fn vertices(&mut self, mode: u32, vertices: Vec<Vertex>, arrays: u32) -> Outcome {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
@@ -193,7 +193,7 @@ impl Gl {
         self.primitive(mode, &vertices)
     }
 
-    /// Sends an element of client arrays, or keeps it in the list that is compiled.
+    /// Sends an element of client arrays, or stores it in the list that is compiled.
     pub fn element(&mut self, vertex: Vertex, arrays: u32) -> Outcome {
         if let Some((_, execute, list)) = &mut self.compiling {
             let execute = *execute;
@@ -208,7 +208,7 @@ impl Gl {
     }
 
     fn run_list(&mut self, name: u32) -> Outcome {
-        // A list that is not there does nothing, and neither does one that is nested too deep.
+        // Calling a list that does not exist, or that is nested too deep, has no effect.
         let Some(list) = self.lists.get(&name).cloned() else { return Ok(()) };
         if self.depth >= NESTING_MAX {
             return Ok(());
@@ -263,7 +263,8 @@ impl Gl {
         Ok(())
     }
 
-    /// Draws a primitive of a list. Where another one has begun, its Begin is an error, and its vertices belong to the other one, which ends.
+    /// Draws a primitive of a list. If another primitive is open, the Begin of this one is an error. Its vertices then go to the open one,
+    /// and its End ends that.
     fn run_primitive(&mut self, geometry: &Geometry) -> Outcome {
         let Some((mode, mut vertices)) = self.begun.take() else { return self.geometry(geometry) };
         self.errors.entry("glBegin: GL_INVALID_OPERATION".into()).or_insert(Count { times: 0, first: self.number }).times += 1;
@@ -271,7 +272,7 @@ impl Gl {
         self.primitive(mode, &vertices)
     }
 
-    /// Forgets a list.
+    /// Deletes a list.
     fn free_list(&mut self, name: u32) {
         if let Some(list) = self.lists.remove(&name) {
             list.geometries().for_each(|geometry| self.free_geometry(geometry));
@@ -341,7 +342,7 @@ pub(super) fn call_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             e::BYTE => raw[0] as i8 as u32,
             e::SHORT => i16::from_le_bytes([raw[0], raw[1]]) as u32,
             e::FLOAT => f32::from_le_bytes(raw) as i64 as u32,
-            // The bytes of these come highest first.
+            // The most significant byte of these comes first.
             e::GL_2_BYTES | e::GL_3_BYTES | e::GL_4_BYTES => name.iter().fold(0, |all, &byte| all << 8 | u32::from(byte)),
             _ => u32::from_le_bytes(raw),
         };

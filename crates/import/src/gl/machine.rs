@@ -27,20 +27,21 @@ use super::state::{Stack, State, UNITS, Vertex};
 use super::table::{self, Entry, Moment};
 use super::texture::Texture;
 
-/// Windows are at most so wide and high.
+/// Maximum width and height of a window.
 const WINDOW_MAX: u32 = 16_384;
-/// What is kept of each kind of object names, so that a recording cannot ask for memory without calls.
+/// Maximum number of objects of each kind, so that a recording cannot use much memory with few calls.
 const NAMES_MAX: usize = 1 << 20;
-/// Calls that display lists run, and how many more for each call of the recording: lists in lists are few bytes and much work.
+/// Maximum number of calls that display lists run: this many, and more for each call of the recording. Nested lists cause much work with
+/// few bytes.
 const STEPS_MAX: u64 = 1 << 30;
 const STEPS_A_CALL: u64 = 1 << 14;
-/// Calls of lists, with all that they call, that one call runs at most: as many as the largest list has. Lists that call themselves twice would
-/// run for as long as all calls together may.
+/// Maximum number of list calls, nested ones included, that one recorded call runs: the size of the largest list. Without it, one list that
+/// calls itself twice could use up the limit for the whole recording.
 const STEPS_A_LIST: u64 = 1 << 24;
-/// Steps between two looks at the numbers of objects: a call makes one at most.
+/// Steps between two checks of the numbers of objects: a call makes at most one object.
 const STEPS_A_LOOK: u64 = 64;
 
-/// How often something occurred, and where first.
+/// How often something occurred, and where it first occurred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Count {
     /// How often.
@@ -78,7 +79,7 @@ pub struct Gl {
     pub glsl: Glsl,
     /// Buffer objects.
     pub buffers: BTreeMap<u32, Rc<[u8]>>,
-    /// How pixels are read.
+    /// Pixel storage modes for reading the client's pixels.
     pub unpack: PixelStore,
     /// The buffer object that pixels are read back into.
     pub pack_buffer: u32,
@@ -86,21 +87,21 @@ pub struct Gl {
     pub mappings: Vec<Mapping>,
     /// Pixel maps.
     pub pixel_maps: PixelMaps,
-    /// The colours of the rectangle that is drawn.
+    /// The source of the pixel rectangle that is drawn.
     pub pixels: Option<Source>,
     /// Frame buffer objects by name.
     pub framebuffers: BTreeMap<u32, Framebuffer>,
-    /// The one that is drawn to; 0: the window.
+    /// The bound draw framebuffer; 0: the window.
     pub draw_framebuffer: u32,
-    /// The one that is read.
+    /// The bound read framebuffer.
     pub read_framebuffer: u32,
     /// The colour buffer of the window that is read.
     pub read_buffer: u32,
     /// Render buffers by name.
     pub renderbuffers: BTreeMap<u32, Renderbuffer>,
-    /// The one that calls mean.
+    /// The bound renderbuffer.
     pub renderbuffer: u32,
-    /// What clears the accumulation buffer.
+    /// The clear value of the accumulation buffer.
     pub clear_accum: [f32; 4],
     /// The instance that is drawn.
     pub instance: u32,
@@ -114,9 +115,9 @@ pub struct Gl {
     pub queries: u64,
     /// Texture objects by name.
     pub textures: BTreeMap<u32, Texture>,
-    /// Whether filters go on over the edges of cubes' faces.
+    /// Whether filters cross the edges of cube map faces.
     pub seamless: bool,
-    /// Samplers by name: of a texture they have how it is sampled.
+    /// Sampler objects by name, stored as textures of which only the sampling parameters are used.
     pub samplers: BTreeMap<u32, Texture>,
     /// The samplers of the units; 0: none.
     pub bound_samplers: [u32; UNITS],
@@ -130,19 +131,19 @@ pub struct Gl {
     pub maps: Maps,
     /// Between Begin and End: the mode and the vertices.
     pub begun: Option<(u32, Vec<Vertex>)>,
-    /// Room of the vertices of the primitive before.
+    /// The vertex memory of the previous primitive, for reuse.
     pub spare: Vec<Vertex>,
-    /// The material that changes between Begin and End: its faces and name, and its colour now.
+    /// The material that changes between Begin and End: its faces and name, and its current colour.
     pub tracked: Option<([u32; 2], [f32; 4])>,
-    /// What `glMaterial` has given.
+    /// The materials that `glMaterial` has set, for colour material.
     pub given: Given,
     /// Primitives that wait for a draw.
     pub batch: Batch,
     /// Whether each primitive call is a draw, with its attributes in full.
     pub keep_draws: bool,
-    /// Whether vertices are left out of draws, since nothing is kept but what is known of the recording.
+    /// Whether vertices are left out of draws, because only facts about the recording are collected.
     pub survey: bool,
-    /// Of draws that are kept, what the arrays of the call at hand send.
+    /// With `keep_draws`: what the arrays of the current call send.
     pub elements: Option<Elements>,
     /// `GL_RENDER`, `GL_FEEDBACK` or `GL_SELECT`.
     pub render_mode: u32,
@@ -156,25 +157,25 @@ pub struct Gl {
     pub unsupported: Counts,
     /// Calls that raise an error.
     pub errors: Counts,
-    /// The call that is run.
+    /// The number of the call that runs.
     pub number: u64,
     /// The functions that the recording calls, by their numbers.
     functions: Vec<Option<(Entry, Rc<Function>)>>,
     counted: Vec<(Rc<str>, u64)>,
     /// Whether the size of the window was stated, so that viewports do not change it.
     pub fixed_window: bool,
-    /// Lists that are executed in each other.
+    /// Nesting depth of the lists that run.
     pub depth: u32,
-    /// Steps before the outermost list that runs.
+    /// The value of `steps` when the outermost running list began.
     pub list_began: u64,
     /// Calls that ran.
     pub steps: u64,
-    /// What a recording may ask for.
+    /// Limits for the recording.
     pub limits: Limits,
 }
 
 impl Gl {
-    /// A machine in its first state; `name` is what messages about its commands call it.
+    /// A machine in its initial state; messages about its commands use `name`.
     pub fn new(name: &Path, limits: &Limits) -> Gl {
         Gl {
             card: Card::new(name),
@@ -239,18 +240,18 @@ impl Gl {
         }
     }
 
-    /// How many of so many vertices of a primitive are looked at: a survey needs one primitive to know what a draw asks for.
+    /// How many of a primitive's `count` vertices are read: a survey needs only the first few to find what a draw requires.
     pub fn vertices_read(&self, count: usize) -> usize {
         if self.survey { count.min(4) } else { count }
     }
 
-    /// Notes that something is not supported.
+    /// Counts a feature that is not supported.
     pub fn refuse(&mut self, what: String) {
         let count = self.unsupported.entry(what).or_insert(Count { times: 0, first: self.number });
         count.times += 1;
     }
 
-    /// Runs a call. Errors are those that end the import.
+    /// Runs a call. An error ends the import.
     pub fn call(&mut self, call: &Call) -> Result<(), String> {
         self.number = call.number;
         let id = call.function.id as usize;
@@ -293,7 +294,7 @@ impl Gl {
         (entry.run)(self, call, entry.shape)
     }
 
-    /// Notes what a call came to.
+    /// Counts the error or the unsupported feature of a call.
     pub fn settle(&mut self, call: &Call, outcome: Outcome) -> Result<(), String> {
         match outcome {
             Ok(()) => {}
@@ -304,7 +305,7 @@ impl Gl {
             }
             Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => {
                 let name = &*call.function.name;
-                // Lists in lists are told once.
+                // With nested lists, the name is put in front only once.
                 return Err(if reason.starts_with(name) { reason } else { format!("{name}: {reason}") });
             }
         }
@@ -324,7 +325,7 @@ impl Gl {
         Ok(())
     }
 
-    /// The number of objects of the kind that has most.
+    /// The number of objects of the most numerous kind.
     fn objects(&self) -> usize {
         let objects = [
             self.textures.len(),
@@ -339,7 +340,7 @@ impl Gl {
         objects.into_iter().max().unwrap_or(0)
     }
 
-    /// The window is at least so large. A recording that does not state its size tells it by its first viewport.
+    /// Makes the window at least this large. If a recording does not state the window's size, its first viewport gives it.
     pub fn window(&mut self, size: [u32; 2], fixed: bool) -> Outcome {
         if size.into_iter().any(|edge| edge > WINDOW_MAX) {
             return Err(Fault::Limit(format!("a window of {} x {} pixels, at most {WINDOW_MAX} each", size[0], size[1])));
@@ -350,7 +351,7 @@ impl Gl {
             self.flush()?;
             self.card.resize(new);
             if old == [0; 2] {
-                // Viewport and scissor start as large as the window.
+                // Initially, viewport and scissor are as large as the window.
                 let whole = [0, 0, new[0] as i32, new[1] as i32];
                 (self.state.viewport, self.state.scissor) = (whole, whole);
             }
@@ -373,14 +374,14 @@ impl Gl {
         }
     }
 
-    /// The trace.
+    /// The finished trace.
     pub fn finish(mut self) -> Outcome<Trace> {
         self.flush()?;
         self.card.end_pass();
         Ok(self.card.recorder.finish())
     }
 
-    /// The matrix stack that calls mean.
+    /// The current matrix stack.
     pub fn stack(&mut self) -> &mut Stack {
         match self.state.matrix_mode {
             e::PROJECTION => &mut self.projection,
@@ -392,7 +393,7 @@ impl Gl {
     }
 }
 
-/// Components of a typed call from the argument `first` on, which are in an array where its name ends in `v`.
+/// Components of a typed call from the argument `first` on. They are in an array if its name ends in `v`.
 pub fn components(call: &Call, shape: Shape, first: usize) -> Outcome<([f64; 4], usize)> {
     let mut values = [0.0, 0.0, 0.0, 1.0];
     let count = shape.count.clamp(1, 4);

@@ -1,9 +1,9 @@
-//! Materials beside colour material, in the order in which Mesa lets calls take effect.
+//! The interaction of `glMaterial` and colour material, in the order in which Mesa applies the calls.
 //!
-//! By the standard, colour material sets the materials that it tracks as soon as it is switched on. Mesa keeps what `glMaterial` and `glColor`
-//! give until a primitive begins or colour material is switched, and takes the colour first: materials that were given before colour material
-//! was switched on then replace what it has set, until a primitive has another colour. Programs that end each frame with a material and begin the next with colour material show the
-//! difference (OpenSceneGraph is one). References are Mesa's.
+//! By the standard, colour material sets the materials that it tracks as soon as it is enabled. Mesa stores the values of `glMaterial` and
+//! `glColor` until a primitive begins or colour material is switched, and then applies the colour first. So materials that were set before
+//! colour material was enabled replace the tracked colour, until a primitive has another colour. Programs that end each frame with a
+//! material and begin the next with colour material (OpenSceneGraph is one) show the difference. The reference images are Mesa's.
 
 use super::call::Outcome;
 use super::consts as e;
@@ -12,7 +12,7 @@ use super::machine::Gl;
 use super::state::{State, Vertex};
 use super::summary::Summary;
 
-/// Bits of what colour material can track.
+/// Bits of the parameters that colour material can track.
 pub mod tracks {
     /// The ambient colour.
     pub const AMBIENT: u8 = 1;
@@ -24,12 +24,12 @@ pub mod tracks {
     pub const EMISSION: u8 = 8;
 }
 
-/// What `glMaterial` has given, beside the materials themselves. Bits of [`tracks`], of the front and the back.
+/// Which parameters `glMaterial` has set, beside the values themselves. Bits of [`tracks`], for front and back.
 #[derive(Clone, Debug)]
 pub struct Given {
-    /// What was given since the last primitive.
+    /// Parameters set since the last primitive.
     waiting: [u8; 2],
-    /// What keeps its value though colour material tracks it, as long as the colour does not change.
+    /// Parameters that keep their value although colour material tracks them, as long as the colour does not change.
     kept: [u8; 2],
     /// The current colour when the last primitive began.
     color: [f32; 4],
@@ -41,7 +41,7 @@ impl Default for Given {
     }
 }
 
-/// What a parameter of `glMaterial` or a mode of colour material means.
+/// The bits of a parameter of `glMaterial` or a mode of colour material.
 pub fn bits(name: u32) -> u8 {
     match name {
         e::AMBIENT => tracks::AMBIENT,
@@ -53,7 +53,7 @@ pub fn bits(name: u32) -> u8 {
     }
 }
 
-/// What colour material tracks on each side.
+/// The parameters that colour material tracks on each side.
 pub fn tracked(state: &State) -> [u8; 2] {
     if !state.is(e::COLOR_MATERIAL) {
         return [0; 2];
@@ -63,7 +63,7 @@ pub fn tracked(state: &State) -> [u8; 2] {
 }
 
 impl Given {
-    /// A material is given.
+    /// `glMaterial` sets a parameter.
     pub fn give(&mut self, state: &State, faces: std::ops::Range<usize>, name: u32) {
         let tracked = tracked(state);
         for side in faces {
@@ -81,12 +81,12 @@ impl Given {
         (self.waiting, self.kept) = ([0; 2], [0; 2]);
     }
 
-    /// What keeps its value beside this colour.
+    /// The parameters that keep their value with this colour.
     pub fn kept(&self, color: [f32; 4]) -> [u8; 2] {
         if color == self.color { self.kept } else { [0; 2] }
     }
 
-    /// Takes from a draw's lighting what colour material does not reach.
+    /// Removes from a draw's tracked parameters those that keep their value.
     pub fn limit(&self, lighting: &mut LightingKey, constant: &Vertex, summary: &Summary) {
         if !summary.varying.color {
             let kept = self.kept(constant.color);
@@ -98,7 +98,7 @@ impl Given {
 }
 
 impl Gl {
-    /// A primitive begins, or colour material was switched: what was given takes effect.
+    /// Applies the stored materials when a primitive begins or colour material was switched.
     pub fn materials_meet(&mut self) -> Outcome {
         if self.begun.is_some() || self.compiling.is_some() {
             return Ok(());
@@ -109,7 +109,7 @@ impl Gl {
             kept[side] |= self.given.waiting[side] & tracked;
         }
         if kept != self.given.kept {
-            // What waits was drawn before.
+            // The batch uses the state before this.
             self.flush()?;
         }
         self.given = Given { waiting: [0; 2], kept, color };

@@ -1,20 +1,20 @@
-//! Recorded OpenGL programs → trace: two readers, and one machine for the fixed functions of OpenGL 1.5, programs in
-//! assembly ([`arb`]) and in GLSL ([`glsl`]).
+//! Converts recorded OpenGL programs to traces: two readers, and one machine for the fixed-function pipeline of OpenGL 1.5, assembly
+//! programs ([`arb`]) and GLSL programs ([`glsl`]).
 //!
-//! The machine keeps OpenGL's state. What is drawn between two changes of state becomes one draw. Fixed-function state becomes WGSL that is made
-//! from a small key ([`gl_shader::key`]), so equal state has one shader and one pipeline. Draws are gathered into passes, which end where something
-//! else must happen: a clear, a copy of the frame buffer, a write to a texture that the pass reads, the end of the frame.
+//! The machine holds OpenGL's state. Primitives between two changes of state become one draw. Fixed-function state becomes WGSL, which is
+//! generated from a small key ([`gl_shader::key`]), so equal state has one shader and one pipeline. Draws are gathered into passes. A pass
+//! ends at a clear, a copy of the framebuffer, a write to a texture that it reads, and the end of the frame.
 //!
-//! * Clip space: depths from -w to w become 0 to w in the matrix. The window's origin is at the lower left; rows are turned where the
-//!   viewport, the scissor and copies are computed.
-//! * A texture's first row is its lowest in OpenGL and the first in memory in both, so images are taken as they are. Only copies of the
-//!   frame buffer turn rows.
-//! * Frame buffer objects keep rows as textures do: positions are turned instead, and so is what counts as the front of a triangle.
-//! * Of frames that are not asked for, passes into the window are held back until something can read them; a clear of all that they write
-//!   drops them.
-//! * The window has no alpha: it stays 1, as where a program asks for a visual without alpha.
+//! * Clip space: the matrix maps depths from [-w, w] to [0, w]. The window's origin is at the lower left; the viewport, the scissor and
+//!   copies flip rows.
+//! * A texture's first row is its lowest in OpenGL, and the first in memory in both, so images are not changed. Only copies of the
+//!   framebuffer flip rows.
+//! * Framebuffer objects store rows as textures do: positions are flipped instead, and so is the winding of front faces.
+//! * In frames that are not wanted, passes that draw to the window are held back until something can read their results. A clear of all
+//!   that they write drops them.
+//! * The window has no alpha unless the program asks for it: alpha stays 1.
 //! * A call that raises an OpenGL error has no effect.
-//! * What is not supported is counted by name, with the first call ([`Report`]); it never gives a silent wrong picture.
+//! * Unsupported features are counted by name, with the first call ([`Report`]); they never give a wrong picture without a message.
 
 mod accumulate;
 mod arb;
@@ -82,27 +82,27 @@ use reader::{Apitrace, Broken, GliText, Input, Memory, Reader};
 /// Bytes of GLInterceptor's memory file at most.
 const MEMORY_MAX: u64 = 2 << 30;
 
-/// What a recording has.
+/// Facts about a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Calls by name.
     pub calls: BTreeMap<Rc<str>, u64>,
     /// Frames.
     pub frames: u64,
-    /// What is not supported.
+    /// Features that are not supported.
     pub unsupported: Counts,
     /// Calls that raise an OpenGL error, and so have no effect.
     pub errors: Counts,
-    /// Shaders that fixed functions and programs became: label and WGSL.
+    /// Shaders generated from fixed-function state and programs: label and WGSL.
     pub shaders: Vec<(String, String)>,
     /// Uses of occlusion queries.
     pub queries: u64,
-    /// Draws of frames that were not asked for, which nothing can read.
+    /// Dropped draws of frames that are not wanted, whose results nothing can read.
     pub dropped: u64,
 }
 
 impl Report {
-    /// What is not supported, on one line; none if everything is.
+    /// The unsupported features on one line; none if all are supported.
     pub fn refusal(&self) -> Option<String> {
         if self.unsupported.is_empty() {
             return None;
@@ -112,24 +112,24 @@ impl Report {
     }
 }
 
-/// Bytes of commands and payload up to which a recording is held in memory, where nothing else is asked for.
+/// By default, a recording stays in memory up to this number of bytes of commands and payload.
 const IN_MEMORY: u64 = 16 << 20;
-/// Parts of a stream in what would be held in memory.
+/// The bytes that may stay in memory, divided by the size of a part of a stream.
 const PARTS: u64 = 16;
 
 /// How much is known of a recording before its first command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Survey {
-    /// All: it is read to its end.
+    /// All: the recording is read to its end.
     Whole,
-    /// What its start tells: a long recording is not read to its end before its first command.
+    /// Only facts from its start: a long recording is not read to its end before its first command.
     Start,
 }
 
-/// Opens a recording of apitrace or GLInterceptor, with those of its frames that are asked for. The recording is read up to the last of
-/// them. Of frames before them only that is left which later ones can read. The commands of a long one are made again whenever they are
-/// read (`reading.in_memory`). Of one that has not been read to its end there is no report: what it asks for and is not supported ends
-/// its commands with an error (`TraceError::unsupported`), or is [left out](Trace::left_out) where `reading.lenient` is set.
+/// Opens a recording of apitrace or GLInterceptor, with the wanted frames. The recording is read up to the last of them. Of earlier frames,
+/// only results that later frames can read are kept. The commands of a long recording are generated again at each reading
+/// (`reading.in_memory`). A recording that has not been read to its end has no report: an unsupported feature then ends its commands with
+/// an error (`TraceError::unsupported`), or is [left out](Trace::left_out) if `reading.lenient` is set.
 ///
 /// # Errors
 /// If it is damaged, or asks for more than a limit allows; with the number of the call and its place.
@@ -190,25 +190,25 @@ impl Stream for Recording {
     }
 }
 
-/// What becomes of commands.
+/// How commands are delivered.
 enum Keep<'a> {
-    /// They are kept, unless they take more bytes than this: then none is, and at most the report is made.
+    /// They are kept, unless they take more bytes than `most`: then none are kept, and only the report may be made.
     All {
         /// Bytes.
         most: u64,
-        /// Whether it is made.
+        /// Whether the report is made in that case.
         survey: Survey,
     },
     /// They are handed over.
     Parts {
-        /// Bytes of a part, about.
+        /// Approximate bytes of a part.
         part: u64,
-        /// What takes it.
+        /// The function that takes each part.
         take: &'a mut dyn FnMut(Part) -> ControlFlow<()>,
     },
 }
 
-/// Imports a recording that is in memory; `path` is what messages call it. `memory` has the two files beside a text recording.
+/// Imports a recording that is in memory; messages use `path` as its name. `memory` has the two files that accompany a text recording.
 ///
 /// # Errors
 /// As [`open`].
@@ -216,7 +216,7 @@ pub fn import_bytes(path: &Path, bytes: Vec<u8>, memory: [&[u8]; 2], reading: &R
     import_frames(path, bytes, memory, reading, 0..u64::MAX)
 }
 
-/// As [`import_bytes`], of some frames only.
+/// Same as [`import_bytes`], for some frames only.
 ///
 /// # Errors
 /// As [`open`].
@@ -253,7 +253,7 @@ struct Opened<'a> {
     memory: Memory,
 }
 
-/// Imports a recording; gives the trace, if it is kept, and the report, if the recording was read to the end of what is wanted.
+/// Imports a recording. Returns the trace if it is kept, and the report if the recording was read to the end of the wanted frames.
 fn import(
     opened: Opened<'_>,
     reading: &Reading,
@@ -302,7 +302,7 @@ fn import(
                 }
             }
             Keep::Parts { part, take } => {
-                // Commands behind what is not supported would make wrong pictures. What else there is is still counted.
+                // Commands after an unsupported feature would give wrong pictures. Further unsupported features are still counted.
                 gl.survey |= !reading.lenient && !gl.unsupported.is_empty();
                 if bytes > *part {
                     let made = gl.card.drain();
@@ -327,7 +327,7 @@ fn import(
             return Err(unsupported(path, &refusal));
         }
         gl.card.end_pass();
-        // Nothing comes behind.
+        // This is the last part.
         let _ = take(gl.card.drain());
         return Ok((None, Some(report)));
     }
@@ -335,12 +335,12 @@ fn import(
     Ok((kept.then(|| trace.with_limits(reading.limits)), Some(report)))
 }
 
-/// The error of a recording that asks for what is not supported.
+/// The error of a recording that uses unsupported features.
 pub fn unsupported(path: &Path, refusal: &str) -> TraceError {
     TraceError::unsupported(path, format!("not supported: {refusal}; --lenient leaves it out"))
 }
 
-/// The memory file beside a text recording, if there is one.
+/// The memory file that accompanies a text recording, if there is one.
 fn memory_of(path: &Path, reading: &Reading) -> Result<Memory, TraceError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut contents = Vec::new();

@@ -1,4 +1,4 @@
-//! Names of enumerants, as text recordings have them.
+//! Names of enumerants, as in text recordings.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 /// One `NAME VALUE` a line, the value in hexadecimal.
 const TEXT: &str = include_str!("names.txt");
 
-/// Endings of names that may be left out.
+/// Suffixes of names that may be omitted.
 const ENDINGS: &[&str] = &["", "_ARB", "_EXT", "_SGIS"];
 
 fn table() -> &'static BTreeMap<&'static str, u32> {
@@ -25,14 +25,14 @@ pub fn value(name: &str) -> Option<u32> {
     match name {
         "TRUE" => Some(1),
         "FALSE" => Some(0),
-        // Names of extensions mean what the core's names mean.
+        // Extension names have the values of the core names.
         _ => ENDINGS.iter().find_map(|end| table().get(name.strip_suffix(end)?).copied()),
     }
 }
 
-/// A name of a value for messages; where several have it, the first by name.
+/// A name of a value for messages; if there are several, the first in alphabetical order.
 pub fn name(value: u32) -> String {
-    // Small numbers are modes of primitives and bits, not what messages are about.
+    // Small numbers are primitive modes and bits, which messages do not name.
     let known = table().iter().find(|&(_, &v)| v == value && value > 0xff);
     known.map_or_else(|| format!("{value:#06x}"), |(name, _)| (*name).to_owned())
 }

@@ -1,4 +1,4 @@
-//! Vertices of a batch as the card reads them: only what differs between them, and points and lines as triangles where they are wide.
+//! Vertices of a batch as the card reads them: only the attributes that differ between vertices; wide points and lines become triangles.
 
 use gfx::state::VertexFormat;
 use glam::Mat4;
@@ -15,13 +15,13 @@ use gl_shader::wgsl::{self, location};
 /// Corners of an expanded point or line, and the triangles between them.
 const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
 const QUAD: [u32; 6] = [0, 1, 2, 0, 2, 3];
-/// Those of a smooth line: its coverage is interpolated with perspective, so that the diagonal shows. It is Mesa's.
+/// The triangles of a smooth line. Its coverage is interpolated with perspective, so the choice of the diagonal is visible: it is Mesa's.
 const SMOOTH_QUAD: [u32; 6] = [0, 1, 3, 1, 2, 3];
 
-/// Where arrays of attributes may begin, in bytes. By ATTILA's counts of lines they begin at lines of its cache.
+/// Alignment of attribute arrays in bytes. ATTILA's counts of cache lines show that its arrays begin at cache lines.
 pub const STREAM_ALIGN: usize = 256;
 
-/// Vertex buffers that a draw can have.
+/// Maximum number of vertex buffers of a draw.
 pub const STREAMS_MAX: usize = 8;
 
 fn float_format(components: usize) -> VertexFormat {
@@ -64,7 +64,7 @@ fn layout(key: &ShaderKey, summary: &Summary, sent: Option<Sent>) -> Vec<Attribu
     list
 }
 
-/// Where the arrays of attributes begin that lie one behind another, each for so many vertices.
+/// The offsets of attribute arrays that follow each other, each with this number of vertices.
 pub fn streams(attributes: &[(u32, VertexFormat)], vertices: usize) -> Vec<u64> {
     let mut end = 0;
     let place = |&(_, format): &(u32, VertexFormat)| {
@@ -75,7 +75,7 @@ pub fn streams(attributes: &[(u32, VertexFormat)], vertices: usize) -> Vec<u64> 
     attributes.iter().map(place).collect()
 }
 
-/// How the vertices of a draw lie in its buffer.
+/// The layout of a draw's vertices in its buffer.
 pub struct Packing {
     /// Attributes: location and format.
     pub attributes: Vec<(u32, VertexFormat)>,
@@ -87,7 +87,7 @@ pub struct Packing {
 }
 
 impl Packing {
-    /// That of draws of a key, whose vertices have this summary.
+    /// The layout for draws with this key, whose vertices have this summary.
     pub fn new(key: &ShaderKey, summary: &Summary, class: Class, sent: Option<Sent>) -> Packing {
         let layout = layout(key, summary, sent);
         let mut attributes: Vec<(u32, VertexFormat)> = layout.iter().map(|&(at, count, _)| (at, float_format(count))).collect();
@@ -101,18 +101,18 @@ impl Packing {
         Packing { attributes, layout, expand: key.expand, class, streams }
     }
 
-    /// Whether what is written depends on the matrix: lines are cut.
+    /// Whether the written vertices depend on the matrix: lines are clipped.
     pub fn cuts(&self) -> bool {
         self.expand != Expand::No && self.class == Class::Lines
     }
 
-    /// Whether another draw's vertices lie in the same way.
+    /// Whether another draw's vertices have the same layout.
     pub fn is_like(&self, other: &Packing) -> bool {
         self.attributes == other.attributes && self.expand == other.expand
     }
 
-    /// Appends vertices as the card reads them, one behind another; of draws that are kept, an array for each attribute. Indices count from
-    /// the first of them. `clip` is the matrix to clip space, `flat` says whether shading is flat: they cut lines that become triangles.
+    /// Appends vertices as the card reads them: interleaved, or as one array for each attribute if `streams` is set. Indices count from the
+    /// first of them. `clip` (the matrix to clip space) and `flat` (whether shading is flat) serve to clip lines that become triangles.
     pub fn write(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         if self.expand != Expand::No {
             return self.expand(of, clip, flat, bytes, indices);
@@ -146,7 +146,7 @@ impl Packing {
     }
 
     /// Points and lines as two triangles each. Lines are clipped to the near plane, since their ends are projected in the shader.
-    /// Smooth ones are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
+    /// Smooth lines are clipped to the view volume, as Mesa does: their ends are soft where they leave the window.
     fn expand(&self, of: Drawn<'_>, clip: &Mat4, flat: bool, bytes: &mut Vec<u8>, indices: &mut Vec<u32>) {
         let smooth = self.expand == Expand::SmoothLine;
         let mut count = 0;
@@ -186,7 +186,7 @@ pub struct Drawn<'a> {
     pub indices: &'a [u32],
 }
 
-/// Cuts a line at the near plane, or at the whole view volume; whether anything is left.
+/// Clips a line to the near plane, or to the whole view volume; returns whether anything is left.
 fn cut(ends: &mut [Vertex], clip: &Mat4, flat: bool, whole: bool) -> bool {
     if flat {
         ends[0].color = ends[1].color;

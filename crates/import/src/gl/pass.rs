@@ -1,4 +1,4 @@
-//! What a pass of the card is made of: what it draws to, its draws, and the state that is fixed in their pipelines.
+//! The parts of a pass of the card: its render target, its draws, and the state in their pipelines.
 
 use std::collections::BTreeSet;
 
@@ -10,17 +10,17 @@ use num::*;
 /// One draw of a pass.
 #[derive(Clone, Debug)]
 pub struct Draw {
-    /// What draws it.
+    /// Its pipeline.
     pub pipeline: RenderPipelineId,
-    /// Its uniforms in the pass.
+    /// Offset of its uniforms in the pass.
     pub uniforms: u32,
-    /// Buffers of its vertices and indices, if they are not the pass's.
+    /// Its own buffers of vertices and indices, if it does not use the pass's.
     pub buffers: Option<[BufferId; 2]>,
-    /// Its first vertex byte in the pass.
+    /// Offset of its vertices in the pass.
     pub vertices: u64,
-    /// Where the arrays of its attributes begin behind that; empty where all attributes of a vertex lie together.
+    /// Offsets of its attribute arrays from there; empty if the attributes are interleaved.
     pub streams: Vec<u64>,
-    /// Its first index in the pass; none: its vertices in order.
+    /// Its first index in the pass; none: vertices are drawn in order.
     pub first: Option<u32>,
     /// Number of indices, or of vertices.
     pub count: u32,
@@ -40,7 +40,7 @@ pub struct Draw {
     pub query: Option<u64>,
 }
 
-/// Bits of what a draw or a clear writes.
+/// Bits of the buffers that a draw or a clear writes.
 pub mod writes {
     /// Colour.
     pub const COLOR: u8 = 1;
@@ -73,34 +73,34 @@ impl Surface {
     }
 }
 
-/// What draws go to.
+/// A render target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Target {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Colours.
     pub color: Option<Surface>,
-    /// Further colour buffers, each with whether it keeps alpha; behind the first that is none there are no others.
+    /// Further colour buffers, and whether each stores alpha; after the first `None` there are no others.
     pub more: [Option<(Surface, bool)>; COLORS_MAX - 1],
     /// Depth and stencil.
     pub depth: Option<Surface>,
-    /// Whether depths are there.
+    /// Whether it has depths.
     pub has_depth: bool,
-    /// Whether stencil values are there.
+    /// Whether it has stencil values.
     pub has_stencil: bool,
     /// Whether the first row is the lowest, as in textures. The window's first row is its highest.
     pub upward: bool,
-    /// Whether alpha is kept. Elsewhere it stays 1.
+    /// Whether alpha is stored. If not, it stays 1.
     pub alpha: bool,
 }
 
-/// The channels that a colour buffer keeps, a bit each: all, or all but alpha.
+/// The channels that a colour buffer stores, a bit each: all, or all but alpha.
 pub fn kept_channels(alpha: bool) -> u8 {
     if alpha { 15 } else { 7 }
 }
 
 impl Target {
-    /// Its colour buffers, each with whether it keeps alpha.
+    /// Its colour buffers, and whether each stores alpha.
     pub fn colors(&self) -> impl Iterator<Item = (Surface, bool)> {
         let alpha = self.alpha;
         self.color.map(|color| (color, alpha)).into_iter().chain(self.more.into_iter().flatten())
@@ -112,31 +112,31 @@ impl Target {
     }
 }
 
-/// Which colours of the window are meant.
+/// A colour buffer of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffer {
-    /// Those that are shown next.
+    /// The one that is shown next.
     Back,
-    /// Those that are shown now.
+    /// The one that is shown now.
     Front,
 }
 
 /// Draws that wait for their pass.
 #[derive(Default)]
 pub struct Pass {
-    /// What it draws to.
+    /// Its render target.
     pub target: Option<Target>,
-    /// What clears colours.
+    /// Clear colour, if colours are cleared.
     pub color: Option<[f64; 4]>,
-    /// What clears depths.
+    /// Clear depth, if depths are cleared.
     pub depth: Option<f32>,
-    /// What clears stencil values.
+    /// Clear value of the stencil buffer, if it is cleared.
     pub stencil: Option<u32>,
     /// Its draws.
     pub draws: Vec<Draw>,
     /// Vertices of all draws.
     pub vertices: Vec<u8>,
-    /// What in them lies between arrays and is not uploaded: begin and end.
+    /// Gaps between the arrays in `vertices`, which are not uploaded: begin and end.
     pub gaps: Vec<[usize; 2]>,
     /// Indices of all draws.
     pub indices: Vec<u32>,
@@ -151,7 +151,7 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// The vertices that are uploaded: where they begin, and their bytes.
+    /// The vertex bytes to upload, with their offsets.
     pub fn uploads(&self) -> impl Iterator<Item = (u64, &[u8])> {
         let ends = self.gaps.iter().map(|gap| gap[0]).chain([self.vertices.len()]);
         let starts = [0].into_iter().chain(self.gaps.iter().map(|gap| gap[1]));
@@ -178,7 +178,7 @@ impl Pass {
     }
 }
 
-/// What a pipeline is made of beside its shader.
+/// The state of a pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fixed {
     /// The module.

@@ -1,5 +1,4 @@
-//! What pixels are before they are drawn or kept: bitmaps, indices and depths, and what pixel transfer makes of them (OpenGL 1.5, sections
-//! 3.6.3 to 3.6.5).
+//! Pixels before they are drawn or stored: bitmaps, indices and depths, and pixel transfer (OpenGL 1.5, sections 3.6.3 to 3.6.5).
 
 use std::rc::Rc;
 
@@ -9,7 +8,7 @@ use super::image::{self, Kept, PixelStore};
 use super::key::Base;
 use super::machine::Gl;
 
-/// Values of one rectangle at most.
+/// Maximum number of values of one rectangle.
 const VALUES_MAX: u64 = 1 << 26;
 
 /// Pixel transfer modes.
@@ -17,15 +16,15 @@ const VALUES_MAX: u64 = 1 << 26;
 pub struct Transfer {
     /// Factors of red, green, blue and alpha.
     pub scale: [f32; 4],
-    /// What is added to them.
+    /// Biases of red, green, blue and alpha.
     pub bias: [f32; 4],
-    /// Factor of depths, and what is added.
+    /// Scale and bias of depths.
     pub depth: [f32; 2],
     /// Whether colours pass through the maps of their channels.
     pub map_color: bool,
     /// Whether stencil indices pass through their map.
     pub map_stencil: bool,
-    /// Bits by which indices are shifted left, and what is added.
+    /// Left shift and offset of indices.
     pub index: [i32; 2],
 }
 
@@ -36,7 +35,7 @@ impl Default for Transfer {
 }
 
 impl Transfer {
-    /// Whether colours stay as they are.
+    /// Whether colours are unchanged.
     pub fn keeps_colors(&self) -> bool {
         self.scale == [1.0; 4] && self.bias == [0.0; 4] && !self.map_color
     }
@@ -61,13 +60,13 @@ impl Default for PixelMaps {
 }
 
 impl PixelMaps {
-    /// The element that an index means: maps have sizes that are powers of two.
+    /// The map's element for an index: the sizes of these maps are powers of two.
     fn by_index(&self, map: usize, index: i64) -> f32 {
         let map = &self.0[map];
         map[(index & (map.len() as i64 - 1)) as usize]
     }
 
-    /// The element that a component in [0, 1] means.
+    /// The map's element for a component in [0, 1].
     fn by_component(&self, map: usize, value: f32) -> f32 {
         let map = &self.0[map];
         let last = (map.len() - 1) as f32;
@@ -75,7 +74,7 @@ impl PixelMaps {
     }
 }
 
-/// The values of pixels of one component, rows from the bottom. Integers are divided by their greatest value where `normalized`.
+/// The values of one-component pixels, rows from the bottom. If `normalized`, integers are divided by their greatest value.
 pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], normalized: bool) -> Outcome<Vec<f64>> {
     let count = size.iter().map(|&edge| u64::from(edge)).product::<u64>();
     if count > VALUES_MAX {
@@ -135,8 +134,7 @@ pub fn values(store: &PixelStore, size: [u32; 3], kind: u32, bytes: &[u8], norma
 }
 
 impl Gl {
-    /// The bytes that a pixel argument means: those that were recorded, or those of the pixel buffer object from an offset on. None where
-    /// there are none.
+    /// The bytes of a pixel argument: the recorded ones, or those of the pixel buffer object from an offset on. None if there are none.
     pub fn pixel_bytes(&self, arg: &Arg) -> Outcome<Option<Rc<[u8]>>> {
         let at = match arg {
             Arg::Pointer(at) => *at,
@@ -182,7 +180,7 @@ impl Gl {
         Ok(texels)
     }
 
-    /// Texels of a rectangle as an image of this base format keeps them.
+    /// Texels of a rectangle in the stored format of this base format.
     pub fn kept(&self, base: Base, size: [u32; 3], [format, kind]: [u32; 2], bytes: &[u8]) -> Outcome<Vec<u8>> {
         let bounded = format == e::COLOR_INDEX;
         if !base.is_float() || bounded {

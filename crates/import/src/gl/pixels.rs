@@ -20,7 +20,7 @@ pub(super) fn pixel_store(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         e::UNPACK_SKIP_IMAGES => store.skip[2] = size()?,
         e::UNPACK_SWAP_BYTES => store.swap = value != 0.0,
         e::UNPACK_LSB_FIRST => store.low_first = value != 0.0,
-        // Packing is reading back.
+        // Pixel packing is for reading back.
         e::PACK_SWAP_BYTES..=e::PACK_ALIGNMENT | e::PACK_SKIP_IMAGES | e::PACK_IMAGE_HEIGHT => {}
         _ => return Err(INVALID_ENUM),
     }
@@ -51,7 +51,7 @@ pub(super) fn pixel_transfer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-// Each is one more than the scale of its channel.
+// Each bias enumerant is one more than the scale of its channel.
 const GREEN_BIAS: u32 = e::GREEN_SCALE + 1;
 const BLUE_BIAS: u32 = e::BLUE_SCALE + 1;
 const ALPHA_BIAS: u32 = e::ALPHA_SCALE + 1;
@@ -72,7 +72,7 @@ pub(super) fn pixel_map(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-/// Elements of a pixel map at most.
+/// Maximum number of elements of a pixel map.
 const MAP_MAX: usize = 1 << 16;
 
 pub(super) fn pixel_zoom(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {

@@ -1,4 +1,4 @@
-//! Primitives become lists of points, lines or triangles, which wait for one draw as long as the state stays.
+//! Primitives become lists of points, lines or triangles. They are batched into one draw until the state changes.
 
 use gfx::state::Topology;
 use glam::{DVec2, Mat4, Vec4, dvec2};
@@ -11,10 +11,10 @@ use super::matrix;
 use super::state::{Vertex, capability};
 use super::uniforms::to_clip;
 
-/// Vertices of a batch after which it is drawn.
+/// A batch is drawn when it has this number of vertices.
 const BATCH_MAX: usize = 1 << 17;
 
-/// What a batch consists of.
+/// The primitive type of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Class {
     /// Points.
@@ -26,24 +26,24 @@ pub enum Class {
     Triangles,
 }
 
-/// What the arrays of a draw that is kept send.
+/// The vertices that the arrays of a kept draw send.
 pub struct Elements {
     /// The vertices that its indices name, once each, in the order of their indices.
     pub vertices: Vec<Vertex>,
-    /// Of each vertex of the draw, which of these it is.
+    /// For each vertex of the draw, its index in `vertices`.
     pub numbers: Vec<u32>,
-    /// Components of attributes.
+    /// Attributes that are sent.
     pub sent: Sent,
     /// Whether the program sends indices.
     pub indexed: bool,
 }
 
-/// Attributes that a draw sends whether or not they differ between vertices, each in an array of its own.
+/// Attributes that a draw sends even if they do not differ between vertices, each in its own array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
-    /// Vertices between Begin and End: all that is read, in full. ATTILA's driver does that.
+    /// Vertices between Begin and End: all attributes that the shader reads, with all components, as ATTILA's driver does.
     Read,
-    /// Arrays of the program, read or not.
+    /// The program's arrays, whether the shader reads them or not.
     Arrays {
         /// Components of positions.
         position: usize,
@@ -68,12 +68,12 @@ impl Sent {
     }
 }
 
-/// Primitives that wait.
+/// Primitives that wait to be drawn.
 #[derive(Default)]
 pub struct Batch {
-    /// What they are.
+    /// Their type.
     pub class: Class,
-    /// Whether they are edges or corners of polygons, and of back faces.
+    /// Set if they are edges or corners of polygons: whether of back faces.
     pub polygon: Option<bool>,
     /// Vertices.
     pub vertices: Vec<Vertex>,
@@ -81,11 +81,11 @@ pub struct Batch {
     pub indices: Vec<u32>,
     /// How the card assembles triangles; none: a list.
     pub topology: Option<Topology>,
-    /// Whether the vertices are drawn in their order: no indices are sent.
+    /// Whether the vertices are drawn in order, without indices.
     pub sequence: bool,
-    /// Whether the triangles that the card assembles are turned round.
+    /// Whether the triangles that the card assembles have the reverse winding.
     pub turned: bool,
-    /// What is sent of each vertex; none: what differs between them.
+    /// Attributes that are sent; none: those that differ between vertices.
     pub sent: Option<Sent>,
 }
 
@@ -129,7 +129,7 @@ impl Gl {
         }
         let batch = &self.batch;
         let other = batch.class != class || batch.polygon != polygon;
-        // A logic operation reads what the primitive before it has written.
+        // A logic operation reads the result of the previous primitive.
         let alone = self.state.is(e::COLOR_LOGIC_OP) && !matches!(self.state.logic, e::COPY | e::NOOP);
         let each = match class {
             Class::Points => 1,
@@ -159,13 +159,13 @@ impl Gl {
         Ok(())
     }
 
-    /// Triangles that are a draw by themselves. Those that the card assembles from all vertices in order need no indices where the
-    /// program sends none.
+    /// Makes triangles a draw of their own. They need no indices if the card assembles them from all vertices in order and the program
+    /// sends no indices.
     fn keep(&mut self, vertices: &[Vertex], indices: impl Iterator<Item = u32>, topology: Option<Topology>) {
         let elements = self.elements.take();
         let sequence = topology.is_some() && elements.as_ref().is_none_or(|of| !of.indexed);
         let (vertices, indices, sent) = match elements {
-            // The draw's own vertices, and not what became of them.
+            // The draw's own vertices, before its indices expanded them.
             Some(of) if of.numbers.len() == vertices.len() => {
                 (of.vertices, indices.map(|index| of.numbers[index as usize]).collect(), of.sent)
             }
@@ -188,7 +188,7 @@ impl Gl {
             e::TRIANGLE_STRIP => Some((Topology::TriangleStrip, n)),
             e::TRIANGLE_FAN => Some((Topology::TriangleFan, n)),
             e::QUADS if n > 3 => Some((Topology::QuadList, n / 4 * 4)),
-            // The vertex that gives the flat colour is another one than that of a fan or a strip.
+            // With flat shading, the provoking vertex differs from that of a fan or a strip.
             e::POLYGON if !self.state.flat => Some((Topology::TriangleFan, n)),
             e::QUAD_STRIP if n > 3 && !self.state.flat => Some((Topology::TriangleStrip, n / 2 * 2)),
             _ => None,
@@ -200,7 +200,7 @@ impl Gl {
         let n = vertices.len() as u32;
         if let Some((topology, count)) = self.assembled(mode, n) {
             self.flush()?;
-            // A strip of triangles has the other diagonal, but where each pair of vertices is exchanged.
+            // A triangle strip has the other diagonal, unless each pair of vertices is exchanged.
             let turned = mode == e::QUAD_STRIP;
             self.keep(vertices, (0..count).map(|i| if turned { i ^ 1 } else { i }), Some(topology));
             self.batch.turned = turned;
@@ -215,7 +215,7 @@ impl Gl {
         self.outlines(mode, vertices, &triangles)
     }
 
-    /// Whether shading is smooth, and the matrices only move and scale, without perspective.
+    /// Whether shading is smooth and the matrices only translate and scale, without perspective.
     pub fn keeps_upright(&self) -> bool {
         let m = to_clip(&self.projection.top, &self.modelview.top);
         let moves = Mat4::from_cols(Vec4::X * m.x_axis, Vec4::Y * m.y_axis, Vec4::Z * m.z_axis, m.w_axis);
@@ -234,7 +234,7 @@ impl Gl {
                 }
     }
 
-    /// Polygons of which some are drawn as lines or points. Facing is found here, since the card knows it of triangles only.
+    /// Polygons of which some are drawn as lines or points. Facing is computed here, since the card computes it for triangles only.
     fn outlines(&mut self, mode: u32, vertices: &[Vertex], triangles: &[[u32; 3]]) -> Outcome {
         let n = vertices.len() as u32;
         let polygons: Vec<Vec<u32>> = match mode {
@@ -278,7 +278,7 @@ impl Gl {
             };
             let polygon = (class != Class::Triangles).then_some(back);
             if self.state.flat {
-                // All that is left of a polygon has the colour of its provoking vertex.
+                // The edges and corners of a polygon have the colour of its provoking vertex.
                 let provoking = match mode {
                     e::POLYGON => corners[0],
                     e::QUAD_STRIP => corners[2],
@@ -288,7 +288,7 @@ impl Gl {
                 continue;
             }
             if class == Class::Lines && self.line_stippled() {
-                // The pattern goes on from edge to edge, which is seen by the indices.
+                // The pattern continues from edge to edge; the indices show which edges are connected.
                 self.add(class, polygon, vertices, &indices)?;
                 continue;
             }
@@ -319,7 +319,7 @@ impl Gl {
         outcome
     }
 
-    /// Whether a polygon shows its back: by the sign of its area in the window.
+    /// Whether a polygon is back-facing, by the sign of its area in the window.
     fn is_back<'a>(&self, clip: &Mat4, corners: impl Iterator<Item = &'a Vertex>) -> bool {
         let window: Vec<DVec2> = corners
             .map(|vertex| {
@@ -332,7 +332,7 @@ impl Gl {
     }
 }
 
-/// What the vertices of a mode become.
+/// The primitive type that a mode becomes.
 pub fn class_of(mode: u32) -> Class {
     match mode {
         e::POINTS => Class::Points,
@@ -357,9 +357,9 @@ pub fn points_and_lines(mode: u32, n: u32) -> Vec<u32> {
 /// The corners of a quadrilateral, by the numbers of their vertices.
 pub type Corners = [u32; 4];
 
-/// Triangles of `n` vertices; the last corner of each gives its flat colour. Which diagonal parts a quadrilateral is left open. As llvmpipe
-/// does it: its last vertex gives its flat colour and stands in both triangles, but what `rectangle` says is an upright rectangle that faces
-/// the screen is drawn from its first three.
+/// Triangles of `n` vertices; the last corner of each gives its flat colour. The standard does not fix the diagonal of a quadrilateral.
+/// As in llvmpipe, its last vertex gives its flat colour and is in both triangles. If `rectangle` says that it is an upright rectangle that
+/// faces the screen, it is drawn from its first three vertices.
 pub fn triangles(mode: u32, n: u32, rectangle: impl Fn(Corners) -> bool) -> Vec<[u32; 3]> {
     let quad = |corners: Corners| {
         let [a, b, c, d] = corners;
@@ -379,7 +379,7 @@ pub fn triangles(mode: u32, n: u32, rectangle: impl Fn(Corners) -> bool) -> Vec<
     }
 }
 
-/// Whether four corners in order are those of a rectangle along the axes of x and y.
+/// Whether four corners in order form an axis-aligned rectangle.
 pub fn is_upright(corners: [[f32; 4]; 4]) -> bool {
     let same = |axis: usize, p: usize, q: usize| corners[p][axis] == corners[q][axis];
     let along = |first: usize| {
@@ -400,9 +400,9 @@ mod tests {
         assert!(of([[3.0, 0.0], [0.0, 0.0], [0.0, 2.0], [3.0, 2.0]]));
         assert!(!of([[0.0, 0.0], [0.0, 2.0], [3.0, 2.5], [3.0, 0.0]]));
         assert!(!of([[1.0, 0.0], [0.0, 1.0], [1.0, 2.0], [2.0, 1.0]]));
-        // Perspective by the corners' own w.
+        // Perspective from the w of the corners.
         assert!(!is_upright([[0.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 1.0], [3.0, 2.0, 0.0, 2.0], [3.0, 0.0, 0.0, 2.0]]));
-        // Corners that cross.
+        // Edges that cross.
         assert!(!of([[0.0, 0.0], [3.0, 2.0], [0.0, 2.0], [3.0, 0.0]]));
     }
 }

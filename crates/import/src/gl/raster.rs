@@ -8,7 +8,7 @@ use super::matrix;
 use super::names;
 use super::state::{LIGHTS, Material, TARGETS, capability};
 
-/// Drawables that a program swaps, as they are remembered, at most.
+/// Maximum number of swapped drawables that are remembered.
 const DRAWABLES_MAX: usize = 64;
 
 pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -17,7 +17,7 @@ pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         Arg::Num(drawable) => *drawable as u64,
         _ => 0,
     };
-    // A window that takes the place of another is one window; two that take turns are not.
+    // A window that replaces another counts as the same window; two that alternate do not.
     if gl.drawables.last() != Some(&drawable) {
         if gl.drawables.contains(&drawable) {
             gl.refuse("windows that are drawn in turn".into());
@@ -31,7 +31,7 @@ pub(super) fn swap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 impl Gl {
-    /// What colour material has made of the materials so far: they keep it when it is switched off (OpenGL 1.5, section 2.14.3).
+    /// Writes the tracked colour to the materials: they keep it when colour material is switched off (OpenGL 1.5, section 2.14.3).
     fn settle_color_material(&mut self) -> Outcome {
         if !self.state.is(e::COLOR_MATERIAL) {
             return Ok(());
@@ -83,7 +83,7 @@ fn set(gl: &mut Gl, cap: u32, on: bool) -> Outcome {
         gl.seamless = on;
         return Ok(());
     }
-    // What is off already, or changes no picture.
+    // Capabilities that are off already, or that do not change the picture.
     let harmless = [e::INDEX_LOGIC_OP, e::DEBUG_OUTPUT, e::DEBUG_OUTPUT_SYNCHRONOUS];
     if !on || harmless.contains(&cap) {
         return Ok(());
@@ -177,7 +177,7 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     if materials == gl.state.materials {
         return Ok(());
     }
-    // What was drawn before has the material before.
+    // Primitives before this call use the old material.
     if let Some((mode, vertices)) = &mut gl.begun {
         let whole = match *mode {
             e::POINTS => 1,
@@ -200,7 +200,7 @@ pub(super) fn material(gl: &mut Gl, call: &Call, shape: Shape) -> Outcome {
     Ok(())
 }
 
-/// A material that changes within a primitive: it is the colour of the vertices, as colour material has it.
+/// A material that changes within a primitive: it becomes the colour of the vertices, as with colour material.
 fn track(gl: &mut Gl, face: u32, name: u32, materials: [Material; 2]) -> Outcome {
     let of = |materials: &[Material; 2]| {
         let material = &materials[usize::from(face == e::BACK)];

@@ -1,6 +1,6 @@
-//! Rectangles of pixels that become fragments: bitmaps, drawn and copied pixels (OpenGL 1.5, sections 3.6.4, 3.7 and 4.3.3).
+//! Pixel rectangles that become fragments: bitmaps, drawn and copied pixels (OpenGL 1.5, sections 3.6.4, 3.7 and 4.3.3).
 //!
-//! Positions are rounded to whole pixels as Mesa does: a bitmap's down, a rectangle's to the nearest.
+//! Positions are rounded to whole pixels as in Mesa: those of bitmaps down, those of pixel rectangles to the nearest.
 
 use gfx::format::Format;
 use gfx::state::*;
@@ -18,7 +18,7 @@ use super::matrix;
 use super::pixel_data::values;
 use super::state::{UNITS, Vertex, capability};
 
-/// Edges of a rectangle at most.
+/// Maximum width and height of a rectangle.
 const EDGE_MAX: u32 = 16_384;
 
 /// The colours that the fragments of a rectangle have.
@@ -26,7 +26,7 @@ const EDGE_MAX: u32 = 16_384;
 pub struct Source {
     /// Texture, view, sampler.
     pub bound: (TextureId, ViewId, SamplerId),
-    /// The lower left corner in the window, and pixels of the window for one of the source; the first pixel of the source, and the
+    /// The lower left corner in the window, and the zoom (window pixels for one source pixel); the first pixel of the source, and the
     /// direction of its rows; scale and bias of colours.
     pub uniforms: [[f32; 4]; 4],
 }
@@ -50,7 +50,7 @@ const STENCIL_TEXT: &str = "struct Uniforms { place: vec4f, color: vec4f, terms:
     if (value & u32(u.terms.z)) == 0u { discard; }\n    return u.color;\n}\n";
 
 impl Gl {
-    /// Draws in window coordinates with the attributes of the raster position; what happens to vertices before is left out.
+    /// Draws in window coordinates with the attributes of the raster position; vertex processing is skipped.
     fn in_window(&mut self, depth: f32, run: impl FnOnce(&mut Gl, Vertex) -> Outcome) -> Outcome {
         self.flush()?;
         let Some(target) = self.aim()? else {
@@ -64,7 +64,7 @@ impl Gl {
         let bits = |caps: &mut dyn Iterator<Item = u32>| caps.filter_map(capability).fold(0, |all, bit| all | bit);
         self.state.enabled &= !bits(&mut off.into_iter().chain((0..6).map(|k| e::CLIP_PLANE0 + k)));
         if state.is(e::LIGHTING) {
-            // The second colour of a lit vertex is added where it is kept apart.
+            // The secondary colour of a lit vertex is added if specular light is separate.
             let sum = bits(&mut [e::COLOR_SUM].into_iter());
             self.state.enabled = self.state.enabled & !sum | if state.separate_specular { sum } else { 0 };
         }
@@ -87,7 +87,7 @@ impl Gl {
         outcome
     }
 
-    /// The corners of a rectangle of pixels in the window, from its first pixel's on.
+    /// The corners of a pixel rectangle in the window; the first is that of its first pixel.
     fn corners(&self, at: [f32; 4], size: [u32; 2]) -> ([f32; 2], [f32; 2]) {
         let [x, y] = [at[0], at[1]].map(libm::rintf);
         let [zx, zy] = self.state.zoom;
@@ -168,7 +168,7 @@ impl Gl {
         Ok(())
     }
 
-    /// Draws a rectangle of depths, which are tested and written as those of fragments are, and frees their surface.
+    /// Draws a rectangle of depths, which are tested and written like those of fragments, and frees their surface.
     fn draw_depths(&mut self, source: Surface, at: [f32; 4], size: [u32; 2]) -> Outcome {
         let mut fixed = self.values_state("depths", DEPTH_TEXT)?;
         let (tested, front) = (self.state.is(e::DEPTH_TEST), self.state.stencil[0]);
@@ -235,7 +235,7 @@ impl Gl {
         self.card.recorder.write_texture(to, layout, [size[0], size[1], 1], "pixels", bytes);
     }
 
-    /// State of a draw of depths or stencil values, before what they change of it.
+    /// The state that draws of depths and draws of stencil values have in common.
     fn values_state(&mut self, label: &'static str, text: &str) -> Outcome<Fixed> {
         let target = self.aim()?.ok_or(INVALID_OPERATION)?;
         if target.more[0].is_some() {
@@ -282,7 +282,7 @@ pub(super) fn bitmap(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         gl.in_window(at[2], |gl, vertex| {
             let mut corners = Vec::new();
             for (y, row) in bits.chunks_exact(width as usize).enumerate() {
-                // A run of set bits is one rectangle.
+                // A run of set bits becomes one rectangle.
                 let mut x = 0;
                 while let Some(start) = row[x..].iter().position(|&bit| bit != 0.0).map(|k| x + k) {
                     x = row[start..].iter().position(|&bit| bit == 0.0).map_or(row.len(), |k| start + k);
@@ -352,7 +352,7 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
                 return Err(Fault::Unsupported("copies of pixels from levels and layers of textures".into()));
             }
             let bound = gl.card.frame_copy(source, extent);
-            // The row of the copy in which the first row of pixels is.
+            // The row of the copy that holds the first row of pixels.
             let (row, rows) = if upward { (y as f32, 1.0) } else { (row_edge(extent[1], false, y as f32) - 1.0, -1.0) };
             gl.rectangle(bound, at, size, [x as f32, row, rows])
         }
@@ -361,7 +361,7 @@ pub(super) fn copy_pixels(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
             if transfer.depth != [1.0, 0.0] || transfer.index != [0; 2] || transfer.map_stencil {
                 return Err(Fault::Unsupported("copies of depths and stencil values through pixel transfer".into()));
             }
-            // Both are read before either is written: they may be copied onto themselves.
+            // Both are read before either is written: source and destination may overlap.
             let copied = |gl: &mut Gl, from, wanted: bool| wanted.then(|| gl.copied_numbers(from, [x, y], size)).transpose();
             let depths = copied(gl, From::Depth, kind != e::STENCIL)?;
             let values = copied(gl, From::Stencil, kind != e::DEPTH)?;

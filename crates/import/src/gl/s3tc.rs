@@ -1,4 +1,4 @@
-//! One texel of an S3TC block (EXT_texture_compression_s3tc): for images that the card cannot keep compressed.
+//! Decodes one texel of an S3TC block (EXT_texture_compression_s3tc), for images that the card cannot store compressed.
 
 use gfx::format::Format;
 
@@ -52,7 +52,7 @@ mod tests {
         let block = [0x00, 0xf8, 0x1f, 0x00, 0b1110_0100, 0, 0, 0];
         let row: Vec<[u8; 4]> = (0..4).map(|k| texel(Format::Bc1RgbaUnorm, &block, k)).collect();
         assert_eq!(row, [[255, 0, 0, 255], [0, 0, 255, 255], [170, 0, 85, 255], [85, 0, 170, 255]]);
-        // The other way around: three colours and none.
+        // The reverse order: three colours and transparent black.
         let block = [0x1f, 0x00, 0x00, 0xf8, 0b1110_0100, 0, 0, 0];
         let row: Vec<[u8; 4]> = (2..4).map(|k| texel(Format::Bc1RgbaUnorm, &block, k)).collect();
         assert_eq!(row, [[127, 0, 127, 255], [0, 0, 0, 0]]);

@@ -1,4 +1,4 @@
-//! Parameters of textures, and sampler objects, which have those that say how a texture is read.
+//! Parameters of textures, and sampler objects, which have the parameters of sampling.
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
@@ -131,7 +131,7 @@ const SWIZZLE_RGBA: u32 = 0x8e46;
 const SRGB_DECODE: u32 = 0x8a48;
 const SKIP_DECODE: u32 = 0x8a4a;
 
-/// The number of what a component is taken from: a channel, 4 for zero, 5 for one.
+/// The source of a component as a number: a channel, 4 for zero, 5 for one.
 fn swizzled(word: u32) -> Outcome<u8> {
     Ok(match word {
         e::RED => 0,

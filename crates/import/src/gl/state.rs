@@ -9,10 +9,10 @@ use super::arb::GENERICS;
 use super::consts as e;
 use super::pixel_data::Transfer;
 
-/// Texture units whose coordinates a vertex has itself. Few programs use more.
+/// Texture units whose coordinates are stored in the vertex itself. Few programs use more.
 const OWN: usize = 2;
 
-/// Attributes that most programs leave as they are. Vertices share them.
+/// Attributes that most programs never change. Vertices share them.
 #[derive(Clone, Debug, PartialEq)]
 struct More {
     /// Texture coordinates of the other units.
@@ -39,7 +39,7 @@ pub struct Vertex {
     more: Rc<More>,
     /// Whether an edge of a polygon begins here.
     pub edge: bool,
-    /// Pixels along a stippled line up to here.
+    /// Distance in pixels along a stippled line.
     pub along: f32,
 }
 
@@ -58,7 +58,7 @@ impl Vertex {
         }
     }
 
-    /// A generic attribute; 0 is the position, and not here.
+    /// A generic attribute. Attribute 0 is the position and is not stored here.
     pub fn generic(&self, k: usize) -> [f32; 4] {
         self.more.generic[k]
     }
@@ -70,8 +70,8 @@ impl Vertex {
         }
     }
 
-    /// This vertex, with attributes that are not in `arrays` from another one: bit 1 normal, 2 colour, 3 secondary colour, 4 fog coordinate,
-    /// 5 edge flag, from 8 on texture coordinates, from 16 on generic attributes.
+    /// This vertex, with the attributes whose bit is not in `arrays` taken from `current`: bit 1 normal, 2 colour, 3 secondary colour,
+    /// 4 fog coordinate, 5 edge flag, from 8 on texture coordinates, from 16 on generic attributes.
     pub fn over(&self, current: &Vertex, arrays: u32) -> Vertex {
         let mut vertex = self.clone();
         let has = |bit: usize| arrays & 1 << bit != 0;
@@ -106,8 +106,8 @@ impl Vertex {
         vertex
     }
 
-    /// Whether all attributes that vertices share are those of another vertex, as far as that is known without a look at them. They are
-    /// generic attributes, and texture coordinates of units from [`Vertex::UNSHARED`] on.
+    /// Whether both vertices point to the same shared attributes; values are not compared. The shared attributes are the generic ones, and
+    /// the texture coordinates of units from [`Vertex::UNSHARED`] on.
     pub fn shares(&self, other: &Vertex) -> bool {
         Rc::ptr_eq(&self.more, &other.more)
     }
@@ -117,7 +117,7 @@ impl Vertex {
 const MORE: u32 = ((1 << UNITS) - (1 << OWN)) << 8 | ((1 << GENERICS) - 2) << 16;
 
 impl Vertex {
-    /// Texture units whose coordinates no vertex shares with another one.
+    /// Number of texture units whose coordinates are not shared between vertices.
     pub const UNSHARED: usize = OWN;
 }
 
@@ -196,7 +196,7 @@ pub struct Unit {
     pub bound: [u32; 5],
     /// Which of s, t, r, q are generated.
     pub generated: u8,
-    /// How.
+    /// How each of them is generated.
     pub generation: [Generation; 4],
     /// Environment.
     pub environment: Environment,
@@ -217,7 +217,7 @@ pub struct Stencil {
     pub write: u32,
 }
 
-/// All of it.
+/// The whole server state.
 #[derive(Clone, Debug)]
 pub struct State {
     /// Current vertex attributes.
@@ -230,7 +230,7 @@ pub struct State {
     pub viewport: [i32; 4],
     /// Near and far depth.
     pub depth_range: [f32; 2],
-    /// Matrix that matrix calls mean.
+    /// Current matrix mode.
     pub matrix_mode: u32,
     /// Clip planes in eye space.
     pub planes: [[f32; 4]; PLANES],
@@ -290,7 +290,7 @@ pub struct State {
     pub clear_depth: f32,
     /// Front and back.
     pub stencil: [Stencil; 2],
-    /// The face that calls mean, where a program names one (EXT_stencil_two_side).
+    /// The active stencil face, if the program has set one (EXT_stencil_two_side).
     pub stencil_face: Option<u32>,
     /// Stencil.
     pub clear_stencil: i32,
@@ -314,7 +314,7 @@ pub struct State {
     pub scissor: [i32; 4],
     /// Texture units.
     pub units: [Unit; UNITS],
-    /// The unit that calls mean.
+    /// The active texture unit.
     pub active: usize,
     /// Display lists.
     pub list_base: u32,
@@ -322,7 +322,7 @@ pub struct State {
     pub grids: [(i32, f32, f32); 2],
     /// Raster position in window space, and whether it is valid.
     pub raster: Option<[f32; 4]>,
-    /// Attributes of the raster position: what lighting and texture coordinate generation made of the current ones.
+    /// Attributes of the raster position: the current ones after lighting and texture coordinate generation.
     pub raster_vertex: Vertex,
     /// Zoom of pixel rectangles.
     pub zoom: [f32; 2],
@@ -469,18 +469,18 @@ const CAPABILITIES: &[(u32, u32)] = &[
     (e::SCISSOR_TEST, e::SCISSOR_BIT),
     (e::STENCIL_TEST, e::STENCIL_BUFFER_BIT),
     (e::STENCIL_TEST_TWO_SIDE_EXT, e::STENCIL_BUFFER_BIT),
-    // What has no effect on one sample a pixel.
+    // These have no effect with one sample a pixel.
     (e::SAMPLE_ALPHA_TO_COVERAGE, e::MULTISAMPLE_BIT),
     (e::SAMPLE_ALPHA_TO_ONE, e::MULTISAMPLE_BIT),
     (e::SAMPLE_COVERAGE, e::MULTISAMPLE_BIT),
 ];
 
-/// First bits of lights, clip planes and evaluators.
+/// The first bits of lights, clip planes and evaluators.
 const LIGHT_BIT: u32 = 32;
 const PLANE_BIT: u32 = LIGHT_BIT + LIGHTS as u32;
 const MAP_BIT: u32 = PLANE_BIT + PLANES as u32;
 
-/// The bit of a capability, or none if it is no bit of the state.
+/// The bit of a capability, or none if the state has no bit for it.
 pub fn capability(cap: u32) -> Option<u64> {
     let bit = match cap {
         e::LIGHT0..0x4008 => LIGHT_BIT + cap - e::LIGHT0,
@@ -492,7 +492,7 @@ pub fn capability(cap: u32) -> Option<u64> {
     Some(1 << bit)
 }
 
-/// The capabilities that the groups of `mask` have.
+/// The capabilities in the attribute groups of `mask`.
 fn capabilities_of(mask: u32) -> u64 {
     if mask & e::ENABLE_BIT != 0 {
         return !0;
@@ -516,7 +516,7 @@ impl State {
         capability(cap).is_some_and(|bit| self.enabled & bit != 0)
     }
 
-    /// Takes the groups of `mask` from a saved state.
+    /// Restores the attribute groups of `mask` from a saved state.
     pub fn restore(&mut self, mask: u32, saved: State) {
         let caps = capabilities_of(mask);
         self.enabled = self.enabled & !caps | saved.enabled & caps;
@@ -557,7 +557,7 @@ impl State {
 /// A stack of matrices.
 #[derive(Clone, Debug)]
 pub struct Stack {
-    /// The one that is used.
+    /// The current matrix.
     pub top: Mat4,
     below: Vec<Mat4>,
     most: usize,
@@ -569,7 +569,7 @@ impl Stack {
         Stack { top: Mat4::IDENTITY, below: Vec::new(), most }
     }
 
-    /// Pushes a copy of the top; whether there was room.
+    /// Pushes a copy of the top; returns whether there was room.
     pub fn push(&mut self) -> bool {
         let room = self.below.len() + 1 < self.most;
         if room {
@@ -578,7 +578,7 @@ impl Stack {
         room
     }
 
-    /// Removes the top; whether there was one below.
+    /// Removes the top; returns whether there was one below.
     pub fn pop(&mut self) -> bool {
         let below = self.below.pop();
         if let Some(matrix) = below {

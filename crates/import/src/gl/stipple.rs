@@ -1,5 +1,5 @@
-//! Line stipple (OpenGL 1.5, section 3.4.2): each end of a line gets the pixels that lie along the line up to it. The fragment stage takes
-//! the bit of the pattern.
+//! Line stipple (OpenGL 1.5, section 3.4.2): each end of a line gets its distance in pixels along the line. The fragment stage selects the
+//! bit of the pattern.
 
 use glam::vec2;
 
@@ -16,8 +16,8 @@ impl Gl {
         self.state.is(e::LINE_STIPPLE) && self.state.line_stipple.1 != 0xffff
     }
 
-    /// Lines, two vertices each, with what lies along them. The pattern goes on where a line begins at the vertex that the line before
-    /// ended at. Lines are cut at the view volume first, since pixels outside are not counted.
+    /// Lines, two vertices each, with the distances along them. The pattern continues if a line begins at the vertex at which the previous
+    /// one ended. Lines are clipped to the view volume first, since pixels outside are not counted.
     pub fn stippled(&self, vertices: &[Vertex], indices: &[u32]) -> (Vec<Vertex>, Vec<u32>) {
         let clip = to_clip(&self.projection.top, &self.modelview.top);
         let [_, _, width, height] = self.state.viewport.map(|value| value as f32);
@@ -42,7 +42,7 @@ impl Gl {
                 (first.color, first.secondary) = (ends[1].color, ends[1].secondary);
                 (second.color, second.secondary) = (ends[1].color, ends[1].secondary);
             }
-            // Only the place in the pattern counts.
+            // Only the position in the pattern matters.
             let period = 16.0 * self.state.line_stipple.0 as f32;
             along = (along + length) % period;
             out.extend([first, second]);
@@ -56,7 +56,7 @@ impl Gl {
 pub const VIEW_VOLUME: [fn([f32; 4]) -> f32; 6] =
     [|p| p[2], |p| p[3] - p[2], |p| p[3] + p[0], |p| p[3] - p[0], |p| p[3] + p[1], |p| p[3] - p[1]];
 
-/// The part of a line in clip space that lies inside of these planes.
+/// The part of a line in clip space that lies inside these planes.
 pub fn visible(a: [f32; 4], b: [f32; 4], planes: &[fn([f32; 4]) -> f32]) -> Option<[f32; 2]> {
     let (mut from, mut to) = (0.0_f32, 1.0_f32);
     for distance in planes {
@@ -71,7 +71,7 @@ pub fn visible(a: [f32; 4], b: [f32; 4], planes: &[fn([f32; 4]) -> f32]) -> Opti
     (from < to && from.is_finite() && to.is_finite()).then_some([from, to])
 }
 
-/// The vertex at a part of a line.
+/// The vertex at the fraction `t` of a line.
 pub fn between([a, b]: &[Vertex; 2], t: f32) -> Vertex {
     if t == 0.0 {
         return a.clone();

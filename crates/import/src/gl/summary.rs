@@ -1,4 +1,4 @@
-//! What is known of the vertices of a draw without regard to what reads them.
+//! Facts about the vertices of a draw that do not depend on its shader.
 
 use super::arb::GENERICS;
 use super::key::Varying;
@@ -19,7 +19,7 @@ pub struct Summary {
     pub generic: [usize; GENERICS],
 }
 
-/// The components that are needed of an attribute whose missing ones are 0, 0, 1.
+/// The number of components that an attribute needs if missing ones are 0, 0, 1.
 fn components([_, _, z, w]: [f32; 4]) -> usize {
     if w != 1.0 {
         4
@@ -31,7 +31,7 @@ fn components([_, _, z, w]: [f32; 4]) -> usize {
 }
 
 impl Summary {
-    /// That of some vertices, at least one.
+    /// The summary of these vertices, at least one.
     pub fn of(vertices: &[Vertex]) -> Summary {
         let first = &vertices[0];
         let mut varying = Varying::default();

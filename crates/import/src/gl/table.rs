@@ -1,4 +1,4 @@
-//! Which function of the machine runs a call.
+//! The table of the machine's functions by call name.
 
 use super::call::{Call, Fault, Outcome, Scalar, Shape, core_name, shape};
 use super::elements::{BASED, INSTANCED, RANGE};
@@ -8,32 +8,32 @@ use super::{
     raster, rectangles, samplers, texturing, transform,
 };
 
-/// When a function may be called, and what it does to what waits.
+/// When a function may be called, and its effect on the batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// Also between Begin and End; what waits goes on to wait.
+    /// Also allowed between Begin and End; the batch continues.
     Vertex,
-    /// As [`Moment::Vertex`], but a display list keeps what it comes to when the list is made.
+    /// As [`Moment::Vertex`], but a display list stores its result at compilation.
     Element,
-    /// It changes the server's state, or reads it.
+    /// Changes or reads the server's state.
     Server,
-    /// It is the client's alone: no display list has it.
+    /// Changes only client state; display lists do not store it.
     Client,
-    /// It has no effect on pictures.
+    /// Has no effect on pictures.
     Ignored,
 }
 
 /// A function of the machine.
 pub type Run = fn(&mut Gl, &Call, Shape) -> Outcome;
 
-/// What is known of a function.
+/// The properties of a function.
 #[derive(Clone, Copy)]
 pub struct Entry {
-    /// What runs it.
+    /// The function that runs it.
     pub run: Run,
-    /// When.
+    /// When it may be called.
     pub moment: Moment,
-    /// What the end of its name says.
+    /// The shape of its arguments, by the suffix of its name.
     pub shape: Shape,
     /// What it does between Begin and End.
     pub part: Part,
@@ -84,7 +84,7 @@ fn unknown(_: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Err(Fault::Unsupported(call.function.name.to_string()))
 }
 
-/// The entry of a function of this name; what is not known is refused by name when it is called.
+/// The entry of a function by name; an unknown function is refused by name when it is called.
 pub fn find(name: &str) -> Entry {
     let plain = Shape { count: 0, scalar: Scalar::Float, vector: false };
     let entry = |(moment, run): (Moment, Run), shape, part| Entry { run, moment, shape, part };
@@ -92,7 +92,7 @@ pub fn find(name: &str) -> Entry {
     if let Some(window) = core.starts_with('X').then(|| window_system(name)) {
         return entry(window, plain, Part::Other);
     }
-    // It has other arguments than the core's function of this name.
+    // Its arguments differ from those of the core function with this name.
     if name == "glStencilFuncSeparateATI" {
         return entry((Moment::Server, fragments::stencil_func_both), plain, Part::Other);
     }
@@ -282,7 +282,7 @@ fn exact(name: &str) -> Option<(Moment, Run)> {
         "EvalMesh2" => (Server, evaluator::mesh_2),
         "EvalPoint1" => (Vertex, evaluator::point_1),
         "EvalPoint2" => (Vertex, evaluator::point_2),
-        // What leaves no trace in pictures.
+        // Calls without an effect on pictures.
         "Flush"
         | "Finish"
         | "Hint"

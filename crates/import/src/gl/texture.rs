@@ -1,4 +1,4 @@
-//! Texture objects: what is known of their levels, and the card's texture.
+//! Texture objects: their levels, and the card's texture.
 
 use std::collections::BTreeMap;
 
@@ -20,11 +20,11 @@ use super::names;
 pub struct Level {
     /// Width, height, depth.
     pub size: [u32; 3],
-    /// What its channels mean.
+    /// Its base format.
     pub base: Base,
-    /// The format in which it is kept.
+    /// The format in which its texels are stored.
     pub format: Format,
-    /// Bytes that are not yet on the card. Those of depths are numbers in single precision.
+    /// Bytes that are not yet on the card. Depths are stored as 32-bit floats.
     pub bytes: Option<Vec<u8>>,
 }
 
@@ -39,7 +39,7 @@ impl Level {
 #[derive(Clone, Debug)]
 struct Native {
     id: TextureId,
-    /// The level of the texture object that is its first.
+    /// The level of the texture object that is its first level.
     first: u32,
     size: [u32; 3],
     levels: u32,
@@ -85,22 +85,22 @@ pub struct Texture {
     pub range: [u32; 2],
     /// Anisotropy.
     pub anisotropy: f32,
-    /// Whether smaller levels are made of level 0.
+    /// Whether smaller levels are generated from the base level.
     pub generate: bool,
     /// Bias of the level of detail.
     pub bias: f32,
-    /// What depths are compared by, if they are compared with the third coordinate.
+    /// The comparison of depths with the third coordinate, if it is enabled.
     pub compare: Option<Compare>,
-    /// The comparison that is used where one is asked for.
+    /// The comparison that is used if it is enabled.
     pub compare_func: Compare,
-    /// The base format that depths appear as.
+    /// The base format as which depths are read.
     pub depth_mode: Base,
-    /// What each component that is read is taken from: a channel, 4 for zero, 5 for one.
+    /// The source of each component that is read: a channel, 4 for zero, 5 for one.
     pub swizzle: [u8; 4],
     native: Option<Native>,
 }
 
-/// What a draw binds.
+/// A texture as a draw binds it.
 pub struct Bound {
     /// Texture, view, sampler.
     pub bound: (TextureId, ViewId, SamplerId),
@@ -108,11 +108,11 @@ pub struct Bound {
     pub base: Base,
     /// Coordinates that are clamped before filtering.
     pub clamp: [bool; 3],
-    /// The border's colour, as texels are kept, and a sampler whose border is white; none where the card has such a border.
+    /// The border's colour in the format of the texels, and a sampler whose border is white; none if the card supports this border colour.
     pub border: Option<([f32; 4], SamplerId)>,
     /// Bias of the level of detail.
     pub bias: f32,
-    /// Levels that are read: the card's first, and how many.
+    /// Levels that are read: the first one on the card, and their number.
     pub levels: [u32; 2],
     /// Whether it has depths, and whether they are compared.
     pub depth: DepthRead,
@@ -146,7 +146,7 @@ impl Texture {
         }
     }
 
-    /// Exchanges how it is sampled with another, as a sampler that takes its place has it.
+    /// Exchanges the sampling parameters with another texture. A sampler object that overrides a texture is applied in this way.
     pub fn exchange_sampling(&mut self, other: &mut Texture) {
         std::mem::swap(&mut self.min, &mut other.min);
         std::mem::swap(&mut self.mag, &mut other.mag);
@@ -167,12 +167,12 @@ impl Texture {
         !matches!(self.min, e::NEAREST | e::LINEAR)
     }
 
-    /// Levels that a complete texture of this size has.
+    /// Number of levels of a complete texture of this size.
     fn full_levels(size: [u32; 3]) -> u32 {
         32 - size.into_iter().max().unwrap_or(1).max(1).leading_zeros()
     }
 
-    /// Number of levels that sampling reads, from the first on; none if the texture is not complete.
+    /// Number of levels that sampling reads, from the base level on; none if the texture is not complete.
     fn complete(&self) -> Option<u32> {
         let first = self.levels.get(&(0, self.range[0]))?;
         if first.size.contains(&0) {
@@ -196,7 +196,7 @@ impl Texture {
 
     /// Defines an image.
     pub fn define(&mut self, card: &mut Card, face: u32, level: u32, image: Level) {
-        // An image of the same size on the card is written in place.
+        // An image of the same size on the card is overwritten in place.
         if self.native.as_ref().is_some_and(|native| native.place(level, &image).is_some()) {
             let on_card = self.levels.get(&(face, level)).is_some_and(|level| level.bytes.is_none());
             if let (true, Some(bytes)) = (on_card, &image.bytes) {
@@ -206,12 +206,12 @@ impl Texture {
         self.levels.insert((face, level), image);
     }
 
-    /// Writes a part of an image that is defined; `bytes` are kept texels.
+    /// Writes a part of an image that is defined; `bytes` are texels in the stored format.
     pub fn write(&mut self, card: &mut Card, face: u32, level: u32, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
         let Some(image) = self.levels.get_mut(&(face, level)) else { return };
         let (block, texel) = (image.format.block_dim(), image.format.block_bytes() as usize);
         if let Some(kept) = &mut image.bytes {
-            // In blocks of texels; most formats have blocks of one.
+            // Sizes in blocks of texels; a block of most formats is one texel.
             let blocks = |edge: u32| edge.div_ceil(block) as usize;
             let [width, height] = [blocks(image.size[0]), blocks(image.size[1])];
             let (row, rows) = (blocks(size[0]) * texel, blocks(size[1]));
@@ -241,7 +241,7 @@ impl Texture {
         (1..Texture::full_levels(first.size)).take_while(follows).count() as u32 + 1
     }
 
-    /// Makes the card's texture have this many levels, with all that is known of them.
+    /// Gives the card's texture this number of levels and uploads their texels.
     fn install(&mut self, card: &mut Card, count: u32) -> Option<()> {
         let base_level = self.range[0];
         let first = self.levels.get(&(0, base_level))?.clone();
@@ -251,7 +251,7 @@ impl Texture {
             .is_some_and(|n| n.place(base_level, &first).is_some() && n.levels >= count + base_level - n.first);
         if !fits {
             let old = self.native.take();
-            // Larger images before the base level are kept on the card too: the base level may come back to them.
+            // Larger images before the base level stay on the card too: the program may set the base level back to them.
             let (mut lowest, mut largest) = (base_level, first.clone());
             while let Some(before) = lowest.checked_sub(1).and_then(|level| self.levels.get(&(0, level))) {
                 let follows = !before.size.contains(&0) && before.size.map(|edge| (edge >> 1).max(1)) == largest.size;
@@ -345,7 +345,7 @@ impl Texture {
         if native.format != base.format() {
             return Err(Fault::Unsupported("copies into compressed textures".into()));
         }
-        // A slice cannot be drawn to: the copy is made beside it.
+        // A slice cannot be drawn to: the copy is made in a separate surface.
         let beside = card.create_surface("slice", size, base.format());
         card.copy_to_texture(base, (source, extent, upward), beside, [0; 2], from, size);
         let end = |texture, level, origin| TextureEnd { texture, level, origin, aspect: Aspect::All };
@@ -356,7 +356,7 @@ impl Texture {
         Ok(())
     }
 
-    /// One image of it on the card, to be drawn to or read; none if there is none.
+    /// One image on the card, to be drawn to or read; none if it does not exist.
     pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> Outcome<Option<Surface>> {
         let base_level = self.range[0];
         let (Some(first), Some(after)) = (self.levels.get(&(0, base_level)), level.checked_sub(base_level)) else {
@@ -364,7 +364,7 @@ impl Texture {
         };
         let face = if self.kind == Kind::Cube { layer } else { 0 };
         let full = Texture::full_levels(first.size);
-        // What is smaller than the smallest level belongs to no texture of the card.
+        // A level beyond the smallest one belongs to no texture of the card.
         if self.kind == Kind::D3 || first.size.contains(&0) || after >= full || !self.levels.contains_key(&(face, level)) {
             return Ok(None);
         }
@@ -385,7 +385,7 @@ impl Texture {
         Ok(Some(Surface { texture: native.id, view, format: native.format, level: k, layer }))
     }
 
-    /// Makes it ready to be sampled; none if it is not complete, so that its unit is off.
+    /// Prepares the texture for sampling; none if it is not complete, which disables its unit.
     pub fn bind(&mut self, card: &mut Card) -> Outcome<Option<Bound>> {
         let Some(count) = self.complete() else { return Ok(None) };
         let kind = self.kind;
@@ -434,7 +434,7 @@ impl Texture {
         Ok(Some(Bound { bound, border, bias, base, clamp, levels, depth, swizzle, face_edges }))
     }
 
-    /// Its sampler, and the colour of the border as texels are kept, where it is none of the card's.
+    /// Its sampler, and the border colour in the format of the texels if the card does not support that colour.
     fn sampler(&self) -> Outcome<(SamplerDesc, Option<[f32; 4]>)> {
         let filter = |linear: bool| if linear { FilterMode::Linear } else { FilterMode::Nearest };
         let linear = matches!(self.min, e::LINEAR | e::LINEAR_MIPMAP_NEAREST | e::LINEAR_MIPMAP_LINEAR);
@@ -445,14 +445,14 @@ impl Texture {
             *mode = match wrap {
                 e::REPEAT => AddressMode::Repeat,
                 e::MIRRORED_REPEAT => AddressMode::MirrorRepeat,
-                // With linear filters the border is half of what is read at 0 and 1.
+                // With linear filters, a sample at 0 or 1 is half border.
                 e::CLAMP if any => AddressMode::ClampToBorder,
                 e::CLAMP | e::CLAMP_TO_EDGE => AddressMode::ClampToEdge,
                 e::CLAMP_TO_BORDER => AddressMode::ClampToBorder,
                 other => return Err(Fault::Unsupported(format!("wrap mode {}", names::name(other)))),
             };
         }
-        // Coordinates that the shape does not have cannot reach a border.
+        // Coordinates that the texture's dimension does not use cannot reach a border.
         let used = match self.kind {
             Kind::D1 => 1,
             Kind::D2 | Kind::Rectangle => 2,
@@ -483,9 +483,9 @@ impl Texture {
             }
             kept => (BorderColor::TransparentBlack, Some(kept)),
         };
-        // Without mipmaps only the choice between the two filters depends on the level of detail.
+        // Without mipmaps, the level of detail only selects between the two filters.
         let lod = if self.mipmapped() { self.lod.map(|lod| lod.max(0.0)) } else { [0.0, 0.25] };
-        // The card's samplers are anisotropic between levels alone; of one level that changes nothing.
+        // The card's samplers are anisotropic only with a linear filter between levels; with one level that filter changes nothing.
         let ellipse = self.anisotropy > 1.0 && any && linear && self.mag == e::LINEAR && (between || !self.mipmapped());
         let sampler = SamplerDesc {
             address,
@@ -509,10 +509,10 @@ impl Texture {
     }
 }
 
-/// A frame buffer that copies read: its image, its size, and whether its first row is the lowest.
+/// A framebuffer that is copied from: its image, its size, and whether its first row is the lowest.
 pub type FromTarget = (Surface, [u32; 2], bool);
 
-/// A size in whole blocks, as copies of compressed images have it.
+/// A size rounded up to whole blocks, as copies of compressed images require.
 fn whole_blocks(format: Format, size: [u32; 3]) -> [u32; 3] {
     let block = format.block_dim();
     [size[0].next_multiple_of(block), size[1].next_multiple_of(block), size[2]]

@@ -11,7 +11,7 @@ use super::names;
 use super::state::{TARGETS, UNITS};
 use super::texture::{Level, Texture};
 
-/// Edges of textures at most, those of 3D textures, and texels of one image.
+/// Limits: size of textures, size of 3D textures, and texels of one image.
 const EDGE_MAX: u32 = 16_384;
 const EDGE_3D_MAX: u32 = 2_048;
 const TEXELS_MAX: u64 = 1 << 26;
@@ -59,7 +59,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     Ok(())
 }
 
-/// The target and face that an image call means; none of a proxy.
+/// The target and face of an image call; none for a proxy.
 fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
     let proxies =
         [e::PROXY_TEXTURE_1D, e::PROXY_TEXTURE_2D, e::PROXY_TEXTURE_3D, e::PROXY_TEXTURE_CUBE_MAP, e::PROXY_TEXTURE_RECTANGLE];
@@ -76,7 +76,7 @@ fn image_target(target: u32, allowed: &[u32]) -> Outcome<Option<(usize, u32)>> {
 
 const PLANAR: &[u32] = &[e::TEXTURE_2D, e::TEXTURE_RECTANGLE];
 
-/// The texture that a target of the active unit means, and the card.
+/// Runs a function on the texture bound to a target of the active unit, and the card.
 pub(super) fn with<T>(
     gl: &mut Gl,
     target: usize,
@@ -89,7 +89,7 @@ pub(super) fn with<T>(
     run(texture.ok_or(INVALID_OPERATION)?, &mut gl.card)
 }
 
-/// Checks what all images have in common.
+/// Checks the limits common to all images.
 fn checked(level: i32, size: [u32; 3], border: i32) -> Outcome<u32> {
     let most = if size[2] > 1 { EDGE_3D_MAX } else { EDGE_MAX };
     if !(0..=14).contains(&level) || size.iter().any(|&edge| edge > most) || !(0..=1).contains(&border) {
@@ -128,14 +128,14 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
         // Contents are undefined.
         None if base == Base::Depth => None,
         Some(bytes) => Some(gl.kept(base, size, [format, kind], &bytes)?),
-        // Zeros are as good as any.
+        // Contents are undefined: zeros are allowed.
         None => Some(vec![0; size.iter().product::<u32>() as usize * base.format().block_bytes() as usize]),
     };
     if border == 1 {
         if size[..dimensions].iter().any(|&edge| edge < 2) {
             return Err(INVALID_VALUE);
         }
-        // Only what lies inside is kept: outside is the border's colour, as Mesa has it.
+        // Only the texels inside the border are stored. The border has the border colour, as in Mesa.
         let inner: [u32; 3] = std::array::from_fn(|k| if k < dimensions { size[k] - 2 } else { 1 });
         bytes = bytes.map(|bytes| inside_of(&bytes, base.format().block_bytes() as usize, size, inner, dimensions));
         size = inner;
@@ -143,7 +143,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
     install(gl, target, face, level, Level::plain(size, base, bytes))
 }
 
-/// The texels inside of a border of one texel.
+/// The texels inside a border of one texel.
 fn inside_of(texels: &[u8], texel: usize, size: [u32; 3], inner: [u32; 3], dimensions: usize) -> Vec<u8> {
     let skip = |k: usize| usize::from(k < dimensions);
     let mut out = Vec::new();
@@ -157,7 +157,7 @@ fn inside_of(texels: &[u8], texel: usize, size: [u32; 3], inner: [u32; 3], dimen
     out
 }
 
-/// Defines an image, and what automatic mipmaps make of it.
+/// Defines an image, and generates mipmap levels from it if that is enabled.
 fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> Outcome {
     let (size, base) = (image.size, image.base);
     with(gl, target, |texture, card| {
@@ -175,7 +175,7 @@ fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> O
     })
 }
 
-/// All levels below one.
+/// Generates all levels below one.
 fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 3], texels: Vec<u8>) {
     let Some(base) = texture.levels.get(&(face, level)).map(|image| image.base) else { return };
     let (mut smaller, mut texels, mut at) = (size, texels, level);
@@ -221,12 +221,12 @@ pub(super) fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Err(INVALID_OPERATION);
     }
     let bytes = blocks(gl, call, format, size, 6)?;
-    // The card's compressed textures have whole blocks in their largest image; smaller ones are kept as texels.
+    // The largest image of the card's compressed textures has whole blocks; other images are stored as texels.
     let largest = with(gl, target, |texture, _| {
         let first = texture.range[0];
         Ok(texture.levels.get(&(face, first)).filter(|_| level > first).map(|image| image.format))
     })?;
-    // Smaller levels are made of texels.
+    // Mipmap generation needs texels.
     let generates = with(gl, target, |texture, _| Ok(texture.generate && level == texture.range[0]))?;
     let whole = match largest {
         _ if generates => false,
@@ -242,7 +242,7 @@ pub(super) fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     install(gl, target, face, level, image)
 }
 
-/// Texels of compressed blocks.
+/// Decodes compressed blocks to texels.
 fn decoded(format: Format, size: [u32; 3], blocks: &[u8]) -> Vec<u8> {
     let [width, height, _] = size.map(|edge| edge as usize);
     let across = width.div_ceil(4);
@@ -270,7 +270,7 @@ pub(super) fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome 
         if !inside(image, origin, size) {
             return Err(INVALID_VALUE);
         }
-        // Parts are made of whole blocks, except where the image ends.
+        // Parts consist of whole blocks, except at the end of the image.
         let aligned =
             (0..2).all(|k| origin[k].is_multiple_of(4) && (size[k].is_multiple_of(4) || origin[k] + size[k] == image.size[k]));
         if !aligned {
@@ -334,7 +334,7 @@ fn storage(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outc
         let size: [u32; 3] = std::array::from_fn(|k| if k < dimensions { (size[k] >> level).max(1) } else { 1 });
         let bytes = size.iter().product::<u32>() as usize * base.format().block_bytes() as usize;
         for face in 0..if cube { 6 } else { 1 } {
-            // Zeros are as good as any.
+            // Contents are undefined: zeros are allowed.
             let zeros = (base != Base::Depth).then(|| vec![0; bytes]);
             install(gl, target, face, level, Level::plain(size, base, zeros))?;
         }
@@ -357,7 +357,7 @@ pub(super) fn storage_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     storage(gl, call, &[e::TEXTURE_3D], 3)
 }
 
-/// Whether a part lies in an image.
+/// Whether a part lies inside an image.
 fn inside(image: &Level, origin: [u32; 3], size: [u32; 3]) -> bool {
     (0..3).all(|k| u64::from(origin[k]) + u64::from(size[k]) <= u64::from(image.size[k]))
 }
@@ -410,7 +410,7 @@ pub(super) fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     write_part(gl, call, &[e::TEXTURE_3D], 3)
 }
 
-/// Copies of the window into a part of an image.
+/// Copies from the framebuffer to a part of an image.
 fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
     let depth =
         with(gl, target, |texture, _| Ok(texture.levels.get(&(face, level)).is_some_and(|image| image.base == Base::Depth)))?;

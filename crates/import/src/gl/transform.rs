@@ -93,18 +93,18 @@ pub(super) fn translate(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     multiply(gl, Mat4::from_translation(Vec3::new(call.f32(0)?, call.f32(1)?, call.f32(2)?)))
 }
 
-/// Edges of viewports at most, and how far they lie from the window's corner.
+/// Maximum size of viewports, and maximum distance of their origin from the window's corner.
 const VIEWPORT_MAX: u32 = 16_384;
 const VIEWPORT_REACH: i32 = 32_768;
 
 pub(super) fn viewport(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (x, y, width, height) = (call.i32(0)?, call.i32(1)?, call.size(2)?, call.size(3)?);
     let reach = |from: i32, size: u32| (i64::from(from) + i64::from(size)).clamp(0, i64::from(u32::MAX)) as u32;
-    // Of a frame buffer object it says nothing of the window.
+    // With a framebuffer object bound, the viewport says nothing about the window's size.
     if gl.draw_framebuffer == 0 {
         gl.window([reach(x, width), reach(y, height)], false)?;
     }
-    // As Mesa has the bounds of viewports.
+    // Viewports are clamped as in Mesa.
     let [x, y] = [x, y].map(|place| place.clamp(-VIEWPORT_REACH, VIEWPORT_REACH - 1));
     let [width, height] = [width, height].map(|edge| edge.min(VIEWPORT_MAX) as i32);
     gl.state.viewport = [x, y, width, height];

@@ -1,4 +1,4 @@
-//! The uniforms of a draw: one list of fields, by which the block is both declared and filled.
+//! The uniforms of a draw. One list of fields both declares the block and fills it.
 
 use gl_shader::wgsl::Field;
 
@@ -10,7 +10,7 @@ use super::key::{EnvironmentKey, Made, ShaderKey};
 use super::matrix;
 use super::state::{State, UNITS, Vertex};
 
-/// What uniforms are made of.
+/// The values from which uniforms are computed.
 pub struct Source<'a> {
     /// The state.
     pub state: &'a State,
@@ -24,13 +24,13 @@ pub struct Source<'a> {
     pub constant: &'a Vertex,
     /// Biases of the level of detail.
     pub biases: [f32; UNITS],
-    /// Colours of the borders of textures, as texels are kept.
+    /// Border colours of textures, in the format of the texels.
     pub borders: [[f32; 4]; UNITS],
-    /// The height in pixels of what is drawn to.
+    /// The height of the render target in pixels.
     pub height: u32,
-    /// Whether its first row is the lowest.
+    /// Whether the first row of the render target is the lowest.
     pub upward: bool,
-    /// Where drawn pixels are, and what is made of them.
+    /// The uniforms of a drawn pixel rectangle ([`super::rectangles::Source`]).
     pub pixels: [[f32; 4]; 4],
     /// The vertex program.
     pub vertex: Option<&'a Active>,
@@ -38,7 +38,7 @@ pub struct Source<'a> {
     pub fragment: Option<&'a Active>,
 }
 
-/// A field: its name, the number of an element if it has one, and its vectors.
+/// Called for a field with its name, the index of the element if it is an array, and its vectors.
 pub type Visit<'a> = &'a mut dyn FnMut(&'static str, Option<usize>, &[[f32; 4]]);
 
 /// The matrix from object space to the clip space of the card, where depths are from 0 to w.
@@ -50,12 +50,12 @@ pub fn to_clip(projection: &Mat4, modelview: &Mat4) -> Mat4 {
     m
 }
 
-/// The size of a point without smoothing: whole (OpenGL 1.5, section 3.3.1). Which way a half goes is left open; llvmpipe lets it go down.
+/// The size of a point without smoothing: an integer (OpenGL 1.5, section 3.3.1). Rounding of a half is left open; llvmpipe rounds down.
 fn whole_point(size: f32) -> f32 {
     (size - 0.5).ceil().max(1.0)
 }
 
-/// Names all fields that a shader of this key has, in order.
+/// Visits all fields of a shader with this key, in order.
 pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
     let (state, constant) = (source.state, source.constant);
     let wide = |v: [f32; 3], w: f32| [v[0], v[1], v[2], w];
@@ -158,7 +158,7 @@ pub fn visit(key: &ShaderKey, source: &Source, field: Visit) {
         field("stipple", None, &rows);
     }
     if key.stipple || key.pixels || place {
-        // From the card's rows to those from the bottom.
+        // Converts the card's rows to rows counted from the bottom.
         let [first, step] = if source.upward { [0.0, 1.0] } else { [source.height as f32, -1.0] };
         field("height", None, &[[first, step, 0.0, 0.0]]);
     }
@@ -205,7 +205,7 @@ fn lighting(key: &ShaderKey, source: &Source, field: Visit) {
         let position =
             if of.directional { vec3(x, y, z).normalize_or_zero().extend(0.0) } else { (vec3(x, y, z) / w).extend(1.0) };
         let mut vectors = vec![light.ambient, light.diffuse, light.specular, position.to_array()];
-        // Half way to a viewer at infinity.
+        // The half vector for a viewer at infinity.
         vectors.push((position.truncate() + Vec3::Z).normalize_or_zero().extend(0.0).to_array());
         let [a, b, c] = light.attenuation;
         vectors.push([light.spot_exponent, a, b, c]);

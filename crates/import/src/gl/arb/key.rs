@@ -1,4 +1,4 @@
-//! What programs leave of the fixed functions.
+//! The fixed-function stages that remain beside programs.
 
 use gl_shader::arb::program::Output;
 
@@ -10,7 +10,7 @@ use crate::gl::machine::Gl;
 use crate::gl::primitive::{Batch, Class};
 
 impl Gl {
-    /// Changes the key of the fixed functions to what programs leave of them.
+    /// Changes the fixed-function key for the stages that programs replace.
     pub fn programmed(
         &self,
         key: &mut ShaderKey,

@@ -1,4 +1,4 @@
-//! Programs in assembly: program objects, their parameters, and what a draw takes of them. [`gl_shader::arb`] translates them.
+//! Assembly programs: program objects, their parameters, and the programs that a draw uses. [`gl_shader::arb`] translates them.
 
 mod key;
 mod values;
@@ -19,7 +19,7 @@ const VERTEX_PROGRAM: u32 = 0x8620;
 const FRAGMENT_PROGRAM: u32 = 0x8804;
 const VERTEX_PROGRAM_POINT_SIZE: u32 = 0x8642;
 const VERTEX_PROGRAM_TWO_SIDE: u32 = 0x8643;
-/// The first matrix of programs, as `glMatrixMode` names it.
+/// The first program matrix, as an argument of `glMatrixMode`.
 pub const MATRIX0: u32 = 0x88c0;
 const PROGRAM_FORMAT_ASCII: u32 = 0x8875;
 
@@ -29,9 +29,9 @@ pub mod switch {
     pub const VERTEX: u8 = 1;
     /// Fragment programs.
     pub const FRAGMENT: u8 = 2;
-    /// Vertex programs give the size of points.
+    /// Vertex programs write the point size.
     pub const POINT_SIZE: u8 = 4;
-    /// Vertex programs give colours of back faces.
+    /// Vertex programs write colours of back faces.
     pub const TWO_SIDE: u8 = 8;
 }
 
@@ -46,7 +46,7 @@ pub fn switch_of(cap: u32) -> Option<u8> {
     }
 }
 
-/// A program that was read, and its number among all different texts.
+/// A parsed program, and the number of its text among all distinct texts.
 #[derive(Clone)]
 pub struct Loaded {
     /// Its number.
@@ -59,11 +59,11 @@ pub struct Loaded {
 #[derive(Clone, Default)]
 struct Object {
     local: Vec<[f32; 4]>,
-    /// What its text is, or what is wrong with it.
+    /// The program of its text, or the error in it.
     text: Option<Result<Loaded, String>>,
 }
 
-/// Program objects and what belongs to all of them.
+/// Program objects and the state that they share.
 pub struct Programs {
     bound: [u32; 2],
     objects: BTreeMap<u32, Object>,
@@ -109,20 +109,20 @@ impl Programs {
         }
     }
 
-    /// A number that no program has.
+    /// A new program number.
     pub fn number(&mut self) -> u32 {
         self.numbers += 1;
         self.numbers
     }
 
-    /// Objects.
+    /// The number of objects.
     pub fn len(&self) -> usize {
         self.objects.len()
     }
 }
 
 impl Gl {
-    /// The program of a stage that is switched on.
+    /// The enabled program of a stage.
     pub fn active_program(&mut self, stage: Stage) -> Outcome<Option<Active>> {
         if self.glsl.used() {
             return self.glsl_program(stage);
@@ -191,7 +191,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     });
     let loaded = loaded.clone();
     if let Err(reason) = &loaded {
-        // A driver refuses such a text, too; the program before stays.
+        // A driver refuses such a text too; the previous program remains.
         let name = format!("{}: GL_INVALID_OPERATION: {reason}", call.function.name);
         gl.errors.entry(name).or_insert(Count { times: 0, first: call.number }).times += 1;
         let object = gl.programs.object(stage);

@@ -22,7 +22,7 @@ pub fn values(gl: &Gl, program: &Program, environment: &[[f32; 4]], local: &[[f3
         .collect()
 }
 
-/// The value of a parameter that is the machine's state.
+/// The value of a parameter that is bound to the machine's state.
 pub fn state(gl: &Gl, param: Param) -> [f32; 4] {
     let state = &gl.state;
     let wide = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];

@@ -1,4 +1,4 @@
-//! Programs in GLSL: shader and program objects, uniforms, and what a draw takes of them. [`gl_shader::glsl`] translates them.
+//! GLSL: shader and program objects, uniforms, and the stages that a draw uses. [`gl_shader::glsl`] translates them.
 
 pub mod uniforms;
 
@@ -11,7 +11,7 @@ use super::arb::{Active, Loaded, Stage};
 use super::call::{Arg, Call, Fault, INVALID_OPERATION, INVALID_VALUE, Outcome as CallOutcome, Shape};
 use super::machine::Gl;
 
-/// Bytes of a shader's source at most.
+/// Maximum number of bytes of a shader's source.
 const SOURCE_MAX: usize = 1 << 22;
 
 const FRAGMENT_SHADER: u32 = 0x8b30;
@@ -42,7 +42,7 @@ struct Object {
     units: BTreeMap<String, u32>,
 }
 
-/// What decides a stage's program: the linked program, the stage, units of samplers, locations of attributes and outputs.
+/// The key of a stage's translated program: the linked program, the stage, units of samplers, locations of attributes and outputs.
 type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<u32>>);
 
 /// Shader and program objects.
@@ -50,19 +50,19 @@ type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<u32>>);
 pub struct Glsl {
     shaders: BTreeMap<u32, Shader>,
     objects: BTreeMap<u32, Object>,
-    /// The program that is used; 0: none.
+    /// The current program; 0: none.
     current: u32,
     linked: BTreeMap<Sources, Result<Rc<Linked>, String>>,
     codes: BTreeMap<CodeKey, Result<Loaded, String>>,
 }
 
 impl Glsl {
-    /// Objects of one kind at most.
+    /// The number of objects of the most numerous kind.
     pub fn len(&self) -> usize {
         self.shaders.len().max(self.objects.len()).max(self.linked.len()).max(self.codes.len())
     }
 
-    /// Whether a program is used that has a stage.
+    /// Whether the current program has a stage.
     pub fn has(&self, stage: Stage) -> bool {
         match self.objects.get(&self.current).and_then(|object| object.linked.as_ref()) {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
@@ -70,14 +70,14 @@ impl Glsl {
         }
     }
 
-    /// Whether a program is used.
+    /// Whether there is a current program.
     pub fn used(&self) -> bool {
         self.current != 0
     }
 }
 
 impl Gl {
-    /// The stage of the program that is used.
+    /// The stage of the current program.
     pub fn glsl_program(&mut self, stage: Stage) -> CallOutcome<Option<Active>> {
         let index = stage as usize - 1;
         let object = self.glsl.objects.get(&self.glsl.current).ok_or(INVALID_OPERATION)?;
@@ -222,7 +222,7 @@ pub(super) fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 
 pub(super) fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
-    // What cannot be translated is used and refused where it draws; what was never linked cannot be used.
+    // A program that cannot be translated may be bound; drawing with it is refused. A program that was never linked cannot be bound.
     if name != 0 && gl.glsl_object(name)?.linked.is_none() {
         return Err(INVALID_OPERATION);
     }
@@ -232,7 +232,7 @@ pub(super) fn use_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 
 pub(super) fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
-    // What is attached stays until it is not.
+    // An attached shader is not deleted.
     if !gl.glsl.objects.values().any(|object| object.attached.contains(&name)) {
         gl.glsl.shaders.remove(&name);
     }
@@ -241,7 +241,7 @@ pub(super) fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
 
 pub(super) fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
-    // The program that is used stays until it is not.
+    // The current program is not deleted.
     if gl.glsl.current != name {
         gl.flush()?;
         gl.glsl.objects.remove(&name);
@@ -274,7 +274,7 @@ pub(super) fn bind_output(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     Ok(())
 }
 
-/// The answer of a driver, which chose the location.
+/// The location that the recorded driver returned.
 fn answer(call: &Call) -> Option<i64> {
     match call.result {
         Arg::Num(location) if location >= 0.0 => Some(location as i64),

@@ -1,4 +1,4 @@
-//! Values that a program gives to uniforms.
+//! Values that the recorded program sets for uniforms.
 
 use gl_shader::glsl::{Layout, Translated};
 use naga::ScalarKind;
@@ -6,7 +6,7 @@ use naga::ScalarKind;
 use crate::gl::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use crate::gl::machine::Gl;
 
-/// Where a part of a uniform is: its layout, its first vector, and how many elements of an array begin there.
+/// The position of a part of a uniform: its layout, its first vector, and the number of array elements from there on.
 fn part(layout: &Layout, path: &str, first: usize) -> Option<(Layout, usize, usize)> {
     if path.is_empty() {
         return Some(match layout {
@@ -40,7 +40,7 @@ fn part(layout: &Layout, path: &str, first: usize) -> Option<(Layout, usize, usi
     }
 }
 
-/// A name's root and the path behind it.
+/// Splits a name into its root and the path after it.
 fn root(name: &str) -> (&str, &str) {
     name.split_at(name.find(['.', '[']).unwrap_or(name.len()))
 }
@@ -53,7 +53,7 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
     let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
     let object = gl.glsl_object(name)?;
     let Some(Ok(linked)) = object.linked.clone() else { return Err(INVALID_OPERATION) };
-    // A uniform has a location that the program has asked for, or that its declaration states, or lies in an array behind one.
+    // The location of a uniform was queried by the program, is stated in its declaration, or follows one of these in an array.
     let declared = |location: i64| {
         let mut all = linked.stages.iter().flatten().flat_map(Translated::located);
         all.find(|&(_, at)| i64::from(at) == location).map(|(name, _)| name.to_owned())

@@ -1,7 +1,7 @@
 //! Recordings of apitrace: the container, and the events in it. Versions 1 to 6.
 //!
-//! The stream has *enter* events, which have a call's function and arguments, and *leave* events, which have outputs. A call is answered
-//! at its leave event, as apitrace's own player does.
+//! The stream has *enter* events, with a call's function and arguments, and *leave* events, with its outputs. A call is returned at its
+//! leave event, as in apitrace's own player.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -14,13 +14,13 @@ use crate::gl::call::{Arg, Call, Function};
 
 /// The newest version that is read.
 const VERSION_MAX: u64 = 6;
-/// Depth of arrays and structures in each other.
+/// Maximum nesting depth of arrays and structures.
 const NESTING_MAX: u32 = 32;
-/// Elements of an array; bulk data are blobs.
+/// Maximum number of elements of an array; bulk data are blobs.
 const ELEMENTS_MAX: u64 = 1 << 24;
-/// Calls that are entered and not left: one a thread of the program.
+/// Maximum number of calls that are entered and not left: normally one for each thread of the program.
 const OPEN_MAX: usize = 4096;
-/// Signatures of one kind, and arguments of a function.
+/// Maximum numbers of signatures of one kind, and of arguments of a function.
 const SIGNATURES_MAX: u64 = 1 << 20;
 const ARGUMENTS_MAX: u64 = 1 << 10;
 
@@ -37,18 +37,18 @@ pub struct Apitrace {
     frames: Table<()>,
     /// The call that was entered last, if it has not been left.
     last: Option<Call>,
-    /// Those before it that have not been left.
+    /// Earlier calls that have not been left.
     open: BTreeMap<u64, Call>,
-    /// Room of arguments of calls that are done, and of arrays by their length.
+    /// Memory for reuse: argument lists of finished calls, and arrays by their length.
     spare: Vec<Vec<Arg>>,
     spare_arrays: [Option<Rc<[f64]>>; FEW + 1],
     next: u64,
     ended: bool,
 }
 
-/// Rooms of arguments that are kept.
+/// Maximum number of argument lists kept for reuse.
 const SPARE_MAX: usize = 8;
-/// Elements of vectors and matrices: arrays of so many at most are read at once.
+/// Arrays up to this length (vectors and matrices) are read at once.
 const FEW: usize = 16;
 
 /// Signatures by their number. apitrace numbers them from 0; only a damaged recording has large numbers.
@@ -58,7 +58,7 @@ struct Table<T> {
     count: u64,
 }
 
-/// Numbers of signatures below this are small.
+/// Signature numbers below this are stored in `small`.
 const SMALL: u64 = 1 << 14;
 
 impl<T> Default for Table<T> {
@@ -168,11 +168,11 @@ impl Apitrace {
                 Err(stop) => return Err(stop),
             }
         }
-        // Calls in which the program ended.
+        // Calls that had not returned when the program ended.
         Ok(self.open.pop_first().map(|(_, call)| call).or_else(|| self.last.take()))
     }
 
-    /// Takes back a call that has been run: the room of its arguments is used again.
+    /// Takes back a call that has run, to reuse the memory of its arguments.
     pub fn done(&mut self, call: Call) {
         if self.spare.len() < SPARE_MAX {
             let mut args = call.args;
@@ -270,7 +270,7 @@ impl Apitrace {
         }
     }
 
-    /// A number of the kinds that make up most of a recording, if it is whole in the piece at hand.
+    /// A number of the most frequent kinds, if all its bytes are in the current piece.
     #[inline(always)]
     fn number_here(&mut self) -> Option<f64> {
         let (number, bytes) = match *self.bytes.here() {
@@ -381,7 +381,7 @@ impl Apitrace {
         Ok(Arg::Nums(numbers.into()))
     }
 
-    /// An array of values of which one is no number: the numbers before it, itself, and what follows.
+    /// An array with a value that is not a number: the numbers before it, the value, and the rest.
     #[cold]
     fn rest_of_array(&mut self, numbers: &[f64], other: Arg, length: u64, depth: u32) -> Result<Arg, Stop> {
         let mut list: Vec<Arg> = numbers.iter().copied().map(Arg::Num).collect();

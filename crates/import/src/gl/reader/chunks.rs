@@ -7,10 +7,10 @@ use brotli_decompressor::Decompressor;
 use flate2::read::MultiGzDecoder;
 use num::Limits;
 
-/// Bytes that one Snappy chunk may expand to. apitrace writes chunks of 1 MiB.
+/// Maximum number of expanded bytes of a Snappy chunk. apitrace writes chunks of 1 MiB.
 const CHUNK_MAX: usize = 64 << 20;
 
-/// Bytes that are asked for at once where there are no chunks.
+/// Bytes per read if the file has no chunks.
 const PIECE: usize = 256 << 10;
 
 /// Where bytes come from: a file, or memory.
@@ -21,7 +21,7 @@ enum Packing {
     Stream(Input),
 }
 
-/// A file that is expanded while it is read. No more than one chunk is in memory.
+/// A file that is expanded while it is read. At most one chunk is in memory.
 pub struct Chunks {
     packing: Packing,
     packed: Vec<u8>,
@@ -32,7 +32,7 @@ pub struct Chunks {
     limits: Limits,
 }
 
-/// Why there is no next byte. It is one word, so that a byte or the reason why there is none travels in registers.
+/// Why there is no next byte. It is one word, so that `Result<u8, Stop>` is returned in registers.
 #[derive(Debug)]
 pub enum Stop {
     /// The file ends here.
@@ -56,7 +56,7 @@ impl Chunks {
         let packing = match start {
             [b'a', b't'] => Packing::Snappy(BufReader::with_capacity(PIECE, file), snap::raw::Decoder::new()),
             [0x1f, 0x8b] => Packing::Stream(gzip(start, file)),
-            // Brotli has no mark of its own.
+            // Brotli has no magic number.
             _ => Packing::Stream(Box::new(Decompressor::new(std::io::Cursor::new(start).chain(file), PIECE))),
         };
         Chunks::new(packing, limits)
@@ -80,7 +80,7 @@ impl Chunks {
         self.before + self.at as u64
     }
 
-    /// Bytes that a value of this length needs are allowed.
+    /// Checks that the limit allows a value of this length.
     pub fn allow(&self, length: u64) -> Result<(), Stop> {
         self.limits.trace_bytes.check(self.offset().saturating_add(length)).map_err(|error| Stop::broken(error.to_string()))
     }
@@ -124,7 +124,7 @@ impl Chunks {
                         return Err(Stop::broken(format!("ends inside a chunk: {read} of its {length} bytes are there")));
                     }
                     let expanded = snap::raw::decompress_len(&self.packed).map_err(|error| broken("a Snappy chunk", &error))?;
-                    // Three bytes of Snappy stand for 64 at most.
+                    // Three bytes of Snappy expand to 64 at most.
                     if expanded > CHUNK_MAX.min(length.saturating_mul(64)) {
                         return Err(Stop::broken(format!("a Snappy chunk of {length} bytes claims to expand to {expanded}")));
                     }
@@ -157,19 +157,19 @@ impl Chunks {
         Ok(self.piece[0])
     }
 
-    /// The bytes that are here: those that follow, up to the end of a piece.
+    /// The next bytes, up to the end of the current piece.
     #[inline(always)]
     pub fn here(&self) -> &[u8] {
         &self.piece[self.at..]
     }
 
-    /// Passes over bytes that are [here](Chunks::here).
+    /// Skips bytes of [`Chunks::here`].
     #[inline(always)]
     pub fn pass(&mut self, count: usize) {
         self.at += count;
     }
 
-    /// The next bytes; their memory grows with what is there.
+    /// The next bytes; memory grows only with bytes that are present.
     pub fn bytes(&mut self, length: u64) -> Result<Rc<[u8]>, Stop> {
         self.allow(length)?;
         let end = usize::try_from(length).ok().and_then(|length| self.at.checked_add(length));
@@ -191,7 +191,7 @@ impl Chunks {
         Ok(bytes.into())
     }
 
-    /// Appends the next bytes up to the end of a line, with it; whether it was found. At the end of the text there are none.
+    /// Appends the next bytes up to and including the end of a line; returns whether it was found. At the end of the text, appends nothing.
     pub fn line(&mut self, line: &mut Vec<u8>) -> Result<bool, Stop> {
         if self.at == self.piece.len() {
             self.refill()?;
@@ -204,7 +204,7 @@ impl Chunks {
         Ok(end.is_some())
     }
 
-    /// The next bytes, a known number.
+    /// The next `N` bytes.
     #[inline]
     pub fn array<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
         let mut bytes = [0; N];

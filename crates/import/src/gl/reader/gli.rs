@@ -13,10 +13,10 @@ use super::chunks::{Chunks, Input, Stop};
 use crate::gl::call::{Arg, Call, Function, Scalar, core_name, shape};
 use crate::gl::names;
 
-/// Bytes of one call at most.
+/// Maximum number of bytes of one call.
 const CALL_MAX: usize = 64 << 20;
 
-/// Functions that take floats (`false`) or doubles, and whose name does not say so.
+/// Functions that take floats, or doubles, and whose names have no type suffix.
 const FLOATS: &[&str] = &[
     "ClearColor",
     "ClearAccum",
@@ -67,7 +67,7 @@ impl Memory {
             return Err(format!("the file of descriptors has {} bytes, no multiple of 16", descriptors.len()));
         }
         let mut blobs = BTreeMap::new();
-        // Several descriptors may mean the same bytes.
+        // Several descriptors may refer to the same bytes.
         let mut shared: BTreeMap<(u32, u32, u32), Rc<[u8]>> = BTreeMap::new();
         for record in descriptors.chunks_exact(16) {
             let [id, address, size, region] = std::array::from_fn(|k| word(record, 4 * k).unwrap_or(0));
@@ -209,7 +209,7 @@ fn takes_floats(name: &str) -> bool {
     typed || FLOATS.contains(&core)
 }
 
-/// What is left of the arguments of a call.
+/// The remaining text of a call's arguments.
 struct Tokens<'a> {
     text: &'a str,
     floats: bool,
@@ -244,7 +244,7 @@ impl Tokens<'_> {
             return Ok(Arg::Str(text.into()));
         }
         if let Some(rest) = self.text.strip_prefix('{') {
-            // Arrays in arrays do not occur.
+            // Nested arrays do not occur.
             self.text = rest;
             let end = rest.find('}').ok_or("an array without an end")?;
             let numbers = rest[..end].split(',').map(str::trim).filter(|text| !text.is_empty());
@@ -270,7 +270,7 @@ impl Tokens<'_> {
                 .ok_or_else(|| format!("there is no buffer {id}"));
         }
         if word.starts_with('U') {
-            // A pointer to what was not recorded.
+            // A pointer to data that was not recorded.
             return Ok(Arg::Null);
         }
         number(word, self.floats).ok_or_else(|| format!("{word:.40?} is no argument"))
@@ -291,7 +291,7 @@ fn number(text: &str, floats: bool) -> Option<Arg> {
     if let Ok(number) = text.parse() {
         return Some(Arg::Num(number));
     }
-    // What Windows prints for numbers that are none.
+    // The text that Windows prints for NaN and infinity.
     if let Some(rest) = text.trim_start_matches('-').strip_prefix("1.#") {
         let infinite = if text.starts_with('-') { f64::NEG_INFINITY } else { f64::INFINITY };
         return Some(Arg::Num(if rest.starts_with("INF") { infinite } else { f64::NAN }));

@@ -1,4 +1,4 @@
-//! Readers of recordings: each answers one call after another.
+//! Readers of recordings: each returns one call after another.
 
 pub mod apitrace;
 pub mod chunks;
@@ -45,7 +45,7 @@ impl Reader {
         }
     }
 
-    /// The window's size, where the recording states it by now.
+    /// The window's size, if the recording has stated it so far.
     pub fn window(&self) -> Option<[u32; 2]> {
         match self {
             Reader::Apitrace(_) => None,
