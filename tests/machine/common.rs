@@ -318,7 +318,7 @@ fn conserved_anywhere(config: &Config, tree: &Tree, fragments: bool) {
         assert_eq!(items(task), items(answer), "{task}");
     }
     if config.scanout.mode == ScanoutMode::FreeRunning {
-        // It gets each frame and one item for the end. Swaps in the vertical blank are reported. All frames are shown or dropped.
+        // The display gets each frame and one item for the end. Swaps in the vertical blank are reported. All frames are shown or dropped.
         let presented = f.at("display.presented");
         assert_eq!((items("shown"), units("scanout")), (presented + 1, presented));
         assert_eq!(items("scanned"), if config.scanout.swap == Swap::Vsync { presented } else { 0 });

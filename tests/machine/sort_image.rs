@@ -153,7 +153,7 @@ fn the_numbers_of_primitives_are_needed_for_ties() {
         let both = [twice(Compare::Less, true), twice(Compare::LessEqual, false)];
         let wrong: u64 = both.into_iter().map(|events| wrong(&run_events(&lost, events, Clock::SkipIdle))).sum();
         assert!(wrong > 1000, "{scheme}: {wrong} pixels");
-        // If no two depths are equal, the pipelines' numbers do not matter.
+        // If no two depths are equal, the primitives' numbers do not matter.
         let scene = &opaque()[0];
         assert_eq!(self::wrong(&run(&lost, scene, Clock::SkipIdle)), 0, "{scheme}");
     }
