@@ -5,11 +5,12 @@ use std::time::Duration;
 use anyhow::Result;
 use serde_json::{Value, json};
 
+use num::Random;
 use run::bound::frames::{Estimated, estimate};
 use run::cycle::{Simulated, simulate};
 use run::frame_sink::{Frame, FrameSink};
 use run::replay::{Fidelity, Options, Outcome, replay_to};
-use run::sample::clusters::{Clusters, random};
+use run::sample::clusters::Clusters;
 use run::sample::survey::{Count, MISSES, Survey};
 use run::sample::{Quantity, Sampler, Sampling};
 use stats::Tree;
@@ -115,7 +116,7 @@ pub fn resample(survey: &Survey, frames: &[[f64; QUANTITIES.len()]], samples: us
         }
         let (mut held, mut errors) = (0, 0.0);
         for seed in 0..RESAMPLINGS {
-            let drawn = clusters.draw(&mut random(seed));
+            let drawn = clusters.draw(&mut Random::new(seed));
             let own: Vec<f64> = drawn.iter().map(|&frame| own[frame]).collect();
             let told = clusters.total(&drawn, &estimates, &own);
             held += u64::from(told.covers(truth));

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{Row, Setting};
 use machine::config::SortClass;
-use machine::{Config, PassOrderCounts};
+use machine::{Config, Machine, PassOrderCounts};
 use render::Options;
 use run::machines;
 use run::stored_work::StoredWork;
@@ -179,7 +179,9 @@ impl Stage {
             return Ok(work.clone());
         }
         let most = trace.limits().memory_bytes.get() / 4;
-        let work = StoredWork::render(trace, &Options::default(), key, SortClass::NAMES.len() as u64, most)?;
+        // Machines run one after another; those of this class have the most surfaces.
+        let images = Machine::images(&config(&["sort=sort-last-image"])?);
+        let work = StoredWork::render(trace, &Options::default(), key, images, most)?;
         let work =
             Rc::new(work.with_context(|| format!("the work of {} takes more than {most} bytes", trace.file().display()))?);
         known.truncate(WORKS - 1);

@@ -155,11 +155,6 @@ impl Clusters {
     }
 }
 
-/// The random generator that draws frames.
-pub fn random(seed: u64) -> Random {
-    Random::new(seed)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,7 +181,7 @@ mod tests {
         let signatures: Vec<Vec<f64>> = (0..40).map(|i| vec![100.0 + f64::from(i % 5)]).collect();
         let clusters = Clusters::new(&signatures, 4);
         for seed in 0..20 {
-            let drawn = clusters.draw(&mut random(seed));
+            let drawn = clusters.draw(&mut Random::new(seed));
             let counted: Vec<f64> = drawn.iter().map(|&frame| if frame == 0 { 5000.0 } else { 0.0 }).collect();
             assert_eq!(clusters.total(&drawn, &estimates, &counted), Interval { value: 5000.0, margin: 0.0 });
         }
@@ -197,7 +192,7 @@ mod tests {
         let estimates: Vec<f64> = (1..=50).map(f64::from).collect();
         let signatures: Vec<Vec<f64>> = estimates.iter().map(|&x| vec![x]).collect();
         let clusters = Clusters::new(&signatures, 4);
-        let drawn = clusters.draw(&mut random(1));
+        let drawn = clusters.draw(&mut Random::new(1));
         let counted: Vec<f64> = drawn.iter().map(|&frame| 3.0 * estimates[frame]).collect();
         let total = clusters.total(&drawn, &estimates, &counted);
         assert!((total.value - 3.0 * 1275.0).abs() < 1e-6 && total.margin < 1e-6, "{total:?}");
@@ -206,7 +201,7 @@ mod tests {
     #[test]
     fn intervals_cover() {
         // Estimates are off by 5 %, independently; a quarter of the frames is of another kind, off by 10 % more.
-        let mut chance = random(7);
+        let mut chance = Random::new(7);
         let mut normal = || (0..12).map(|_| f64::from(chance.unit())).sum::<f64>() - 6.0;
         let estimates: Vec<f64> = (0..300).map(|i| 100.0 + 50.0 * libm::sin(f64::from(i) / 20.0)).collect();
         let kind = |i: usize| f64::from(u8::from(i.is_multiple_of(4)));
@@ -216,7 +211,7 @@ mod tests {
         for clusters in [3, 6, 12, 40] {
             let clusters = Clusters::new(&signatures, clusters);
             let covered = (0..1000).filter(|&seed| {
-                let drawn = clusters.draw(&mut random(seed));
+                let drawn = clusters.draw(&mut Random::new(seed));
                 let counted: Vec<f64> = drawn.iter().map(|&frame| counts[frame]).collect();
                 clusters.total(&drawn, &estimates, &counted).covers(truth)
             });

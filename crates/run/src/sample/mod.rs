@@ -18,11 +18,12 @@ use super::frame_runs::simulate_given_runs;
 use super::frame_sink::{Frame, FrameSink, Pictures};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
-use clusters::{Clusters, Interval, LEVEL, random};
+use clusters::{Clusters, Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, READ, Survey};
 
 use machine::Machine;
 use mem::CacheCounts;
+use num::Random;
 use render::{Dependencies, FrameSet, Want};
 use stats::{Counter, Group, Node, Tree};
 use trace::Trace;
@@ -209,7 +210,7 @@ fn of_survey(
             all - 1
         );
     }
-    let drawn = clusters.draw(&mut random(sampling.seed));
+    let drawn = clusters.draw(&mut Random::new(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
     let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
     let simulated_frames = chosen.count();
