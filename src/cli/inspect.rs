@@ -59,17 +59,17 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     if let Some(report) = &report {
         println!(
             "{} calls, {} shaders of fixed functions and programs:",
-            grouped(report.calls.values().sum()),
+            grouped(report.calls.iter().map(|(_, count)| count).sum()),
             report.shaders.len()
         );
-        for (name, count) in &report.calls {
+        for (name, count) in report.calls.iter() {
             row(name, grouped(*count));
         }
         if report.queries > 0 {
             println!("occlusion queries: {}", grouped(report.queries));
         }
         for (heading, counts) in [("not supported", &report.unsupported), ("ignored for an error", &report.errors)] {
-            for (what, count) in counts {
+            for (what, count) in counts.iter() {
                 println!("{heading}: {what}: {} times, first in call {}", grouped(count.times), count.first);
             }
         }

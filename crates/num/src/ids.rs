@@ -15,6 +15,16 @@ macro_rules! ids {
             }
         }
 
+        impl crate::Number for $name {
+            fn to_number(self) -> u64 {
+                u64::from(self.0)
+            }
+
+            fn of_number(number: u64) -> $name {
+                $name(number as u32)
+            }
+        }
+
         impl $name {
             /// The id as an index.
             pub fn index(self) -> usize {

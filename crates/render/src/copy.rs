@@ -7,7 +7,7 @@ use trace::command::*;
 use work::{Event, Transfer, TransferKind};
 
 use super::execute::{Fault, Renderer};
-use super::resources::View;
+use super::resources::{ImageState, View};
 use super::transfer::{Region, clear_image, layers_of};
 
 impl Renderer<'_, '_> {
@@ -134,7 +134,7 @@ impl Renderer<'_, '_> {
 
     fn copy_texture(&mut self, from: &TextureEnd, to: &TextureEnd, size: [u32; 3], moved: &mut Transfer) -> Result<(), Fault> {
         let (source, source_words, source_address) = self.texture_end(from, size, false)?;
-        let knows = self.res.textures.get(from.texture.0)?.images.get(&(from.level, from.origin[2]));
+        let knows = self.res.textures.get(from.texture.0)?.images.get((from.level, from.origin[2]));
         let (knows, drawn) = knows.map_or((false, false), |state| (state.machine_knows, state.drawn));
         let (target, target_words, target_address) = self.texture_end(to, size, true)?;
         // A layer is read whole before it is written.
@@ -145,7 +145,7 @@ impl Renderer<'_, '_> {
         moved.bytes = source.bytes();
         if knows && source.is_whole_image() && target.is_whole_image() {
             let texture = self.res.textures.get_mut(to.texture.0)?;
-            let state = texture.images.entry((to.level, to.origin[2])).or_default();
+            let state = texture.images.get_or_insert_with((to.level, to.origin[2]), ImageState::default);
             state.machine_knows = true;
             state.drawn = drawn;
             let key = |end: &TextureEnd| {

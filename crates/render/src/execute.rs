@@ -1,6 +1,6 @@
 //! Runs a trace's commands in order.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
@@ -275,7 +275,7 @@ pub(super) struct Renderer<'t, 's> {
     /// Memory of the pieces of work that the receiver may still have, the oldest first.
     pieces: VecDeque<Claim>,
     /// Memory of the images that the receiver keeps.
-    images: BTreeMap<SurfaceKey, (u64, Claim)>,
+    images: NumberMap<TextureId, NumberMap<(u32, u32), (u64, Claim)>>,
     /// Memory of frames that have ended.
     frames: Option<Claim>,
     /// What the display lays over its lines.
@@ -313,7 +313,7 @@ impl<'t, 's> Renderer<'t, 's> {
             boxes: Arc::default(),
             ledger,
             pieces: VecDeque::new(),
-            images: BTreeMap::new(),
+            images: NumberMap::new(),
             frames: None,
             sprites: Sprites::default(),
             shown: None,
@@ -357,12 +357,14 @@ impl<'t, 's> Renderer<'t, 's> {
         // Words of 4 bytes a sample, at least.
         let words = u64::from(surface.samples) * u64::from(surface.format.block_bytes().div_ceil(4));
         let bytes = texels.saturating_mul(4 * words).saturating_mul(copies);
-        if bytes == 0 || self.images.get(&surface.key).is_some_and(|(claimed, _)| *claimed == bytes) {
+        let SurfaceKey { texture, level, layer } = surface.key;
+        let claims = self.images.get_or_insert_with(TextureId(texture), NumberMap::new);
+        if bytes == 0 || claims.get((level, layer)).is_some_and(|(claimed, _)| *claimed == bytes) {
             return Ok(());
         }
-        self.images.remove(&surface.key);
+        claims.remove((level, layer));
         let claim = self.ledger.claim("the machine's images of an attachment", bytes)?;
-        self.images.insert(surface.key, (bytes, claim));
+        claims.insert((level, layer), (bytes, claim));
         Ok(())
     }
 
@@ -457,7 +459,7 @@ impl<'t, 's> Renderer<'t, 's> {
             let texture = self.res.textures.get(id.0)?;
             let surface: Surface = texture.surface(id, level, layer);
             let (address, version, bytes) = (texture.address, texture.version, texture.image.layer_bytes(level));
-            end.drawn = texture.images.get(&(level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
+            end.drawn = texture.images.get((level, layer)).is_some_and(|state| state.machine_knows && state.drawn);
             end.shown = Some(surface);
             self.ledger.bytes.charge(bytes)?;
             match &self.shown {

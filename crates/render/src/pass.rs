@@ -16,7 +16,7 @@ use super::execute::{Fault, Renderer};
 use super::ledger::Claim;
 use super::needs::Need;
 use super::pipeline::RenderPipeline;
-use super::resources::{Buffer, Resources};
+use super::resources::{Buffer, ImageState, Resources};
 use super::state::{DrawState, IndexSlot, MAX_VERTEX_BUFFERS, VertexSlot};
 use super::surface::{Shape, TileSurface};
 
@@ -541,7 +541,7 @@ fn place_of(renderer: &Renderer<'_, '_>, view: u32, slice: Option<u32>) -> Resul
 /// An image's contents as tiles, out of the texture for the length of the pass; any contents where all of them are `cleared` next.
 fn take_tiles(res: &mut Resources, place: Place, cleared: bool) -> Result<TileSurface, Fault> {
     let texture = res.textures.get_mut(place.texture.0)?;
-    let state = texture.images.entry((place.level, place.layer)).or_default();
+    let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
     if let Some(tiles) = state.tiles.take() {
         return Ok(tiles);
     }
@@ -572,7 +572,7 @@ fn put_tiles(
         tiles.clear([0; 4]);
     }
     texture.version += 1;
-    let state = texture.images.entry((place.level, place.layer)).or_default();
+    let state = texture.images.get_or_insert_with((place.level, place.layer), ImageState::default);
     state.tiles = Some(tiles);
     if claim.is_some() {
         state.working = claim;
@@ -594,7 +594,12 @@ fn announce(
     if !loads || !renderer.recording() {
         return Ok(());
     }
-    let state = renderer.res.textures.get_mut(place.texture.0)?.images.entry((place.level, place.layer)).or_default();
+    let state = renderer
+        .res
+        .textures
+        .get_mut(place.texture.0)?
+        .images
+        .get_or_insert_with((place.level, place.layer), ImageState::default);
     if state.machine_knows {
         return Ok(());
     }

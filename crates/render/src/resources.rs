@@ -1,6 +1,5 @@
 //! The objects of a trace while it runs.
 
-use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -8,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use gfx::image::ImageDesc;
 use gfx::state::{TextureDimension, ViewDimension};
 use gfx::texture::{self, Sampler, ViewRange};
-use num::{BufferId, TextureId, Words};
+use num::{BufferId, NumberMap, TextureId, Words};
 use shader::Module;
 use trace::command::{BindGroupEntry, BindingKind, BoundResource, Command, LayoutEntry, QueryKind, ViewDesc};
 use work::{Funnel, Surface, SurfaceKey};
@@ -23,13 +22,13 @@ use super::surface::TileSurface;
 #[derive(Debug)]
 pub struct Table<T> {
     kind: &'static str,
-    objects: BTreeMap<u32, (T, Claim)>,
+    objects: NumberMap<u32, (T, Claim)>,
 }
 
 impl<T> Table<T> {
     /// An empty table; `kind` names its objects in errors.
     pub fn new(kind: &'static str) -> Table<T> {
-        Table { kind, objects: BTreeMap::new() }
+        Table { kind, objects: NumberMap::new() }
     }
 
     /// Adds an object, with its claim of memory.
@@ -48,7 +47,7 @@ impl<T> Table<T> {
     /// # Errors
     /// If there is none.
     pub fn get(&self, id: u32) -> Result<&T, String> {
-        self.objects.get(&id).map(|(object, _)| object).ok_or_else(|| self.missing(id))
+        self.objects.get(id).map(|(object, _)| object).ok_or_else(|| self.missing(id))
     }
 
     /// The object of an id, to change.
@@ -57,7 +56,7 @@ impl<T> Table<T> {
     /// If there is none.
     pub fn get_mut(&mut self, id: u32) -> Result<&mut T, String> {
         let missing = self.missing(id);
-        self.objects.get_mut(&id).map(|(object, _)| object).ok_or(missing)
+        self.objects.get_mut(id).map(|(object, _)| object).ok_or(missing)
     }
 
     /// Takes an object out.
@@ -66,12 +65,12 @@ impl<T> Table<T> {
     /// If there is none.
     pub fn remove(&mut self, id: u32) -> Result<T, String> {
         let missing = self.missing(id);
-        self.objects.remove(&id).map(|(object, _)| object).ok_or(missing)
+        self.objects.remove(id).map(|(object, _)| object).ok_or(missing)
     }
 
     /// All of them, by id.
     pub fn iter(&self) -> impl Iterator<Item = (u32, &T)> {
-        self.objects.iter().map(|(&id, (object, _))| (id, object))
+        self.objects.iter().map(|(id, (object, _))| (id, object))
     }
 
     fn missing(&self, id: impl Display) -> String {
@@ -149,7 +148,7 @@ pub struct Texture {
     /// Counts changes of the contents.
     pub version: u64,
     /// Images by (level, layer) that passes have touched.
-    pub images: BTreeMap<(u32, u32), ImageState>,
+    pub images: NumberMap<(u32, u32), ImageState>,
 }
 
 impl Texture {
@@ -157,7 +156,8 @@ impl Texture {
     fn flush(&mut self) -> u64 {
         let image = self.image;
         let mut written = 0;
-        for (&(level, layer), state) in &mut self.images {
+        for (level, layer) in self.images.keys() {
+            let Some(state) = self.images.get_mut((level, layer)) else { continue };
             if let Some(tiles) = state.tiles.take() {
                 tiles.store(&self.words, image.offset(level, layer));
                 written += tiles.shape().bytes();
@@ -170,7 +170,7 @@ impl Texture {
     /// Notes that something other than a draw has written an image; the words must be flushed before.
     pub fn overwritten(&mut self, level: u32, layer: u32) {
         self.version += 1;
-        if let Some(state) = self.images.get_mut(&(level, layer)) {
+        if let Some(state) = self.images.get_mut((level, layer)) {
             debug_assert!(state.tiles.is_none(), "the newest contents were in tiles");
             state.machine_knows = false;
             state.drawn = false;
@@ -179,9 +179,8 @@ impl Texture {
 
     /// Notes that something other than a draw may have written any image.
     pub fn overwritten_all(&mut self) {
-        let keys: Vec<_> = self.images.keys().copied().collect();
         self.version += 1;
-        for (level, layer) in keys {
+        for (level, layer) in self.images.keys() {
             self.overwritten(level, layer);
         }
     }
@@ -203,7 +202,7 @@ impl Texture {
     pub fn image_bytes(&self, level: u32, layer: u32) -> Arc<[u8]> {
         let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, self.image.layer_bytes(level) as usize).collect();
         let unshared = Arc::get_mut(&mut bytes).expect("nobody else has it yet");
-        match self.images.get(&(level, layer)).and_then(|state| state.tiles.as_ref()) {
+        match self.images.get((level, layer)).and_then(|state| state.tiles.as_ref()) {
             Some(tiles) => tiles.read(unshared),
             None => self.words.read(self.image.offset(level, layer), unshared),
         }

@@ -137,8 +137,11 @@ impl<C, U: Unit<C>> Bank<C> for Vec<U> {
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
-        done.extend(self.iter().map(Unit::items));
-        resident.extend(self.iter().map(Unit::resident));
+        // Not `extend`: it would be compiled twice for each kind of unit.
+        for unit in self {
+            done.push(unit.items());
+            resident.push(unit.resident());
+        }
     }
 }
 
@@ -171,8 +174,11 @@ impl<C, U: Unit<C>> Bank<C> for Option<U> {
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
-        done.extend(self.iter().map(Unit::items));
-        resident.extend(self.iter().map(Unit::resident));
+        // Not `extend`: it would be compiled twice for each kind of unit.
+        for unit in self {
+            done.push(unit.items());
+            resident.push(unit.resident());
+        }
     }
 }
 

@@ -49,7 +49,16 @@ type Read<U> = Box<dyn Fn(&U, usize, &mut Vec<u64>) -> Option<usize>>;
 
 /// The groups of counters of a kind of unit.
 pub struct Counted<U> {
-    groups: Vec<(Description, Read<U>)>,
+    descriptions: Vec<Description>,
+    reads: Vec<Read<U>>,
+}
+
+/// The counters of a bank of units, whatever kind they are of: what is done with them is compiled once and not for each kind.
+struct Bank<'b> {
+    descriptions: &'b [Description],
+    units: usize,
+    /// Appends the values of a group, by its place in the descriptions, of a unit, by its number in the bank; as [`Read`] does.
+    read: &'b dyn Fn(usize, usize, &mut Vec<u64>) -> Option<usize>,
 }
 
 impl<U: 'static> Counted<U> {
@@ -58,7 +67,7 @@ impl<U: 'static> Counted<U> {
     where
         U: Unit<C>,
     {
-        let mut counted = Counted { groups: Vec::new() };
+        let mut counted = Counted { descriptions: Vec::new(), reads: Vec::new() };
         U::counted(&mut counted);
         counted
     }
@@ -84,31 +93,51 @@ impl<U: 'static> Counted<U> {
             values.extend(counts.values());
             Some(number)
         };
-        self.groups.push((Description { heading, declarations: G::DECLARATIONS }, Box::new(append)));
+        self.descriptions.push(Description { heading, declarations: G::DECLARATIONS });
+        self.reads.push(Box::new(append));
     }
 
     pub(super) fn read(&self, units: &[U], sheet: &mut Sheet) {
+        self.bank(units, |bank| bank.read(sheet));
+    }
+
+    pub(super) fn sum(&self, units: &[U], top: &str, list: &mut Vec<Sum>) {
+        self.bank(units, |bank| bank.sum(top, list));
+    }
+
+    fn bank(&self, units: &[U], with: impl FnOnce(Bank)) {
+        let read = |group: usize, unit: usize, values: &mut Vec<u64>| self.reads[group](&units[unit], unit, values);
+        with(Bank { descriptions: &self.descriptions, units: units.len(), read: &read });
+    }
+
+    pub(super) fn describe(&self, list: &mut Vec<Description>) {
+        list.extend_from_slice(&self.descriptions);
+    }
+}
+
+impl Bank<'_> {
+    fn read(&self, sheet: &mut Sheet) {
         let mut values = Vec::new();
-        for (Description { heading, declarations }, read) in &self.groups {
-            for (number, unit) in units.iter().enumerate() {
+        for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
+            for unit in 0..self.units {
                 values.clear();
-                if let Some(number) = read(unit, number, &mut values) {
+                if let Some(number) = (self.read)(group, unit, &mut values) {
                     sheet.entries.push((*heading, number, tree(declarations, &values)));
                 }
             }
         }
     }
 
-    pub(super) fn sum(&self, units: &[U], top: &str, list: &mut Vec<Sum>) {
+    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
         let mut values = Vec::new();
-        for (Description { heading, declarations }, read) in &self.groups {
+        for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
             if heading.steps().0.next() != Some(top) {
                 continue;
             }
             let mut sum: Option<Vec<u64>> = None;
-            for (number, unit) in units.iter().enumerate() {
+            for unit in 0..self.units {
                 values.clear();
-                if read(unit, number, &mut values).is_some() {
+                if (self.read)(group, unit, &mut values).is_some() {
                     let sum = sum.get_or_insert_with(|| vec![0; values.len()]);
                     sum.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value);
                 }
@@ -121,10 +150,6 @@ impl<U: 'static> Counted<U> {
                 None => list.push(Sum { name, declarations, values }),
             }
         }
-    }
-
-    pub(super) fn describe(&self, list: &mut Vec<Description>) {
-        list.extend(self.groups.iter().map(|(description, _)| *description));
     }
 }
 

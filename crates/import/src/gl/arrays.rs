@@ -1,7 +1,8 @@
 //! Client arrays, generic attributes and vertex array objects.
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
+
+use num::NumberMap;
 
 use super::arb::{GENERICS, Stage};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
@@ -53,7 +54,7 @@ pub struct Arrays {
     /// The bound vertex array object; 0: the default one.
     object: u32,
     /// The state of the others: slots and the buffer of indices.
-    objects: BTreeMap<u32, (Box<[Array; SLOTS]>, u32)>,
+    objects: NumberMap<u32, (Box<[Array; SLOTS]>, u32)>,
 }
 
 /// The scalar of a type, and its bytes.
@@ -307,7 +308,7 @@ impl Gl {
             let (data, start): (Rc<[u8]>, usize) = match &array.source {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
                 Source::Memory(bytes) => (bytes.clone(), 0),
-                Source::Buffer(name, at) => (self.buffers.get(name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
+                Source::Buffer(name, at) => (self.buffers.get(*name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
             };
             let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
             let (normalized, size) = (array.normalized, array.size);
@@ -407,7 +408,7 @@ pub(super) fn bind_vertex_array(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         if arrays.objects.len() >= OBJECTS_MAX {
             return Err(Fault::Limit(format!("more than {OBJECTS_MAX} vertex array objects")));
         }
-        let (slots, indices) = arrays.objects.remove(&name).unwrap_or_default();
+        let (slots, indices) = arrays.objects.remove(name).unwrap_or_default();
         let old = (Box::new(std::mem::replace(&mut arrays.slots, *slots)), arrays.bound[1]);
         arrays.objects.insert(arrays.object, old);
         (arrays.bound[1], arrays.object) = (indices, name);
@@ -421,7 +422,7 @@ pub(super) fn delete_vertex_arrays(gl: &mut Gl, call: &Call, shape: Shape) -> Ou
         if name == gl.arrays.object {
             bind_vertex_array(gl, &Call { args: vec![Arg::Num(0.0)], ..call.clone() }, shape)?;
         }
-        gl.arrays.objects.remove(&name);
+        gl.arrays.objects.remove(name);
     }
     Ok(())
 }

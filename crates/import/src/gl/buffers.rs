@@ -42,7 +42,7 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         target => gl.arrays.bound[target] = name,
     }
     if name != 0 {
-        gl.buffers.entry(name).or_insert_with(|| Rc::from([]));
+        gl.buffers.get_or_insert_with(name, || Rc::from([]));
     }
     Ok(())
 }
@@ -63,7 +63,7 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
-    let buffer = gl.buffers.get_mut(&bound).ok_or(INVALID_OPERATION)?;
+    let buffer = gl.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?;
     if call.f64(2)? == 0.0 {
         return Ok(());
     }
@@ -78,7 +78,7 @@ pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
-        gl.buffers.remove(&name);
+        gl.buffers.remove(name);
         let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
         for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
             *bound = 0;
@@ -90,7 +90,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> Outcome {
     let target = call.u32(0)?;
     let buffer = gl.bound_buffer(target)?;
-    let bytes = gl.buffers.get(&buffer).ok_or(INVALID_OPERATION)?.len() as u64;
+    let bytes = gl.buffers.get(buffer).ok_or(INVALID_OPERATION)?.len() as u64;
     let length = length.unwrap_or(bytes);
     let Arg::Pointer(address) = call.result else { return Ok(()) };
     if offset.checked_add(length).is_none_or(|end| end > bytes) || gl.mappings.iter().any(|known| known.buffer == buffer) {
@@ -132,7 +132,7 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mapping = gl.mappings.iter().find(inside).copied();
     // A copy to any other address does not write to a buffer object.
     let Some(mapping) = mapping else { return Err(Fault::Unsupported("memcpy into memory that is not mapped".into())) };
-    let buffer = gl.buffers.get_mut(&mapping.buffer).ok_or(INVALID_OPERATION)?;
+    let buffer = gl.buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
     let at = (mapping.offset + to - mapping.address) as usize;
     let mut all = buffer.to_vec();
     all.get_mut(at..at + bytes.len()).ok_or(INVALID_OPERATION)?.copy_from_slice(bytes);

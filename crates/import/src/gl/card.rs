@@ -1,6 +1,6 @@
 //! The card's side: framebuffer, passes and pipelines. Draws are gathered into passes, so all bytes of a pass are written before it starts.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use gfx::format::Format;
 use gfx::state::*;
@@ -51,15 +51,15 @@ pub struct Card {
     pub first_frame: u64,
     /// Number of draws that were dropped, since nothing reads their results.
     pub dropped: u64,
-    pipelines: BTreeMap<ShaderId, Vec<(Fixed, RenderPipelineId)>>,
+    pipelines: NumberMap<ShaderId, Vec<(Fixed, RenderPipelineId)>>,
     uniform_layout: Option<BindGroupLayoutId>,
-    texture_layouts: BTreeMap<usize, BindGroupLayoutId>,
-    pipeline_layouts: BTreeMap<usize, PipelineLayoutId>,
+    texture_layouts: NumberMap<u32, BindGroupLayoutId>,
+    pipeline_layouts: NumberMap<u32, PipelineLayoutId>,
     groups: BTreeMap<GroupKey, (BindGroupId, Vec<TextureId>)>,
     samplers: Vec<(SamplerDesc, SamplerId)>,
-    pub(super) copies: BTreeMap<super::copies::CopyKey, (RenderPipelineId, BindGroupLayoutId)>,
+    pub(super) copies: Vec<(super::copies::CopyKey, (RenderPipelineId, BindGroupLayoutId))>,
     /// Shaders that are not generated from a key, by name.
-    plain_shaders: BTreeMap<&'static str, ShaderId>,
+    plain_shaders: NameMap<ShaderId>,
     /// A copy of the framebuffer for logic operations to read, and its size.
     pub(super) frame_copy: Option<(TextureId, ViewId, [u32; 2])>,
     /// The accumulation buffer.
@@ -90,14 +90,14 @@ impl Card {
             held: Vec::new(),
             first_frame: 0,
             dropped: 0,
-            pipelines: BTreeMap::new(),
+            pipelines: NumberMap::new(),
             uniform_layout: None,
-            texture_layouts: BTreeMap::new(),
-            pipeline_layouts: BTreeMap::new(),
+            texture_layouts: NumberMap::new(),
+            pipeline_layouts: NumberMap::new(),
             groups: BTreeMap::new(),
             samplers: Vec::new(),
-            copies: BTreeMap::new(),
-            plain_shaders: BTreeMap::new(),
+            copies: Vec::new(),
+            plain_shaders: NameMap::new(),
             frame_copy: None,
             accumulation: None,
             all_levels: false,
@@ -295,7 +295,7 @@ impl Card {
             // Held passes may stay held if they and this pass do not read or write the same images.
             let drawn: Vec<Surface> = pass.target.iter().flat_map(Target::surfaces).collect();
             let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
-            let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(&surface.texture));
+            let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(surface.texture));
             if self.frames >= self.first_frame || shared || reads {
                 for held in std::mem::take(&mut self.held) {
                     self.emit(held);
@@ -363,8 +363,9 @@ impl Card {
             stencil_read_only: false,
         });
         // A query of the recording becomes one query of the set in each pass that it spans.
-        let queries: BTreeSet<u64> = pass.draws.iter().filter_map(|draw| draw.query).collect();
-        let queries: Vec<u64> = queries.into_iter().collect();
+        let mut queries: Vec<u64> = pass.draws.iter().filter_map(|draw| draw.query).collect();
+        queries.sort_unstable();
+        queries.dedup();
         let set = (!queries.is_empty()).then(|| self.recorder.create_query_set(QueryKind::Occlusion, queries.len() as u32));
         {
             let mut open = self.recorder.begin_render_pass_with(color, depth, set);
@@ -462,7 +463,7 @@ impl Card {
 
     fn texture_layout(&mut self, count: usize) -> BindGroupLayoutId {
         let recorder = &mut self.recorder;
-        *self.texture_layouts.entry(count).or_insert_with(|| {
+        *self.texture_layouts.get_or_insert_with(count as u32, || {
             let entries = (0..count as u32).flat_map(|k| [(2 * k, record::TEXTURE), (2 * k + 1, record::SAMPLER)]);
             recorder.create_bind_group_layout(entries)
         })
@@ -470,13 +471,13 @@ impl Card {
 
     /// The pipeline of a shader and fixed state; made once.
     pub fn pipeline(&mut self, fixed: &Fixed) -> RenderPipelineId {
-        let known = self.pipelines.get(&fixed.shader).and_then(|list| list.iter().find(|(known, _)| known == fixed));
+        let known = self.pipelines.get(fixed.shader).and_then(|list| list.iter().find(|(known, _)| known == fixed));
         if let Some(&(_, id)) = known {
             return id;
         }
         let uniforms = self.uniform_layout();
         let count = fixed.textures;
-        let layout = match self.pipeline_layouts.get(&count) {
+        let layout = match self.pipeline_layouts.get(count as u32) {
             Some(&layout) => layout,
             None => {
                 let mut groups = vec![uniforms];
@@ -484,7 +485,7 @@ impl Card {
                     groups.push(self.texture_layout(count));
                 }
                 let layout = self.recorder.create_pipeline_layout(groups, 0);
-                self.pipeline_layouts.insert(count, layout);
+                self.pipeline_layouts.insert(count as u32, layout);
                 layout
             }
         };
@@ -502,7 +503,7 @@ impl Card {
             ..record::render_pipeline(fixed.shader, COLOR)
         };
         let id = self.recorder.create_render_pipeline("", desc);
-        self.pipelines.entry(fixed.shader).or_default().push((fixed.clone(), id));
+        self.pipelines.get_or_insert_with(fixed.shader, Default::default).push((fixed.clone(), id));
         id
     }
 
@@ -554,6 +555,6 @@ impl Card {
     /// A shader that is not generated from a key; made once.
     pub fn plain_shader(&mut self, label: &'static str, text: &str) -> ShaderId {
         let recorder = &mut self.recorder;
-        *self.plain_shaders.entry(label).or_insert_with(|| recorder.create_shader(label, text))
+        *self.plain_shaders.get_or_insert_with(label, || recorder.create_shader(label, text))
     }
 }

@@ -11,7 +11,7 @@ use super::image::Kept;
 use super::key::Base;
 
 /// What a copying draw reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum From {
     /// Colours, not filtered.
     Color,
@@ -24,7 +24,7 @@ pub enum From {
 }
 
 /// How results are combined with the stored values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meet {
     /// Results replace the stored values.
     Replace,
@@ -35,7 +35,7 @@ pub enum Meet {
 }
 
 /// The key of a copy pipeline.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CopyKey {
     /// What is read.
     pub from: From,
@@ -61,6 +61,59 @@ pub struct Map {
 }
 
 impl Card {
+    /// A pipeline that draws such copies to images of a format.
+    fn copy_pipeline(&mut self, key: &CopyKey, format: Format) -> (RenderPipelineId, BindGroupLayoutId) {
+        let recorder = &mut self.recorder;
+        let depth = format == DEPTH;
+        let kind = match key.from {
+            From::Depth => "texture_depth_2d",
+            From::Stencil => "texture_2d<u32>",
+            From::Color | From::Filtered => "texture_2d<f32>",
+        };
+        let read = match key.from {
+            From::Color => "textureLoad(image, vec2i(floor(p)), 0)",
+            From::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
+            From::Depth | From::Stencil => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
+        };
+        let filtering = if key.from == From::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
+        let answer = if depth { "@builtin(frag_depth) f32" } else { "@location(0) vec4f" };
+        let text = format!(
+            "struct Uniforms {{ map: vec4f, source: vec4f }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
+             @group(0) @binding(1) var image: {kind};\n{filtering}\
+             @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{\n    \
+             return vec4f(f32(i32(i & 1u) * 4 - 1), f32(i32(i & 2u) * 2 - 1), 0, 1);\n}}\n\
+             @fragment fn fs(@builtin(position) at: vec4f) -> {answer} {{\n    \
+             let p = u.source.xy + (at.xy - u.map.xy) * u.map.zw;\n    \
+             // What is outside of the source is undefined.\n    \
+             if any(p < vec2f(0)) || any(p >= vec2f(textureDimensions(image))) {{ discard; }}\n    \
+             let c = {read};\n    return {};\n}}\n",
+            key.result
+        );
+        let shader = recorder.create_shader("copy", &text);
+        let mut entries = vec![(0, record::UNIFORM), (1, record::TEXTURE)];
+        if key.from == From::Filtered {
+            entries.push((2, record::SAMPLER));
+        }
+        let layout = recorder.create_bind_group_layout(entries);
+        let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
+        let part = |src, dst| BlendComponent { src, dst, op: BlendOp::Add };
+        let blend = match key.meet {
+            Meet::Replace => None,
+            Meet::Add => Some(part(BlendFactor::One, BlendFactor::One)),
+            Meet::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
+        };
+        let blend = blend.map(|part| Blend { color: part, alpha: part });
+        let target = ColorTarget { format, blend, write_mask: key.mask };
+        let always = DepthStencil { depth_compare: Compare::Always, ..record::depth_less(DEPTH) };
+        let desc = RenderPipelineDesc {
+            layout: Some(pipeline_layout),
+            depth_stencil: depth.then_some(always),
+            targets: if depth { Vec::new() } else { vec![Some(target)] },
+            ..record::render_pipeline(shader, COLOR)
+        };
+        (recorder.create_render_pipeline("copy", desc), layout)
+    }
+
     /// Draws a rectangle of a surface; each pixel is computed from one of another surface.
     pub fn copy_pixels(
         &mut self,
@@ -76,57 +129,14 @@ impl Card {
             return;
         }
         self.end_pass();
-        let depth = format == DEPTH;
-        let recorder = &mut self.recorder;
-        let (pipeline, layout) = *self.copies.entry(key.clone()).or_insert_with(|| {
-            let kind = match key.from {
-                From::Depth => "texture_depth_2d",
-                From::Stencil => "texture_2d<u32>",
-                From::Color | From::Filtered => "texture_2d<f32>",
-            };
-            let read = match key.from {
-                From::Color => "textureLoad(image, vec2i(floor(p)), 0)",
-                From::Filtered => "textureSampleLevel(image, filtering, p / vec2f(textureDimensions(image)), 0.0)",
-                From::Depth | From::Stencil => "vec4f(textureLoad(image, vec2i(floor(p)), 0))",
-            };
-            let filtering = if key.from == From::Filtered { "@group(0) @binding(2) var filtering: sampler;\n" } else { "" };
-            let answer = if depth { "@builtin(frag_depth) f32" } else { "@location(0) vec4f" };
-            let text = format!(
-                "struct Uniforms {{ map: vec4f, source: vec4f }}\n@group(0) @binding(0) var<uniform> u: Uniforms;\n\
-                 @group(0) @binding(1) var image: {kind};\n{filtering}\
-                 @vertex fn vs(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {{\n    \
-                 return vec4f(f32(i32(i & 1u) * 4 - 1), f32(i32(i & 2u) * 2 - 1), 0, 1);\n}}\n\
-                 @fragment fn fs(@builtin(position) at: vec4f) -> {answer} {{\n    \
-                 let p = u.source.xy + (at.xy - u.map.xy) * u.map.zw;\n    \
-                 // What is outside of the source is undefined.\n    \
-                 if any(p < vec2f(0)) || any(p >= vec2f(textureDimensions(image))) {{ discard; }}\n    \
-                 let c = {read};\n    return {};\n}}\n",
-                key.result
-            );
-            let shader = recorder.create_shader("copy", &text);
-            let mut entries = vec![(0, record::UNIFORM), (1, record::TEXTURE)];
-            if key.from == From::Filtered {
-                entries.push((2, record::SAMPLER));
+        let (pipeline, layout) = match self.copies.iter().find(|(known, _)| *known == key) {
+            Some(&(_, copy)) => copy,
+            None => {
+                let copy = self.copy_pipeline(&key, format);
+                self.copies.push((key.clone(), copy));
+                copy
             }
-            let layout = recorder.create_bind_group_layout(entries);
-            let pipeline_layout = recorder.create_pipeline_layout([layout], 0);
-            let part = |src, dst| BlendComponent { src, dst, op: BlendOp::Add };
-            let blend = match key.meet {
-                Meet::Replace => None,
-                Meet::Add => Some(part(BlendFactor::One, BlendFactor::One)),
-                Meet::Scale => Some(part(BlendFactor::Zero, BlendFactor::Constant)),
-            };
-            let blend = blend.map(|part| Blend { color: part, alpha: part });
-            let target = ColorTarget { format, blend, write_mask: key.mask };
-            let always = DepthStencil { depth_compare: Compare::Always, ..record::depth_less(DEPTH) };
-            let desc = RenderPipelineDesc {
-                layout: Some(pipeline_layout),
-                depth_stencil: depth.then_some(always),
-                targets: if depth { Vec::new() } else { vec![Some(target)] },
-                ..record::render_pipeline(shader, COLOR)
-            };
-            (recorder.create_render_pipeline("copy", desc), layout)
-        });
+        };
         let values = [map.to, map.scale, map.from, [number, 0.0]];
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
         let uniforms = self.recorder.create_buffer_init("copy", &bytes);
@@ -143,8 +153,8 @@ impl Card {
         }
         let group = self.recorder.create_bind_group(layout, entries);
         {
-            let color = (!depth).then(|| record::load(to.view));
-            let attached = depth.then_some(DepthAttachment {
+            let color = (format != DEPTH).then(|| record::load(to.view));
+            let attached = (format == DEPTH).then_some(DepthAttachment {
                 view: to.view,
                 depth_clear: None,
                 depth_store: true,

@@ -43,7 +43,7 @@ impl Gl {
         let name = self.state.units[unit].bound[target];
         let kind = kind_of(target);
         let (table, key) = if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
-        table.entry(key).or_insert_with(|| Texture::new(kind))
+        table.get_or_insert_with(key, || Texture::new(kind))
     }
 
     /// Draws the batch.
@@ -269,7 +269,9 @@ impl Gl {
         let pipeline = self.card.pipeline(&fixed);
         let textures = (!bound.is_empty()).then(|| self.card.textures(&bound));
         let uniforms = self.card.uniforms(&blob);
-        self.card.pass.textures.extend(bound.iter().map(|&(texture, ..)| texture));
+        for &(texture, ..) in &bound {
+            self.card.pass.textures.insert(texture, ());
+        }
         let blend = if self.constant_alpha() { [self.state.blend_color[3]; 4] } else { self.state.blend_color };
         self.card.draw(Draw {
             pipeline,

@@ -24,8 +24,8 @@ impl Gl {
                 self.texture(unit, target);
                 let (table, key) =
                     if name == 0 { (&mut self.default_textures, target as u32) } else { (&mut self.textures, name) };
-                match table.get_mut(&key) {
-                    Some(texture) => match self.samplers.get_mut(&self.bound_samplers[unit]) {
+                match table.get_mut(key) {
+                    Some(texture) => match self.samplers.get_mut(self.bound_samplers[unit]) {
                         Some(sampler) => {
                             texture.exchange_sampling(sampler);
                             let bound = texture.bind(&mut self.card);

@@ -82,7 +82,7 @@ fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
     let (scalar, bytes) =
         scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
     let bound = gl.arrays.bound[1];
-    let in_buffer = |at: u64| Ok((gl.buffers.get(&bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
+    let in_buffer = |at: u64| Ok((gl.buffers.get(bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
     let (data, start): (Rc<[u8]>, usize) = match data {
         Arg::Blob(bytes) => (bytes.clone(), 0),
         Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,

@@ -69,13 +69,13 @@ impl Gl {
         match attached {
             Attached::Nothing => Ok(None),
             Attached::Renderbuffer(name) => {
-                let image = self.renderbuffers.get(&name).and_then(|buffer| buffer.image);
+                let image = self.renderbuffers.get(name).and_then(|buffer| buffer.image);
                 image.map(Some).ok_or(INCOMPLETE)
             }
             Attached::Texture(name, layer, level) => {
-                let texture = self.textures.get_mut(&name).ok_or(INCOMPLETE)?;
+                let texture = self.textures.get_mut(name).ok_or(INCOMPLETE)?;
                 let face = if texture.kind == Kind::Cube { layer } else { 0 };
-                let Some(image) = texture.levels.get(&(face, level)) else { return Err(INCOMPLETE) };
+                let Some(image) = texture.levels.get((face, level)) else { return Err(INCOMPLETE) };
                 let (size, base) = ([image.size[0], image.size[1]], image.base);
                 let surface = texture.surface(&mut self.card, layer, level)?;
                 let refused =
@@ -102,7 +102,7 @@ impl Gl {
     }
 
     fn target_of(&mut self, name: u32) -> Outcome<Target> {
-        let object = self.framebuffers.get(&name).cloned().ok_or(INCOMPLETE)?;
+        let object = self.framebuffers.get(name).cloned().ok_or(INCOMPLETE)?;
         let mut images = [None; COLORS_MAX];
         for (image, &buffer) in images.iter_mut().zip(&object.draw) {
             *image = self.color_image(&object, buffer)?;
@@ -162,7 +162,7 @@ impl Gl {
             let surface = if depth { target.depth } else { target.color };
             return Ok((surface.ok_or(INVALID_OPERATION)?, target.size, target.upward));
         }
-        let object = self.framebuffers.get(&self.read_framebuffer).cloned().ok_or(INCOMPLETE)?;
+        let object = self.framebuffers.get(self.read_framebuffer).cloned().ok_or(INCOMPLETE)?;
         let image = if depth { self.image(object.depth)? } else { self.color_image(&object, object.read)? };
         let (surface, size, _) = image.ok_or(INVALID_OPERATION)?;
         Ok((surface, size, true))
@@ -208,7 +208,7 @@ pub(super) fn choose(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let ([draw, read], name) = (bindings(call.u32(0)?)?, call.u32(1)?);
     if name != 0 {
-        gl.framebuffers.entry(name).or_default();
+        gl.framebuffers.get_or_insert_with(name, Default::default);
     }
     if draw {
         gl.draw_framebuffer = name;
@@ -223,7 +223,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
-        gl.framebuffers.remove(&name);
+        gl.framebuffers.remove(name);
         for bound in [&mut gl.draw_framebuffer, &mut gl.read_framebuffer].into_iter().filter(|bound| **bound == name) {
             *bound = 0;
         }
@@ -234,7 +234,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 fn attach(gl: &mut Gl, target: u32, point: u32, what: Attached) -> Outcome {
     let [draw, _] = bindings(target)?;
     let name = if draw { gl.draw_framebuffer } else { gl.read_framebuffer };
-    let object = gl.framebuffers.get_mut(&name).filter(|_| name != 0).ok_or(INVALID_OPERATION)?;
+    let object = gl.framebuffers.get_mut(name).filter(|_| name != 0).ok_or(INVALID_OPERATION)?;
     match point {
         e::DEPTH_ATTACHMENT => object.depth = what,
         e::STENCIL_ATTACHMENT => object.stencil = what,
@@ -258,7 +258,7 @@ fn textured(gl: &Gl, target: u32, name: u32, level: u32) -> Outcome<Attached> {
         None if face < 6 => (Kind::Cube, face),
         None => return Err(INVALID_ENUM),
     };
-    if gl.textures.get(&name).is_none_or(|texture| texture.kind != kind) {
+    if gl.textures.get(name).is_none_or(|texture| texture.kind != kind) {
         return Err(INVALID_OPERATION);
     }
     Ok(Attached::Texture(name, layer, level))
@@ -271,7 +271,7 @@ pub(super) fn texture_1d_or_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn texture_any(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (name, level) = (call.u32(2)?, call.size(3)?);
-    let kind = gl.textures.get(&name).map(|texture| texture.kind);
+    let kind = gl.textures.get(name).map(|texture| texture.kind);
     if matches!(kind, Some(Kind::Cube | Kind::D3)) {
         return Err(Fault::Unsupported("frame buffer objects with all layers of a texture".into()));
     }
@@ -298,7 +298,7 @@ pub(super) fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     }
     gl.renderbuffer = call.u32(1)?;
     if gl.renderbuffer != 0 {
-        gl.renderbuffers.entry(gl.renderbuffer).or_default();
+        gl.renderbuffers.get_or_insert_with(gl.renderbuffer, Default::default);
     }
     Ok(())
 }
@@ -306,7 +306,7 @@ pub(super) fn bind_renderbuffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn delete_renderbuffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
-        if let Some((surface, ..)) = gl.renderbuffers.remove(&(name as u32)).and_then(|buffer| buffer.image) {
+        if let Some((surface, ..)) = gl.renderbuffers.remove(name as u32).and_then(|buffer| buffer.image) {
             gl.card.destroy_surface(surface);
         }
     }
@@ -327,7 +327,7 @@ fn storage(gl: &mut Gl, internal: u32, size: [u32; 2]) -> Outcome {
         _ => return Err(Fault::Unsupported(format!("render buffers of internal format {}", names::name(internal)))),
     };
     let name = gl.renderbuffer;
-    let old = gl.renderbuffers.get_mut(&name).ok_or(INVALID_OPERATION)?.image.take();
+    let old = gl.renderbuffers.get_mut(name).ok_or(INVALID_OPERATION)?.image.take();
     if let Some((surface, ..)) = old {
         gl.card.destroy_surface(surface);
     }
@@ -359,7 +359,7 @@ fn set_draw(gl: &mut Gl, buffer: u32) -> Outcome {
         if buffer != e::NONE && !color {
             return Err(INVALID_OPERATION);
         }
-        let object = gl.framebuffers.get_mut(&gl.draw_framebuffer).ok_or(INVALID_OPERATION)?;
+        let object = gl.framebuffers.get_mut(gl.draw_framebuffer).ok_or(INVALID_OPERATION)?;
         object.draw = alone(buffer);
         return Ok(());
     }
@@ -390,7 +390,7 @@ pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
                 return Err(INVALID_ENUM);
             }
         }
-        gl.framebuffers.get_mut(&gl.draw_framebuffer).ok_or(INVALID_OPERATION)?.draw = draw;
+        gl.framebuffers.get_mut(gl.draw_framebuffer).ok_or(INVALID_OPERATION)?.draw = draw;
         return Ok(());
     }
     match buffers.iter().filter(|&&buffer| buffer != 0.0).count() {
@@ -402,7 +402,7 @@ pub(super) fn draw_buffers(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn read_buffer(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let buffer = call.u32(0)?;
-    if let Some(object) = gl.framebuffers.get_mut(&gl.read_framebuffer).filter(|_| gl.read_framebuffer != 0) {
+    if let Some(object) = gl.framebuffers.get_mut(gl.read_framebuffer).filter(|_| gl.read_framebuffer != 0) {
         object.read = buffer;
     } else {
         gl.read_buffer = buffer;
@@ -421,14 +421,14 @@ impl Gl {
         let unit = self.state.active;
         self.texture(unit, target);
         let name = self.state.units[unit].bound[target];
-        let texture = if name == 0 { self.default_textures.get_mut(&(target as u32)) } else { self.textures.get_mut(&name) };
+        let texture = if name == 0 { self.default_textures.get_mut(target as u32) } else { self.textures.get_mut(name) };
         let texture = texture.ok_or(INVALID_OPERATION)?;
         if texture.kind == Kind::D3 {
             return Err(Fault::Unsupported("automatic mipmaps of 3D textures whose texels are on the card".into()));
         }
         let first = texture.range[0];
         for face in faces {
-            let image = texture.levels.get(&(face, first)).cloned().ok_or(INVALID_OPERATION)?;
+            let image = texture.levels.get((face, first)).cloned().ok_or(INVALID_OPERATION)?;
             if image.base == Base::Depth || image.format != image.base.format() {
                 return Err(Fault::Unsupported(
                     "automatic mipmaps of depth textures and of compressed ones on the card".into(),
@@ -439,7 +439,7 @@ impl Gl {
                 let from = [width, height];
                 (width, height, level) = ((width / 2).max(1), (height / 2).max(1), level + 1);
                 let size = [width, height, 1];
-                if texture.levels.get(&(face, level)).is_none_or(|old| old.size != size || old.base != image.base) {
+                if texture.levels.get((face, level)).is_none_or(|old| old.size != size || old.base != image.base) {
                     let bytes = vec![0; (width * height * image.format.block_bytes()) as usize];
                     texture.define(&mut self.card, face, level, Level::plain(size, image.base, Some(bytes)));
                 }

@@ -209,7 +209,7 @@ impl Gl {
 
     fn run_list(&mut self, name: u32) -> Outcome {
         // Calling a list that does not exist, or that is nested too deep, has no effect.
-        let Some(list) = self.lists.get(&name).cloned() else { return Ok(()) };
+        let Some(list) = self.lists.get(name).cloned() else { return Ok(()) };
         if self.depth >= NESTING_MAX {
             return Ok(());
         }
@@ -267,14 +267,15 @@ impl Gl {
     /// and its End ends that.
     fn run_primitive(&mut self, geometry: &Geometry) -> Outcome {
         let Some((mode, mut vertices)) = self.begun.take() else { return self.geometry(geometry) };
-        self.errors.entry("glBegin: GL_INVALID_OPERATION".into()).or_insert(Count { times: 0, first: self.number }).times += 1;
+        let none = || Count { times: 0, first: self.number };
+        self.errors.get_or_insert_with("glBegin: GL_INVALID_OPERATION", none).times += 1;
         vertices.extend(geometry.vertices.iter().map(|vertex| vertex.over(&self.state.current, geometry.own)));
         self.primitive(mode, &vertices)
     }
 
     /// Deletes a list.
     fn free_list(&mut self, name: u32) {
-        if let Some(list) = self.lists.remove(&name) {
+        if let Some(list) = self.lists.remove(name) {
             list.geometries().for_each(|geometry| self.free_geometry(geometry));
         }
     }
@@ -358,8 +359,7 @@ pub(super) fn list_base(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 pub(super) fn delete_lists(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (first, count) = (call.u32(0)?, call.size(1)?);
-    let gone: Vec<u32> = gl.lists.range(first..first.saturating_add(count)).map(|(&name, _)| name).collect();
-    for name in gone {
+    for name in gl.lists.keys_in(first..first.saturating_add(count)) {
         gl.free_list(name);
     }
     Ok(())

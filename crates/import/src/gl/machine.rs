@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
 
-use num::Limits;
+use num::{Limits, NameMap, NumberMap};
 use trace::Trace;
 
 use super::arb::{MATRIX0, Programs};
@@ -51,7 +51,7 @@ pub struct Count {
 }
 
 /// Counts by name.
-pub type Counts = BTreeMap<String, Count>;
+pub type Counts = NameMap<Count>;
 
 /// The machine.
 pub struct Gl {
@@ -78,7 +78,7 @@ pub struct Gl {
     /// Shaders and programs in GLSL.
     pub glsl: Glsl,
     /// Buffer objects.
-    pub buffers: BTreeMap<u32, Rc<[u8]>>,
+    pub buffers: NumberMap<u32, Rc<[u8]>>,
     /// Pixel storage modes for reading the client's pixels.
     pub unpack: PixelStore,
     /// The buffer object that pixels are read back into.
@@ -90,7 +90,7 @@ pub struct Gl {
     /// The source of the pixel rectangle that is drawn.
     pub pixels: Option<Source>,
     /// Frame buffer objects by name.
-    pub framebuffers: BTreeMap<u32, Framebuffer>,
+    pub framebuffers: NumberMap<u32, Framebuffer>,
     /// The bound draw framebuffer; 0: the window.
     pub draw_framebuffer: u32,
     /// The bound read framebuffer.
@@ -98,7 +98,7 @@ pub struct Gl {
     /// The colour buffer of the window that is read.
     pub read_buffer: u32,
     /// Render buffers by name.
-    pub renderbuffers: BTreeMap<u32, Renderbuffer>,
+    pub renderbuffers: NumberMap<u32, Renderbuffer>,
     /// The bound renderbuffer.
     pub renderbuffer: u32,
     /// The clear value of the accumulation buffer.
@@ -114,17 +114,17 @@ pub struct Gl {
     /// Uses of occlusion queries.
     pub queries: u64,
     /// Texture objects by name.
-    pub textures: BTreeMap<u32, Texture>,
+    pub textures: NumberMap<u32, Texture>,
     /// Whether filters cross the edges of cube map faces.
     pub seamless: bool,
     /// Sampler objects by name, stored as textures of which only the sampling parameters are used.
-    pub samplers: BTreeMap<u32, Texture>,
+    pub samplers: NumberMap<u32, Texture>,
     /// The samplers of the units; 0: none.
     pub bound_samplers: [u32; UNITS],
     /// Textures of name 0, by target.
-    pub default_textures: BTreeMap<u32, Texture>,
+    pub default_textures: NumberMap<u32, Texture>,
     /// Display lists.
-    pub lists: BTreeMap<u32, Rc<List>>,
+    pub lists: NumberMap<u32, Rc<List>>,
     /// The list that is compiled: name, whether it is executed too.
     pub compiling: Option<(u32, bool, List)>,
     /// Evaluators.
@@ -152,7 +152,7 @@ pub struct Gl {
     /// Their labels and WGSL, in the order in which they were made.
     pub texts: Vec<(String, String)>,
     /// Calls by name.
-    pub calls: BTreeMap<Rc<str>, u64>,
+    pub calls: NameMap<u64>,
     /// What is not supported.
     pub unsupported: Counts,
     /// Calls that raise an error.
@@ -189,17 +189,17 @@ impl Gl {
             saved_client: Vec::new(),
             programs: Programs::default(),
             glsl: Glsl::default(),
-            buffers: BTreeMap::new(),
+            buffers: NumberMap::new(),
             unpack: PixelStore::default(),
             pack_buffer: 0,
             mappings: Vec::new(),
             pixel_maps: PixelMaps::default(),
             pixels: None,
-            framebuffers: BTreeMap::new(),
+            framebuffers: NumberMap::new(),
             draw_framebuffer: 0,
             read_framebuffer: 0,
             read_buffer: e::BACK,
-            renderbuffers: BTreeMap::new(),
+            renderbuffers: NumberMap::new(),
             renderbuffer: 0,
             clear_accum: [0.0; 4],
             instance: 0,
@@ -207,12 +207,12 @@ impl Gl {
             drawables: Vec::new(),
             query: None,
             queries: 0,
-            textures: BTreeMap::new(),
+            textures: NumberMap::new(),
             seamless: false,
-            samplers: BTreeMap::new(),
+            samplers: NumberMap::new(),
             bound_samplers: [0; UNITS],
-            default_textures: BTreeMap::new(),
-            lists: BTreeMap::new(),
+            default_textures: NumberMap::new(),
+            lists: NumberMap::new(),
             compiling: None,
             maps: Maps::default(),
             begun: None,
@@ -226,7 +226,7 @@ impl Gl {
             render_mode: e::RENDER,
             shaders: BTreeMap::new(),
             texts: Vec::new(),
-            calls: BTreeMap::new(),
+            calls: NameMap::new(),
             unsupported: Counts::new(),
             errors: Counts::new(),
             number: 0,
@@ -247,7 +247,7 @@ impl Gl {
 
     /// Counts a feature that is not supported.
     pub fn refuse(&mut self, what: String) {
-        let count = self.unsupported.entry(what).or_insert(Count { times: 0, first: self.number });
+        let count = self.unsupported.get_or_insert_with(&what, || Count { times: 0, first: self.number });
         count.times += 1;
     }
 
@@ -301,7 +301,7 @@ impl Gl {
             Err(Fault::Unsupported(what)) => self.refuse(what),
             Err(Fault::Error(error)) => {
                 let name = format!("{}: {error}", call.function.name);
-                self.errors.entry(name).or_insert(Count { times: 0, first: call.number }).times += 1;
+                self.errors.get_or_insert_with(&name, || Count { times: 0, first: call.number }).times += 1;
             }
             Err(Fault::Damaged(reason)) | Err(Fault::Limit(reason)) => {
                 let name = &*call.function.name;
@@ -370,7 +370,7 @@ impl Gl {
     /// Calls by name.
     pub fn finish_counts(&mut self) {
         for (name, count) in self.counted.drain(..).filter(|&(_, count)| count > 0) {
-            *self.calls.entry(name).or_insert(0) += count;
+            *self.calls.get_or_insert_with(&name, || 0) += count;
         }
     }
 

@@ -62,13 +62,13 @@ mod texturing;
 mod transform;
 mod uniforms;
 
-use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 use std::sync::{Mutex, PoisonError};
 
 use std::io::Read;
+
+use num::NameMap;
 
 use gl_shader::{consts, key};
 use host::Links;
@@ -86,7 +86,7 @@ const MEMORY_MAX: u64 = 2 << 30;
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Calls by name.
-    pub calls: BTreeMap<Rc<str>, u64>,
+    pub calls: NameMap<u64>,
     /// Frames.
     pub frames: u64,
     /// Features that are not supported.
@@ -107,7 +107,7 @@ impl Report {
         if self.unsupported.is_empty() {
             return None;
         }
-        let one = |(what, count): (&String, &Count)| format!("{what} ({} times, first in call {})", count.times, count.first);
+        let one = |(what, count): (&str, &Count)| format!("{what} ({} times, first in call {})", count.times, count.first);
         Some(self.unsupported.iter().map(one).collect::<Vec<_>>().join("; "))
     }
 }

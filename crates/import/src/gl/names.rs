@@ -1,6 +1,5 @@
 //! Names of enumerants, as in text recordings.
 
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 /// One `NAME VALUE` a line, the value in hexadecimal.
@@ -9,31 +8,38 @@ const TEXT: &str = include_str!("names.txt");
 /// Suffixes of names that may be omitted.
 const ENDINGS: &[&str] = &["", "_ARB", "_EXT", "_SGIS"];
 
-fn table() -> &'static BTreeMap<&'static str, u32> {
-    static TABLE: OnceLock<BTreeMap<&'static str, u32>> = OnceLock::new();
+/// Names and values in alphabetical order.
+fn table() -> &'static [(&'static str, u32)] {
+    static TABLE: OnceLock<Vec<(&'static str, u32)>> = OnceLock::new();
     TABLE.get_or_init(|| {
         let line = |line: &'static str| {
             let (name, value) = line.split_once(' ')?;
             Some((name, u32::from_str_radix(value, 16).ok()?))
         };
-        TEXT.lines().filter_map(line).collect()
+        let mut table: Vec<_> = TEXT.lines().filter_map(line).collect();
+        table.sort_unstable();
+        table
     })
 }
 
 /// The value of a name.
 pub fn value(name: &str) -> Option<u32> {
+    let known = |name: &str| {
+        let at = table().binary_search_by_key(&name, |&(known, _)| known).ok()?;
+        Some(table()[at].1)
+    };
     match name {
         "TRUE" => Some(1),
         "FALSE" => Some(0),
         // Extension names have the values of the core names.
-        _ => ENDINGS.iter().find_map(|end| table().get(name.strip_suffix(end)?).copied()),
+        _ => ENDINGS.iter().find_map(|end| known(name.strip_suffix(end)?)),
     }
 }
 
 /// A name of a value for messages; if there are several, the first in alphabetical order.
 pub fn name(value: u32) -> String {
     // Small numbers are primitive modes and bits, which messages do not name.
-    let known = table().iter().find(|&(_, &v)| v == value && value > 0xff);
+    let known = table().iter().find(|&&(_, v)| v == value && value > 0xff);
     known.map_or_else(|| format!("{value:#06x}"), |(name, _)| (*name).to_owned())
 }
 

@@ -1,7 +1,5 @@
 //! The parts of a pass of the card: its render target, its draws, and the state in their pipelines.
 
-use std::collections::BTreeSet;
-
 use gfx::format::Format;
 use gfx::state::*;
 pub use gl_shader::COLORS_MAX;
@@ -147,7 +145,7 @@ pub struct Pass {
     /// Bytes of the largest block.
     pub block: usize,
     /// Textures that are read.
-    pub textures: BTreeSet<TextureId>,
+    pub textures: NumberMap<TextureId, ()>,
 }
 
 impl Pass {
@@ -174,7 +172,7 @@ impl Pass {
     /// Whether it reads or draws to a texture.
     pub fn uses(&self, texture: TextureId) -> bool {
         let drawn = |target: Target| target.surfaces().any(|surface| surface.texture == texture);
-        self.textures.contains(&texture) || self.target.is_some_and(drawn)
+        self.textures.contains(texture) || self.target.is_some_and(drawn)
     }
 }
 

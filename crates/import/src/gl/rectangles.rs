@@ -139,7 +139,7 @@ impl Gl {
         let sampler = self.card.sampler(SamplerDesc::default());
         let group = self.card.textures(&[(source.texture, source.view, sampler)]);
         let pass = &mut self.card.pass;
-        pass.textures.insert(source.texture);
+        pass.textures.insert(source.texture, ());
         let (vertices, first) = (pass.vertices.len() as u64, pass.indices.len() as u32);
         for [x, y] in [[x0, y0], [x1, y0], [x1, y1], [x0, y1]] {
             let up = 2.0 * y / height - 1.0;

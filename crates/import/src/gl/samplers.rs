@@ -39,7 +39,7 @@ pub(super) fn sampler_parameter(gl: &mut Gl, call: &Call, shape: Shape) -> Outco
     if sampler == 0 {
         return Err(INVALID_OPERATION);
     }
-    set_parameter(gl.samplers.entry(sampler).or_insert_with(|| Texture::new(Kind::D2)), name, &values, shape)
+    set_parameter(gl.samplers.get_or_insert_with(sampler, || Texture::new(Kind::D2)), name, &values, shape)
 }
 
 /// `glBindSampler(unit, sampler)`
@@ -49,7 +49,7 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return if sampler == 0 { Ok(()) } else { Err(Fault::Unsupported(format!("samplers of texture unit {unit}"))) };
     }
     if sampler != 0 {
-        gl.samplers.entry(sampler).or_insert_with(|| Texture::new(Kind::D2));
+        gl.samplers.get_or_insert_with(sampler, || Texture::new(Kind::D2));
     }
     gl.bound_samplers[unit] = sampler;
     Ok(())
@@ -58,7 +58,7 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
-        gl.samplers.remove(&(name as u32));
+        gl.samplers.remove(name as u32);
         gl.bound_samplers.iter_mut().filter(|bound| **bound == name as u32).for_each(|bound| *bound = 0);
     }
     Ok(())

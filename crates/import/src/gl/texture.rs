@@ -1,7 +1,5 @@
 //! Texture objects: their levels, and the card's texture.
 
-use std::collections::BTreeMap;
-
 use gfx::format::Format;
 use gfx::state::*;
 use num::*;
@@ -70,7 +68,7 @@ pub struct Texture {
     /// Its shape.
     pub kind: Kind,
     /// Images by face and level.
-    pub levels: BTreeMap<(u32, u32), Level>,
+    pub levels: NumberMap<(u32, u32), Level>,
     /// Filters.
     pub min: u32,
     /// Filters.
@@ -128,7 +126,7 @@ impl Texture {
         let rectangle = kind == Kind::Rectangle;
         Texture {
             kind,
-            levels: BTreeMap::new(),
+            levels: NumberMap::new(),
             min: if rectangle { e::LINEAR } else { e::NEAREST_MIPMAP_LINEAR },
             mag: e::LINEAR,
             wrap: [if rectangle { e::CLAMP_TO_EDGE } else { e::REPEAT }; 3],
@@ -174,7 +172,7 @@ impl Texture {
 
     /// Number of levels that sampling reads, from the base level on; none if the texture is not complete.
     fn complete(&self) -> Option<u32> {
-        let first = self.levels.get(&(0, self.range[0]))?;
+        let first = self.levels.get((0, self.range[0]))?;
         if first.size.contains(&0) {
             return None;
         }
@@ -184,7 +182,7 @@ impl Texture {
         };
         for face in 0..self.faces() {
             for k in 0..count {
-                let level = self.levels.get(&(face, self.range[0] + k))?;
+                let level = self.levels.get((face, self.range[0] + k))?;
                 let wanted = first.size.map(|edge| (edge >> k).max(1));
                 if level.size != wanted || level.base != first.base || level.format != first.format {
                     return None;
@@ -198,7 +196,7 @@ impl Texture {
     pub fn define(&mut self, card: &mut Card, face: u32, level: u32, image: Level) {
         // An image of the same size on the card is overwritten in place.
         if self.native.as_ref().is_some_and(|native| native.place(level, &image).is_some()) {
-            let on_card = self.levels.get(&(face, level)).is_some_and(|level| level.bytes.is_none());
+            let on_card = self.levels.get((face, level)).is_some_and(|level| level.bytes.is_none());
             if let (true, Some(bytes)) = (on_card, &image.bytes) {
                 return self.write(card, face, level, [0; 3], image.size, bytes);
             }
@@ -208,7 +206,7 @@ impl Texture {
 
     /// Writes a part of an image that is defined; `bytes` are texels in the stored format.
     pub fn write(&mut self, card: &mut Card, face: u32, level: u32, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
-        let Some(image) = self.levels.get_mut(&(face, level)) else { return };
+        let Some(image) = self.levels.get_mut((face, level)) else { return };
         let (block, texel) = (image.format.block_dim(), image.format.block_bytes() as usize);
         if let Some(kept) = &mut image.bytes {
             // Sizes in blocks of texels; a block of most formats is one texel.
@@ -232,11 +230,11 @@ impl Texture {
     /// Levels from the base level on that are defined, each half as large as the one before.
     fn chain(&self) -> u32 {
         let base = self.range[0];
-        let Some(first) = self.levels.get(&(0, base)) else { return 0 };
+        let Some(first) = self.levels.get((0, base)) else { return 0 };
         let follows = |after: &u32| {
             let half = first.size.map(|edge| (edge >> after).max(1));
             let fits = |level: &Level| level.size == half && level.base == first.base && level.format == first.format;
-            self.levels.get(&(0, base.saturating_add(*after))).is_some_and(fits)
+            self.levels.get((0, base.saturating_add(*after))).is_some_and(fits)
         };
         (1..Texture::full_levels(first.size)).take_while(follows).count() as u32 + 1
     }
@@ -244,7 +242,7 @@ impl Texture {
     /// Gives the card's texture this number of levels and uploads their texels.
     fn install(&mut self, card: &mut Card, count: u32) -> Option<()> {
         let base_level = self.range[0];
-        let first = self.levels.get(&(0, base_level))?.clone();
+        let first = self.levels.get((0, base_level))?.clone();
         let fits = self
             .native
             .as_ref()
@@ -253,7 +251,7 @@ impl Texture {
             let old = self.native.take();
             // Larger images before the base level stay on the card too: the program may set the base level back to them.
             let (mut lowest, mut largest) = (base_level, first.clone());
-            while let Some(before) = lowest.checked_sub(1).and_then(|level| self.levels.get(&(0, level))) {
+            while let Some(before) = lowest.checked_sub(1).and_then(|level| self.levels.get((0, level))) {
                 let follows = !before.size.contains(&0) && before.size.map(|edge| (edge >> 1).max(1)) == largest.size;
                 if !follows || before.base != first.base || before.format != first.format {
                     break;
@@ -269,7 +267,7 @@ impl Texture {
             let (size, base, format) = (largest.size, first.base, first.format);
             let native = Native { id, first: lowest, size, levels, base, format, views: Vec::new(), images: Vec::new() };
             if let Some(old) = old {
-                for (&(face, level), image) in self.levels.iter().filter(|(_, image)| image.bytes.is_none()) {
+                for ((face, level), image) in self.levels.iter().filter(|(_, image)| image.bytes.is_none()) {
                     if let (Some(from), Some(to)) = (old.place(level, image), native.place(level, image)) {
                         let end = |texture, level| TextureEnd { texture, level, origin: [0, 0, face], aspect: Aspect::All };
                         card.end_pass();
@@ -281,7 +279,8 @@ impl Texture {
             self.native = Some(native);
         }
         let native = self.native.as_ref()?;
-        for (&(face, level), image) in &mut self.levels {
+        for (face, level) in self.levels.keys() {
+            let Some(image) = self.levels.get_mut((face, level)) else { continue };
             if image.bytes.is_none() || native.place(level, image).is_none() {
                 continue;
             }
@@ -308,7 +307,7 @@ impl Texture {
         }
         let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
         let image = self.surface(card, face, level)?.ok_or_else(refused)?;
-        let base = self.levels.get(&(0, self.range[0])).ok_or_else(refused)?.base;
+        let base = self.levels.get((0, self.range[0])).ok_or_else(refused)?.base;
         if image.format != base.format() {
             return Err(Fault::Unsupported("copies into compressed textures".into()));
         }
@@ -332,7 +331,7 @@ impl Texture {
     ) -> Outcome {
         let refused = || Fault::Unsupported("copies into a level of a texture before its first one".into());
         let after = level.checked_sub(self.range[0]).ok_or_else(refused)?;
-        let first = self.levels.get(&(0, self.range[0])).ok_or_else(refused)?;
+        let first = self.levels.get((0, self.range[0])).ok_or_else(refused)?;
         if first.size.contains(&0) || after >= Texture::full_levels(first.size) {
             return Err(refused());
         }
@@ -340,7 +339,7 @@ impl Texture {
         if size.contains(&0) || self.install(card, needed).is_none() {
             return Ok(());
         }
-        let (Some(native), Some(image)) = (&self.native, self.levels.get(&(0, level))) else { return Ok(()) };
+        let (Some(native), Some(image)) = (&self.native, self.levels.get((0, level))) else { return Ok(()) };
         let (Some(k), id, base) = (native.place(level, image), native.id, native.base) else { return Ok(()) };
         if native.format != base.format() {
             return Err(Fault::Unsupported("copies into compressed textures".into()));
@@ -359,20 +358,20 @@ impl Texture {
     /// One image on the card, to be drawn to or read; none if it does not exist.
     pub fn surface(&mut self, card: &mut Card, layer: u32, level: u32) -> Outcome<Option<Surface>> {
         let base_level = self.range[0];
-        let (Some(first), Some(after)) = (self.levels.get(&(0, base_level)), level.checked_sub(base_level)) else {
+        let (Some(first), Some(after)) = (self.levels.get((0, base_level)), level.checked_sub(base_level)) else {
             return Ok(None);
         };
         let face = if self.kind == Kind::Cube { layer } else { 0 };
         let full = Texture::full_levels(first.size);
         // A level beyond the smallest one belongs to no texture of the card.
-        if self.kind == Kind::D3 || first.size.contains(&0) || after >= full || !self.levels.contains_key(&(face, level)) {
+        if self.kind == Kind::D3 || first.size.contains(&0) || after >= full || !self.levels.contains((face, level)) {
             return Ok(None);
         }
         let needed = self.complete().unwrap_or(1).max(after + 1).min(full);
         if self.install(card, needed).is_none() {
             return Ok(None);
         }
-        let (Some(native), Some(image)) = (&mut self.native, self.levels.get(&(face, level))) else { return Ok(None) };
+        let (Some(native), Some(image)) = (&mut self.native, self.levels.get((face, level))) else { return Ok(None) };
         let Some(k) = native.place(level, image) else { return Ok(None) };
         let view = match native.images.iter().find(|&&(key, _)| key == (layer, k)) {
             Some(&(_, view)) => view,

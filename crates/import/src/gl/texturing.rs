@@ -38,7 +38,7 @@ pub(super) fn target_of(target: u32) -> Outcome<usize> {
 pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (target, name) = (target_of(call.u32(0)?)?, call.u32(1)?);
     let kind = super::draw::kind_of(target);
-    if name != 0 && gl.textures.entry(name).or_insert_with(|| Texture::new(kind)).kind != kind {
+    if name != 0 && gl.textures.get_or_insert_with(name, || Texture::new(kind)).kind != kind {
         return Err(INVALID_OPERATION);
     }
     gl.state.units[gl.state.active].bound[target] = name;
@@ -49,7 +49,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
-        if let Some(mut texture) = gl.textures.remove(&name).filter(|_| name != 0) {
+        if let Some(mut texture) = gl.textures.remove(name).filter(|_| name != 0) {
             texture.free(&mut gl.card);
             for bound in gl.state.units.iter_mut().flat_map(|unit| &mut unit.bound).filter(|bound| **bound == name) {
                 *bound = 0;
@@ -85,7 +85,7 @@ pub(super) fn with<T>(
     let unit = gl.state.active;
     gl.texture(unit, target);
     let name = gl.state.units[unit].bound[target];
-    let texture = if name == 0 { gl.default_textures.get_mut(&(target as u32)) } else { gl.textures.get_mut(&name) };
+    let texture = if name == 0 { gl.default_textures.get_mut(target as u32) } else { gl.textures.get_mut(name) };
     run(texture.ok_or(INVALID_OPERATION)?, &mut gl.card)
 }
 
@@ -177,7 +177,7 @@ fn install(gl: &mut Gl, target: usize, face: u32, level: u32, image: Level) -> O
 
 /// Generates all levels below one.
 fn smaller_levels(texture: &mut Texture, card: &mut super::card::Card, face: u32, level: u32, size: [u32; 3], texels: Vec<u8>) {
-    let Some(base) = texture.levels.get(&(face, level)).map(|image| image.base) else { return };
+    let Some(base) = texture.levels.get((face, level)).map(|image| image.base) else { return };
     let (mut smaller, mut texels, mut at) = (size, texels, level);
     while smaller != [1; 3] {
         (smaller, texels) = image::half(smaller, base, &texels);
@@ -224,7 +224,7 @@ pub(super) fn compressed_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     // The largest image of the card's compressed textures has whole blocks; other images are stored as texels.
     let largest = with(gl, target, |texture, _| {
         let first = texture.range[0];
-        Ok(texture.levels.get(&(face, first)).filter(|_| level > first).map(|image| image.format))
+        Ok(texture.levels.get((face, first)).filter(|_| level > first).map(|image| image.format))
     })?;
     // Mipmap generation needs texels.
     let generates = with(gl, target, |texture, _| Ok(texture.generate && level == texture.range[0]))?;
@@ -266,7 +266,7 @@ pub(super) fn compressed_part_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome 
     let format = s3tc(call.u32(6)?).ok_or(INVALID_ENUM)?;
     let bytes = blocks(gl, call, format, size, 7)?;
     with(gl, target, |texture, card| {
-        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        let image = texture.levels.get((face, level)).ok_or(INVALID_OPERATION)?;
         if !inside(image, origin, size) {
             return Err(INVALID_VALUE);
         }
@@ -372,7 +372,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
     }
     let (format, kind) = (call.u32(2 + 2 * dimensions)?, call.u32(3 + 2 * dimensions)?);
     let base = with(gl, target, |texture, _| {
-        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        let image = texture.levels.get((face, level)).ok_or(INVALID_OPERATION)?;
         if !inside(image, origin, size) {
             return Err(INVALID_VALUE);
         }
@@ -413,7 +413,7 @@ pub(super) fn sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 /// Copies from the framebuffer to a part of an image.
 fn copy(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
     let depth =
-        with(gl, target, |texture, _| Ok(texture.levels.get(&(face, level)).is_some_and(|image| image.base == Base::Depth)))?;
+        with(gl, target, |texture, _| Ok(texture.levels.get((face, level)).is_some_and(|image| image.base == Base::Depth)))?;
     let source = gl.read_source(depth)?;
     let generates = with(gl, target, |texture, card| {
         texture.copy(card, face, level, to, source, from, size)?;
@@ -436,7 +436,7 @@ fn copy_image(gl: &mut Gl, call: &Call, allowed: &[u32], height: Option<u32>) ->
         return Err(Fault::Unsupported("copies into textures with a border".into()));
     }
     with(gl, target, |texture, card| {
-        let same = texture.levels.get(&(face, level)).is_some_and(|image| image.size == size && image.base == base);
+        let same = texture.levels.get((face, level)).is_some_and(|image| image.size == size && image.base == base);
         if !same {
             let bytes = vec![0; (size[0] * size[1] * base.format().block_bytes()) as usize];
             texture.define(card, face, level, Level::plain(size, base, (base != Base::Depth).then_some(bytes)));
@@ -456,7 +456,7 @@ pub(super) fn copy_image_2d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 
 fn copy_part(gl: &mut Gl, target: usize, face: u32, level: u32, to: [u32; 2], from: [i32; 2], size: [u32; 2]) -> Outcome {
     with(gl, target, |texture, _| {
-        let image = texture.levels.get(&(face, level)).ok_or(INVALID_OPERATION)?;
+        let image = texture.levels.get((face, level)).ok_or(INVALID_OPERATION)?;
         if inside(image, [to[0], to[1], 0], [size[0], size[1], 1]) { Ok(()) } else { Err(INVALID_VALUE) }
     })?;
     copy(gl, target, face, level, to, from, size)
@@ -480,7 +480,7 @@ pub(super) fn copy_sub_image_3d(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (level, to) = (call.size(1)?, [call.size(2)?, call.size(3)?, call.size(4)?]);
     let (from, size) = ([call.i32(5)?, call.i32(6)?], [call.size(7)?, call.size(8)?]);
     let depth = with(gl, target, |texture, _| {
-        let image = texture.levels.get(&(0, level)).ok_or(INVALID_OPERATION)?;
+        let image = texture.levels.get((0, level)).ok_or(INVALID_OPERATION)?;
         let generates = texture.generate && level == texture.range[0];
         match inside(image, to, [size[0], size[1], 1]) {
             true if generates => Err(Fault::Unsupported("automatic mipmaps of copies into 3D textures".into())),

@@ -1,7 +1,5 @@
 //! The objects of a wgpu trace by address, and their native ids.
 
-use std::collections::HashMap;
-
 use gfx::format::Format;
 use gfx::state::ViewDimension;
 use num::*;
@@ -83,21 +81,21 @@ pub struct Surface {
     pub acquired: Option<TextureId>,
 }
 
-/// Objects of one kind by address. Never iterated, so its order does not matter.
+/// Objects of one kind by address.
 pub struct Table<T> {
     kind: &'static str,
-    by_address: HashMap<u64, Option<T>>,
+    by_address: NumberMap<u64, Option<T>>,
 }
 
 impl<T> Table<T> {
     fn new(kind: &'static str) -> Table<T> {
-        Table { kind, by_address: HashMap::new() }
+        Table { kind, by_address: NumberMap::new() }
     }
 
     /// The object that an id names now.
     pub fn get(&self, id: Id) -> Result<&T, Reason> {
         let (kind, address) = (self.kind, id.address());
-        match self.by_address.get(&address) {
+        match self.by_address.get(address) {
             Some(Some(object)) => Ok(object),
             Some(None) => Err(format!("{kind} {address} is used, but was invalid when it was recorded")),
             None => Err(format!("{kind} {address} is used, but no earlier action creates it")),
@@ -106,7 +104,7 @@ impl<T> Table<T> {
 
     /// The object that an id names now, if there is one.
     pub fn find(&self, id: Id) -> Option<&T> {
-        self.by_address.get(&id.address())?.as_ref()
+        self.by_address.get(id.address())?.as_ref()
     }
 
     /// Makes the id name this object. Returns the object that it named before.
@@ -123,7 +121,7 @@ impl<T> Table<T> {
 impl Table<Surface> {
     /// The surface of an id. Nothing creates surfaces in a trace.
     pub fn surface(&mut self, id: Id) -> &mut Surface {
-        self.by_address.entry(id.address()).or_default().get_or_insert_default()
+        self.by_address.get_or_insert_with(id.address(), || None).get_or_insert_default()
     }
 }
 

@@ -3,8 +3,9 @@
 mod key;
 mod values;
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
+
+use num::{NameMap, NumberMap};
 
 use gl_shader::arb::parse;
 pub use gl_shader::arb::program::{GENERICS, Program, Stage, input};
@@ -66,11 +67,11 @@ struct Object {
 /// Program objects and the state that they share.
 pub struct Programs {
     bound: [u32; 2],
-    objects: BTreeMap<u32, Object>,
+    objects: NumberMap<u32, Object>,
     defaults: [Object; 2],
     environment: [Vec<[f32; 4]>; 2],
-    /// Programs by their text.
-    texts: BTreeMap<(Stage, Rc<str>), Result<Loaded, String>>,
+    /// Programs of each stage by their text.
+    texts: [NameMap<Result<Loaded, String>>; 2],
     /// Numbers given to programs so far.
     numbers: u32,
     /// Matrices.
@@ -81,10 +82,10 @@ impl Default for Programs {
     fn default() -> Programs {
         Programs {
             bound: [0; 2],
-            objects: BTreeMap::new(),
+            objects: NumberMap::new(),
             defaults: Default::default(),
             environment: Default::default(),
-            texts: BTreeMap::new(),
+            texts: Default::default(),
             numbers: 0,
             matrices: std::array::from_fn(|_| Stack::new(4)),
         }
@@ -105,7 +106,7 @@ impl Programs {
     fn object(&mut self, stage: Stage) -> &mut Object {
         match self.bound[stage as usize - 1] {
             0 => &mut self.defaults[stage as usize - 1],
-            name => self.objects.entry(name).or_default(),
+            name => self.objects.get_or_insert_with(name, Default::default),
         }
     }
 
@@ -163,7 +164,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     gl.flush()?;
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
-        gl.programs.objects.remove(&name);
+        gl.programs.objects.remove(name);
         for bound in gl.programs.bound.iter_mut().filter(|bound| **bound == name) {
             *bound = 0;
         }
@@ -185,7 +186,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     };
     let programs = &mut gl.programs;
     let number = programs.number();
-    let loaded = programs.texts.entry((stage, text.clone())).or_insert_with(|| match parse(&text, stage) {
+    let loaded = programs.texts[stage as usize - 1].get_or_insert_with(&text, || match parse(&text, stage) {
         Ok(program) => Ok(Loaded { number, program: Rc::new(program) }),
         Err(wrong) => Err(wrong.to_string()),
     });
@@ -193,7 +194,7 @@ pub(super) fn string(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if let Err(reason) = &loaded {
         // A driver refuses such a text too; the previous program remains.
         let name = format!("{}: GL_INVALID_OPERATION: {reason}", call.function.name);
-        gl.errors.entry(name).or_insert(Count { times: 0, first: call.number }).times += 1;
+        gl.errors.get_or_insert_with(&name, || Count { times: 0, first: call.number }).times += 1;
         let object = gl.programs.object(stage);
         if !matches!(object.text, Some(Ok(_))) {
             object.text = Some(Err(format!("text is wrong: {reason} (call {})", call.number)));

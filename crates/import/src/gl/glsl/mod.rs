@@ -5,6 +5,8 @@ pub mod uniforms;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use num::{NameMap, NumberMap};
+
 use gl_shader::glsl::{Linked, Sources, link, stage};
 
 use super::arb::{Active, Loaded, Stage};
@@ -31,15 +33,15 @@ struct Shader {
 struct Object {
     attached: Vec<u32>,
     /// Locations that the program has chosen.
-    attributes: BTreeMap<String, u32>,
-    outputs: BTreeMap<String, u32>,
+    attributes: NameMap<u32>,
+    outputs: NameMap<u32>,
     linked: Option<Result<Rc<Linked>, String>>,
     /// Names of uniforms by location.
-    locations: BTreeMap<i64, String>,
+    locations: NumberMap<u64, String>,
     /// Values of uniforms of both stages.
     values: [Vec<[f32; 4]>; 2],
     /// Units of samplers.
-    units: BTreeMap<String, u32>,
+    units: NameMap<u32>,
 }
 
 /// The key of a stage's translated program: the linked program, the stage, units of samplers, locations of attributes and outputs.
@@ -48,8 +50,8 @@ type CodeKey = (u32, Stage, Vec<u32>, Vec<Option<u32>>);
 /// Shader and program objects.
 #[derive(Default)]
 pub struct Glsl {
-    shaders: BTreeMap<u32, Shader>,
-    objects: BTreeMap<u32, Object>,
+    shaders: NumberMap<u32, Shader>,
+    objects: NumberMap<u32, Object>,
     /// The current program; 0: none.
     current: u32,
     linked: BTreeMap<Sources, Result<Rc<Linked>, String>>,
@@ -64,7 +66,7 @@ impl Glsl {
 
     /// Whether the current program has a stage.
     pub fn has(&self, stage: Stage) -> bool {
-        match self.objects.get(&self.current).and_then(|object| object.linked.as_ref()) {
+        match self.objects.get(self.current).and_then(|object| object.linked.as_ref()) {
             Some(Ok(linked)) => linked.stages[stage as usize - 1].is_some(),
             _ => false,
         }
@@ -80,7 +82,7 @@ impl Gl {
     /// The stage of the current program.
     pub fn glsl_program(&mut self, stage: Stage) -> CallOutcome<Option<Active>> {
         let index = stage as usize - 1;
-        let object = self.glsl.objects.get(&self.glsl.current).ok_or(INVALID_OPERATION)?;
+        let object = self.glsl.objects.get(self.glsl.current).ok_or(INVALID_OPERATION)?;
         let refused = |reason: &str| Fault::Unsupported(format!("drawing with GLSL program {}: {reason}", self.glsl.current));
         let linked = match &object.linked {
             None => return Err(INVALID_OPERATION),
@@ -105,7 +107,7 @@ impl Gl {
                 loaded
             }
         };
-        let object = &self.glsl.objects[&self.glsl.current];
+        let object = self.glsl.objects.get(self.glsl.current).ok_or(INVALID_OPERATION)?;
         let Loaded { number, program } = loaded.map_err(|reason| refused(&reason))?;
         let given = object.values[index].iter().zip(&translated.slots);
         let values = given.map(|(value, slot)| match slot {
@@ -120,7 +122,7 @@ impl Gl {
     }
 
     fn glsl_object(&mut self, name: u32) -> CallOutcome<&mut Object> {
-        self.glsl.objects.get_mut(&name).ok_or(INVALID_VALUE)
+        self.glsl.objects.get_mut(name).ok_or(INVALID_VALUE)
     }
 }
 
@@ -164,12 +166,12 @@ pub(super) fn shader_source(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     if text.len() > SOURCE_MAX {
         return Err(Fault::Limit(format!("a shader of {} bytes, at most {SOURCE_MAX}", text.len())));
     }
-    gl.glsl.shaders.get_mut(&call.u32(0)?).ok_or(INVALID_VALUE)?.source = text.into();
+    gl.glsl.shaders.get_mut(call.u32(0)?).ok_or(INVALID_VALUE)?.source = text.into();
     Ok(())
 }
 
 pub(super) fn compile_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
-    let shader = gl.glsl.shaders.get_mut(&call.u32(0)?).ok_or(INVALID_VALUE)?;
+    let shader = gl.glsl.shaders.get_mut(call.u32(0)?).ok_or(INVALID_VALUE)?;
     shader.compiled = Some(shader.source.clone());
     Ok(())
 }
@@ -181,7 +183,7 @@ pub(super) fn create_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome 
 
 pub(super) fn attach(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let shader = call.u32(1)?;
-    if !gl.glsl.shaders.contains_key(&shader) {
+    if !gl.glsl.shaders.contains(shader) {
         return Err(INVALID_VALUE);
     }
     let object = gl.glsl_object(call.u32(0)?)?;
@@ -203,14 +205,14 @@ pub(super) fn link_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
     let attached = gl.glsl_object(name)?.attached.clone();
     let mut sources = Sources::default();
-    for shader in attached.iter().filter_map(|shader| gl.glsl.shaders.get(shader)) {
+    for shader in attached.iter().filter_map(|&shader| gl.glsl.shaders.get(shader)) {
         let text = shader.compiled.clone().ok_or(INVALID_OPERATION)?;
         sources[shader.stage as usize - 1].push(text);
     }
     let number = gl.glsl.linked.len() as u32;
     let linked = gl.glsl.linked.entry(sources).or_insert_with_key(|sources| link(number, sources, &gl.limits)).clone();
     let object = gl.glsl_object(name)?;
-    (object.locations, object.units) = (BTreeMap::new(), BTreeMap::new());
+    (object.locations, object.units) = Default::default();
     if let Ok(linked) = &linked {
         for (values, stage) in object.values.iter_mut().zip(linked.stages()) {
             *values = stage.map(|stage| stage.defaults.clone()).unwrap_or_default();
@@ -234,7 +236,7 @@ pub(super) fn delete_shader(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = call.u32(0)?;
     // An attached shader is not deleted.
     if !gl.glsl.objects.values().any(|object| object.attached.contains(&name)) {
-        gl.glsl.shaders.remove(&name);
+        gl.glsl.shaders.remove(name);
     }
     Ok(())
 }
@@ -244,14 +246,14 @@ pub(super) fn delete_program(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome 
     // The current program is not deleted.
     if gl.glsl.current != name {
         gl.flush()?;
-        gl.glsl.objects.remove(&name);
+        gl.glsl.objects.remove(name);
     }
     Ok(())
 }
 
 /// `glDeleteObjectARB`: a shader or a program.
 pub(super) fn delete_object(gl: &mut Gl, call: &Call, shape: Shape) -> CallOutcome {
-    if gl.glsl.shaders.contains_key(&call.u32(0)?) { delete_shader(gl, call, shape) } else { delete_program(gl, call, shape) }
+    if gl.glsl.shaders.contains(call.u32(0)?) { delete_shader(gl, call, shape) } else { delete_program(gl, call, shape) }
 }
 
 fn text(call: &Call, index: usize) -> CallOutcome<String> {
@@ -264,13 +266,13 @@ fn text(call: &Call, index: usize) -> CallOutcome<String> {
 
 pub(super) fn bind_attribute(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let (index, name) = (call.u32(1)?, text(call, 2)?);
-    gl.glsl_object(call.u32(0)?)?.attributes.insert(name, index);
+    gl.glsl_object(call.u32(0)?)?.attributes.insert(&name, index);
     Ok(())
 }
 
 pub(super) fn bind_output(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let (index, name) = (call.u32(1)?, text(call, 2)?);
-    gl.glsl_object(call.u32(0)?)?.outputs.insert(name, index);
+    gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, index);
     Ok(())
 }
 
@@ -285,7 +287,7 @@ fn answer(call: &Call) -> Option<i64> {
 pub(super) fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = text(call, 1)?;
     if let Some(location) = answer(call) {
-        gl.glsl_object(call.u32(0)?)?.attributes.insert(name, location as u32);
+        gl.glsl_object(call.u32(0)?)?.attributes.insert(&name, location as u32);
     }
     Ok(())
 }
@@ -293,14 +295,15 @@ pub(super) fn attribute_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutc
 pub(super) fn output_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = text(call, 1)?;
     if let Some(location) = answer(call) {
-        gl.glsl_object(call.u32(0)?)?.outputs.insert(name, location as u32);
+        gl.glsl_object(call.u32(0)?)?.outputs.insert(&name, location as u32);
     }
     Ok(())
 }
 
 pub(super) fn uniform_location(gl: &mut Gl, call: &Call, _: Shape) -> CallOutcome {
     let name = text(call, 1)?;
-    if let Some(location) = answer(call) {
+    // Negative: there is no such uniform.
+    if let Some(location) = answer(call).and_then(|location| u64::try_from(location).ok()) {
         gl.glsl_object(call.u32(0)?)?.locations.insert(location, name);
     }
     Ok(())

@@ -47,20 +47,18 @@ fn root(name: &str) -> (&str, &str) {
 
 /// Writes numbers to a uniform of the program `name`: `shape` is the columns and rows of each value.
 fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64], scalar: Scalar) -> Outcome {
-    if location < 0 {
-        return Ok(());
-    }
+    let Ok(location) = u64::try_from(location) else { return Ok(()) };
     let unnamed = || Fault::Unsupported("uniforms at locations that the recording does not name".into());
     let object = gl.glsl_object(name)?;
     let Some(Ok(linked)) = object.linked.clone() else { return Err(INVALID_OPERATION) };
     // The location of a uniform was queried by the program, is stated in its declaration, or follows one of these in an array.
-    let declared = |location: i64| {
+    let declared = |location: u64| {
         let mut all = linked.stages.iter().flatten().flat_map(Translated::located);
-        all.find(|&(_, at)| i64::from(at) == location).map(|(name, _)| name.to_owned())
+        all.find(|&(_, at)| u64::from(at) == location).map(|(name, _)| name.to_owned())
     };
-    let asked = |at: i64| object.locations.get(&at).cloned();
-    let before = || object.locations.range(..location).next_back().map(|(&at, name)| (at, name.clone()));
-    let exact = asked(location).or_else(|| declared(location)).map(|name| (location, name));
+    let asked = |at: u64| Some((at, object.locations.get(at)?.clone()));
+    let before = || object.locations.keys_in(0..location).next_back().and_then(asked);
+    let exact = asked(location).or_else(|| Some((location, declared(location)?)));
     let Some((at, path)) = exact.or_else(before) else {
         return Err(unnamed());
     };
@@ -71,7 +69,7 @@ fn set(gl: &mut Gl, name: u32, location: i64, shape: [usize; 2], numbers: &[f64]
             return Err(unnamed());
         }
         let unit = numbers.first().ok_or(INVALID_VALUE)?;
-        object.units.insert(root.to_owned(), *unit as u32);
+        object.units.insert(root, *unit as u32);
         return Ok(());
     }
     let [columns, rows] = shape;

@@ -3,10 +3,9 @@
 //! The stream has *enter* events, with a call's function and arguments, and *leave* events, with its outputs. A call is returned at its
 //! leave event, as in apitrace's own player.
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use num::Limits;
+use num::{Limits, NumberMap};
 
 use super::Broken;
 use super::chunks::{Chunks, Input, Stop};
@@ -38,7 +37,7 @@ pub struct Apitrace {
     /// The call that was entered last, if it has not been left.
     last: Option<Call>,
     /// Earlier calls that have not been left.
-    open: BTreeMap<u64, Call>,
+    open: NumberMap<u64, Call>,
     /// Memory for reuse: argument lists of finished calls, and arrays by their length.
     spare: Vec<Vec<Arg>>,
     spare_arrays: [Option<Rc<[f64]>>; FEW + 1],
@@ -54,7 +53,7 @@ const FEW: usize = 16;
 /// Signatures by their number. apitrace numbers them from 0; only a damaged recording has large numbers.
 struct Table<T> {
     small: Vec<Option<T>>,
-    large: BTreeMap<u64, T>,
+    large: NumberMap<u64, T>,
     count: u64,
 }
 
@@ -63,7 +62,7 @@ const SMALL: u64 = 1 << 14;
 
 impl<T> Default for Table<T> {
     fn default() -> Self {
-        Table { small: Vec::new(), large: BTreeMap::new(), count: 0 }
+        Table { small: Vec::new(), large: NumberMap::new(), count: 0 }
     }
 }
 
@@ -72,7 +71,7 @@ impl<T: Clone> Table<T> {
     fn get(&self, id: u64) -> Option<&T> {
         match self.small.get(id as usize) {
             Some(place) if id < SMALL => place.as_ref(),
-            _ => self.large.get(&id),
+            _ => self.large.get(id),
         }
     }
 
@@ -110,7 +109,7 @@ impl Apitrace {
             structs: Table::default(),
             frames: Table::default(),
             last: None,
-            open: BTreeMap::new(),
+            open: NumberMap::new(),
             spare: Vec::new(),
             spare_arrays: [const { None }; FEW + 1],
             next: 0,
@@ -157,7 +156,7 @@ impl Apitrace {
                 Ok(1) => {
                     let number = self.uint()?;
                     let last = self.last.take_if(|call| call.number == number);
-                    let Some(mut call) = last.or_else(|| self.open.remove(&number)) else {
+                    let Some(mut call) = last.or_else(|| self.open.remove(number)) else {
                         return broken(format!("call {number} is left, but was not entered"));
                     };
                     self.details(&mut call)?;
@@ -169,7 +168,8 @@ impl Apitrace {
             }
         }
         // Calls that had not returned when the program ended.
-        Ok(self.open.pop_first().map(|(_, call)| call).or_else(|| self.last.take()))
+        let first = self.open.keys().next();
+        Ok(first.and_then(|number| self.open.remove(number)).or_else(|| self.last.take()))
     }
 
     /// Takes back a call that has run, to reuse the memory of its arguments.

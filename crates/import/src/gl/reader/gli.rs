@@ -3,10 +3,9 @@
 //! The first line is `GLI0.t` (numbers in decimal) or `GLI0.h` (floats as the hexadecimal digits of their bits). What follows is
 //! `name(arguments)` or `name(arguments)=result`; `#` begins a comment.
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use num::Limits;
+use num::{Limits, NameMap, NumberMap};
 
 use super::Broken;
 use super::chunks::{Chunks, Input, Stop};
@@ -41,7 +40,7 @@ const FLOATS: &[&str] = &[
 /// The bytes that calls point to.
 #[derive(Default)]
 pub struct Memory {
-    blobs: BTreeMap<u64, Rc<[u8]>>,
+    blobs: NumberMap<u64, Rc<[u8]>>,
 }
 
 impl Memory {
@@ -49,7 +48,7 @@ impl Memory {
     /// regions (number, address, size, bytes).
     pub fn parse(descriptors: &[u8], regions: &[u8]) -> Result<Memory, String> {
         let word = |bytes: &[u8], at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-        let mut by_number = BTreeMap::new();
+        let mut by_number = NumberMap::new();
         let mut at = 0;
         while at < regions.len() {
             let header = (word(regions, at), word(regions, at + 4), word(regions, at + 8));
@@ -66,19 +65,19 @@ impl Memory {
         if !descriptors.len().is_multiple_of(16) {
             return Err(format!("the file of descriptors has {} bytes, no multiple of 16", descriptors.len()));
         }
-        let mut blobs = BTreeMap::new();
+        let mut blobs = NumberMap::new();
         // Several descriptors may refer to the same bytes.
-        let mut shared: BTreeMap<(u32, u32, u32), Rc<[u8]>> = BTreeMap::new();
+        let mut shared: NumberMap<(u32, u32), NumberMap<u32, Rc<[u8]>>> = NumberMap::new();
         for record in descriptors.chunks_exact(16) {
             let [id, address, size, region] = std::array::from_fn(|k| word(record, 4 * k).unwrap_or(0));
-            let Some(&(base, bytes)) = by_number.get(&region) else {
+            let Some(&(base, bytes)) = by_number.get(region) else {
                 return Err(format!("buffer {id} is in region {region}, which is not there"));
             };
             let start = address.wrapping_sub(base) as usize;
             let Some(part) = bytes.get(start..start.saturating_add(size as usize)) else {
                 return Err(format!("buffer {id} reaches out of region {region}"));
             };
-            let part = shared.entry((region, address, size)).or_insert_with(|| part.into());
+            let part = shared.get_or_insert_with((region, address), NumberMap::new).get_or_insert_with(size, || part.into());
             blobs.insert(u64::from(id), part.clone());
         }
         Ok(Memory { blobs })
@@ -90,7 +89,7 @@ pub struct GliText {
     bytes: Chunks,
     memory: Memory,
     hexadecimal: bool,
-    functions: BTreeMap<Box<str>, Rc<Function>>,
+    functions: NameMap<Rc<Function>>,
     next: u64,
     line: u64,
     /// The size of the window, where a comment states it.
@@ -102,7 +101,7 @@ impl GliText {
     pub fn open(file: Input, start: [u8; 2], memory: Memory, limits: &Limits) -> Result<GliText, Broken> {
         let bytes = Chunks::text(file, start, limits);
         let mut reader =
-            GliText { bytes, memory, hexadecimal: false, functions: BTreeMap::new(), next: 0, line: 0, window: None };
+            GliText { bytes, memory, hexadecimal: false, functions: NameMap::new(), next: 0, line: 0, window: None };
         let first = reader.line().map_err(|stop| reader.broken(stop))?.unwrap_or_default();
         match first.trim_end() {
             "GLI0.t" => {}
@@ -186,7 +185,7 @@ impl GliText {
             Some(function) => function.clone(),
             None => {
                 let function = Rc::new(Function { id: self.functions.len() as u32, name: name.into() });
-                self.functions.insert(name.into(), function.clone());
+                self.functions.insert(name, function.clone());
                 function
             }
         };
@@ -265,7 +264,7 @@ impl Tokens<'_> {
             return self
                 .memory
                 .blobs
-                .get(&id)
+                .get(id)
                 .map(|bytes| Arg::Blob(bytes.clone()))
                 .ok_or_else(|| format!("there is no buffer {id}"));
         }
