@@ -9,7 +9,7 @@ mod oracle;
 fn let_guarded_panics_pass() {
     let report = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        if !fillrate::shader::is_guarded() {
+        if !fillrate::host::is_guarded() {
             report(panic);
         }
     }));

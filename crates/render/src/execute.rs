@@ -239,6 +239,9 @@ enum Scope {
     Bundle(BundleId, Vec<Command>, Claim),
 }
 
+/// Bytes and memory of images of a texture, by level and layer.
+type ImageClaims = NumberMap<(u32, u32), (u64, Claim)>;
+
 /// A trace in execution.
 pub(super) struct Renderer<'t, 's> {
     pub(super) trace: &'t Trace,
@@ -275,7 +278,7 @@ pub(super) struct Renderer<'t, 's> {
     /// Memory of the pieces of work that the receiver may still have, the oldest first.
     pieces: VecDeque<Claim>,
     /// Memory of the images that the receiver keeps.
-    images: NumberMap<TextureId, NumberMap<(u32, u32), (u64, Claim)>>,
+    images: NumberMap<TextureId, ImageClaims>,
     /// Memory of frames that have ended.
     frames: Option<Claim>,
     /// What the display lays over its lines.

@@ -174,8 +174,7 @@ impl<C, U: Unit<C>> Bank<C> for Option<U> {
     }
 
     fn tally(&self, done: &mut Vec<u64>, resident: &mut Vec<u64>) {
-        // Not `extend`: it would be compiled twice for each kind of unit.
-        for unit in self {
+        if let Some(unit) = self {
             done.push(unit.items());
             resident.push(unit.resident());
         }

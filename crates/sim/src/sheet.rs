@@ -47,6 +47,9 @@ pub struct Description {
 /// unit has no such group.
 type Read<U> = Box<dyn Fn(&U, usize, &mut Vec<u64>) -> Option<usize>>;
 
+/// The same for a group by its place among the descriptions and a unit by its number in the bank.
+type ReadAt<'b> = &'b dyn Fn(usize, usize, &mut Vec<u64>) -> Option<usize>;
+
 /// The groups of counters of a kind of unit.
 pub struct Counted<U> {
     descriptions: Vec<Description>,
@@ -57,8 +60,7 @@ pub struct Counted<U> {
 struct Bank<'b> {
     descriptions: &'b [Description],
     units: usize,
-    /// Appends the values of a group, by its place in the descriptions, of a unit, by its number in the bank; as [`Read`] does.
-    read: &'b dyn Fn(usize, usize, &mut Vec<u64>) -> Option<usize>,
+    read: ReadAt<'b>,
 }
 
 impl<U: 'static> Counted<U> {

@@ -67,7 +67,7 @@ impl Memory {
         }
         let mut blobs = NumberMap::new();
         // Several descriptors may refer to the same bytes.
-        let mut shared: NumberMap<(u32, u32), NumberMap<u32, Rc<[u8]>>> = NumberMap::new();
+        let mut shared = NumberMap::<(u32, u32), NumberMap<u32, Rc<[u8]>>>::new();
         for record in descriptors.chunks_exact(16) {
             let [id, address, size, region] = std::array::from_fn(|k| word(record, 4 * k).unwrap_or(0));
             let Some(&(base, bytes)) = by_number.get(region) else {
