@@ -108,3 +108,30 @@ fn what_and_when_stay_apart() {
         }
     }
 }
+
+/// Examples in comments are run where a package has some; elsewhere the search for them would take a second a package.
+#[test]
+fn packages_without_examples_have_none() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let packages = fs::read_dir(root.join("crates")).expect("a folder").map(|entry| entry.expect("an entry").path());
+    let mut left_out = 0;
+    for package in packages.chain([root.to_owned()]) {
+        let manifest = fs::read_to_string(package.join("Cargo.toml")).expect("a manifest");
+        if !manifest.contains("doctest = false") {
+            continue;
+        }
+        left_out += 1;
+        let mut files = Vec::new();
+        sources(&package.join("src"), &mut files);
+        for file in files {
+            let text = fs::read_to_string(&file).expect("source text");
+            let fences = text.lines().map(str::trim_start).filter(|line| {
+                ["///", "//!"].iter().any(|comment| line.strip_prefix(comment).is_some_and(|rest| rest.trim() == "```"))
+            });
+            // The end of a block of text is such a line too.
+            let blocks: usize = ["/ ```text", "! ```text", "/ ```ignore"].iter().map(|begin| text.matches(begin).count()).sum();
+            assert_eq!(fences.count(), blocks, "{} has an example, and its package says `doctest = false`", file.display());
+        }
+    }
+    assert!(left_out > 10);
+}

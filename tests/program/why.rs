@@ -29,8 +29,22 @@ const SCARCE: &[(&str, &[&str], &str)] = &[
 ];
 
 #[test]
-fn a_scarce_resource_is_found_and_the_gain_is_that_of_a_replay() {
-    for (name, scarce, title) in SCARCE {
+fn a_scarce_resource_of_a_unit_is_found_and_the_gain_is_that_of_a_replay() {
+    found(&SCARCE[..5]);
+}
+
+#[test]
+fn a_scarce_resource_of_memory_is_found_and_the_gain_is_that_of_a_replay() {
+    found(&SCARCE[5..8]);
+}
+
+#[test]
+fn a_scarce_resource_of_commands_is_found_and_the_gain_is_that_of_a_replay() {
+    found(&SCARCE[8..]);
+}
+
+fn found(machines: &[(&str, &[&str], &str)]) {
+    for (name, scarce, title) in machines {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces").join(name);
         let trace = Trace::open(path).expect("the trace is there");
         let mut config = Config::built_in("baseline").expect("it is built in");

@@ -178,7 +178,7 @@ fn sum_on_demand(terms: usize) -> String {
     for (statement, span) in body {
         function.body.push(statement, span);
     }
-    ron::to_string(&module).expect("a text")
+    ir_print::ron(&module)
 }
 
 #[test]

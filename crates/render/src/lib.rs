@@ -12,6 +12,7 @@ mod ledger;
 mod memory;
 mod needs;
 mod objects;
+mod parallel;
 mod pass;
 mod resources;
 mod sprites;

@@ -5,8 +5,7 @@
 //! run of memory in the order of coverage bits (`4 sample + pixel`), and those of a block with one sample are a batch of 64 lanes.
 //! A texel of up to four bytes takes one word here, whatever its size in memory.
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use gfx::format::Format;
 use gfx::rop;
 use num::Words;
@@ -178,7 +177,7 @@ impl TileSurface {
             self.clear(merged);
             return;
         }
-        self.par_tiles(mask).for_each(|(_, mut tile)| {
+        parallel::each(self.tiles_mut(mask), parallel::ANY, |_, mut tile| {
             tile.materialise(words);
             if words == 1 {
                 // Depth of 24 bits beside stencil, above all: one run of memory.
@@ -224,11 +223,6 @@ impl TileSurface {
         }
     }
 
-    fn par_tiles(&mut self, written: [u32; 4]) -> impl IndexedParallelIterator<Item = (usize, TileMut<'_>)> {
-        let tiles: Vec<_> = self.tiles_mut(written).enumerate().collect();
-        tiles.into_par_iter()
-    }
-
     /// Takes the texels from a linear image that starts at byte `offset`.
     ///
     /// # Panics
@@ -236,7 +230,7 @@ impl TileSurface {
     pub fn load(&mut self, from: &Words, offset: u64) {
         let shape = self.shape;
         let across = shape.tiles()[0] as usize;
-        self.par_tiles(ALL).for_each(|(index, tile)| {
+        parallel::each(self.tiles_mut(ALL), parallel::ANY, |index, tile| {
             *tile.clear = false;
             let geometry = TileGeometry::new(shape, index, across);
             geometry.rows(|row| load_row(shape, &geometry, row, tile.codes, from, offset));
@@ -262,7 +256,7 @@ impl TileSurface {
             }
         };
         if aligned {
-            (0..rows_of_tiles).into_par_iter().for_each(one_row);
+            parallel::each_number(rows_of_tiles, parallel::ANY, &one_row);
         } else {
             (0..rows_of_tiles).for_each(one_row);
         }
@@ -288,8 +282,8 @@ impl TileSurface {
         }
         let across = shape.tiles()[0] as usize;
         let row = 4 * shape.width as usize;
-        let rows_of_tiles = out[..shape.bytes() as usize].par_chunks_mut(row * TILE as usize).enumerate();
-        rows_of_tiles.for_each(|(ty, out)| {
+        let rows_of_tiles = out[..shape.bytes() as usize].chunks_mut(row * TILE as usize);
+        parallel::each(rows_of_tiles, parallel::ANY, |ty, out| {
             for (y, out) in out.chunks_exact_mut(row).enumerate() {
                 for (tx, out) in out.chunks_mut(4 * TILE as usize).enumerate() {
                     let (pixels, _) = out.as_chunks_mut::<4>();
@@ -322,7 +316,7 @@ impl TileSurface {
         let mut out = TileSurface::new(Shape { samples: 1, ..self.shape });
         let (words, samples) = (self.shape.words(), self.shape.samples as usize);
         out.clear(self.value);
-        out.par_tiles(ALL).for_each(|(index, tile)| {
+        parallel::each(out.tiles_mut(ALL), parallel::ANY, |index, tile| {
             let Some(codes) = self.tile(index) else { return };
             *tile.clear = false;
             let mut gathered = [0; 16];

@@ -2,8 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::surface::{ALL, Shape, TileSurface, aspect_masks};
 use gfx::format::Format;
 use host::one_line;
@@ -91,7 +90,7 @@ const FEW_TILES: usize = 2;
 fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
     match items {
         [item] => work(item),
-        items => items.par_iter_mut().for_each(work),
+        items => parallel::each(items.iter_mut(), parallel::ANY, |_, item| work(item)),
     }
 }
 
@@ -352,8 +351,7 @@ impl RenderPass {
             }
         } else {
             let mut jobs = self.jobs(frame, tiles, &touched);
-            let results: Vec<Result<(), ShaderFault>> = jobs.par_iter_mut().with_max_len(1).map(one).collect();
-            result = results.into_iter().collect();
+            result = parallel::map(jobs.iter_mut(), 1..=1, |_, job| one(job)).collect();
             keep(jobs);
         }
         let mut drawn = workers.take_counts();

@@ -6,10 +6,9 @@
 
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use super::IndexBuffer;
 use super::plan::Piece;
+use crate::parallel;
 
 /// Entries that one task reads.
 const TASK: usize = 16 * 1024;
@@ -126,7 +125,7 @@ impl Stream {
             && piece.entries() as usize > TASK
         {
             let hub = piece.hub.is_some();
-            self.entries.par_chunks_mut(TASK).enumerate().for_each(|(task, out)| {
+            parallel::each(self.entries.chunks_mut(TASK), parallel::ANY, |task, out| {
                 let at = piece.start + (task * TASK) as u32;
                 match (hub, task) {
                     (false, _) => read(at, out),
@@ -154,7 +153,7 @@ impl Stream {
                 bounds(entries)
             } else {
                 let wider = |a: (u32, u32), b: (u32, u32)| (a.0.min(b.0), a.1.max(b.1));
-                entries.par_chunks(TASK).map(bounds).reduce(|| (u32::MAX, 0), wider)
+                parallel::map(entries.chunks(TASK), parallel::ANY, |_, chunk| bounds(chunk)).fold((u32::MAX, 0), wider)
             };
             if self.groups.last().is_some_and(|g| g.instance == piece.instance) {
                 let range = ranges.last_mut().expect("a range a group");
@@ -198,7 +197,7 @@ impl Stream {
         let total = pieces.last().map_or(0, |p| p.stream + p.entries()) as usize;
         if pieces.len() == 1 && total > TASK {
             for (group, entries) in parts {
-                entries.par_chunks_mut(TASK).for_each(|chunk| number(group, chunk));
+                parallel::each(entries.chunks_mut(TASK), parallel::ANY, |_, chunk| number(group, chunk));
             }
         } else {
             each(parts, pieces, |(group, entries)| number(group, entries));
@@ -241,7 +240,7 @@ fn each<T: Send>(parts: Vec<T>, pieces: &[Piece], work: impl Fn(T) + Sync + Send
         parts.into_iter().for_each(work);
     } else {
         let together = (parts.len() * TASK / total).max(1);
-        parts.into_par_iter().with_min_len(together).for_each(work);
+        parallel::each(parts.into_iter(), together..=usize::MAX, |_, part| work(part));
     }
 }
 

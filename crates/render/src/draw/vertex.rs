@@ -1,7 +1,6 @@
 //! Vertex shading: 64 vertices at a time, each once a segment.
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use gfx::clip::Outcode;
 use gfx::setup::ScreenVertex;
 use gfx::simd::wide;
@@ -79,24 +78,22 @@ impl Vertices {
         self.distances.resize(room * ds, 0.0);
         let tasks = self
             .codes
-            .par_chunks_mut(TASK)
-            .zip(self.screen.par_chunks_mut(TASK))
-            .zip(self.clip.par_chunks_mut(TASK))
-            .zip(self.varyings.par_chunks_mut(TASK * vs))
-            .zip(self.distances.par_chunks_mut(TASK * ds))
-            .map(|((((codes, screen), clip), varyings), distances)| Task { codes, screen, clip, varyings, distances })
-            .enumerate();
+            .chunks_mut(TASK)
+            .zip(self.screen.chunks_mut(TASK))
+            .zip(self.clip.chunks_mut(TASK))
+            .zip(self.varyings.chunks_mut(TASK * vs))
+            .zip(self.distances.chunks_mut(TASK * ds))
+            .map(|((((codes, screen), clip), varyings), distances)| Task { codes, screen, clip, varyings, distances });
         if let Some((segment, growth)) = record {
             // One recorder in one thread, so that costs are numbered in order.
             let mut recorder = std::mem::take(&mut self.recorder);
             recorder.extra = frame.extra;
             segment.vertices.reserve_exact(stream.vertices);
-            let tasks: Vec<_> = tasks.collect();
             let mut shaded = 0;
             // Costs and requests are recorded a quad of lanes. Where there may be requests, a vertex has a quad for itself.
             let program = frame.pipeline.vertex();
             let alone = !program.interface().bindings.is_empty() && !program.is_straight();
-            for (number, mut task) in tasks {
+            for (number, mut task) in tasks.enumerate() {
                 let start = number * TASK;
                 let mut record = Some((&mut recorder, &mut *segment, growth));
                 shaded += workers.with(|w| match alone {
@@ -111,14 +108,13 @@ impl Vertices {
             self.recorder = recorder;
             return Ok(shaded);
         }
-        let one = |(number, mut task): (usize, Task<'_>)| {
+        let one = |number: usize, mut task: Task<'_>| {
             workers.with(|w| shade_task::<1>(frame, &mut w.vertex, stream, number * TASK, &mut task, &mut None))
         };
         if frame.vertex_in_order || room == TASK {
-            let tasks: Vec<_> = tasks.collect();
-            return tasks.into_iter().map(one).sum();
+            return tasks.enumerate().map(|(number, task)| one(number, task)).sum();
         }
-        tasks.map(one).collect::<Vec<_>>().into_iter().sum()
+        parallel::map(tasks, parallel::ANY, one).sum()
     }
 }
 
