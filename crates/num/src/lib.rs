@@ -2,6 +2,7 @@
 //!
 //! Newtypes keep cycles, bytes and ids from being mixed up; they cost nothing at run time.
 
+mod bytes;
 mod edits;
 mod fixed;
 mod ids;
@@ -13,6 +14,7 @@ mod prefetch;
 mod random;
 mod words;
 
+pub use bytes::{float_bytes, word_bytes};
 pub use edits::{edits, nearest};
 pub use fixed::{Fx8, snap};
 pub use ids::*;

@@ -324,7 +324,7 @@ impl Card {
         if !pass.draws.is_empty() {
             let mut uniforms = std::mem::take(&mut pass.uniforms);
             uniforms.resize(uniforms.len().next_multiple_of(BLOCK_ALIGN) + pass.block, 0);
-            let indices: Vec<u8> = pass.indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+            let indices = word_bytes(&pass.indices);
             self.bytes += (pass.vertices.len() + indices.len() + uniforms.len()) as u64;
             let mut own = [None; 2];
             if !pass.vertices.is_empty() {

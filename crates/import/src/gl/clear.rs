@@ -1,6 +1,7 @@
 //! Clears, scissor and write masks.
 
 use gfx::state::*;
+use num::float_bytes;
 
 use super::call::Outcome;
 use super::card::{COLORS_MAX, Draw, Fixed, kept_channels};
@@ -118,10 +119,10 @@ impl Gl {
         let pipeline = self.card.pipeline(&fixed);
         let alpha = if target.alpha { color[3] } else { 1.0 };
         let values = [color[0], color[1], color[2], alpha, z, 0.0, 0.0, 0.0];
-        let uniforms = self.card.uniforms(&values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>());
+        let uniforms = self.card.uniforms(&float_bytes(&values));
         let pass = &mut self.card.pass;
         let (vertices, first) = (pass.vertices.len() as u64, pass.indices.len() as u32);
-        pass.vertices.extend([-1.0_f32, -1.0, 3.0, -1.0, -1.0, 3.0].iter().flat_map(|value| value.to_le_bytes()));
+        pass.vertices.extend(float_bytes(&[-1.0, -1.0, 3.0, -1.0, -1.0, 3.0]));
         pass.indices.extend([0, 1, 2]);
         let viewport = Viewport { x: 0.0, y: 0.0, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
         let blend = [0.0; 4];

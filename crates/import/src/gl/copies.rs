@@ -138,7 +138,7 @@ impl Card {
             }
         };
         let values = [map.to, map.scale, map.from, [number, 0.0]];
-        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+        let bytes = float_bytes(values.as_flattened());
         let uniforms = self.recorder.create_buffer_init("copy", &bytes);
         let aspect = match key.from {
             From::Depth => Aspect::DepthOnly,

@@ -5,7 +5,7 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::rc::Rc;
 
 use glam::Mat4;
-use num::BufferId;
+use num::{BufferId, word_bytes};
 
 use super::call::Outcome;
 use super::card::Card;
@@ -76,7 +76,7 @@ impl Geometry {
             return points_and_lines(self.mode, n);
         }
         let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| self.vertices[corner as usize].position));
-        triangles(self.mode, n, rectangle).into_flattened()
+        triangles(self.mode, n, &rectangle).into_flattened()
     }
 }
 
@@ -136,7 +136,7 @@ impl Card {
         let drawn = Drawn { vertices: &geometry.vertices, indices: &geometry.indices(upright) };
         packing.write(drawn, &Mat4::IDENTITY, false, &mut vertices, &mut indices);
         let count = indices.len() as u32;
-        let indices: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
+        let indices = word_bytes(&indices);
         let bytes = (vertices.len() + indices.len()) as u64;
         let buffers = [("list", &vertices), ("list-indices", &indices)]
             .map(|(label, bytes)| self.recorder.create_buffer_init(label, bytes));

@@ -314,11 +314,11 @@ impl Kept for Base {
     fn keep(self, texels: &[[u8; 4]]) -> Vec<u8> {
         match self {
             Base::Alpha => texels.iter().map(|t| t[3]).collect(),
-            Base::Rg => texels.iter().flat_map(|t| [t[0], t[1]]).collect(),
+            Base::Rg => texels.iter().map(|t| [t[0], t[1]]).collect::<Vec<_>>().into_flattened(),
             Base::Float(..) => self.keep_floats(&wide(texels)),
             Base::Luminance | Base::Intensity | Base::Red => texels.iter().map(|t| t[0]).collect(),
-            Base::LuminanceAlpha => texels.iter().flat_map(|t| [t[0], t[3]]).collect(),
-            Base::Rgb | Base::Srgb => texels.iter().flat_map(|t| [t[0], t[1], t[2], 255]).collect(),
+            Base::LuminanceAlpha => texels.iter().map(|t| [t[0], t[3]]).collect::<Vec<_>>().into_flattened(),
+            Base::Rgb | Base::Srgb => texels.iter().map(|t| [t[0], t[1], t[2], 255]).collect::<Vec<_>>().into_flattened(),
             Base::Rgba | Base::SrgbAlpha | Base::Depth => texels.as_flattened().to_vec(),
         }
     }

@@ -125,7 +125,9 @@ impl Packing {
             for &(location, count, get) in &self.layout {
                 bytes.resize(start + (bytes.len() - start).next_multiple_of(STREAM_ALIGN), 0);
                 for vertex in of.vertices {
-                    bytes.extend(get(vertex, location)[..count].iter().flat_map(|value| value.to_le_bytes()));
+                    for value in &get(vertex, location)[..count] {
+                        bytes.extend_from_slice(&value.to_le_bytes());
+                    }
                 }
             }
             return;

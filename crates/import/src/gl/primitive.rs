@@ -208,7 +208,7 @@ impl Gl {
         }
         let upright = self.keeps_upright();
         let rectangle = |corners: Corners| upright && is_upright(corners.map(|corner| vertices[corner as usize].position));
-        let triangles = triangles(mode, n, rectangle);
+        let triangles = triangles(mode, n, &rectangle);
         if self.fills() {
             return self.add(Class::Triangles, None, vertices, triangles.as_flattened());
         }
@@ -272,7 +272,9 @@ impl Gl {
                     Class::Lines
                 }
                 _ => {
-                    indices.extend((2..count).flat_map(|k| [corners[0], corners[k - 1], corners[k]]));
+                    for k in 2..count {
+                        indices.extend([corners[0], corners[k - 1], corners[k]]);
+                    }
                     Class::Triangles
                 }
             };
@@ -348,8 +350,11 @@ pub fn points_and_lines(mode: u32, n: u32) -> Vec<u32> {
         e::LINES => (0..n / 2 * 2).collect(),
         _ if n < 2 => Vec::new(),
         _ => {
-            let closing = if mode == e::LINE_LOOP { vec![n - 1, 0] } else { Vec::new() };
-            (1..n).flat_map(|i| [i - 1, i]).chain(closing).collect()
+            let mut lines: Vec<[u32; 2]> = (1..n).map(|i| [i - 1, i]).collect();
+            if mode == e::LINE_LOOP {
+                lines.push([n - 1, 0]);
+            }
+            lines.into_flattened()
         }
     }
 }
@@ -360,7 +365,7 @@ pub type Corners = [u32; 4];
 /// Triangles of `n` vertices; the last corner of each gives its flat colour. The standard does not fix the diagonal of a quadrilateral.
 /// As in llvmpipe, its last vertex gives its flat colour and is in both triangles. If `rectangle` says that it is an upright rectangle that
 /// faces the screen, it is drawn from its first three vertices.
-pub fn triangles(mode: u32, n: u32, rectangle: impl Fn(Corners) -> bool) -> Vec<[u32; 3]> {
+pub fn triangles(mode: u32, n: u32, rectangle: &dyn Fn(Corners) -> bool) -> Vec<[u32; 3]> {
     let quad = |corners: Corners| {
         let [a, b, c, d] = corners;
         if rectangle(corners) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
@@ -371,9 +376,14 @@ pub fn triangles(mode: u32, n: u32, rectangle: impl Fn(Corners) -> bool) -> Vec<
         e::TRIANGLE_FAN => (2..n).map(|i| [0, i - 1, i]).collect(),
         // The first vertex of a polygon gives its flat colour.
         e::POLYGON => (2..n).map(|i| [i - 1, i, 0]).collect(),
-        e::QUADS => (0..n / 4).flat_map(|k| quad([4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3])).collect(),
+        e::QUADS => {
+            let pairs: Vec<_> = (0..n / 4).map(|k| quad([4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3])).collect();
+            pairs.into_flattened()
+        }
         e::QUAD_STRIP => {
-            (0..n.saturating_sub(2) / 2).map(|k| 2 * k).flat_map(|i| [[i + 2, i, i + 3], [i, i + 1, i + 3]]).collect()
+            let strip = (0..n.saturating_sub(2) / 2).map(|k| 2 * k);
+            let pairs: Vec<_> = strip.map(|i| [[i + 2, i, i + 3], [i, i + 1, i + 3]]).collect();
+            pairs.into_flattened()
         }
         _ => Vec::new(),
     }

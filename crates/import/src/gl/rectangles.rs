@@ -134,7 +134,7 @@ impl Gl {
         let [width, height] = target.size.map(|edge| edge as f32);
         let terms = if target.upward { [0.0, 1.0, bit, 0.0] } else { [height, -1.0, bit, 0.0] };
         let uniforms = [[x0, y0, 1.0 / zx, 1.0 / zy], self.state.raster_vertex.color, terms];
-        let bytes: Vec<u8> = uniforms.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+        let bytes = float_bytes(uniforms.as_flattened());
         let uniforms = self.card.uniforms(&bytes);
         let sampler = self.card.sampler(SamplerDesc::default());
         let group = self.card.textures(&[(source.texture, source.view, sampler)]);
@@ -224,7 +224,7 @@ impl Gl {
     /// A surface with numbers, one a pixel.
     fn numbers_surface(&mut self, size: [u32; 2], numbers: &[f32]) -> Surface {
         let surface = self.card.create_surface("pixels", size, Format::R32Float);
-        let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let bytes = float_bytes(numbers);
         self.write_surface(surface, size, &bytes);
         surface
     }

@@ -1,6 +1,7 @@
 //! Texture objects and their images.
 
 use gfx::format::Format;
+use num::float_bytes;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
 use super::consts as e;
@@ -123,7 +124,7 @@ fn define(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> Outco
             if format == e::DEPTH_STENCIL {
                 return Err(Fault::Unsupported("pixels of format GL_DEPTH_STENCIL".into()));
             }
-            Some(gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect())
+            Some(float_bytes(&gl.depths(size, kind, &bytes)?))
         }
         // Contents are undefined.
         None if base == Base::Depth => None,
@@ -388,7 +389,7 @@ fn write_part(gl: &mut Gl, call: &Call, allowed: &[u32], dimensions: usize) -> O
         return Err(Fault::Damaged("the image was not recorded".into()));
     };
     let kept = match base {
-        Base::Depth => gl.depths(size, kind, &bytes)?.iter().flat_map(|depth| depth.to_le_bytes()).collect(),
+        Base::Depth => float_bytes(&gl.depths(size, kind, &bytes)?),
         base => gl.kept(base, size, [format, kind], &bytes)?,
     };
     let generates = with(gl, target, |texture, card| {
