@@ -240,9 +240,15 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
-    for KnobDifference { path, .. } in &changed {
+    for KnobDifference { path, a: from, .. } in &changed {
+        // Without a machine, a knob matters only if the renderer asks for it.
+        let renders_alike = || {
+            let mut other = config.clone();
+            other.set(&format!("{path}={from}")).is_ok() && other.render_key() == config.render_key()
+        };
+        let ignored = matches!(arguments.fidelity, FidelityName::Functional) && renders_alike();
         let no_effect = config.no_effect(path).filter(|_| !warnings.iter().any(|warning| warning.starts_with(path)));
-        if let Some(reason) = no_effect {
+        if let Some(reason) = no_effect.or(ignored.then(|| "--fidelity functional simulates no machine".to_owned())) {
             eprintln!("warning: {path} has no effect: {reason}");
         }
     }

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use super::entry::Entry;
@@ -238,8 +238,9 @@ impl Journal {
     pub fn end(self) -> Result<()> {
         let Journal { file, part, place } = self;
         let mut results = Results::read(file, &part)?;
-        host::replace(&place, |out| -> Result<()> { results.each_line(|line| Ok(out.write_all(line)?)) })
-            .with_context(|| format!("cannot write {}", place.display()))?;
+        host::replace(&place, |out| -> Result<()> { results.each_line(|line| Ok(out.write_all(line)?)) }).with_context(
+            || format!("cannot write {}; results so far are kept, and the same command goes on from there", place.display()),
+        )?;
         std::fs::remove_file(&part).with_context(|| format!("cannot remove {}", part.display()))
     }
 }
@@ -250,6 +251,21 @@ pub struct Results {
     files: Vec<(File, PathBuf)>,
     /// Trace and machine; file, first byte and bytes.
     lines: std::collections::BTreeMap<(u32, u32), (usize, u64, usize)>,
+}
+
+/// Whether two files have the same bytes.
+fn same_bytes(a: &Path, b: &Path) -> Result<bool> {
+    let open = |path: &Path| File::open(path).with_context(|| format!("cannot read {}", path.display()));
+    let (mut a, mut b) = (BufReader::new(open(a)?), BufReader::new(open(b)?));
+    loop {
+        let (left, right) = (a.fill_buf()?, b.fill_buf()?);
+        let length = left.len().min(right.len());
+        if left[..length] != right[..length] || length == 0 {
+            return Ok(left.len() == right.len());
+        }
+        a.consume(length);
+        b.consume(length);
+    }
 }
 
 /// What orders a line.
@@ -266,25 +282,36 @@ impl Results {
         Ok(results)
     }
 
-    /// The results of all shards, each in one of some folders.
+    /// The results of all shards, each in one or more of some folders.
     ///
     /// # Errors
-    /// If a shard has not ended.
+    /// If a shard has not ended, or has other results in another folder.
     pub fn open(folders: &[PathBuf], shards: u32) -> Result<Results> {
         let mut results = Results::default();
-        let place = |index: u32| {
-            let files = folders.iter().map(|folder| Shard { index, of: shards }.file(folder));
-            files.into_iter().find(|file| file.exists())
+        let places = |index: u32| {
+            let files = folders.iter().map(move |folder| Shard { index, of: shards }.file(folder));
+            files.filter(|file| file.exists())
         };
         let missing: Vec<String> =
-            (1..=shards).filter(|&index| place(index).is_none()).map(|index| format!("{index}/{shards}")).collect();
+            (1..=shards).filter(|&index| places(index).next().is_none()).map(|index| format!("{index}/{shards}")).collect();
         if let Some(first) = missing.first() {
             bail!(
                 "{} of {shards} shards have not ended, shard {first} among them: run them with --shard {first}",
                 missing.len()
             );
         }
-        for path in (1..=shards).filter_map(place) {
+        for index in 1..=shards {
+            let mut files = places(index);
+            let Some(path) = files.next() else { continue };
+            for other in files {
+                let same = same_bytes(&path, &other).with_context(|| format!("cannot compare with {}", path.display()))?;
+                ensure!(
+                    same,
+                    "shards disagree: {} and {} are results of the same shard and differ; remove the wrong one",
+                    path.display(),
+                    other.display()
+                );
+            }
             let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
             results.add(file, &path)?;
         }

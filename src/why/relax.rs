@@ -70,6 +70,7 @@ const SKIPS: &[(&str, &str, &str)] = &[
     ("depth.compression", "true", "compressed depths"),
     ("color.fast_clear", "true", "fast clears"),
     ("color.skip_reads", "true", "no reads of blocks that are overwritten whole"),
+    ("color.masked_writes", "true", "blocks written in part, without reads"),
     ("command.skip_empty_passes", "true", "empty passes left out"),
     ("command.cull", "draws", "draws culled by their bounds"),
     ("command.cull", "instances", "draws and instances culled by their bounds"),
@@ -86,6 +87,7 @@ const SKIPS: &[(&str, &str, &str)] = &[
     ("bin.hide", "true", "hidden surfaces removed by tiles"),
     ("bin.skip_same_tiles", "true", "unchanged tiles not drawn"),
     ("compose.compression", "true", "compressed composition"),
+    ("scanout.compressed", "true", "compressed scan-out"),
     ("scanout.enabled", "false", "no scan-out"),
 ];
 

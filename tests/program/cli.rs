@@ -183,8 +183,27 @@ fn knobs_without_effect_are_warned_of() {
         ("sort-middle-binned", "bin.tile=16", None),
         ("tiny", "core.vertex_warps=3", Some("core.vertex_warps has no effect: core.unified is true")),
         ("tiny", "core.warps=3", None),
+        (
+            "sort-last-image",
+            "geometry_units=3",
+            Some("geometry_units has no effect: a machine whose sort is sort-last-image has the"),
+        ),
+        ("sort-middle", "geometry_units=3", None),
+        (
+            "baseline --set traverse.hierarchical_z=false",
+            "traverse.hierarchical_lines=4",
+            Some("traverse.hierarchical_lines has no effect: traverse.hierarchical_z is false"),
+        ),
+        (
+            "tiny --fidelity functional",
+            "core.warps=3",
+            Some("core.warps has no effect: --fidelity functional simulates no machine"),
+        ),
+        ("tiny --fidelity functional", "command.cull=draws", None),
     ] {
-        let (code, _, message) = run(&["replay", "traces/triangle", "--config", config, "--set", set]);
+        let config = config.split(' ');
+        let (code, _, message) =
+            run(&["replay", "traces/triangle", "--config"].into_iter().chain(config).chain(["--set", set]).collect::<Vec<_>>());
         assert_eq!(code, 0, "{message}");
         assert_eq!(message.contains("has no effect"), warning.is_some(), "{message}");
         assert!(message.contains(warning.unwrap_or_default()), "{message}");

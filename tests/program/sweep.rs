@@ -170,6 +170,19 @@ fn threads_shards_and_interruptions_change_no_byte() {
     for name in ["machines.csv", "machines.parquet", "long.csv", "long.parquet", "report.md"] {
         assert!(merged[name] == wanted[name], "{name} of the shards differs");
     }
+    // The same shard in two folders: equal results are one, others are refused.
+    let copy = home.path().join("copy");
+    fs::create_dir(&copy).expect("a folder");
+    for (name, bytes) in files(&own) {
+        fs::write(copy.join(name), bytes).expect("written");
+    }
+    let copy_name = copy.display().to_string();
+    assert_eq!(run(&["sweep", "merge", &shared_name, &own_name, &copy_name]).0, 0);
+    let shard = copy.join("shard-2-of-3.jsonl");
+    let changed = fs::read_to_string(&shard).expect("results").replacen("\"cycles\":", "\"cycles\":1", 1);
+    fs::write(&shard, changed).expect("written");
+    let message = refused(&["sweep", "merge", &shared_name, &copy_name, &own_name]);
+    assert!(message.contains("shards disagree: ") && message.contains("shard-2-of-3.jsonl"), "{message}");
     let message = refused(&["sweep", "merge", &shared_name, &whole.display().to_string()]);
     assert!(message.contains("different sweeps, with other number of shards"), "{message}");
 }

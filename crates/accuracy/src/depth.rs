@@ -113,7 +113,7 @@ fn machine(hierarchical: bool, update: &str) -> Result<Config> {
     config("baseline", &changes)
 }
 
-/// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where it is to be inject_fault.
+/// Depth writes a pixel that a machine counts under a scene, which loses its first triangle where a fault is injected.
 fn writes(setting: &Setting, mut scene: Scene) -> Result<f64> {
     if setting.inject_fault {
         scene.shapes[0] = [[0.0; 2]; 3];

@@ -195,7 +195,8 @@ pub trait Circuit {
     /// Ticks all units, or those that are due, in the order of the fields.
     fn cycle<const ALL: bool>(&mut self, context: &mut Self::Context);
 
-    /// Ticks all units in the given order of their numbers. For `Clock::Shuffled`: results must not depend on the order.
+    /// Ticks all units in the given order of their numbers. For `Clock::Shuffled`, which `fillrate accuracy clocks` runs: results must
+    /// not depend on the order.
     fn cycle_in(&mut self, order: &[usize], context: &mut Self::Context);
 
     /// The items done by each unit, and the items inside each.

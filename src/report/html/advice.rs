@@ -4,7 +4,6 @@ use maud::{Markup, html};
 use serde_json::Value;
 
 use super::data::number;
-use super::machine::banks;
 use super::replay::{Input, command};
 use super::{percent, readable, share};
 use crate::knob::Setting;
@@ -60,6 +59,12 @@ fn proven(why: &Value) -> Vec<Advice> {
     advice.collect()
 }
 
+/// Paths of the knobs that `why` has changed.
+fn timed(why: &Value) -> Vec<String> {
+    let changes = why["changes"].as_array().into_iter().flatten();
+    changes.filter_map(|own| own["set"].as_object()).flat_map(|set| set.keys().cloned()).collect()
+}
+
 /// Rules over the counters of a frame.
 fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
     let n = |path: &str| number(frame, path).unwrap_or(0.0);
@@ -74,19 +79,6 @@ fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
     let (covered, shaded, helpers) =
         (n("funnel.fragments_covered"), n("funnel.fragments_shaded"), n("funnel.helper_fragments"));
     let cycles = n("cycles");
-    let banks = banks(frame);
-    let busy = |name: &str| banks.iter().find(|bank| bank.name == name).map_or(0.0, |bank| bank.shares[0]);
-
-    if busy("core") > 0.5 {
-        let evidence = format!("The cores are busy in {} of the cycles, more than half.", percent(busy("core")));
-        add("Shade less, or with more cores.", evidence, vec![knob("core.per_pipeline", 2.0)], busy("core"));
-    }
-    if busy("dram") > 0.6 {
-        let bytes = n("memory.dram.read_bytes") + n("memory.dram.write_bytes");
-        let evidence = format!("DRAM is busy in {} of the cycles: {} bytes.", percent(busy("dram")), readable(bytes));
-        let set = vec![on("color.compression"), on("depth.compression"), knob("memory.dram.burst_cycles", 0.5)];
-        add("Move fewer bytes, or with more bandwidth.", evidence, set, busy("dram"));
-    }
     if helpers > 0.5 * (helpers + shaded) && shaded > 0.0 {
         let evidence = format!(
             "{} of the invocations are helpers: {} for {} fragments. Triangles are small or thin.",
@@ -178,10 +170,11 @@ fn counted(frame: &Value, config: Option<&Config>) -> Vec<Advice> {
 pub fn section(input: &Input<'_>) -> Option<Markup> {
     let frame = input.statistics.frame();
     let mut all = input.why.map_or(Vec::new(), proven);
-    // What was timed says more than a rule about the same knob.
-    let known: Vec<String> = all.iter().flat_map(|advice| advice.set.clone()).collect();
+    // What was timed says more than a rule about the same knob, also where it gains nothing.
+    let known: Vec<String> = input.why.map_or(Vec::new(), timed);
     let rules = counted(frame, input.config).into_iter();
-    all.extend(rules.filter(|advice| advice.set.is_empty() || !advice.set.iter().all(|set| known.contains(set))));
+    let path = |set: &str| set.split_once('=').map_or(set, |(path, _)| path).to_owned();
+    all.extend(rules.filter(|advice| advice.set.is_empty() || !advice.set.iter().all(|set| known.contains(&path(set)))));
     all.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     Some(html! {
         @if all.is_empty() { p { "No rule applies to this frame." } }

@@ -521,7 +521,7 @@ proptest! {
             let mut operations = 0;
             for lane in (4 * q..4 * q + 4).filter(|l| mask >> l & 1 != 0) {
                 let levels = lod::Levels::new(level.f32()[lane].max(0.0), view.levels.len(), &sampler);
-                for (l, counts) in [(levels.first, true), (levels.second, levels.weight > 1e-5)] {
+                for (l, counts) in [(levels.first, true), (levels.second, levels.weight > 0.0)] {
                     if counts {
                         operations += 1;
                         let taps = taps::taps(&view, &sampler, l, true, taps::Place::new(&view, &args, lane), [0; 3]);

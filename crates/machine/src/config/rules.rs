@@ -136,6 +136,9 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
     let display = ["line_cycles", "blank_lines", "buffers", "swap"];
     let without = |what: &str| Some(format!("a machine whose sort is {} {what}", sort.name()));
     match section {
+        "" if name == "geometry_units" && class.sorted != Sorted::Triangles => {
+            without("has the geometry units of its pipelines")
+        }
         "bin" if !class.one_place => without("has no bins"),
         "compose" if class.sorted != Sorted::Images => without("composes no frame buffers"),
         "route" if class.sorted != Sorted::Primitives => without("routes no primitives"),
@@ -145,6 +148,9 @@ pub(super) fn no_effect(config: &Config, path: &str) -> Option<String> {
         "memory.l2" | "memory.dram" if config.memory.kind == MemoryKind::Ideal => Some("memory.kind is ideal".to_owned()),
         "memory" if name.starts_with("ideal_") && config.memory.kind != MemoryKind::Ideal => {
             Some(format!("memory.kind is {}", config.memory.kind.name()))
+        }
+        "traverse" if name.starts_with("hierarchical_") && name != "hierarchical_z" && !config.traverse.hierarchical_z => {
+            Some("traverse.hierarchical_z is false".to_owned())
         }
         "core" if name.starts_with("vertex_") && config.core.unified => Some("core.unified is true".to_owned()),
         "scanout" if name != "enabled" && !config.scanout.enabled => Some("scanout.enabled is false".to_owned()),

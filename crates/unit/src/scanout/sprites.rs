@@ -98,18 +98,15 @@ mod tests {
 
     #[test]
     fn random_placements_are_those_of_brute_force() {
-        let mut state = 1_u64;
-        let mut random = |below: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % below
-        };
+        let mut chance = num::Random::new(1);
+        let mut random = |below: u32| chance.below(below);
         let (mut met, mut torn) = (0, 0);
         for _ in 0..10_000 {
             let count = random(9) as u8;
             let sprites: Vec<Sprite> = (0..8_u8)
                 .filter(|index| *index < count)
                 .map(|index| {
-                    let size = [1 + random(18) as u32, 1 + random(18) as u32];
+                    let size = [1 + random(18), 1 + random(18)];
                     let at = [random(56) as i32 - 16, random(40) as i32 - 16];
                     let texel = |_| [random(256) as u8, index, 7, if random(3) == 0 { 0 } else { 1 + random(255) as u8 }];
                     let texels: Vec<u8> = (0..size[0] * size[1]).flat_map(texel).collect();
@@ -117,8 +114,8 @@ mod tests {
                 })
                 .collect();
             // A part of the lines, as behind a tear.
-            let first = random(u64::from(SIZE[1]) + 1) as u32 * (random(2) as u32);
-            let lines = first..if random(2) == 0 { SIZE[1] } else { first + random(u64::from(SIZE[1] - first) + 1) as u32 };
+            let first = random(SIZE[1] + 1) * random(2);
+            let lines = first..if random(2) == 0 { SIZE[1] } else { first + random(SIZE[1] - first + 1) };
             torn += u32::from(first > 0);
 
             // Pixel after pixel, from the definition.

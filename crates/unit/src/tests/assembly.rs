@@ -36,7 +36,7 @@ fn assembled(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)])
     assembled
 }
 
-/// The same, and what fetch is told of the indices that were taken, where it asks.
+/// The same, and the messages to fetch about the indices that were taken, where it asks for them.
 fn told(config: &AssemblyConfig, geometry: usize, batches: &[(u32, Cycle)], tells: bool) -> (Assembled, Vec<(Cycle, u32)>) {
     let vertices: u32 = batches.iter().map(|&(vertices, _)| vertices).sum();
     settle(
