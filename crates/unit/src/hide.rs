@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 
 use super::card::Card;
+use super::token::fragments;
 use super::token::{GroupToken, Kind, bytes};
-use super::traverse::fragments;
 use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
 use work::BLOCK;
 

@@ -22,6 +22,7 @@ pub mod copies;
 pub mod core;
 pub mod deal;
 pub mod depth;
+pub mod depths;
 pub mod dispatch;
 pub mod distribute;
 pub mod early;

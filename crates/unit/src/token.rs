@@ -179,3 +179,17 @@ pub mod bytes {
     /// A mark.
     pub const MARK: u32 = 4;
 }
+
+/// How many of the lowest four bits are set. (The plain target has no instruction that counts them.)
+#[inline(always)]
+pub fn bits(four: u16) -> u32 {
+    // The numbers of bits of 0 to 15, in four bits each.
+    const BITS: u64 = 0x4332_3221_3221_2110;
+    (BITS >> (4 * (four & 15))) as u32 & 15
+}
+
+/// Pixels of a quad with a sample covered.
+#[inline(always)]
+pub fn fragments(coverage: u16) -> u32 {
+    bits(coverage | coverage >> 4 | coverage >> 8 | coverage >> 12)
+}

@@ -1,7 +1,6 @@
 //! Depth and stencil, one unit a pipeline: the early tests of quads on their way to the cores and the late tests of those that come
 //! back, through one Z cache. The tests are applied for real to the machine's own depth buffer, in the order of arrival.
 
-mod depths;
 mod questions;
 
 use std::collections::VecDeque;
@@ -13,20 +12,19 @@ use super::card::{Ahead, Card, Group, Work};
 use super::class_state::ClassState;
 use super::compression::{Codec, Compression};
 use super::copies::own;
+use super::depths::{Tested, bounds, test_group};
 use super::frame::FrameBuffers;
 use super::stamps::Stamps;
 use super::tags::CacheCounts;
-use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes};
+use super::token::{Ack, DepthBounds, GroupToken, Kind, bytes, fragments};
 use super::touch::Touching;
-use super::traverse::{HierarchicalUpdate, fragments};
-use depths::{Tested, bounds};
+use super::traverse::HierarchicalUpdate;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
 use questions::Questions;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 
-pub(super) use depths::{sample_depths, test_ahead, test_group};
 pub use questions::QuestionPorts;
 
 knob::choices! {

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
-use super::{Depth, test_ahead};
+use super::Depth;
 use crate::card::Card;
+use crate::depths::test_ahead;
 use crate::token::{Answer, GroupToken, Kind, Question};
 use num::Cycle;
 use sim::{In, Out, Tick, Wires};

@@ -6,7 +6,7 @@ use num::Cycle;
 use work::{BLOCK, Quad, Triangle};
 
 use super::super::card::Work;
-use super::super::depth::sample_depths;
+use super::super::depths::sample_depths;
 
 /// Blocks along the edge of the square whose bounds are a line of the cache: 16 of them, which follow one another in ATTILA's
 /// order of addresses (HZCacheLineSize = 16).

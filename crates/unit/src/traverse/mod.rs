@@ -7,7 +7,7 @@ mod walk;
 
 use super::card::notes::note;
 use super::card::{Ahead, Card, Group, PassState, Work};
-use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bytes};
+use super::token::{DepthBounds, GroupToken, Kind, TriangleToken, bits, bytes, fragments};
 use gfx::hierarchical::{accepts, depth_key, may_raise_lower};
 use gfx::rop::DepthStencilState;
 use hierarchical::{Bounds, HierarchicalZ, Lines};
@@ -137,20 +137,6 @@ pub struct Traverse {
     pass: u32,
     counts: TraverseCounts,
     items: u64,
-}
-
-/// How many of the lowest four bits are set. (The plain target has no instruction that counts them.)
-#[inline(always)]
-fn bits(four: u16) -> u32 {
-    // The numbers of bits of 0 to 15, in four bits each.
-    const BITS: u64 = 0x4332_3221_3221_2110;
-    (BITS >> (4 * (four & 15))) as u32 & 15
-}
-
-/// Pixels of a quad with a sample covered.
-#[inline(always)]
-pub fn fragments(coverage: u16) -> u32 {
-    bits(coverage | coverage >> 4 | coverage >> 8 | coverage >> 12)
 }
 
 impl Traverse {

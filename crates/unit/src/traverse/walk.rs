@@ -103,7 +103,7 @@ fn inside(x: u32, y: u32, [x0, y0, x1, y1]: [u32; 4]) -> u32 {
 
 /// Pixels with a covered sample: quads that are one sample each of the same pixels count once.
 fn covered(quads: &[Quad]) -> u64 {
-    let same = |run: &[Quad]| super::fragments(run.iter().fold(0, |all, quad| all | quad.coverage));
+    let same = |run: &[Quad]| crate::token::fragments(run.iter().fold(0, |all, quad| all | quad.coverage));
     quads.chunk_by(|a, b| a.position == b.position).map(|run| u64::from(same(run))).sum()
 }
 

@@ -2,8 +2,7 @@
 
 use crate::card::{Group, PassState, Work};
 use crate::frame::Store;
-use crate::token::DepthBounds;
-use crate::traverse::fragments;
+use crate::token::{DepthBounds, fragments};
 use gfx::hierarchical::depth_key;
 use gfx::rop::DepthStencilState;
 use gfx::setup::{SAMPLES_1, SAMPLES_4};
