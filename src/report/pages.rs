@@ -71,8 +71,8 @@ const NETWORK: &[Declaration] = &[
     one("links", "links", "Links: channels of the network."),
     one("hops", "parcels", "Parcels, counted once on each link on their way."),
     one("link_bytes", "bytes", "Their bytes, counted so too."),
-    one("mean_share", "", "What links carried of what they could have, on average."),
-    one("hottest_share", "", "What the busiest link carried of what it could have."),
+    one("mean_share", "ratio", "What links carried of what they could have, on average."),
+    one("hottest_share", "ratio", "What the busiest link carried of what it could have."),
     one("hot_spot", "", "The busiest link: its channel and its ends."),
 ];
 
@@ -82,17 +82,17 @@ const LOSS: &[Declaration] = &[
         "",
         "The stage of the pipelines whose busiest unit worked most; of a run, that with most work over its frames.",
     ),
-    one("efficiency", "", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
+    one("efficiency", "ratio", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
 ];
 
 const SORT: &[Declaration] = &[
     one("class", "", "The sort class of the machine."),
     one(
         "overlap",
-        "",
+        "ratio",
         "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
-    one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
+    one("load_imbalance", "ratio", "Quads of the busiest pipeline by the mean of all; 1 is even."),
     one("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];

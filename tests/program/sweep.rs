@@ -201,6 +201,18 @@ fn a_screen_simulates_the_fastest() {
 }
 
 #[test]
+fn every_statistic_of_the_long_table_has_a_unit_of_measure() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let (code, _, message) = run(&["sweep", "traces/triangle", "--vary", "sort=all", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    let rows = table(home.path(), "long.csv");
+    let unknown: Vec<_> = rows.iter().filter(|row| row["measure"].is_empty()).collect();
+    assert!(rows.len() > 1000 && unknown.is_empty(), "{unknown:?}");
+    assert!(rows.iter().any(|row| row["counter"] == "overlap" && row["measure"] == "ratio"));
+}
+
+#[test]
 fn a_screen_estimates_every_sort_class() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().join("classes").display().to_string();
