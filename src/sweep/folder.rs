@@ -37,6 +37,7 @@ impl Inputs {
         let parts = [
             ("traces", e.0.traces != e.1.traces),
             ("what the trace files hold", e.0.traces == e.1.traces && self.traces != other.traces),
+            ("what traces differ in", e.0.trace_axis != e.1.trace_axis),
             ("frames", e.0.frames != e.1.frames),
             ("base configuration", self.base != other.base || e.0.base != e.1.base || e.0.set != e.1.set),
             ("axes", e.0.vary != e.1.vary),

@@ -201,6 +201,44 @@ fn a_screen_simulates_the_fastest() {
 }
 
 #[test]
+fn traces_in_several_orders_are_an_axis() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("out").display().to_string();
+    let (code, text, message) = run(&["sweep", "configs/experiments/depth.ron", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    for told in [
+        "Of 3 machines number 2 (`depth.early=true traverse.hierarchical_z=true`) is the fastest",
+        "* `depth order` is best at layers-front-first and worst at layers-back-first",
+        "`share of fragments shaded` is least",
+        "By `depth order`: layers-front-first: from 1 at false to 0.1000 at true (-90.0 %); \
+         layers-random: from 1 at false to 0.2969 at true (-70.3 %); layers-back-first: 1 at all values.",
+        "layers-front-first: from 0 at false to 0.6000 at true",
+        "### Cycles by `depth.early` and depth order\n\n| | layers-front-first | layers-random | layers-back-first |",
+        "* measure `share of fragments shaded = funnel.fragments_shaded/funnel.fragments_covered`",
+    ] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+    // Without early tests the order makes no difference, and neither does hierarchical Z with the front last.
+    assert!(text.contains("  By `depth.early`: true: ") && text.contains("; false: no difference.\n"), "{text}");
+    let page = fs::read_to_string(Path::new(&out).join("report.html")).expect("a page");
+    assert!(page.contains("By depth order</h2>") && page.contains("Cycles by depth order and depth.early"), "plots by trace");
+
+    let out = home.path().join("reuse").display().to_string();
+    let (code, text, message) = run(&["sweep", "configs/experiments/vertex-reuse.ron", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    for told in [
+        "torus-bands: from 1 at 0 to 0.1980 at 128 (-80.2 %), from 16 on within 5 % of its last value; ",
+        "torus-rows: from 1 at 0 to 0.1701 at 128 (-83.0 %), from 64 on within 5 % of its last value; ",
+    ] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+    let plots = ["report", &out, "--plots"];
+    assert_eq!(run(&plots).0, 0);
+    let curve = fs::read_to_string(Path::new(&out).join("plots/trace-measure-1-fetch.reuse.svg")).expect("a plot");
+    assert!(["torus-bands", "torus-rows", "torus-random"].iter().all(|trace| curve.contains(trace)), "a curve for each trace");
+}
+
+#[test]
 fn every_statistic_of_the_long_table_has_a_unit_of_measure() {
     let home = tempfile::tempdir().expect("a folder");
     let out = home.path().display().to_string();
@@ -302,7 +340,9 @@ fn every_experiment_of_the_repository_has_a_question_and_machines() {
         let text = fs::read_to_string(&path).expect("text");
         let experiment = Experiment::open(&path).expect("an experiment");
         let first = text.lines().next().expect("a line");
-        assert!(first.starts_with("// ") && first.contains('?') && !experiment.question.is_empty(), "{}", path.display());
+        // The question, and perhaps who asked it first.
+        let asked = format!("// {}", experiment.question);
+        assert!(first.starts_with(&asked) && asked.ends_with('?'), "{}: {first}", path.display());
         assert!(experiment.traces.iter().all(|trace| root.join(trace).exists()), "{}", path.display());
         let mut base = Config::built_in(&experiment.base).expect("it is built in");
         experiment.set.iter().for_each(|setting| base.set(setting).expect("a knob"));

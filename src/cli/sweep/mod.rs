@@ -70,7 +70,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PATH")]
     keep: Vec<String>,
     /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
-    #[arg(long, value_name = "FORMULA")]
+    #[arg(long, value_name = "[NAME=]FORMULA")]
     measure: Vec<String>,
     /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
     #[arg(long, value_name = "A..B")]
@@ -81,6 +81,9 @@ pub struct Arguments {
     /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
     #[arg(long, value_name = "FORMULA")]
     cost: Option<String>,
+    /// What the traces differ in, where they are one scene that was recorded in several ways, such as "depth order": the report compares them by it
+    #[arg(long, value_name = "TEXT")]
+    trace_axis: Option<String>,
     /// Where to leave the results
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -165,6 +168,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--frames", arguments.frames.is_some()),
             ("--question", arguments.question.is_some()),
             ("--cost", arguments.cost.is_some()),
+            ("--trace-axis", arguments.trace_axis.is_some()),
         ];
         if let Some((option, _)) = given.into_iter().find(|&(_, given)| given) {
             bail!("{option} is part of the experiment {}: write it there", path.display());
@@ -177,6 +181,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
     Ok(Experiment {
         question: arguments.question.clone().unwrap_or_default(),
         traces: arguments.inputs.iter().map(|path| path.display().to_string()).collect(),
+        trace_axis: arguments.trace_axis.clone().unwrap_or_default(),
         frames: arguments.frames.clone().unwrap_or_else(|| "..".into()),
         base: arguments.config.clone().unwrap_or_else(|| "baseline".into()),
         set: arguments.set.clone(),
