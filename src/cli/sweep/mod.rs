@@ -17,7 +17,7 @@ use crate::host;
 use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
 use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
-use crate::sweep::folder::{Inputs, Results, Shard, begin, hash, hash_path, read_inputs};
+use crate::sweep::folder::{Begun, Inputs, Results, Shard, begin, begun, differences, hash, hash_path, read_base, read_inputs};
 use crate::sweep::html;
 use crate::sweep::outcome::Outcome;
 use crate::sweep::plan::{MOST_MACHINES, Plan};
@@ -320,20 +320,16 @@ fn open(
 /// Puts shards together.
 fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<Verdict> {
     let folder = folders.first().context("no folder is given")?;
-    let inputs = read_inputs(folder)?;
+    let (inputs, plan) = begun(folder)?;
+    let base = plan.base().resolved();
     for other in &folders[1..] {
-        if let Some(parts) = inputs.differ(&read_inputs(other)?) {
-            bail!(
-                "{} and {} are of different sweeps, with other {parts}; give the folders of one",
-                folder.display(),
-                other.display()
-            );
+        let (others, others_base) = (read_inputs(other)?, read_base(other)?);
+        let (first, second) = (Begun { inputs: &inputs, base: &base }, Begun { inputs: &others, base: &others_base });
+        let (one, two) = (format!("in {}", folder.display()), format!("in {}", other.display()));
+        let found = differences(&first, &second, [&one, &two])?;
+        if !found.is_empty() {
+            bail!("these are folders of different sweeps: {}; give the folders of one", found.join("; "));
         }
-    }
-    let plan = plan(&inputs.experiment, true)?;
-    let base = hash(plan.base().resolved().as_bytes());
-    if base != inputs.base || plan.len() != inputs.machines {
-        bail!("the configuration {} is another one than when {} was begun", inputs.experiment.base, folder.display());
     }
     // All shards have ended before anything is rendered.
     let results = Results::open(folders, inputs.shards)?;
