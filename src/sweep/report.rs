@@ -11,7 +11,7 @@ use crate::machine::config::SortClass;
 use crate::report::summary::grouped;
 
 /// Machines that the page lists.
-const LISTED: usize = 32;
+pub const LISTED: usize = 32;
 
 /// Values of an axis up to which two axes make a table.
 const SIDE: usize = 16;
@@ -192,6 +192,9 @@ fn listed(out: &mut String, sweep: &Outcome<'_>, best: f64) {
             writeln!(out, "| {} | {} | {} | {:.3} |", machine.number, cells.join(" | "), grouped(cycles), cycles as f64 / best);
     }
     more(out, sweep.timed().count());
+    out.push_str(
+        "\nTheir configurations are `configs/NUMBER.ron`; `fillrate sweep config DIR NUMBER` prints that of any machine.\n",
+    );
 }
 
 /// How far the estimates of the machines that were simulated are off.

@@ -27,11 +27,19 @@ fn sweep(out: &Path, more: &[&str]) -> (i32, String, String) {
     run(&[&["sweep", "traces/cube", "--out", &out], &AXES[..], more].concat())
 }
 
-/// The files of a folder, by name.
+/// The files of a folder and those below it, by name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let read =
-        |entry: fs::DirEntry| (entry.file_name().into_string().expect("a name"), fs::read(entry.path()).expect("a file"));
-    fs::read_dir(folder).expect("a folder").map(|entry| read(entry.expect("an entry"))).collect()
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        if path.is_dir() {
+            found.extend(files(&path).into_iter().map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
+        } else {
+            found.insert(name, fs::read(path).expect("a file"));
+        }
+    }
+    found
 }
 
 /// The rows of a table, by column.
@@ -173,7 +181,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     // The same shard in two folders: equal results are one, others are refused.
     let copy = home.path().join("copy");
     fs::create_dir(&copy).expect("a folder");
-    for (name, bytes) in files(&own) {
+    for (name, bytes) in files(&own).into_iter().filter(|(name, _)| !name.contains('/')) {
         fs::write(copy.join(name), bytes).expect("written");
     }
     let copy_name = copy.display().to_string();
@@ -198,6 +206,40 @@ fn a_screen_simulates_the_fastest() {
     assert_eq!((screen.len(), simulated), (6, 2));
     // A machine without an estimate is not dropped silently.
     assert_eq!(table(home.path(), "machines.csv").len(), 5);
+}
+
+#[test]
+fn a_machine_can_be_replayed_alone() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("s");
+    assert_eq!(sweep(&out, &[]).0, 0);
+    let name = out.display().to_string();
+    let mut replayed = 0;
+    for row in table(&out, "machines.csv") {
+        let config = ["sweep", "config", &name, &row["machine"]];
+        if !row["error"].is_empty() {
+            assert!(refused(&config).contains("cannot be built: memory.l2.slices is 3"));
+            continue;
+        }
+        let (code, text, message) = run(&config);
+        assert_eq!(code, 0, "{message}");
+        // What is printed is what the hash in the table is of, and what stands beside the results.
+        assert_eq!(fillrate::sweep::folder::hash(text.as_bytes()), row["config_hash"]);
+        assert_eq!(fs::read_to_string(out.join(format!("configs/{}.ron", row["machine"]))).expect("a file"), text);
+        let file = home.path().join("machine.ron");
+        fs::write(&file, text).expect("written");
+        let (file, one) = (file.display().to_string(), home.path().join("r").display().to_string());
+        assert_eq!(run(&["replay", "traces/cube", "--config", &file, "--out", &one]).0, 0);
+        let json: serde_json::Value =
+            serde_json::from_slice(&fs::read(Path::new(&one).join("stats.json")).expect("statistics")).expect("JSON");
+        assert_eq!(json["total"]["cycles"].to_string(), row["cycles"]);
+        replayed += 1;
+    }
+    assert_eq!(replayed, 3);
+    let message = refused(&["sweep", "config", &name, "6"]);
+    assert!(message.contains("has no machine 6; it has 6, numbered from 0"), "{message}");
+    let message = refused(&["sweep", "config", "traces/cube", "0"]);
+    assert!(message.contains("no folder of a sweep"), "{message}");
 }
 
 #[test]

@@ -37,7 +37,8 @@ fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --var
 fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
 Leaves in --out: report.md, report.html, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
-screen.csv where machines are screened, experiment.ron, base.ron, inputs.json (hashes of all inputs) and shard-I-of-N.jsonl. \
+screen.csv where machines are screened, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
+shard-I-of-N.jsonl. `fillrate sweep config DIR N` prints the configuration of any machine. \
 A sweep that was killed goes on when the same command is given again."
 )]
 pub struct Arguments {
@@ -108,6 +109,17 @@ enum Command {
         /// The folders that the shards were given as --out; the first one takes the tables and the report
         #[arg(required = true)]
         folders: Vec<PathBuf>,
+    },
+    /// Print the configuration of a machine, complete: `fillrate replay TRACE --config FILE` runs it again
+    #[command(
+        after_help = "Example:\n  fillrate sweep config results 17 > 17.ron && fillrate replay traces/cube --config 17.ron"
+    )]
+    Config {
+        /// The folder of a sweep
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// The machine's number
+        machine: u32,
     },
 }
 
@@ -226,8 +238,10 @@ fn told(bar: &ProgressBar, step: Step) {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(Command::Merge { folders }) = &arguments.command {
-        return merge(folders, &arguments.reading);
+    match &arguments.command {
+        Some(Command::Merge { folders }) => return merge(folders, &arguments.reading),
+        Some(Command::Config { folder, machine }) => return config(folder, *machine),
+        None => {}
     }
     let experiment = experiment(arguments)?;
     let out = arguments.out.as_deref().context("--out is missing")?;
@@ -349,6 +363,32 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
     finish(folder, results, &inputs, &plan, screened.as_deref())
 }
 
+/// Prints the configuration of a machine.
+fn config(folder: &Path, machine: u32) -> Result<Verdict> {
+    let (_, plan) = begun(folder)?;
+    if machine >= plan.len() {
+        bail!("{} has no machine {machine}; it has {}, numbered from 0", folder.display(), plan.len());
+    }
+    let config = plan.machine(machine)?.config.map_err(|rule| anyhow::anyhow!("machine {machine} cannot be built: {rule}"))?;
+    print!("{}", config.resolved());
+    Ok(Verdict::Done)
+}
+
+/// Writes the configurations of the machines that the page lists.
+fn configurations(folder: &Path, plan: &Plan, sweep: &Outcome<'_>) -> Result<()> {
+    let place = folder.join("configs");
+    std::fs::create_dir_all(&place).with_context(|| format!("cannot create {}", place.display()))?;
+    for (machine, _) in sweep.timed().take(report::LISTED) {
+        let path = place.join(format!("{}.ron", machine.number));
+        // A machine with a result is one that could be made.
+        if let Ok(config) = plan.machine(machine.number)?.config {
+            host::write_file(&path, config.resolved().as_bytes())
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
 /// Makes the tables and the page from the results of all shards.
 fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, screened: Option<&[Screened]>) -> Result<Verdict> {
     let chosen = |machine: &u32| screened.is_none_or(|list| list[*machine as usize].kept);
@@ -377,6 +417,7 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
         screen_table(folder, plan, screened)?;
     }
     let sweep = Outcome::read(inputs, plan, &mut results)?;
+    configurations(folder, plan, &sweep)?;
     let page = report::page(&sweep, plan, screened);
     for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
         let path = folder.join(name);
