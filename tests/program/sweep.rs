@@ -42,6 +42,17 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
+/// A folder as a sweep leaves it that is killed: what it was made from, and such a journal.
+fn killed(folder: &Path, whole: &BTreeMap<String, Vec<u8>>, journal: Option<&str>) {
+    fs::create_dir(folder).expect("a folder");
+    for name in ["inputs.json", "base.ron", "experiment.ron"] {
+        fs::write(folder.join(name), &whole[name]).expect("written");
+    }
+    if let Some(lines) = journal {
+        fs::write(folder.join("shard-1-of-1.jsonl.part"), lines).expect("written");
+    }
+}
+
 /// The rows of a table, by column.
 fn table(folder: &Path, name: &str) -> Vec<BTreeMap<String, String>> {
     let text = fs::read_to_string(folder.join(name)).expect("a table");
@@ -146,16 +157,12 @@ fn threads_shards_and_interruptions_change_no_byte() {
 
     // Killed in the middle of a line; results stand in the order in which they were found.
     let part = home.path().join("part");
-    fs::create_dir(&part).expect("a folder");
     let journal = "shard-1-of-1.jsonl";
     let text = String::from_utf8(wanted[journal].clone()).expect("text");
     let mut lines: Vec<&str> = text.lines().take(5).collect();
     lines.swap(0, 4);
-    for name in ["inputs.json", "base.ron", "experiment.ron"] {
-        fs::write(part.join(name), &wanted[name]).expect("written");
-    }
     let cut = &text.lines().nth(5).expect("a sixth machine")[..100];
-    fs::write(part.join(format!("{journal}.part")), format!("{}\n{cut}", lines.join("\n"))).expect("written");
+    killed(&part, &wanted, Some(&format!("{}\n{cut}", lines.join("\n"))));
     let (code, text, message) = sweep(&part, &["--threads", "2"]);
     assert_eq!(code, 0, "{message}");
     assert!(text.contains("1 machines simulated"), "{text}");
@@ -206,6 +213,46 @@ fn a_screen_simulates_the_fastest() {
     assert_eq!((screen.len(), simulated), (6, 2));
     // A machine without an estimate is not dropped silently.
     assert_eq!(table(home.path(), "machines.csv").len(), 5);
+}
+
+#[test]
+fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
+    let home = tempfile::tempdir().expect("a folder");
+    let whole = home.path().join("whole");
+    assert_eq!(sweep(&whole, &["--screen", "2"]).0, 0);
+    let wanted = files(&whole);
+    let journal = String::from_utf8(wanted["shard-1-of-1.jsonl"].clone()).expect("text");
+    // While machines are estimated, the folder has no results; then it has some, the last of which is cut off.
+    let some = format!("{}\n{}", journal.lines().nth(1).expect("a machine"), &journal[..50]);
+    for (name, lines, left) in [("estimating", None, 5), ("empty", Some(""), 5), ("simulating", Some(some.as_str()), 4)] {
+        let part = home.path().join(name);
+        killed(&part, &wanted, lines);
+        let (code, text, message) = sweep(&part, &["--screen", "2"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(text.contains("6 machines estimated"), "{text}");
+        let failed = journal.lines().filter(|line| line.contains("memory.l2.slices is 3")).count();
+        let done = usize::from(lines.is_some_and(|lines| lines.contains("l2.slices is 3")));
+        assert!(text.contains(&format!("{} machines simulated", left - (failed - done))), "{failed} {done}: {text}");
+        assert!(files(&part) == wanted, "{name}: the interrupted sweep differs");
+    }
+    // A process that is killed at any time.
+    for patience in [0, 20, 60] {
+        let part = home.path().join(patience.to_string());
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("fillrate"));
+        command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["sweep", "traces/cube", "--screen", "2"]).args(AXES);
+        let quiet = std::process::Stdio::null;
+        let mut process = command.arg("--out").arg(&part).stdout(quiet()).stderr(quiet()).spawn().expect("it starts");
+        while !part.join("inputs.json").exists() && process.try_wait().expect("a process").is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(patience));
+        // It may have ended.
+        let _ = process.kill();
+        process.wait().expect("it has ended");
+        let (code, _, message) = sweep(&part, &["--screen", "2"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(files(&part) == wanted, "killed after {patience} ms: the interrupted sweep differs");
+    }
 }
 
 #[test]
