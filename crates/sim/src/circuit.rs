@@ -353,7 +353,6 @@ macro_rules! circuit {
             ///
             /// # Panics
             /// If the wiring's units are not these.
-            #[allow(clippy::too_many_arguments, reason = "one for each unit: small circuits that are written out, as in tests")]
             $vis fn new(wiring: $crate::Wiring, $($field: $bank),*) -> $name {
                 let fields = [$((stringify!($field), $crate::Bank::<$context>::count(&$field))),*];
                 $name { places: $crate::places(&fields), wires: $crate::assemble(wiring, &fields), $($field),* }
