@@ -42,7 +42,11 @@ fn the_page_has_every_scene_and_its_picture() {
     let page = std::fs::read_to_string(folder.join("techniques.md")).expect("the page is there");
     for scene in SCENES {
         let about = format!("{} Fault: {}.", scene.what, scene.fault);
-        assert!(page.contains(&about), "{} is not on the page as it is now: the page says how to write it anew", scene.name);
+        assert!(
+            page.contains(&about),
+            "{} is not on the page as it is now: docs/README.md says how to write it anew",
+            scene.name
+        );
         assert!(folder.join("techniques").join(format!("{}.png", scene.name)).is_file(), "{} has no picture", scene.name);
     }
     assert!(!page.contains("FAIL"));
