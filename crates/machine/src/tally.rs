@@ -71,11 +71,12 @@ impl Tally {
             Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
             None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
         };
+        let [caches, shading] = circuit.sums(["caches", "shading"]);
         Tally {
             funnel: machine.card.funnel.total(),
             units,
-            caches: circuit.sums("caches"),
-            shading: circuit.sums("shading"),
+            caches,
+            shading,
             clients,
             dram,
         }

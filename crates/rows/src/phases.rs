@@ -202,7 +202,7 @@ fn digits(text: &mut String, mut value: u64) {
         value /= 10;
     }
     text.push(',');
-    text.extend(digits[at..].iter().map(|&digit| char::from(digit)));
+    digits[at..].iter().for_each(|&digit| text.push(digit.into()));
 }
 
 #[cfg(test)]

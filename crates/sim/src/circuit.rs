@@ -29,9 +29,9 @@ pub trait Bank<C>: Sized {
         Counted::of::<C>().read(self.units(), sheet);
     }
 
-    /// Appends what they have counted together below the heading whose first step is `top`.
-    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
-        Counted::of::<C>().sum(self.units(), top, list);
+    /// Appends what they have counted together below headings to the list that belongs to the heading's first step.
+    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
+        Counted::of::<C>().sum(self.units(), tops, lists);
     }
 
     /// Appends what the units of such a bank count.
@@ -430,11 +430,11 @@ macro_rules! circuit {
                 sheet
             }
 
-            /// What all units together have counted below the heading whose first step is `top`, by its last.
-            $vis fn sums(&self, top: &str) -> Vec<$crate::Sum> {
-                let mut list = Vec::new();
-                $($crate::Bank::<$context>::sum(&self.$field, top, &mut list);)*
-                list
+            /// What all units together have counted below the headings whose first steps are `tops`, by the last step.
+            $vis fn sums<const N: usize>(&self, tops: [&str; N]) -> [Vec<$crate::Sum>; N] {
+                let mut lists = [const { Vec::new() }; N];
+                $($crate::Bank::<$context>::sum(&self.$field, &tops, &mut lists);)*
+                lists
             }
 
             /// What they count.

@@ -103,8 +103,8 @@ impl<U: 'static> Counted<U> {
         self.bank(units, |bank| bank.read(sheet));
     }
 
-    pub(super) fn sum(&self, units: &[U], top: &str, list: &mut Vec<Sum>) {
-        self.bank(units, |bank| bank.sum(top, list));
+    pub(super) fn sum(&self, units: &[U], tops: &[&str], lists: &mut [Vec<Sum>]) {
+        self.bank(units, |bank| bank.sum(tops, lists));
     }
 
     fn bank(&self, units: &[U], with: impl FnOnce(Bank)) {
@@ -130,12 +130,11 @@ impl Bank<'_> {
         }
     }
 
-    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
+    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
         let mut values = Vec::new();
         for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
-            if heading.steps().0.next() != Some(top) {
-                continue;
-            }
+            let first = heading.steps().0.next();
+            let Some(list) = tops.iter().position(|&top| first == Some(top)).map(|at| &mut lists[at]) else { continue };
             let mut sum: Option<Vec<u64>> = None;
             for unit in 0..self.units {
                 values.clear();
