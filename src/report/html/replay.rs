@@ -188,10 +188,10 @@ fn proven(why: &Value) -> Markup {
     }
 }
 
-/// The busiest unit of a phase, where phases have counters of their own.
-fn busiest_of<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
+/// The unit that is used most in a phase, where phases have counters of their own.
+fn most_used_in<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
     let frame = input.statistics.frame();
-    passes::busiest(frame["phases"].get(phase)?, frame)
+    passes::most_used(frame["phases"].get(phase)?, frame)
 }
 
 /// What holds the frame back: proven, estimated, or how to find out.
@@ -206,7 +206,7 @@ fn verdict(input: &Input<'_>) -> Markup {
             (None, Some(at)) => {
                 @let limit = &input.limits[at];
                 p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "."
-                    @if let Some((unit, part)) = busiest_of(input, at) { " The busiest unit there is " (unit) ", in " (percent(part)) " of the cycles." }
+                    @if let Some((unit, part)) = most_used_in(input, at) { " Most used there is " (unit) ", busy in " (percent(part)) " of the cycles: that is use, not what limits." }
                 }
                 p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
                 pre { (prove) }
