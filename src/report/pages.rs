@@ -10,7 +10,7 @@ use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
 use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
 use crate::unit::network::LinkCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
-use crate::work::Funnel;
+use crate::work::{FUNNEL, Funnel};
 
 const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
     Declaration { name, unit, meaning }
@@ -128,7 +128,6 @@ const ORDER: &[&str] = &[
 
 /// Places in the statistics, what they are about, and what is declared there.
 fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
-    let funnel = Funnel::NAMES.iter().zip(Funnel::MEANINGS).map(|(name, meaning)| one(name, "count", meaning)).collect();
     let all = |own: &[Declaration], counted: &[Declaration]| {
         let mut list = counted.to_vec();
         list.extend(own.iter().filter(|d| counted.iter().all(|c| c.name != d.name)));
@@ -138,11 +137,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
     let here = |heading: Heading, declared| (heading.path, heading.about, declared);
     let mut places = vec![
         ("", "Time.", RUN.to_vec()),
-        (
-            "funnel",
-            "What went in, and where it was thrown away. Under `--fidelity functional` as a sort-middle card without hierarchical Z would count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's.",
-            funnel,
-        ),
+        here(FUNNEL, Funnel::DECLARATIONS.to_vec()),
         (
             "phases[i]",
             "Of a frame: what is done one after another, in `stats.json` and `passes.csv`. Where it is simulated, each has `funnel` (passes only), `units.NAME`, `caches.NAME`, `shading.NAME`, `memory.clients.NAME` and `memory.dram` of its own cycles, banks summed; `starved` includes `idle`. `stats.json` leaves out what is 0, and units that only starved. Lines that stay in a cache are written back in a later phase.",

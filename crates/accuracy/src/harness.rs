@@ -4,9 +4,9 @@ use anyhow::{Context, Result, ensure};
 
 use machine::{Config, Machine, MachineReport};
 use sim::Clock;
-use stats::{Node, Tree};
+use stats::{Group, Heading, Node, Tree};
 use synthetic::{Scene, events};
-use work::{Event, Shade};
+use work::{Event, FUNNEL, Funnel, Shade};
 
 /// A built-in configuration with changes.
 ///
@@ -36,6 +36,34 @@ pub fn run(config: &Config, events: impl IntoIterator<Item = Event>) -> Result<M
 pub fn replay(config: &Config, scene: &Scene) -> Result<MachineReport> {
     let covered = config.render_key().shade == Shade::Covered;
     run(config, events(&Scene { covered, ..scene.clone() }))
+}
+
+/// What each unit under a heading has counted; units of all names where the heading is given none.
+///
+/// # Errors
+/// If nothing stands there, or a unit has none of the counters: a check must not take for 0 what nothing has counted.
+pub fn each<G: Group>(tree: &Tree, heading: Heading) -> Result<Vec<G>> {
+    let found = heading.find(tree);
+    let counted = |counts: &Tree| G::DECLARATIONS.iter().any(|counter| counts.get(counter.name).is_some());
+    let all = !found.is_empty() && found.iter().all(|counts| counted(counts));
+    ensure!(all, "the statistics have no such counters under {heading}");
+    Ok(found.into_iter().map(Tree::read).collect())
+}
+
+/// What all these units have counted together.
+///
+/// # Errors
+/// As [`each`].
+pub fn counts<G: Group>(tree: &Tree, heading: Heading) -> Result<G> {
+    Ok(each(tree, heading)?.into_iter().sum())
+}
+
+/// The funnel of a run.
+///
+/// # Errors
+/// If there is none.
+pub fn funnel(tree: &Tree) -> Result<Funnel> {
+    counts(tree, FUNNEL)
 }
 
 /// The figure at a path of the statistics. Checks read what is printed, under the name under which it is printed.

@@ -10,7 +10,7 @@ use unit::card::Card;
 use unit::network::Traffic;
 use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
-use work::{EndFrame, Funnel, Surface};
+use work::{EndFrame, FUNNEL, Surface};
 
 /// The picture of a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -219,10 +219,7 @@ fn read(machine: &mut Machine) -> Reading {
     let cycles = circuit.wires().now();
     let mut tree = Tree::new();
     tree.extend(FrameCounts { cycles }.tree());
-    let funnel = tree.child("funnel");
-    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.total().values()) {
-        funnel.count(name, value);
-    }
+    FUNNEL.at(&mut tree, 0).extend(machine.card.funnel.total().tree());
     tree.extend(circuit.tree());
     let mut sheet = circuit.sheet();
     sheet.move_to(&mut tree, BEFORE_MEMORY);
