@@ -3,8 +3,8 @@
 use anyhow::{Context, Result, ensure};
 
 use machine::{Config, Machine, MachineReport};
-use sim::Clock;
-use stats::{Group, Heading, Node, Tree};
+use sim::{Clock, UNITS, UnitCounts};
+use stats::{Group, Heading, Tree};
 use synthetic::{Scene, events};
 use work::{Event, FUNNEL, Funnel, Shade};
 
@@ -66,21 +66,12 @@ pub fn funnel(tree: &Tree) -> Result<Funnel> {
     counts(tree, FUNNEL)
 }
 
-/// The figure at a path of the statistics. Checks read what is printed, under the name under which it is printed.
+/// What went through all units of a kind.
 ///
 /// # Errors
-/// If there is none.
-pub fn figure(tree: &Tree, path: &str) -> Result<f64> {
-    tree.number(path).with_context(|| format!("the statistics have no {path}"))
-}
-
-/// The sum of one figure over the trees of a list, as `items` over `units.setup`.
-///
-/// # Errors
-/// If there is no such list, or the figure is missing in one of its trees.
-pub fn sum(tree: &Tree, list: &str, leaf: &str) -> Result<f64> {
-    let Some(Node::List(trees)) = tree.get(list) else { anyhow::bail!("the statistics have no list {list}") };
-    trees.iter().map(|tree| figure(tree, leaf)).sum()
+/// If there is no such unit.
+pub fn items(tree: &Tree, units: &'static str) -> Result<f64> {
+    Ok(counts::<UnitCounts>(tree, UNITS.named(units))?.items as f64)
 }
 
 /// Pixels in which the pictures of a run differ from API order's.

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{Row, Setting};
 use machine::config::SortClass;
-use machine::{Config, Machine, PassOrderCounts};
+use machine::{Config, Machine, PassOrderCounts, SORTING};
 use render::Options;
 use run::machines;
 use run::stored_work::StoredWork;
@@ -230,7 +230,7 @@ impl Stage {
                 shown.picture == Some((frame.surface, blake3::hash(&frame.bytes)))
             };
             let differing = ran.shown.iter().zip(frames).filter(|pair| !same(pair)).count() as u64;
-            let PassOrderCounts { passes_needing_order: disordered } = ran.total.group("sort");
+            let PassOrderCounts { passes_needing_order: disordered } = SORTING.sum(&ran.total);
             // Only a class that names the passes whose order it does not keep may show another picture.
             if disordered == 0 {
                 self.row(Row::none(format!("{name}: frames that are not the renderer's"), differing));
@@ -253,14 +253,6 @@ impl Stage {
         let config = config(changes)?;
         let ran = self.work(trace, config.render_key())?.run(&config)?;
         Ok((ran.cycles as f64, ran.total))
-    }
-
-    /// A figure of a run on the baseline with changes.
-    ///
-    /// # Errors
-    /// If a change is none, the machine stops, or there is no such figure.
-    pub fn figure(&self, trace: &Trace, changes: &[&str], path: &str) -> Result<f64> {
-        self.time(trace, changes)?.1.number(path).with_context(|| format!("the statistics have no {path}"))
     }
 
     /// Adds an answer.
