@@ -351,7 +351,7 @@ pub(super) struct Rendered {
     time: Duration,
 }
 
-/// Renders without recording.
+/// Renders without recording. No rendering is shared: what is measured is the renderer itself, its time and what it leaves out.
 ///
 /// # Errors
 /// If the trace cannot be rendered.
