@@ -94,7 +94,7 @@ impl Tally {
             now.iter().zip(then).map(since).collect()
         };
         Tally {
-            funnel: self.funnel - earlier.funnel,
+            funnel: self.funnel.since(&earlier.funnel),
             units: units.collect(),
             caches: sums(&self.caches, &earlier.caches),
             shading: sums(&self.shading, &earlier.shading),

@@ -205,8 +205,8 @@ pub trait Circuit {
     /// The leaves `units` and `channels` of the statistics, over the cycles gone by.
     fn tree(&self) -> Tree {
         let mut tree = Tree::new();
-        tree.child("units").extend(self.wires().unit_tree(&self.tally().0));
-        tree.child("channels").extend(self.wires().channel_tree());
+        self.wires().units_to(&mut tree, &self.tally().0);
+        self.wires().channels_to(&mut tree);
         tree
     }
 }

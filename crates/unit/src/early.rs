@@ -38,7 +38,8 @@ use super::token::fragments;
 use super::token::{Answer, GroupToken, Kind, Question, bytes};
 use mem::CACHES;
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 
 stats::counters! {
     /// What early tests in pipelines that own no pixels do.

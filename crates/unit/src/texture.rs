@@ -13,7 +13,8 @@ use super::warp::{Item, Program, Warp};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use work::{LINE, Request, RequestKind};
 
 knob::knobs! {
@@ -66,6 +67,9 @@ struct Place {
     /// Lines of the current request that missed.
     missed: u32,
 }
+
+/// Where texture units count.
+pub const TEXTURES: Heading = Heading::new("shading.texture[i]", "Texture units.");
 
 stats::counters! {
     /// What a texture unit counts.
@@ -389,7 +393,6 @@ impl Unit<Card> for Texture {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.numbered(CACHES.named("texture"), |unit| (unit.user.number, unit.tags.counts()));
-        let heading = Heading::new("shading.texture[i]", "Texture units.");
-        groups.group_if(heading, |unit| (!unit.user.vertices).then_some(unit.counts));
+        groups.group_if(TEXTURES, |unit| (!unit.user.vertices).then_some(unit.counts));
     }
 }

@@ -199,7 +199,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
     let order: OrderCounts = total.group("sort");
     let stalls = grouped(order.order_waiting_cycles);
     row("reorder stalls", stalls, "cycles, summed over the units that restore order".to_owned());
-    if let Some(traffic) = SortOutcome::network(total).filter(|traffic| traffic.hops > 0) {
+    if let Some(traffic) = SortOutcome::network(total).filter(|traffic| traffic.carried.hops > 0) {
         let busiest = format!("{:.1} %", 100.0 * traffic.hottest);
         let mean = 100.0 * traffic.mean;
         row("busiest link of the network", busiest, format!("{}; mean of all {mean:.1} %", traffic.hot_spot));
