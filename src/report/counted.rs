@@ -6,6 +6,7 @@ use super::html::data::{Statistics, number};
 use super::html::passes::{cycles, list, name};
 use super::summary::{bytes, funnel, grouped};
 use crate::host::one_line;
+use crate::stats::Group as _;
 use crate::work::Funnel;
 
 /// What of a frame is told.

@@ -9,11 +9,10 @@ use crate::machine::{Config, FrameReport, PhaseReport};
 use crate::mem::{CacheCounts, ClientCounts};
 use crate::num::Cycle;
 use crate::report::summary::{bytes, grouped};
-use crate::run::functional::funnel_of;
 use crate::stats::{Cycles, Group, Node, Tree};
 use crate::unit::core::CoreCounts;
 use crate::unit::texture::TextureCounts;
-use crate::work::Funnel;
+use crate::work::{FUNNEL, Funnel};
 
 /// What evidence must know of a machine.
 #[derive(Clone, Debug, Default)]
@@ -54,8 +53,7 @@ impl Seen {
     fn phase(report: &PhaseReport) -> Seen {
         let mut tree = Tree::new();
         if let Some(counts) = &report.counts {
-            let funnel = tree.child("funnel");
-            Funnel::NAMES.iter().zip(counts.funnel.values()).for_each(|(name, value)| funnel.count(name, value));
+            FUNNEL.at(&mut tree, 0).extend(counts.funnel.tree());
             counts.each(|(steps, of), name, value| {
                 let mut own = &mut tree;
                 for step in steps.iter().copied().chain(of) {
@@ -123,7 +121,7 @@ impl Seen {
     }
 
     fn funnel(&self) -> Funnel {
-        funnel_of(&self.tree)
+        FUNNEL.sum(&self.tree)
     }
 
     /// What a unit was given to do, where that is counted; empty elsewhere.

@@ -72,14 +72,7 @@ impl Tally {
             None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
         };
         let [caches, shading] = circuit.sums(["caches", "shading"]);
-        Tally {
-            funnel: machine.card.funnel.total(),
-            units,
-            caches,
-            shading,
-            clients,
-            dram,
-        }
+        Tally { funnel: machine.card.funnel.total(), units, caches, shading, clients, dram }
     }
 
     /// What was counted since an earlier reading of the same machine.
