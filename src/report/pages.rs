@@ -4,7 +4,7 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING};
+use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS};
 use crate::mem::{CLIENTS, ClientCounts, DRAM, DramCounts};
 use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
 use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
@@ -156,11 +156,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             SORTING,
             all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
         ),
-        (
-            "sort.loss",
-            "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
-            all(LOSS, LossCounts::DECLARATIONS),
-        ),
+        here(SORTING_LOSS, all(LOSS, LossCounts::DECLARATIONS)),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ];
     // What units count they say themselves.
