@@ -9,18 +9,10 @@ use fillrate::gfx::setup::{self, Bounds, DepthBias, Screen, ScreenVertex, SetupS
 use fillrate::gfx::state::{CullMode, FrontFace, Rect, VertexFormat, Viewport};
 use fillrate::gfx::traverse::Blocks;
 use fillrate::gfx::vertex::VertexSource;
-use fillrate::num::{LANES, Lanes, QUADS, Words};
+use fillrate::num::{LANES, Lanes, QUADS, Words, hash};
 
 const WIDTH: u32 = 1920;
 const HEIGHT: u32 = 1080;
-
-fn hash(mut x: u32) -> u32 {
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ x >> 16
-}
 
 fn unit(i: u32) -> f32 {
     (hash(i) >> 8) as f32 / 16_777_216.0

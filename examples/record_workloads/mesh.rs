@@ -3,6 +3,7 @@
 
 use std::f64::consts::TAU;
 
+use fillrate::num::hash;
 use glam::{DVec3, dvec3};
 
 /// Width of the frame in pixels.
@@ -44,19 +45,10 @@ impl Mesh {
     }
 }
 
-/// An integer hash ("lowbias32").
-fn hash32(mut x: u32) -> u32 {
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
-}
-
 /// Uniform in [0, 1) with 24 bits, by seed, index and channel.
 fn u01(seed: u32, index: u32, channel: u32) -> f64 {
-    let inner = hash32(seed.wrapping_mul(0x9E37_79B9).wrapping_add(index));
-    f64::from(hash32(inner.wrapping_add(channel.wrapping_mul(0x85EB_CA6B))) >> 8) / 16_777_216.0
+    let inner = hash(seed.wrapping_mul(0x9E37_79B9).wrapping_add(index));
+    f64::from(hash(inner.wrapping_add(channel.wrapping_mul(0x85EB_CA6B))) >> 8) / 16_777_216.0
 }
 
 fn ndc_x(x: f64) -> f64 {
@@ -78,7 +70,7 @@ pub fn w1() -> Mesh {
             let inside = |at: u32| at > 0 && at < N;
             let jitter_x = if inside(i) { (u01(1, k, 0) - 0.5) * 0.5 } else { 0.0 };
             let jitter_y = if inside(j) { (u01(1, k, 1) - 0.5) * 0.5 } else { 0.0 };
-            let [r, g, b, _] = hash32(0xC0104 + k).to_le_bytes();
+            let [r, g, b, _] = hash(0xC0104 + k).to_le_bytes();
             vertices.push(Vertex {
                 position: [
                     ndc_x((f64::from(i) + jitter_x) * cell_width) as f32,
@@ -145,7 +137,7 @@ pub fn w3() -> Mesh {
             let q = 3 * t + k as u32;
             let w = 1.0 + 0.5 * u01(33, q, 0);
             let depth = z * 0.9 + 0.1 * u01(33, q, 1);
-            let [r, g, b, _] = hash32(0xC0304 + q).to_le_bytes();
+            let [r, g, b, _] = hash(0xC0304 + q).to_le_bytes();
             vertices.push(Vertex {
                 position: [
                     (ndc_x(center_x + ox[k]) * w) as f32,
@@ -229,8 +221,8 @@ pub fn texture(size: u32, seed: u32) -> Vec<u8> {
     let mut texels = Vec::with_capacity((size * size * 4) as usize);
     for y in 0..size {
         for x in 0..size {
-            let block = hash32(seed.wrapping_add((y >> 3) * 4096 + (x >> 3)));
-            let texel = hash32(seed.wrapping_mul(77).wrapping_add(y * size + x));
+            let block = hash(seed.wrapping_add((y >> 3) * 4096 + (x >> 3)));
+            let texel = hash(seed.wrapping_mul(77).wrapping_add(y * size + x));
             let checker = ((x >> 5) ^ (y >> 5)) & 1 == 1;
             let red = ((block & 255) + (texel & 255)) >> 1;
             let green = ((block >> 8 & 255) * 3 + (texel >> 8 & 255)) >> 2;

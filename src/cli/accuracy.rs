@@ -12,7 +12,7 @@ use crate::accuracy::{self, Outcome, Setting, Size, Target};
     args_conflicts_with_subcommands = true,
     after_help = "Examples:\n  fillrate accuracy\n  fillrate accuracy oracle --size large\n  \
 fillrate accuracy fill-rules depth --seed 1,2,3 --json\n  \
-fillrate accuracy --seed 1,2,3 --size small,standard --markdown > docs/data/accuracy.md\n\n\
+fillrate accuracy --seed 1,2,3 --size small,standard --markdown\n\n\
 Exit code 1 where a target does not hold."
 )]
 pub struct Arguments {

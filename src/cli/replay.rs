@@ -30,7 +30,8 @@ use crate::sim::Clock;
 fillrate replay traces/cube --config tiny --set memory.port_latency=400 --clock every-cycle\n  \
 fillrate replay recorded/trace --frames 2..4 --fidelity functional --out out\n  \
 fillrate replay traces/flight.zip --fidelity sampled --images none --out out\n\n\
-Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a phase: a pass, a dispatch, transfers or scan-out), draws.csv (a row a draw, with --per-draw), config.ron.")]
+Leaves in --out: frame-NNNN.png (the trace's own frame numbers; none with --images none), stats.json, stats.csv (a row a frame),\npasses.csv (a row a phase: a pass, a dispatch, transfers or scan-out), draws.csv (a row a draw, with --per-draw), config.ron.\n\
+`fillrate report DIR --phase NAME` prints all that was counted in a phase, `--draw N` in a draw.")]
 pub struct Arguments {
     /// The trace: a file, or its folder; native or foreign
     trace: PathBuf,

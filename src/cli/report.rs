@@ -10,6 +10,7 @@ use super::threads::MOST;
 use crate::host;
 use crate::machine::Config;
 use crate::picture::picture;
+use crate::report::counted::{Chosen, counted};
 use crate::report::files::{About, json_head};
 use crate::report::html::data::{Gather, Statistics};
 use crate::report::html::replay::{Input, limits, replay};
@@ -28,7 +29,8 @@ use crate::why::why;
 /// Make a page of what a replay left, or a sweep: one HTML file with its pictures, tables, plots and numbers
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  fillrate replay traces/torus-knot.zip --out out\n  fillrate report out\n  \
-fillrate report out --trace traces/torus-knot.zip --why\n  fillrate report out --plots\n\n\
+fillrate report out --trace traces/torus-knot.zip --why\n  fillrate report out --plots\n  \
+fillrate report out --phase 'pass 0'\n\n\
 The page opens from the disk without a network. Of a replay with several frames it shows the one that costs most. That frame is rendered once \
 more, for heat maps and for what limits each pass: from the trace that the replay names, if it is still there, or from --trace.")]
 pub struct Arguments {
@@ -48,6 +50,16 @@ pub struct Arguments {
     /// Leave the plots as SVG in DIR/plots, too
     #[arg(long)]
     plots: bool,
+    /// Make no page: print all that was counted in a phase (funnel, cycles of units, caches, bytes by client), named as `replay` names it:
+    /// `pass 0`, `scan-out`; `all`: in each phase
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["trace", "why", "out", "plots"])]
+    phase: Option<String>,
+    /// The same of a draw, by its number, of a replay with --per-draw
+    #[arg(long, value_name = "N", conflicts_with_all = ["phase", "trace", "why", "out", "plots"])]
+    draw: Option<u64>,
+    /// With --phase or --draw: of this frame [default: the one that costs most]
+    #[arg(long, value_name = "N")]
+    frame: Option<u32>,
     /// Threads; no result depends on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]
     pub threads: Option<u16>,
@@ -116,14 +128,19 @@ pub struct Subject {
     pub command: Option<String>,
 }
 
+/// Reads the statistics in a folder that a replay left; `frame` is the one that is kept whole, none the one that costs most.
+fn statistics(folder: &Path, frame: Option<u32>) -> Result<Statistics> {
+    let path = folder.join("stats.json");
+    let name = path.display();
+    let text = host::read_text(&path, STATISTICS_MAX)
+        .with_context(|| format!("{} is no folder of a replay or a sweep: cannot read {name}", folder.display()))?;
+    Statistics::parse(&text, frame).map_err(|reason| anyhow!("{name} {reason}"))
+}
+
 impl Subject {
     /// Reads what a replay left in a folder.
     fn open(folder: &Path) -> Result<Subject> {
-        let path = folder.join("stats.json");
-        let name = path.display();
-        let text = host::read_text(&path, STATISTICS_MAX)
-            .with_context(|| format!("{} is no folder of a replay or a sweep: cannot read {name}", folder.display()))?;
-        let statistics = Statistics::parse(&text).map_err(|reason| anyhow!("{name} {reason}"))?;
+        let statistics = statistics(folder, None)?;
         let path = folder.join("config.ron");
         let config = path.exists().then(|| -> Result<Config> {
             let name = path.display().to_string();
@@ -236,6 +253,18 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let folder = &arguments.dir;
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("report.html"));
+    let phase = arguments.phase.clone().map(Chosen::Phase);
+    if let Some(chosen) = phase.or(arguments.draw.map(Chosen::Draw)) {
+        if folder.join("inputs.json").exists() {
+            bail!("--phase and --draw apply to a replay only, and {} is of a sweep", folder.display());
+        }
+        let text = counted(&statistics(folder, arguments.frame)?, &chosen);
+        print!("{}", text.map_err(|reason| anyhow!("{}: {reason}", folder.display()))?);
+        return Ok(Verdict::Done);
+    }
+    if arguments.frame.is_some() {
+        bail!("--frame applies to --phase and --draw only: a page shows the frame that costs most");
+    }
     if folder.join("inputs.json").exists() {
         return sweep(arguments, &out);
     }

@@ -85,7 +85,7 @@ fn table(found: &Why, rows: usize) -> String {
     let mut out = format!("{}\n\n", found.verdict());
     out.push_str(&format!(
         "  {:<44}{:>14}{:>9}   {}\n",
-        "with this change alone", "cycles", "change", "most in; seen without the change"
+        "with this change alone", "cycles", "change", "most in: what was seen there without the change"
     ));
     let (some, none): (Vec<&Gain>, Vec<&Gain>) = found.gains.iter().partition(|gain| gain.matters(&found.base));
     for gain in some.iter().take(rows) {
@@ -95,7 +95,7 @@ fn table(found: &Why, rows: usize) -> String {
                 let most = gain.most(&found.base).map_or("other passes than before".into(), |(name, share)| {
                     format!("{} {:+.1} %", host::one_line(name), -100.0 * share)
                 });
-                let seen = if gain.evidence.is_empty() { String::new() } else { format!("; {}", gain.evidence) };
+                let seen = if gain.evidence.is_empty() { String::new() } else { format!(": {}", gain.evidence) };
                 out.push_str(&format!("  {title:<44}{:>14}{:>+8.1} %  {most}{seen}\n", grouped(timed.cycles), -100.0 * share));
             }
             (timed, _) => {

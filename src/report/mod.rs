@@ -1,6 +1,7 @@
 //! Floor 7: what people and scripts read: pictures, text, JSON, CSV, comparisons, diagrams, generated pages.
 
 pub mod compare;
+pub mod counted;
 pub mod diagram;
 pub mod files;
 pub mod folder;

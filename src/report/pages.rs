@@ -4,12 +4,13 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts};
-use crate::mem::{ClientCounts, DramCounts};
-use crate::sim::{ChannelCounts, Description, UnitCounts};
-use crate::stats::{Cycles, Declaration, FrameCounts, Group, page};
+use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS};
+use crate::mem::{CLIENTS, ClientCounts, DRAM, DramCounts};
+use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
+use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
+use crate::unit::network::LinkCounts;
 use crate::unit::sorting::{OrderCounts, SortCounts};
-use crate::work::Funnel;
+use crate::work::{FUNNEL, Funnel};
 
 const fn one(name: &'static str, unit: &'static str, meaning: &'static str) -> Declaration {
     Declaration { name, unit, meaning }
@@ -64,13 +65,13 @@ const CHANNEL: &[Declaration] = &[
     one("capacity", "items", "Room."),
 ];
 
-const DRAM: &[Declaration] =
+const BUSY: &[Declaration] =
     &[one("busy_cycles", "cycles", "Cycles of the card in which the data buses carried data, the sum over the channels.")];
 
 const NETWORK: &[Declaration] = &[
     one("links", "links", "Links: channels of the network."),
-    one("hops", "parcels", "Parcels, counted once on each link on their way."),
-    one("link_bytes", "bytes", "Their bytes, counted so too."),
+    LinkCounts::DECLARATIONS[0],
+    LinkCounts::DECLARATIONS[1],
     one("mean_share", "ratio", "What links carried of what they could have, on average."),
     one("hottest_share", "ratio", "What the busiest link carried of what it could have."),
     one("hot_spot", "", "The busiest link: its channel and its ends."),
@@ -127,20 +128,16 @@ const ORDER: &[&str] = &[
 
 /// Places in the statistics, what they are about, and what is declared there.
 fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
-    let funnel = Funnel::NAMES.iter().zip(Funnel::MEANINGS).map(|(name, meaning)| one(name, "count", meaning)).collect();
     let all = |own: &[Declaration], counted: &[Declaration]| {
         let mut list = counted.to_vec();
         list.extend(own.iter().filter(|d| counted.iter().all(|c| c.name != d.name)));
         list
     };
     let dram: Vec<Declaration> = DramCounts::DECLARATIONS.iter().copied().filter(|d| d.name != "bus_cycles").collect();
+    let here = |heading: Heading, declared| (heading.path, heading.about, declared);
     let mut places = vec![
         ("", "Time.", RUN.to_vec()),
-        (
-            "funnel",
-            "What went in, and where it was thrown away. Under `--fidelity functional` as a sort-middle card without hierarchical Z would count it that reuses all vertices and culls geometry early; `depth.early` and `command.cull` are the configuration's.",
-            funnel,
-        ),
+        here(FUNNEL, Funnel::DECLARATIONS.to_vec()),
         (
             "phases[i]",
             "Of a frame: what is done one after another, in `stats.json` and `passes.csv`. Where it is simulated, each has `funnel` (passes only), `units.NAME`, `caches.NAME`, `shading.NAME`, `memory.clients.NAME` and `memory.dram` of its own cycles, banks summed; `starved` includes `idle`. `stats.json` leaves out what is 0, and units that only starved. Lines that stay in a cache are written back in a later phase.",
@@ -151,24 +148,15 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             "With `--per-draw`, of a pass: its draws in order, in `stats.json` and `draws.csv`, with the counters of phases. The funnel is the draw's own; the others count the cycles from the retirement before it to its own, in which later draws are in the machine too. A machine that bins retires draws when their tiles are drawn.",
             DRAW.to_vec(),
         ),
-        (
-            "units.NAME[i]",
-            "One entry a unit. The five kinds of cycles add up to `cycles`.",
-            all(Cycles::DECLARATIONS, UnitCounts::DECLARATIONS),
-        ),
-        ("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.", all(CHANNEL, ChannelCounts::DECLARATIONS)),
-        ("memory.clients.NAME", "What each client asked of the memory system.", ClientCounts::DECLARATIONS.to_vec()),
-        ("memory.dram", "All DRAM channels together (or the ideal memory).", all(DRAM, &dram)),
-        (
-            "sort",
-            "What redistribution costs.",
+        here(UNITS, all(Cycles::DECLARATIONS, UnitCounts::DECLARATIONS)),
+        here(CHANNELS, all(CHANNEL, ChannelCounts::DECLARATIONS)),
+        here(CLIENTS, ClientCounts::DECLARATIONS.to_vec()),
+        here(DRAM, all(BUSY, &dram)),
+        here(
+            SORTING,
             all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
         ),
-        (
-            "sort.loss",
-            "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
-            all(LOSS, LossCounts::DECLARATIONS),
-        ),
+        here(SORTING_LOSS, all(LOSS, LossCounts::DECLARATIONS)),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ];
     // What units count they say themselves.

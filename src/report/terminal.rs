@@ -6,9 +6,8 @@ use super::compare::KnobDifference;
 use super::summary::{self, Phases, Pictures};
 use crate::num::Cycle;
 use crate::run::bound::STATED_ERRORS;
-use crate::run::functional::funnel_of;
 use crate::run::replay::{Fidelity, Frame, Options, Outcome};
-use crate::work::Surface;
+use crate::work::{FUNNEL, Funnel, Surface};
 
 /// Draws that are listed.
 const DRAWS: usize = 10;
@@ -56,7 +55,7 @@ pub fn report(done: &Outcome, seen: &mut Seen, options: &Options, changed: &[Kno
         // A text takes all that is written to it.
         let _ = write!(out, "\n{title}\n{text}");
     };
-    let funnel = funnel_of(&done.total);
+    let funnel: Funnel = FUNNEL.sum(&done.total);
     section("What was drawn, and what was thrown away where", &summary::funnel(&funnel));
     section("In shares", &summary::shares(&done.total, &funnel, seen.pictures.as_ref()));
     let Some(cycles) = done.cycles else {
@@ -120,7 +119,7 @@ fn times(done: &Outcome, cycles: f64, seen: &Seen, options: &Options) -> String 
         }
         Fidelity::Sampled(_) => format!("host: {host:.2} s in the machine, {all:.2} s in all"),
         _ => {
-            let shaded = funnel_of(&done.total).fragments_shaded as f64;
+            let shaded = FUNNEL.sum::<Funnel>(&done.total).fragments_shaded as f64;
             let [cycles, shaded] = [cycles, shaded].map(|count| count / host.max(1e-9) / 1e6);
             let runs = done.frames_per_run.map_or(String::new(), |frames| {
                 format!(

@@ -6,8 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::{FrameReport, PhaseReport};
 use crate::num::Cycle;
-use crate::stats::Tree;
-use crate::work::Funnel;
+use crate::stats::{Group, Tree};
 
 /// A pass, a dispatch, transfers or scan-out on one machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,8 +109,7 @@ fn pass(report: &PhaseReport, places: &HashMap<&str, u32>) -> Pass {
         }
     };
     if let Some(counts) = &report.counts {
-        let funnel = Funnel::NAMES.iter().zip(counts.funnel.values());
-        funnel.for_each(|(name, value)| put(&format!("funnel.{name}"), value));
+        counts.funnel.named().for_each(|(name, value)| put(&format!("funnel.{name}"), value));
         let mut path = String::new();
         counts.each(|(steps, of), name, value| {
             path.clear();

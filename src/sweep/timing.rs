@@ -13,7 +13,7 @@ use super::plan::{Plan, Planned};
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};
 use crate::run::replay::no_frames;
-use crate::run::stored_work::{Profiles, time_each};
+use crate::run::stored_work::{Profiles, Timing, time_each};
 use crate::trace::Trace;
 use crate::work::RenderKey;
 
@@ -193,12 +193,12 @@ impl Sweep<'_> {
                 frames: frames.into_iter().map(|f| f.1).collect(),
             })
         };
-        let configs: Vec<&Config> = group.iter().map(|(_, config)| config).collect();
+        let machines: Vec<Timing<'_>> = group.iter().map(|(_, config)| Timing { config, per_draw: false }).collect();
         let done = |machine: usize, frames| {
             let (number, config) = &group[machine];
             self.add(journal, &entry(*number, config, frames)?)
         };
-        let own = time_each(trace, &self.options(), &configs, &read, &done)?;
+        let own = time_each(trace, &self.options(), &machines, &read, &done)?;
         took.renderings += own.renderings;
         took.machines += group.len() as u64;
         took.kept_bytes = took.kept_bytes.max(own.kept_bytes);

@@ -3,6 +3,7 @@
 //! A frame is rendered once (once per render key), and timed again on machines that have more of one resource each ([`relax`]). What
 //! gains most holds it back. A unit that is busy is no proof: the cycles that it takes may hide behind another's.
 
+mod evidence;
 pub mod relax;
 
 use std::ops::Range;
@@ -11,16 +12,16 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Result, anyhow, bail};
 use serde_json::{Value, json};
 
+use crate::host::one_line;
 use crate::machine::{Config, FrameReport, Machine};
-use crate::mem::CacheCounts;
 use crate::num::Cycle;
 use crate::render::{self, FrameSet};
 use crate::run::replay::no_frames;
-use crate::run::stored_work::time_each;
-use crate::stats::{Cycles, Node, Tree};
+use crate::run::stored_work::{Timing, time_each};
 use crate::trace::Trace;
 use crate::work::RenderKey;
-use relax::{Relaxation, Resource, relaxations};
+use evidence::{Seen, evidence};
+use relax::{Relaxation, relaxations};
 
 /// Cycles of a frame, and of what was done in it one after another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,7 +39,7 @@ pub struct Gain {
     pub relaxation: Relaxation,
     /// The frame with it; or why the machine stopped.
     pub timed: Result<Timed, String>,
-    /// What was seen of the resource without the change, in words.
+    /// What was seen of the resource without the change, in words: in the phase that saves most, or in all where that is not known.
     pub evidence: String,
 }
 
@@ -66,11 +67,15 @@ impl Gain {
 
     /// The phase that saves most cycles: its name, and the share that it saves. None where the two machines have different phases.
     pub fn most<'t>(&self, base: &'t Timed) -> Option<(&'t str, f64)> {
-        let timed = self.timed.as_ref().ok()?;
-        let pairs = pairs(base, timed)?;
-        let (name, before, after) = pairs.into_iter().max_by_key(|(_, before, after)| *before as i64 - *after as i64)?;
-        Some((name, gain(before, after)))
+        most(base, self.timed.as_ref().ok()?).map(|(_, name, share)| (name, share))
     }
+}
+
+/// The phase that saves most cycles: its place, its name, and the share that it saves.
+fn most<'t>(before: &'t Timed, after: &Timed) -> Option<(usize, &'t str, f64)> {
+    let pairs = pairs(before, after)?.into_iter().enumerate();
+    let (at, (name, before, after)) = pairs.max_by_key(|(_, (_, before, after))| *before as i64 - *after as i64)?;
+    Some((at, name, gain(before, after)))
 }
 
 fn gain(before: Cycle, after: Cycle) -> f64 {
@@ -85,42 +90,39 @@ fn pairs<'t>(before: &'t Timed, after: &Timed) -> Option<Vec<(&'t str, Cycle, Cy
     same.then(|| before.phases.iter().zip(&after.phases).map(side).collect())
 }
 
-fn add(frames: Vec<(Timed, Tree)>) -> Timed {
+/// The cycles of frames, and of their phases.
+fn add(frames: &[FrameReport]) -> Timed {
     let mut sum = Timed::default();
-    for (frame, _) in frames {
+    for frame in frames {
         sum.cycles += frame.cycles;
-        sum.phases.extend(frame.phases);
+        sum.phases.extend(frame.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)));
     }
     sum
 }
 
-/// A frame's cycles, and all its statistics.
-type Read = (Timed, Tree);
+/// A machine's time, or why it stopped; of the machine that comes first also its frames, with each draw.
+type Ran = Result<(Timed, Vec<FrameReport>), String>;
 
-/// A machine's frames, or why it stopped.
-type Ran = Result<Vec<Read>, String>;
-
-/// Times frames on machines, by render key; gives each machine's frames, or why it stopped, and the number of renderings.
+/// Times frames on machines, by render key; gives what each came to, and the number of renderings.
 fn time(trace: &Trace, frames: &Range<u32>, configs: &[&Config], progress: &(dyn Fn() + Sync)) -> Result<(Vec<Ran>, u64)> {
     let options = render::Options { frames: FrameSet::from(frames.clone()), ..render::Options::default() };
-    let read = |frame: FrameReport| {
-        let phases = frame.phases.iter().map(|phase| (phase.phase.to_string(), phase.cycles)).collect();
-        (Timed { cycles: frame.cycles, phases }, frame.tree)
-    };
     let mut keys: Vec<RenderKey> = Vec::new();
     for key in configs.iter().map(|config| config.render_key()) {
         if !keys.contains(&key) {
             keys.push(key);
         }
     }
-    let results: Mutex<Vec<Ran>> = Mutex::new(configs.iter().map(|_| Ok(Vec::new())).collect());
+    let results: Mutex<Vec<Ran>> = Mutex::new(configs.iter().map(|_| Ok(Default::default())).collect());
     let mut renderings = 0;
     for key in keys {
         let own: Vec<usize> = (0..configs.len()).filter(|&at| configs[at].render_key() == key).collect();
-        let machines: Vec<&Config> = own.iter().map(|&at| configs[at]).collect();
-        let done = |at: usize, frames: Result<Vec<Read>>| {
-            let frames = frames.map_err(|error| format!("{error:#}"));
-            results.lock().unwrap_or_else(PoisonError::into_inner)[own[at]] = frames;
+        let machines: Vec<Timing<'_>> = own.iter().map(|&at| Timing { config: configs[at], per_draw: at == 0 }).collect();
+        // Pictures are not needed any more.
+        let read = |frame: FrameReport| FrameReport { picture: None, ..frame };
+        let done = |at: usize, frames: Result<Vec<FrameReport>>| {
+            let kept = |frames: Vec<FrameReport>| (add(&frames), if own[at] == 0 { frames } else { Vec::new() });
+            let ran = frames.map(kept).map_err(|error| format!("{error:#}"));
+            results.lock().unwrap_or_else(PoisonError::into_inner)[own[at]] = ran;
             progress();
             Ok(())
         };
@@ -143,20 +145,19 @@ pub fn why(trace: &Trace, config: &Config, frames: Range<u32>, progress: &(dyn F
     let told = || progress(all);
     let (results, renderings) = time(trace, &frames, &machines, &told)?;
     let mut results = results.into_iter();
-    let base = results.next().unwrap_or_else(|| Ok(Vec::new())).map_err(|error| anyhow!("{error}"))?;
-    if base.is_empty() {
-        bail!("the trace has {}", no_frames(trace, &frames)?);
-    }
-    let tree = Tree::weighted(&base.iter().map(|(_, tree)| (1.0, tree)).collect::<Vec<_>>()).banks_summed();
-    let base = add(base);
-    let mut gains: Vec<Gain> = relaxed
-        .into_iter()
-        .zip(results)
-        .map(|((relaxation, _), timed)| {
-            let evidence = evidence(&relaxation, &tree);
-            Gain { relaxation, timed: timed.map(add), evidence }
-        })
-        .collect();
+    let first = results.next().unwrap_or_else(|| Ok(Default::default()));
+    let (base, reports) = first.map_err(|error| anyhow!("{error}"))?;
+    let Some(report) = reports.first() else { bail!("the trace has {}", no_frames(trace, &frames)?) };
+    let machine = evidence::Machine::of(config, report);
+    let (phases, all): (Vec<Seen>, Seen) = (reports.iter().flat_map(Seen::phases).collect(), Seen::frames(&reports));
+    let told = |(relaxation, timed): (Relaxation, Result<Timed, String>)| {
+        let place = timed.as_ref().ok().and_then(|timed| most(&base, timed)).map(|(at, ..)| at);
+        let seen = place.and_then(|at| phases.get(at)).unwrap_or(&all);
+        let evidence = evidence(&relaxation, seen, &machine);
+        Gain { relaxation, timed, evidence }
+    };
+    let timed = results.map(|ran| ran.map(|(timed, _)| timed));
+    let mut gains: Vec<Gain> = relaxed.into_iter().map(|(relaxation, _)| relaxation).zip(timed).map(told).collect();
     let rank = |gain: &Gain| gain.timed.as_ref().map_or(Cycle::MAX, |timed| timed.cycles);
     gains.sort_by_key(rank);
     Ok(Why { base, gains, renderings })
@@ -167,70 +168,41 @@ fn bank(section: &str) -> &str {
     if section == "memory" { "dram" } else { section }
 }
 
-/// What was seen of a resource on the machine as it is.
-fn evidence(relaxation: &Relaxation, tree: &Tree) -> String {
-    let cycles = |unit: &str| tree.group::<Cycles>(&format!("units.{unit}"));
-    let share = |unit: &str, of: fn(&Cycles) -> u64| {
-        let cycles = cycles(unit);
-        100.0 * of(&cycles) as f64 / cycles.total().max(1) as f64
-    };
-    let unit = bank(relaxation.section);
-    match relaxation.resource {
-        Resource::Cache => {
-            let cache = match relaxation.section {
-                "fetch" => "vertex",
-                "route" => "position",
-                "memory.l2" => "l2",
-                own => own,
-            };
-            let CacheCounts { hits, accesses: all, .. } = tree.group(&format!("caches.{cache}"));
-            let share = 100.0 * hits as f64 / all.max(1) as f64;
-            if all > 0 { format!("{share:.1} % of {all} lookups hit") } else { String::new() }
-        }
-        Resource::MemoryLatency => {
-            let mut waits: Vec<(&str, f64)> = Vec::new();
-            if let Some(Node::Tree(units)) = tree.get("units") {
-                waits.extend(units.entries().map(|(name, _)| (name, share(name, |cycles| cycles.memory))));
-            }
-            waits.sort_by(|a, b| b.1.total_cmp(&a.1));
-            let text = |(name, share): &(&str, f64)| format!("{name} {share:.0} %");
-            let most: Vec<String> = waits.iter().take(3).filter(|wait| wait.1 >= 1.0).map(text).collect();
-            if most.is_empty() { String::new() } else { format!("cycles in which units wait for memory: {}", most.join(", ")) }
-        }
-        Resource::MemoryBandwidth => {
-            let busy = share("dram", |cycles| cycles.busy);
-            if busy > 0.0 { format!("dram is busy in {busy:.0} % of the cycles") } else { String::new() }
-        }
-        Resource::Rate | Resource::Room | Resource::Units if cycles(unit).busy > 0 => format!(
-            "{unit}: busy {:.0} %, starved {:.0} %, blocked {:.0} %, waits for memory {:.0} %",
-            share(unit, |cycles| cycles.busy),
-            share(unit, |cycles| cycles.starved),
-            share(unit, |cycles| cycles.blocked),
-            share(unit, |cycles| cycles.memory)
-        ),
-        _ => String::new(),
+/// Evidence without what has been told before: all of it, or what stands in brackets.
+fn once(evidence: &str, told: &[String]) -> String {
+    let known = |text: &str| told.iter().any(|before| before.contains(text));
+    match evidence.find(" (").zip(evidence.find(')')) {
+        _ if known(evidence) => String::new(),
+        Some((from, to)) if known(&evidence[from..=to]) => [&evidence[..from], &evidence[to + 1..]].concat(),
+        _ => evidence.to_owned(),
     }
 }
 
 impl Why {
-    /// The answer in one sentence; only changes that [`matter`](Gain::matters).
+    /// The answer in one sentence; only changes that [`matter`](Gain::matters). Each has what was seen of its resource without it.
     pub fn verdict(&self) -> String {
         let gains: Vec<&Gain> = self.gains.iter().filter(|gain| gain.matters(&self.base)).collect();
         let told = |gain: &Gain| {
             let share = gain.share(&self.base)?;
             let most = gain.most(&self.base).filter(|_| self.base.phases.len() > 1);
-            let place = most.map_or(String::new(), |(name, share)| format!(" (most in {name}: {:+.1} %)", -100.0 * share));
-            Some(format!("{} {:+.1} %{place}", gain.relaxation.title, -100.0 * share))
+            let place = most.map_or(String::new(), |(name, share)| format!(", in {} {:+.1} %", one_line(name), -100.0 * share));
+            let knob = gain.relaxation.knob().map_or(String::new(), |knob| format!(" (`{knob}`)"));
+            Some(format!("{}{knob} {:+.1} %{place}", gain.relaxation.title, -100.0 * share))
         };
-        let mut parts: Vec<String> = gains.iter().take(1).copied().filter_map(told).collect();
         // Beside the first, what is about another resource.
         let first = gains.first().map(|gain| (gain.relaxation.section, gain.relaxation.resource));
-        let other = |gain: &&&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
-        parts.extend(gains.iter().skip(1).filter(other).take(2).copied().filter_map(told));
-        let cores = gains.iter().skip(1).copied().find(|gain| gain.relaxation.title == "twice the cores");
-        if let Some(text) = cores.and_then(told).filter(|text| !parts.contains(text)) {
-            parts.push(text);
+        let other = |gain: &&Gain| Some((gain.relaxation.section, gain.relaxation.resource)) != first;
+        let named: Vec<&Gain> =
+            gains.iter().take(1).copied().chain(gains.iter().skip(1).copied().filter(other).take(2)).collect();
+        let mut parts: Vec<String> = Vec::new();
+        for gain in &named {
+            let seen = once(&gain.evidence, &parts);
+            let seen = if seen.is_empty() { seen } else { format!(": {seen}") };
+            parts.extend(told(gain).map(|text| text + &seen));
         }
+        // Whether cores that are busy limit the frame is what most ask.
+        let cores = gains.iter().copied().find(|gain| gain.relaxation.title == "twice the cores");
+        parts.extend(cores.filter(|cores| !named.iter().any(|gain| std::ptr::eq(*gain, *cores))).and_then(told));
         if parts.is_empty() { "no change alone gains 0.05 % or more".into() } else { parts.join("; ") }
     }
 
@@ -251,6 +223,7 @@ impl Why {
                     "cycles": gain.timed.as_ref().ok().map(|timed| timed.cycles),
                     "gain": gain.share(&self.base),
                     "phases": gain.timed.as_ref().ok().map(phases),
+                    "most_in": gain.most(&self.base).map(|(name, _)| name),
                     "evidence": gain.evidence,
                     "error": gain.timed.as_ref().err(),
                 })

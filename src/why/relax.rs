@@ -51,13 +51,22 @@ impl Relaxation {
         config.check().is_ok().then_some(config)
     }
 
+    /// The changes as `--set` takes them.
+    fn settings(&self) -> impl Iterator<Item = String> {
+        self.changes.iter().map(|(path, setting)| match setting {
+            Setting::Name(name) => format!("{path}={name}"),
+            other => format!("{path}={other}"),
+        })
+    }
+
     /// The change as the options of a replay.
     pub fn options(&self) -> String {
-        let option = |(path, setting): &(String, Setting)| match setting {
-            Setting::Name(name) => format!("--set {path}={name}"),
-            other => format!("--set {path}={other}"),
-        };
-        self.changes.iter().map(option).collect::<Vec<_>>().join(" ")
+        self.settings().map(|setting| format!("--set {setting}")).collect::<Vec<_>>().join(" ")
+    }
+
+    /// The knob and its value, where the change is one of a single knob.
+    pub fn knob(&self) -> Option<String> {
+        self.settings().next().filter(|_| self.changes.len() == 1)
     }
 }
 

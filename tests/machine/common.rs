@@ -164,7 +164,7 @@ pub fn frames_add_up(report: &MachineReport) {
 
 /// A tally's counters by path, the funnel's among them.
 fn counters(tally: &Tally) -> std::collections::BTreeMap<String, u64> {
-    let funnel = Funnel::NAMES.iter().zip(tally.funnel.values()).map(|(name, value)| (format!("funnel.{name}"), value));
+    let funnel = tally.funnel.named().map(|(name, value)| (format!("funnel.{name}"), value));
     let mut counters: std::collections::BTreeMap<_, _> = funnel.collect();
     tally.each(|(steps, of), name, value| {
         let path: Vec<&str> = steps.iter().copied().chain(of).chain([name]).collect();

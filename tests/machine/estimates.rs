@@ -10,6 +10,7 @@ use fillrate::render::Dependencies;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
 use fillrate::run::sample::survey::{ACCESSES, Count, Survey, survey_in_parts};
+use fillrate::stats::Group;
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
 
@@ -36,7 +37,7 @@ fn cycles(replay: &Replay) -> f64 {
 fn functional_runs_count_as_the_card_does() {
     for (scene, change) in [("cube", "depth.early=false"), ("town.zip", "command.cull=draws")] {
         let both = [Fidelity::Functional, Fidelity::Cycle].map(|fidelity| run(scene, fidelity, &[change]));
-        for name in Funnel::NAMES.iter().filter(|name| **name != "tiles_hiz_culled") {
+        for name in Funnel::DECLARATIONS.iter().map(|counter| counter.name).filter(|name| *name != "tiles_hiz_culled") {
             let [functional, cycle] = [0, 1].map(|at: usize| both[at].total.number(&format!("funnel.{name}")));
             assert_eq!(functional, cycle, "{change}: {name}");
         }

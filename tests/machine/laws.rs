@@ -11,6 +11,7 @@ use fillrate::machine::config::SortClass;
 use fillrate::machine::{Config, Machine, MachineError};
 use fillrate::num::Random;
 use fillrate::sim::Clock;
+use fillrate::stats::Group;
 use fillrate::synthetic::{Scene, events};
 use fillrate::unit::Fault;
 use fillrate::unit::sorting::Keep;
@@ -67,9 +68,9 @@ fn accounts_add_up_nothing_is_lost_and_clocks_agree_on_any_scene() {
             accounts_add_up(&report.total);
             frames_add_up(&report);
             conserved(&config, &report.total, fragments);
-            for (leaf, expected) in Funnel::NAMES.iter().zip(funnel.values()) {
+            for (leaf, expected) in funnel.named() {
                 // The renderer shades each vertex once and tests every quad; a machine forgets vertices and culls whole blocks.
-                if !matches!(*leaf, "vertices_shaded" | "tiles_hiz_culled") {
+                if !matches!(leaf, "vertices_shaded" | "tiles_hiz_culled") {
                     let path = format!("funnel.{leaf}");
                     assert_eq!(report.total.number(&path), Some(expected as f64), "{path} of {name} on {}", config.name);
                 }

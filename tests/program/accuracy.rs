@@ -48,7 +48,7 @@ fn the_page_has_every_target_and_no_failure() {
         let about = format!("### {} {}. Bound: {}. The fault", target.id, target.what, target.bound);
         assert!(
             page.contains(&about),
-            "{} is not in docs/data/accuracy.md as it is now: the page says how to write it anew",
+            "{} is not in docs/data/accuracy.md as it is now: docs/README.md says how to write it anew",
             target.id
         );
     }

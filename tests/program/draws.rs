@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use fillrate::report::summary::{bytes, grouped};
 use serde_json::Value;
 
 use crate::cli::{refused, run};
@@ -21,6 +22,18 @@ fn column(text: &str, name: &str) -> u64 {
     let mut rows = text.lines().map(|row| row.split(',').collect::<Vec<_>>());
     let at = rows.next().expect("a header").iter().position(|&field| field == name).expect(name);
     rows.map(|row| row[at].parse::<u64>().expect("a number")).sum()
+}
+
+/// Every counter stands in a text, by its value.
+fn told(value: &Value, path: &str, text: &str) {
+    match value {
+        Value::Object(map) => map.iter().for_each(|(name, value)| told(value, &format!("{path}.{name}"), text)),
+        value => {
+            let count = value.as_u64().expect("a count");
+            let readable = if path.ends_with("_bytes") { bytes(count as f64) } else { grouped(count) };
+            assert!(text.contains(&readable), "{path}: {text}");
+        }
+    }
 }
 
 #[test]
@@ -57,6 +70,35 @@ fn draws_add_up_to_their_passes_in_every_file_and_change_nothing_else() {
     assert_eq!(draws.lines().count(), drawn + 1);
     assert_eq!(passes, fs::read_to_string(without.join("passes.csv")).expect("a table"));
     assert!(!without.join("draws.csv").exists());
+
+    // All of it stands on the terminal, too, when it is asked for.
+    let statistics: Value = serde_json::from_slice(&fs::read(with.join("stats.json")).expect("statistics")).expect("JSON");
+    let folder = with.display().to_string();
+    let pass = &statistics["frames"][0]["phases"][1];
+    let draw = pass["draws"].as_array().expect("draws").iter().find(|draw| draw["number"] == 397).expect("a draw");
+    for (asked, part) in [(["--phase", "pass 0"], pass), (["--draw", "397"], draw)] {
+        let (code, text, message) = run(&[&["report", &folder], &asked[..]].concat());
+        assert_eq!(code, 0, "{message}");
+        for name in ["funnel", "units", "caches", "shading", "memory"] {
+            told(&part[name], name, &text);
+        }
+        assert!(text.contains(&format!(": {} cycles, ", grouped(part["cycles"].as_u64().expect("cycles")))), "{text}");
+    }
+    let (_, text, _) = run(&["report", &folder, "--phase", "all"]);
+    for phase in ["transfers of frame 0: ", "pass 0 of frame 0: ", "scan-out of frame 0: "] {
+        assert!(text.contains(phase), "{text}");
+    }
+    for (asked, told) in [
+        (&["--phase", "pass 7"][..], "has no phase `pass 7`: it has `transfers`, `pass 0`, `scan-out`"),
+        (&["--draw", "398"], "has no draw 398: its draws are 0 to 397"),
+        (&["--phase", "all", "--frame", "1"], "has no frame 1"),
+        (&["--frame", "0"], "--frame applies to --phase and --draw only"),
+    ] {
+        let message = refused(&[&["report", &folder], asked].concat());
+        assert!(message.contains(told), "{message}");
+    }
+    let message = refused(&["report", &without.display().to_string(), "--draw", "0"]);
+    assert!(message.contains("replay with --per-draw"), "{message}");
 
     // Draws of an earlier replay do not survive.
     replayed(&with, &[]);

@@ -11,6 +11,7 @@ use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::picture::{Difference, TOLERANCE, picture};
 use fillrate::run::replay::{Fidelity, Frame, Options, Replay, replay};
+use fillrate::stats::Group;
 use fillrate::work::Funnel;
 use image::RgbaImage;
 
@@ -229,7 +230,7 @@ fn machines_agree(cases: &[Case]) {
                 let bytes = |frame: &Frame| frame.shown.as_ref().map(|(_, bytes)| bytes.clone());
                 assert!(bytes(a) == bytes(b), "{} on {card}: frame {} differs", case.name, a.number);
             }
-            for name in Funnel::NAMES.iter().filter(|name| !OF_MACHINES.contains(name)) {
+            for name in Funnel::DECLARATIONS.iter().map(|counter| counter.name).filter(|name| !OF_MACHINES.contains(name)) {
                 let count = |replay: &Replay| replay.total.number(&format!("funnel.{name}"));
                 assert_eq!(count(&functional), count(&cycle), "{} on {card}: {name}", case.name);
             }

@@ -83,6 +83,11 @@ fn the_numbers_of_a_page_are_those_of_the_json() {
                 assert_eq!(text.replace(',', ""), value.to_string(), "{name}: {path}");
             }
         }
+        // How much a unit is used is no reason.
+        assert!(
+            page.contains(">limit of its pass<") && page.contains(">most used<") && !page.contains("usiest unit"),
+            "{name}"
+        );
         for asked in ["http://", "https://", "@import", "url("] {
             let page =
                 page.replace("xmlns=\"http://www.w3.org/2000/svg\"", "").replace("url(#plain)", "").replace("url(#sorts)", "");

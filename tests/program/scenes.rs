@@ -2,6 +2,7 @@
 
 use fillrate::accuracy::scenes::{self, SCENES};
 use fillrate::accuracy::{Row, Setting, Size};
+use fillrate::machine::config::SortClass;
 
 fn play(inject_fault: bool) -> Vec<scenes::Outcome> {
     scenes::run(SCENES, &Setting { seed: 1, size: Size::Small, inject_fault }).unwrap_or_else(|error| panic!("{error:#}"))
@@ -11,9 +12,10 @@ fn play(inject_fault: bool) -> Vec<scenes::Outcome> {
 fn every_scene_holds_on_every_class() {
     for outcome in play(false) {
         assert!(outcome.holds(), "{}", scenes::text(&outcome));
-        assert_eq!(outcome.played.prices.len(), 5, "{}", outcome.scene.name);
+        assert_eq!(outcome.played.prices.len(), SortClass::ALL.len(), "{}", outcome.scene.name);
         // Only sort-last-image may name passes whose order it does not keep.
-        let unordered = outcome.played.prices.iter().filter(|price| price.disordered > 0 && price.class != "sort-last-image");
+        let unordered =
+            outcome.played.prices.iter().filter(|price| price.disordered > 0 && price.class != SortClass::LastImage);
         assert_eq!(unordered.count(), 0, "{}", outcome.scene.name);
     }
 }
@@ -42,7 +44,11 @@ fn the_page_has_every_scene_and_its_picture() {
     let page = std::fs::read_to_string(folder.join("techniques.md")).expect("the page is there");
     for scene in SCENES {
         let about = format!("{} Fault: {}.", scene.what, scene.fault);
-        assert!(page.contains(&about), "{} is not on the page as it is now: the page says how to write it anew", scene.name);
+        assert!(
+            page.contains(&about),
+            "{} is not on the page as it is now: docs/README.md says how to write it anew",
+            scene.name
+        );
         assert!(folder.join("techniques").join(format!("{}.png", scene.name)).is_file(), "{} has no picture", scene.name);
     }
     assert!(!page.contains("FAIL"));

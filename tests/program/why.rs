@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fillrate::machine::Config;
+use fillrate::report::summary::grouped;
 use fillrate::run::replay::{Fidelity, Options, replay};
 use fillrate::trace::Trace;
 use fillrate::why::why;
@@ -66,6 +67,41 @@ fn found(machines: &[(&str, &[&str], &str)]) {
         let promised = first.timed.as_ref().expect("it ran").cycles;
         assert_eq!(cycles(&relaxed), Some(promised as f64), "{scarce:?}");
     }
+}
+
+#[test]
+fn the_verdict_has_what_was_counted_and_the_knobs_to_set() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    assert_eq!(run(&["replay", "traces/town.zip", "--per-draw", "--out", &out]).0, 0);
+    let json = std::fs::read(home.path().join("stats.json")).expect("statistics");
+    let json: serde_json::Value = serde_json::from_slice(&json).expect("JSON");
+    let pass = &json["frames"][0]["phases"][1];
+    let count = |path: &str| pass.pointer(path).and_then(serde_json::Value::as_u64).expect(path);
+    let draws = pass["draws"].as_array().expect("draws").iter().filter(|draw| !draw["number"].is_null()).count();
+    let requests = ["index", "vertex"].map(|client| grouped(count(&format!("/memory/clients/{client}/requests"))));
+
+    let file = home.path().join("why.json").display().to_string();
+    let (code, text, message) = run(&["why", "traces/town.zip", "--json", &file]);
+    assert_eq!(code, 0, "{message}");
+    let verdict = text.lines().nth(2).expect("a verdict");
+    let outside = [count("/funnel/culled_frustum"), count("/funnel/primitives_in")].map(grouped);
+    for told in [
+        "draws and instances culled by their bounds (`command.cull=instances`) -".to_owned(),
+        format!(": {} of {} primitives of {draws} draws are out of view; ", outside[0], outside[1]),
+        format!(
+            ": fetch waits for memory in {:.0} % of its cycles ({} requests for indices and {} for attributes, by {draws} draws of ",
+            100.0 * count("/units/fetch/memory") as f64 / count("/cycles") as f64,
+            requests[0],
+            requests[1]
+        ),
+        "; twice the cores (`core.per_pipeline=2`) -".to_owned(),
+    ] {
+        assert!(verdict.contains(&told), "{told}\n{verdict}");
+    }
+    assert_eq!(verdict.matches("requests for indices").count(), 1, "{verdict}");
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).expect("a file")).expect("JSON");
+    assert_eq!(found["changes"][0]["most_in"], "pass 0");
 }
 
 #[test]

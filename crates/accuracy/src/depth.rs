@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 
-use super::harness::{config, figure, replay, sum, wrong_pixels};
+use super::harness::{config, counts, funnel, replay, wrong_pixels};
 use super::{Row, Section, Setting, Target};
 use gfx::codec;
 use gfx::format::Format;
@@ -10,10 +10,14 @@ use gfx::reference;
 use gfx::setup::{self, Bounds, DepthBias, ScreenVertex, SetupState, Triangle};
 use gfx::state::{Compare, CullMode, FrontFace};
 use gfx::texel::depth_code;
-use machine::Config;
+use machine::{Config, MachineReport};
+use mem::{CLIENTS, ClientCounts};
 use num::Random;
 use stats::Tree;
 use synthetic::Scene;
+use unit::block_cache::{BlockCounts, ROP};
+use unit::depth::DepthCounts;
+use unit::traverse::{TRAVERSAL, TraverseCounts};
 
 /// Targets of the section, in order.
 pub const TARGETS: &[Target] = &[HARMONIC, HIZ, FAST_CLEAR, PLANE_CODEC];
@@ -119,7 +123,7 @@ fn writes(setting: &Setting, mut scene: Scene) -> Result<f64> {
         scene.shapes[0] = [[0.0; 2]; 3];
     }
     let report = replay(&machine(true, "write")?, &scene)?;
-    Ok(figure(&report.total, "funnel.fragments_written")? / f64::from(scene.width * scene.height))
+    Ok(funnel(&report.total)?.fragments_written as f64 / f64::from(scene.width * scene.height))
 }
 
 /// Numbers of layers, and the edge of the image.
@@ -152,13 +156,13 @@ fn hierarchical(setting: &Setting) -> Result<Vec<Row>> {
         let with = replay(&machine(true, update)?, &scene)?;
         let without = replay(&machine(false, update)?, &scene)?;
         let survivors = |tree: &Tree| -> Result<f64> {
+            let funnel = funnel(tree)?;
             // Two triangles make a layer of a block.
-            Ok((figure(tree, "funnel.tiles_visited")? - figure(tree, "funnel.tiles_hiz_culled")?) / (2.0 * blocks))
+            Ok((funnel.tiles_visited as f64 - funnel.tiles_hiz_culled as f64) / (2.0 * blocks))
         };
-        let passed = |tree: &Tree| -> Result<f64> {
-            Ok(figure(tree, "funnel.fragments_written")? / f64::from(scene.width * scene.height))
-        };
-        ensure!(figure(&without.total, "funnel.tiles_hiz_culled")? == 0.0, "hierarchical Z culls where it is switched off");
+        let passed =
+            |tree: &Tree| -> Result<f64> { Ok(funnel(tree)?.fragments_written as f64 / f64::from(scene.width * scene.height)) };
+        ensure!(funnel(&without.total)?.tiles_hiz_culled == 0, "hierarchical Z culls where it is switched off");
         let (mean, variance) = records(count);
         let measured = survivors(&with.total)?;
         rows.push(Row::within(format!("{count} layers: blocks let through"), mean, measured, 4.0 * (variance / blocks).sqrt()));
@@ -201,8 +205,7 @@ fn accepted(setting: &Setting, edge: u32) -> Result<Vec<Row>> {
         let wrong = wrong_pixels(&report)?;
         Ok((report.total, wrong))
     };
-    let read = |tree: &Tree| figure(tree, "memory.clients.depth.read_bytes");
-    let counted = |tree: &Tree, name: &str| sum(tree, "hierarchical.traverse", name);
+    let read = |tree: &Tree| Ok::<_, anyhow::Error>(counts::<ClientCounts>(tree, CLIENTS.named("depth"))?.read_bytes);
     let mut rows = Vec::new();
     let blocks = f64::from((edge / BLOCK).pow(2));
     for count in [4, 31] {
@@ -212,18 +215,20 @@ fn accepted(setting: &Setting, edge: u32) -> Result<Vec<Row>> {
         let (with, wrong) = run(true, &scene)?;
         let (without, _) = run(false, &scene)?;
         let name = format!("{count} layers that cover blocks whole");
-        rows.push(Row::exact(format!("{name}: accepted of a block"), changes, counted(&with, "accepted")? / blocks));
+        let accepted = counts::<TraverseCounts>(&with, TRAVERSAL)?.accepted as f64 / blocks;
+        rows.push(Row::exact(format!("{name}: accepted of a block"), changes, accepted));
         // The first layer finds all blocks cleared by flag, and the others in memory.
-        let overwritten = sum(&with, "rop.depth", "overwritten")? / blocks;
+        let overwritten = counts::<BlockCounts>(&with, ROP.named("depth"))?.overwritten as f64 / blocks;
         rows.push(Row::exact(format!("{name}: written over without a look of a block"), changes - 1.0, overwritten));
-        rows.push(Row::none(format!("{name}: bytes of depth read"), read(&with)? as u64));
-        rows.push(Row::at_least(format!("{name}: bytes of depth read where none is accepted"), 1.0, read(&without)?));
-        rows.push(Row::none(format!("{name}: accepted samples that fail"), sum(&with, "rop.depth", "accepted_failed")? as u64));
+        rows.push(Row::none(format!("{name}: bytes of depth read"), read(&with)?));
+        rows.push(Row::at_least(format!("{name}: bytes of depth read where none is accepted"), 1.0, read(&without)? as f64));
+        let failed = counts::<DepthCounts>(&with, ROP.named("depth"))?.accepted_failed;
+        rows.push(Row::none(format!("{name}: accepted samples that fail"), failed));
         rows.push(Row::none(format!("{name}: pixels not those of API order"), wrong));
     }
     let scene = in_random_order(edge, 4, setting.seed);
     let (with, wrong) = run(true, &scene)?;
-    rows.push(Row::at_least("layers that cover blocks in part: bytes of depth read", 1.0, read(&with)?));
+    rows.push(Row::at_least("layers that cover blocks in part: bytes of depth read", 1.0, read(&with)? as f64));
     rows.push(Row::none("layers that cover blocks in part: pixels not those of API order", wrong));
     Ok(rows)
 }
@@ -233,7 +238,7 @@ fn fast_clear(setting: &Setting) -> Result<Vec<Row>> {
     // One triangle in one block: all others are only cleared.
     let mut scene = layers(BLOCK, |_| vec![0.5]);
     (scene.width, scene.height) = (edge, edge);
-    let run = |by_flag: bool, rate: u32, scene: &Scene| -> Result<Tree> {
+    let run = |by_flag: bool, rate: u32, scene: &Scene| -> Result<MachineReport> {
         let changes = [
             "pipelines=1",
             "memory.kind=ideal",
@@ -241,30 +246,28 @@ fn fast_clear(setting: &Setting) -> Result<Vec<Row>> {
             &format!("color.fast_clear={by_flag}"),
             &format!("color.clears_per_cycle={rate}"),
         ];
-        Ok(replay(&config("baseline", &changes)?, scene)?.total)
+        replay(&config("baseline", &changes)?, scene)
     };
     let by_flag = run(!setting.inject_fault, 1, &scene)?;
     let faster = run(!setting.inject_fault, 2, &scene)?;
     let in_memory = run(false, 1, &scene)?;
     let (blocks, pixels) = (f64::from((edge / BLOCK).pow(2)), f64::from(edge * edge));
-    let bytes = |tree: &Tree, client: &str, way: &str| figure(tree, &format!("memory.clients.{client}.{way}_bytes"));
-    let cycles = |tree: &Tree| figure(tree, "cycles");
+    let client = |report: &MachineReport, name| counts::<ClientCounts>(&report.total, CLIENTS.named(name));
+    let rop = |report: &MachineReport, name| counts::<BlockCounts>(&report.total, ROP.named(name));
+    let written = |report: &MachineReport| Ok::<_, anyhow::Error>(client(report, "command")?.write_bytes as f64);
     let mut rows = vec![
-        Row::exact("by flag: bytes written by clears", 0.0, bytes(&by_flag, "command", "write")?),
+        Row::exact("by flag: bytes written by clears", 0.0, written(&by_flag)?),
         // Colour and depth.
-        Row::exact("by flag: cycles a block and surface", 1.0, (cycles(&by_flag)? - cycles(&faster)?) / blocks),
-        Row::exact("in memory: bytes written by clears", 2.0 * 4.0 * pixels, bytes(&in_memory, "command", "write")?),
+        Row::exact("by flag: cycles a block and surface", 1.0, (by_flag.cycles as f64 - faster.cycles as f64) / blocks),
+        Row::exact("in memory: bytes written by clears", 2.0 * 4.0 * pixels, written(&in_memory)?),
     ];
-    for client in ["depth", "color"] {
-        rows.push(Row::exact(format!("by flag: bytes of {client} read"), 0.0, bytes(&by_flag, client, "read")?));
-        let rop = format!("rop.{client}");
-        rows.push(Row::exact(
-            format!("by flag: blocks of {client} filled from flags"),
-            1.0,
-            sum(&by_flag, &rop, "cleared_fills")?,
-        ));
-        rows.push(Row::exact(format!("by flag: blocks of {client} written back"), 1.0, sum(&by_flag, &rop, "write_backs")?));
-        rows.push(Row::exact(format!("in memory: blocks of {client} read"), 1.0, sum(&in_memory, &rop, "fills")?));
+    for name in ["depth", "color"] {
+        let (flagged, loaded) = (rop(&by_flag, name)?, rop(&in_memory, name)?);
+        let read = client(&by_flag, name)?.read_bytes;
+        rows.push(Row::exact(format!("by flag: bytes of {name} read"), 0.0, read as f64));
+        rows.push(Row::exact(format!("by flag: blocks of {name} filled from flags"), 1.0, flagged.cleared_fills as f64));
+        rows.push(Row::exact(format!("by flag: blocks of {name} written back"), 1.0, flagged.write_backs as f64));
+        rows.push(Row::exact(format!("in memory: blocks of {name} read"), 1.0, loaded.fills as f64));
     }
     Ok(rows)
 }
@@ -348,6 +351,7 @@ fn plane_codec(setting: &Setting) -> Result<Vec<Row>> {
     (scene.width, scene.height, scene.triangles, scene.segments) = (64, 64, 1, 1);
     scene.shapes = vec![[[-1.0, -1.0], [200.0, -1.0], [-1.0, 200.0]]];
     let total = replay(&config("baseline", &["memory.kind=ideal"])?, &scene)?.total;
-    rows.push(Row::exact("blocks that a machine writes compressed", 64.0, sum(&total, "rop.depth", "compressed")?));
+    let compressed = counts::<BlockCounts>(&total, ROP.named("depth"))?.compressed;
+    rows.push(Row::exact("blocks that a machine writes compressed", 64.0, compressed as f64));
     Ok(rows)
 }

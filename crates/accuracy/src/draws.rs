@@ -140,7 +140,8 @@ impl Sheet {
     }
 }
 
-/// What the renderer leaves of a trace for machines.
+/// What the renderer leaves of a trace for machines. It is rendered on the threads of the caller: whether the work is the same on any number of
+/// them is asked of this.
 ///
 /// # Errors
 /// If it cannot be rendered.

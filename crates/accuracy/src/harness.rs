@@ -3,10 +3,10 @@
 use anyhow::{Context, Result, ensure};
 
 use machine::{Config, Machine, MachineReport};
-use sim::Clock;
-use stats::{Node, Tree};
+use sim::{Clock, UNITS, UnitCounts};
+use stats::{Group, Heading, Tree};
 use synthetic::{Scene, events};
-use work::{Event, Shade};
+use work::{Event, FUNNEL, Funnel, Shade};
 
 /// A built-in configuration with changes.
 ///
@@ -38,21 +38,40 @@ pub fn replay(config: &Config, scene: &Scene) -> Result<MachineReport> {
     run(config, events(&Scene { covered, ..scene.clone() }))
 }
 
-/// The figure at a path of the statistics. Checks read what is printed, under the name under which it is printed.
+/// What each unit under a heading has counted; units of all names where the heading is given none.
+///
+/// # Errors
+/// If nothing stands there, or a unit has none of the counters: a check must not take for 0 what nothing has counted.
+pub fn each<G: Group>(tree: &Tree, heading: Heading) -> Result<Vec<G>> {
+    let found = heading.find(tree);
+    let counted = |counts: &Tree| G::DECLARATIONS.iter().any(|counter| counts.get(counter.name).is_some());
+    let all = !found.is_empty() && found.iter().all(|counts| counted(counts));
+    ensure!(all, "the statistics have no such counters under {heading}");
+    Ok(found.into_iter().map(Tree::read).collect())
+}
+
+/// What all these units have counted together.
+///
+/// # Errors
+/// As [`each`].
+pub fn counts<G: Group>(tree: &Tree, heading: Heading) -> Result<G> {
+    Ok(each(tree, heading)?.into_iter().sum())
+}
+
+/// The funnel of a run.
 ///
 /// # Errors
 /// If there is none.
-pub fn figure(tree: &Tree, path: &str) -> Result<f64> {
-    tree.number(path).with_context(|| format!("the statistics have no {path}"))
+pub fn funnel(tree: &Tree) -> Result<Funnel> {
+    counts(tree, FUNNEL)
 }
 
-/// The sum of one figure over the trees of a list, as `items` over `units.setup`.
+/// What went through all units of a kind.
 ///
 /// # Errors
-/// If there is no such list, or the figure is missing in one of its trees.
-pub fn sum(tree: &Tree, list: &str, leaf: &str) -> Result<f64> {
-    let Some(Node::List(trees)) = tree.get(list) else { anyhow::bail!("the statistics have no list {list}") };
-    trees.iter().map(|tree| figure(tree, leaf)).sum()
+/// If there is no such unit.
+pub fn items(tree: &Tree, units: &'static str) -> Result<f64> {
+    Ok(counts::<UnitCounts>(tree, UNITS.named(units))?.items as f64)
 }
 
 /// Pixels in which the pictures of a run differ from API order's.

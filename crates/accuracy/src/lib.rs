@@ -4,8 +4,8 @@
 //! that a replay runs, and leaves [`Row`]s of what was expected and what came out. With [`Setting::inject_fault`] a check spoils what it hands
 //! from one stage to the next, as its target says: then it must fail, which shows that it can.
 //!
-//! A new target is a constant beside its check, and a place in its section's list; `docs/data/accuracy.md` is then written anew by the
-//! command that it names.
+//! A new target is a constant beside its check, and a place in its section's list; `docs/data/accuracy.md` is then written anew, as
+//! `docs/README.md` says.
 
 pub mod attila;
 pub mod classes;

@@ -1,13 +1,12 @@
 //! What two machines are compared by: work as each has counted it.
 
-use mem::{CacheCounts, ClientCounts};
-use run::functional::funnel_of;
-use sim::UnitCounts;
+use mem::{CACHES, CLIENTS, CacheCounts, ClientCounts};
+use sim::{UNITS, UnitCounts};
 use stats::Tree;
-use unit::bin::BinCounts;
-use unit::command::CommandCounts;
-use unit::core::CoreCounts;
-use work::Funnel;
+use unit::bin::{BINNING, BinCounts};
+use unit::command::{COMMANDS, CommandCounts};
+use unit::core::{CORES, CoreCounts};
+use work::{FUNNEL, Funnel};
 
 /// What of the statistics a comparison is about: its name, and how it is read from them.
 #[derive(Clone, Copy, Debug)]
@@ -23,20 +22,20 @@ const fn measure(name: &'static str, read: fn(&Tree) -> u64) -> Measure {
     Measure { name, read }
 }
 
-fn client(total: &Tree, name: &str) -> ClientCounts {
-    total.group(&format!("memory.clients.{name}"))
+fn client(total: &Tree, name: &'static str) -> ClientCounts {
+    CLIENTS.named(name).sum(total)
 }
 
-fn cache(total: &Tree, name: &str) -> CacheCounts {
-    total.group(&format!("caches.{name}"))
+fn cache(total: &Tree, name: &'static str) -> CacheCounts {
+    CACHES.named(name).sum(total)
 }
 
-fn items(total: &Tree, units: &str) -> u64 {
-    total.group::<UnitCounts>(&format!("units.{units}")).items
+fn items(total: &Tree, units: &'static str) -> u64 {
+    UNITS.named(units).sum::<UnitCounts>(total).items
 }
 
 fn funnel(total: &Tree) -> Funnel {
-    funnel_of(total)
+    FUNNEL.sum(total)
 }
 
 /// Fragments whose shader has run.
@@ -66,10 +65,10 @@ pub const CLEARED: Measure = measure("bytes to memory", |total| {
 pub const COMPOSED: Measure = measure("bytes written", |total| client(total, "compose").write_bytes);
 
 /// Tiles that a machine with bins has drawn.
-pub const TILES_DRAWN: Measure = measure("tiles drawn", |total| total.group::<BinCounts>("binning").tiles);
+pub const TILES_DRAWN: Measure = measure("tiles drawn", |total| BINNING.sum::<BinCounts>(total).tiles);
 
 /// Passes that pipelines have drawn.
-pub const PASSES_DRAWN: Measure = measure("passes drawn", |total| total.group::<CommandCounts>("command").passes);
+pub const PASSES_DRAWN: Measure = measure("passes drawn", |total| COMMANDS.sum::<CommandCounts>(total).passes);
 
 /// Lookups of the cache of attributes.
 pub const ATTRIBUTE_LOOKUPS: Measure = measure("lines of attributes looked up", |total| cache(total, "vertex").accesses);
@@ -79,6 +78,6 @@ pub const TEXTURE_LOOKUPS: Measure = measure("lines of textures looked up", |tot
 
 /// Instructions that warps have issued.
 pub const INSTRUCTIONS: Measure = measure("instructions", |total| {
-    let core: CoreCounts = total.group("shading.core");
+    let core: CoreCounts = CORES.sum(total);
     core.float + core.integer + core.special + core.control
 });

@@ -7,12 +7,12 @@ use anyhow::Result;
 use super::measure::{self, Measure};
 use machine::Config;
 use render::{self, Skips};
-use run::functional::funnel_of;
 use run::host::Stopwatch;
 use run::machines::{self, Ran};
 use sim::Clock;
+use stats::Group;
 use trace::Trace;
-use work::{Event, Funnel, RenderKey};
+use work::{Event, FUNNEL, Funnel, RenderKey};
 
 /// How a skip is switched off.
 #[derive(Clone, Copy, Debug)]
@@ -324,8 +324,8 @@ impl HostTimes {
 
 /// The first counter that differs: none may.
 fn differing(on: &Funnel, off: &Funnel) -> Option<String> {
-    let mut counts = Funnel::NAMES.iter().zip(on.values().into_iter().zip(off.values()));
-    counts.find(|(_, (on, off))| on != off).map(|(name, _)| format!("funnel.{name}"))
+    let mut counts = on.named().zip(off.values());
+    counts.find(|&((_, on), off)| on != off).map(|((name, _), _)| format!("{FUNNEL}.{name}"))
 }
 
 /// What differs between two replays that must be the same, beside what the skip is about.
@@ -336,7 +336,7 @@ fn differs(skip: &Skip, on: &Ran, off: &Ran) -> Option<String> {
     if let Some((frame, _)) = on.shown.iter().zip(&off.shown).find(|(a, b)| a != b) {
         return Some(format!("picture of frame {}", frame.number));
     }
-    let [on, off] = [on, off].map(|ran| kept(skip, funnel_of(&ran.total)));
+    let [on, off] = [on, off].map(|ran| kept(skip, FUNNEL.sum(&ran.total)));
     differing(&on, &off)
 }
 
@@ -351,7 +351,7 @@ pub(super) struct Rendered {
     time: Duration,
 }
 
-/// Renders without recording.
+/// Renders without recording. No rendering is shared: what is measured is the renderer itself, its time and what it leaves out.
 ///
 /// # Errors
 /// If the trace cannot be rendered.

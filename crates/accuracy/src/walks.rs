@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use crate::harness::{config, figure, run, sum, wrong_pixels};
+use crate::harness::{config, counts, run, wrong_pixels};
 use crate::{Row, Section, Setting, Target};
 use machine::config::SortClass;
 use synthetic::{Scene, events};
+use unit::traverse::{TRAVERSAL, TraverseCounts};
 use work::{Event, Shade};
 
 pub const WALKS: Target = Target {
@@ -30,7 +31,7 @@ fn scene(edge: u32, legs: u32) -> Scene {
 }
 
 /// Tests, pixels that are not those of API order, and cycles.
-fn walked(class: &str, tile: u32, walk: &str, scene: &Scene, fault: bool) -> Result<[f64; 3]> {
+fn walked(class: SortClass, tile: u32, walk: &str, scene: &Scene, fault: bool) -> Result<[f64; 3]> {
     let changes = [
         "pipelines=1",
         "geometry_units=1",
@@ -40,7 +41,7 @@ fn walked(class: &str, tile: u32, walk: &str, scene: &Scene, fault: bool) -> Res
         &format!("bin.tile={tile}"),
         &format!("traverse.walk={walk}"),
     ];
-    let config = config(class, &changes)?;
+    let config = config(class.name(), &changes)?;
     let covered = config.render_key().shade == Shade::Covered;
     let mut events = events(&Scene { covered, ..scene.clone() });
     for event in events.iter_mut().filter(|_| fault) {
@@ -54,22 +55,22 @@ fn walked(class: &str, tile: u32, walk: &str, scene: &Scene, fault: bool) -> Res
         }
     }
     let report = run(&config, events)?;
-    let tested = sum(&report.total, "hierarchical.traverse", "tested")?;
-    Ok([tested, wrong_pixels(&report)? as f64, figure(&report.total, "cycles")?])
+    let TraverseCounts { tested, .. } = counts(&report.total, TRAVERSAL)?;
+    Ok([tested, wrong_pixels(&report)?, report.cycles].map(|count| count as f64))
 }
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
     let fault = setting.inject_fault;
     let mut rows = Vec::new();
     // In one tile, on all classes.
-    for class in SortClass::NAMES {
+    for &class in SortClass::ALL {
         for legs in [40_u32, 64] {
             let blocks = legs.div_ceil(8).pow(2);
             let closed =
                 [("blocks", blocks), ("rows", legs + legs * (legs - 1) / 2), ("box", legs * legs), ("reject", legs * legs)];
             for (walk, tests) in closed {
                 let [measured, wrong, _] = walked(class, 64, walk, &scene(64, legs), fault)?;
-                let case = format!("{class}, legs of {legs}, {walk}");
+                let case = format!("{}, legs of {legs}, {walk}", class.name());
                 rows.push(Row::exact(format!("{case}: tests"), tests.into(), measured));
                 rows.push(Row::exact(format!("{case}: pixels off API order"), 0.0, wrong));
             }
@@ -77,11 +78,11 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     }
     // Who reads lists of tiles walks a triangle once for each of them: of four tiles of 32 three are met.
     for (walk, tests) in [("box", 3 * 32 * 32), ("reject", 3 * 64 * 64)] {
-        let [measured, ..] = walked("sort-middle-binned", 32, walk, &scene(64, 64), fault)?;
+        let [measured, ..] = walked(SortClass::MiddleBinned, 32, walk, &scene(64, 64), fault)?;
         rows.push(Row::exact(format!("sort-middle-binned, three tiles of 32, {walk}: tests"), tests.into(), measured));
     }
     // Over many tiles, of which the upper left half is met; and cut by the target, all of whose pixels are covered.
-    let class = "sort-middle";
+    let class = SortClass::Middle;
     for (edge, legs) in [(256_u32, 256_u32), (64, 16_384)] {
         let met = legs.min(edge);
         let tiles = if legs <= edge { legs / 64 * (legs / 64 + 1) / 2 } else { (edge / 64).pow(2) };

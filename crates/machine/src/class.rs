@@ -78,6 +78,9 @@ macro_rules! classes {
         }
 
         impl SortClass {
+            /// All, in order.
+            pub const ALL: &'static [SortClass] = &[$(SortClass::$variant),*];
+
             /// What it is.
             pub fn class(self) -> &'static Class {
                 match self { $(SortClass::$variant => &super::$module::CLASS,)* }

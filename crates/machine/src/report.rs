@@ -5,12 +5,12 @@ use super::loss::{Accounts, LossCounts, Waits};
 use super::tally::{PhaseReport, Tallies};
 use num::Cycle;
 use sim::Circuit;
-use stats::{Cycles, FrameCounts, Group, Node, Tree};
+use stats::{Cycles, FrameCounts, Group, Heading, Tree};
 use unit::card::Card;
 use unit::network::Traffic;
 use unit::scanout::Shown;
 use unit::sorting::{OrderCounts, SortCounts};
-use work::{EndFrame, Funnel, Surface};
+use work::{EndFrame, FUNNEL, Surface};
 
 /// The picture of a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +41,18 @@ pub struct FrameReport {
     /// What a free-running display has shown since the frame before.
     pub shown: Shown,
 }
+
+/// Where the statistics say what sorting costs.
+pub const SORTING: Heading = Heading::new("sort", "What redistribution costs.");
+
+/// Where they say where the cycles of the pipelines go.
+pub const SORTING_LOSS: Heading = Heading::new(
+    "sort.loss",
+    "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
+);
+
+/// Where they say what the network that sorts has carried.
+const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
 
 stats::counters! {
     /// What a sort class counts whose pipelines do not keep API order among them; the others have no such counter.
@@ -213,14 +225,11 @@ fn read(machine: &mut Machine) -> Reading {
     let cycles = circuit.wires().now();
     let mut tree = Tree::new();
     tree.extend(FrameCounts { cycles }.tree());
-    let funnel = tree.child("funnel");
-    for (name, value) in Funnel::NAMES.iter().zip(machine.card.funnel.total().values()) {
-        funnel.count(name, value);
-    }
+    FUNNEL.at(&mut tree, 0).extend(machine.card.funnel.total().tree());
     tree.extend(circuit.tree());
     let mut sheet = circuit.sheet();
     sheet.move_to(&mut tree, BEFORE_MEMORY);
-    tree.child("memory").extend(memory(machine));
+    tree.extend(memory(machine));
     sheet.move_to(&mut tree, BEHIND_MEMORY);
     sheet.move_rest(&mut tree);
 
@@ -291,7 +300,7 @@ impl SortOutcome {
 
     /// Reads it from the statistics of a machine; zeros and empty texts where they lack it.
     pub fn read(total: &Tree) -> SortOutcome {
-        let Some(Node::Tree(sort)) = total.get("sort") else { return SortOutcome::default() };
+        let Some(&sort) = SORTING.find(total).first() else { return SortOutcome::default() };
         SortOutcome {
             load_imbalance: sort.number(SortOutcome::LOAD_IMBALANCE).unwrap_or(0.0),
             wrong_pixels: sort.number(SortOutcome::WRONG_PIXELS).unwrap_or(0.0) as u64,
@@ -302,10 +311,7 @@ impl SortOutcome {
 
     /// What the network that sorts has carried, where a machine has one.
     pub fn network(total: &Tree) -> Option<Traffic> {
-        match total.get("sort.network") {
-            Some(Node::Tree(network)) => Some(Traffic::read(network)),
-            _ => None,
-        }
+        SORTING_NETWORK.find(total).first().map(|network| Traffic::read(network))
     }
 }
 
@@ -319,7 +325,7 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
 
     let (most, sum) = (quads.iter().copied().max().unwrap_or(0), quads.iter().sum::<u64>());
     let quotient = |a: f64, b: f64| if b == 0.0 { 0.0 } else { a / b };
-    let leaves = tree.child("sort");
+    let leaves = SORTING.at(&mut tree, 0);
     leaves.text("class", machine.config.card.sort.name());
     leaves.extend(sort.tree());
     leaves.real("overlap", quotient(sort.redistributed_items as f64, sort.sent as f64));
@@ -333,17 +339,18 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     leaves.real(SortOutcome::LOAD_IMBALANCE, outcome.load_imbalance);
     leaves.extend(order.tree());
     leaves.count(SortOutcome::WRONG_PIXELS, outcome.wrong_pixels);
-    let split = leaves.child("loss");
+    let split = SORTING_LOSS.at(&mut tree, 0);
     split.text(SortOutcome::STAGE, &outcome.stage);
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
+    let leaves = SORTING.at(&mut tree, 0);
     if !machine.card.class_state.copies.is_empty() {
         leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
         leaves.text(SortOutcome::PASSES, &outcome.passes_out_of_order);
     }
-    if let (Some(network), Some(Node::Tree(channels))) = (&machine.network, tree.get("channels")) {
-        let traffic = network.traffic(channels, cycles).tree();
-        tree.child("sort").child("network").extend(traffic);
+    if let Some(network) = &machine.network {
+        let traffic = network.traffic(&tree, cycles).tree();
+        SORTING_NETWORK.at(&mut tree, 0).extend(traffic);
     }
     tree
 }

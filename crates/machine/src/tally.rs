@@ -71,14 +71,8 @@ impl Tally {
             Some(_) => clients.iter().map(|&(_, counts)| moved(counts.read_bytes, counts.write_bytes)).sum(),
             None => circuit.dram.iter().map(|dram| moved(dram.counts().read_bytes, dram.counts().write_bytes)).sum(),
         };
-        Tally {
-            funnel: machine.card.funnel.total(),
-            units,
-            caches: circuit.sums("caches"),
-            shading: circuit.sums("shading"),
-            clients,
-            dram,
-        }
+        let [caches, shading] = circuit.sums(["caches", "shading"]);
+        Tally { funnel: machine.card.funnel.total(), units, caches, shading, clients, dram }
     }
 
     /// What was counted since an earlier reading of the same machine.
@@ -93,7 +87,7 @@ impl Tally {
             now.iter().zip(then).map(since).collect()
         };
         Tally {
-            funnel: self.funnel - earlier.funnel,
+            funnel: self.funnel.since(&earlier.funnel),
             units: units.collect(),
             caches: sums(&self.caches, &earlier.caches),
             shading: sums(&self.shading, &earlier.shading),

@@ -15,7 +15,7 @@ stats::counters! {
 }
 
 /// Where caches of all kinds count.
-pub const CACHES: sim::Heading = sim::Heading::new(
+pub const CACHES: stats::Heading = stats::Heading::new(
     "caches.NAME[i]",
     "Caches: `vertex` (attributes), `position`, `texture`, `depth`, `early` (the copies of early tests), `color`, `l2`.",
 );

@@ -3,6 +3,10 @@
 use super::port::{Answer, HEADER, Kind, Request, SliceAnswer, SliceRequest};
 use super::system::Interleave;
 use sim::{In, Out, Tick, Unit, Wires};
+use stats::Heading;
+
+/// Where the clients of memory count.
+pub const CLIENTS: Heading = Heading::new("memory.clients.NAME", "What each client asked of the memory system.");
 
 stats::counters! {
     /// What a client asked of memory.

@@ -11,6 +11,7 @@ use super::port::{DramAnswer, DramRequest};
 use knob::Allowed;
 use num::{Cycle, NEVER};
 use sim::{In, Out, Tick, Unit, Wires};
+use stats::Heading;
 
 knob::knobs! {
     /// DRAM. Times are in cycles of its command clock.
@@ -96,6 +97,9 @@ impl DramConfig {
         }
     }
 }
+
+/// Where DRAM counts.
+pub const DRAM: Heading = Heading::new("memory.dram", "All DRAM channels together (or the ideal memory).");
 
 stats::counters! {
     /// What a channel counts.

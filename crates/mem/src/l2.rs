@@ -6,7 +6,8 @@ use super::cache::{self, CACHES, Cache, CacheShape};
 use super::misses::Misses;
 use super::port::{DramAnswer, DramRequest, Kind, SliceAnswer, SliceRequest};
 use knob::Allowed;
-use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 
 knob::knobs! {
     /// The second-level cache, in slices.
@@ -48,6 +49,9 @@ impl L2Config {
         CacheShape::new(self.lines, self.ways, self.line_bytes, self.sector_bytes)
     }
 }
+
+/// Where slices count.
+pub const SLICES: Heading = Heading::new("memory.l2[i]", "Second-level slices, beside their caches.");
 
 stats::counters! {
     /// What a slice counts in addition to its cache's counts.
@@ -380,6 +384,6 @@ impl<C> Unit<C> for L2Slice {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.group(CACHES.named("l2"), |slice| slice.cache.counts());
-        groups.group(Heading::new("memory.l2[i]", "Second-level slices, beside their caches."), |slice| slice.counts);
+        groups.group(SLICES, |slice| slice.counts);
     }
 }

@@ -19,10 +19,10 @@ mod port;
 mod system;
 
 pub use cache::{CACHES, Cache, CacheCounts, CacheShape, Place};
-pub use crossbar::{ClientCounts, Crossbar, ReturnPath};
-pub use dram::{Dram, DramConfig, DramCounts};
+pub use crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
+pub use dram::{DRAM, Dram, DramConfig, DramCounts};
 pub use ideal::{Ideal, IdealConfig};
-pub use l2::{L2Config, L2Counts, L2Slice};
+pub use l2::{L2Config, L2Counts, L2Slice, SLICES};
 pub use misses::Misses;
 pub use port::{
     Answer, DramAnswer, DramRequest, Kind, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest, requests,

@@ -1,7 +1,7 @@
 //! Putting a memory behind clients.
 
-use super::crossbar::{ClientCounts, Crossbar, ReturnPath};
-use super::dram::{Dram, DramConfig};
+use super::crossbar::{CLIENTS, ClientCounts, Crossbar, ReturnPath};
+use super::dram::{DRAM, Dram, DramConfig};
 use super::ideal::{Ideal, IdealConfig};
 use super::l2::{L2Config, L2Slice};
 use super::port::{Answer, DramAnswer, DramRequest, MemoryPort, REQUEST_BYTES, Request, SliceAnswer, SliceRequest};
@@ -323,14 +323,13 @@ pub fn client_sums(clients: &[(&'static str, usize)], counts: &[ClientCounts]) -
     sums
 }
 
-/// The leaves `memory` of the statistics: `clients.NAME`, and `dram`.
+/// What clients have counted under [`CLIENTS`], and DRAM under [`DRAM`].
 pub fn memory_tree(clients: &[(&'static str, usize)], counts: &[ClientCounts], dram: &[Dram], ideal: Option<&Ideal>) -> Tree {
     let mut tree = Tree::new();
-    let places = tree.child("clients");
     for (name, sum) in client_sums(clients, counts) {
-        places.child(name).extend(sum.tree());
+        CLIENTS.named(name).at(&mut tree, 0).extend(sum.tree());
     }
-    let total = tree.child("dram");
+    let total = DRAM.at(&mut tree, 0);
     let sum = |of: fn(&Dram) -> u64| dram.iter().map(of).sum::<u64>();
     match ideal {
         Some(ideal) => {

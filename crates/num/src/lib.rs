@@ -23,7 +23,7 @@ pub use limits::{Limit, LimitExceeded, LimitInfo, LimitOverrun, Limits};
 pub use map::{NameMap, Number, NumberMap};
 pub use meter::Meter;
 pub use prefetch::prefetch;
-pub use random::Random;
+pub use random::{Random, hash};
 pub use words::{NoMemory, Words};
 
 /// A point in simulated time: clock edges of the card since the start of the replay.

@@ -1,5 +1,14 @@
 //! Seeded random numbers: the same on every host.
 
+/// A hash of an integer, in which each bit of the input changes about half of the output's ("lowbias32" of C. Wellons' hash-prospector).
+pub fn hash(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
 /// A generator (PCG, 32 bits).
 #[derive(Clone, Debug)]
 pub struct Random(u64);

@@ -7,7 +7,7 @@ use serde::ser::{Serialize, SerializeMap, Serializer};
 use machine::{DrawReport, PhaseReport, Place, Tally};
 use num::Cycle;
 use run::replay::Frame;
-use stats::{Declaration, csv_field};
+use stats::{Declaration, Group as _, csv_field};
 use unit::phase::PhaseKind;
 use work::Funnel;
 
@@ -119,7 +119,7 @@ impl Serialize for Level<'_> {
 /// What was counted and is not 0; of units those that did something, not only waited for input.
 fn told<M: SerializeMap>(map: &mut M, counts: &Tally, draws: bool) -> Result<(), M::Error> {
     if draws {
-        map.serialize_entry("funnel", &Counters(Funnel::NAMES.iter().copied().zip(counts.funnel.values())))?;
+        map.serialize_entry("funnel", &Counters(counts.funnel.named()))?;
     }
     let (mut groups, mut values) = (Vec::with_capacity(64), Vec::with_capacity(256));
     counts.groups(|(place, worked), declarations, own| {
@@ -171,7 +171,7 @@ pub fn draw_rows(frame: &Frame, first: bool) -> String {
 
 fn header(text: &mut String, start: &str, counts: &Tally) {
     text.push_str(start);
-    Funnel::NAMES.iter().for_each(|name| text.extend([",funnel.", name]));
+    Funnel::DECLARATIONS.iter().for_each(|counter| text.extend([",funnel.", counter.name]));
     counts.each(|(steps, of), name, _| {
         text.push(',');
         steps.iter().copied().chain(of).for_each(|step| text.extend([step, "."]));
@@ -184,7 +184,7 @@ fn row(text: &mut String, start: &[&str], cycles: Cycle, counts: &Tally) {
     text.push_str(&start.join(","));
     let mut add = |value: u64| digits(text, value);
     add(cycles);
-    counts.funnel.values().into_iter().for_each(&mut add);
+    counts.funnel.values().for_each(&mut add);
     counts.each(|_, _, value| add(value));
     text.push('\n');
 }
@@ -202,7 +202,7 @@ fn digits(text: &mut String, mut value: u64) {
         value /= 10;
     }
     text.push(',');
-    text.extend(digits[at..].iter().map(|&digit| char::from(digit)));
+    digits[at..].iter().for_each(|&digit| text.push(digit.into()));
 }
 
 #[cfg(test)]

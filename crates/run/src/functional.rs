@@ -3,8 +3,8 @@
 use super::frame_sink::{Frame, FrameSink, reference};
 use super::rendering::{Consumer, Work};
 use render::ConsumerMemory;
-use stats::{Node, Tree};
-use work::{Event, Funnel};
+use stats::{Group, Tree};
+use work::{Event, FUNNEL, Funnel};
 
 /// Counts what is done, and adds it up in `total`.
 pub(super) fn counting<'c>(mut sink: FrameSink<'c>, total: &'c mut Funnel) -> Consumer<'c> {
@@ -36,21 +36,6 @@ pub(super) fn counting<'c>(mut sink: FrameSink<'c>, total: &'c mut Funnel) -> Co
 /// The statistics of a functional run.
 pub(super) fn tree(funnel: &Funnel) -> Tree {
     let mut tree = Tree::new();
-    tree.set("funnel", Node::Tree(funnel_tree(funnel)));
-    tree
-}
-
-/// The funnel of a run's statistics.
-pub fn funnel_of(tree: &Tree) -> Funnel {
-    let Some(Node::Tree(funnel)) = tree.get("funnel") else { return Funnel::default() };
-    Funnel::collect(|name| funnel.number(name).unwrap_or(0.0) as u64)
-}
-
-/// A funnel as a subtree of counters.
-pub(super) fn funnel_tree(funnel: &Funnel) -> Tree {
-    let mut tree = Tree::new();
-    for (name, value) in Funnel::NAMES.iter().zip(funnel.values()) {
-        tree.count(name, value);
-    }
+    FUNNEL.at(&mut tree, 0).extend(funnel.tree());
     tree
 }

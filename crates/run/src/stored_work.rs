@@ -86,13 +86,26 @@ impl StoredWork {
     /// # Errors
     /// If knobs do not fit each other, or the machine stops.
     pub fn time<R>(&self, config: &Config, read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
-        time(config, self.events.iter().cloned(), read)
+        time(Timing { config, per_draw: false }, self.events.iter().cloned(), read)
     }
 }
 
-fn time<R>(config: &Config, events: impl Iterator<Item = Event>, mut read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
+/// A machine that is to be timed.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing<'c> {
+    /// The machine.
+    pub config: &'c Config,
+    /// Each draw is reported. That takes time, and no result depends on it.
+    pub per_draw: bool,
+}
+
+fn time<R>(of: Timing<'_>, events: impl Iterator<Item = Event>, mut read: impl FnMut(FrameReport) -> R) -> Result<Vec<R>> {
     let mut frames = Vec::new();
-    Machine::new(config)?.run_each(events, Clock::SkipIdle, |frame| frames.push(read(frame)))?;
+    let mut machine = Machine::new(of.config)?;
+    if of.per_draw {
+        machine.watch_draws();
+    }
+    machine.run_each(events, Clock::SkipIdle, |frame| frames.push(read(frame)))?;
     Ok(frames)
 }
 
@@ -104,15 +117,16 @@ fn time<R>(config: &Config, events: impl Iterator<Item = Event>, mut read: impl 
 fn stream<R: Send>(
     trace: &Trace,
     options: &render::Options,
-    configs: &[&Config],
+    machines: &[Timing<'_>],
     read: &(dyn Fn(FrameReport) -> R + Sync),
 ) -> Result<Vec<Result<Vec<R>>>> {
-    let mut results: Vec<Result<Vec<R>>> = configs.iter().map(|_| Ok(Vec::new())).collect();
+    let mut results: Vec<Result<Vec<R>>> = machines.iter().map(|_| Ok(Vec::new())).collect();
     let mut rendering = Rendering::new(trace, options.clone());
-    for (&config, result) in configs.iter().zip(&mut results) {
+    for (&machine, result) in machines.iter().zip(&mut results) {
+        let config = machine.config;
         let memory = ConsumerMemory { images: Machine::images(config), pieces: Machine::pieces(config), frames: false };
         let run = move |work: super::rendering::Work| {
-            *result = time(config, work, read);
+            *result = time(machine, work, read);
             Ok(())
         };
         rendering.consume(config.render_key(), Consumer { memory, recorded: true, run: Box::new(run) });
@@ -135,29 +149,30 @@ pub struct Took {
 
 /// Times machines of one render key, several at one time. The work is rendered once and kept, where it takes at most a quarter of the memory
 /// that the trace may have alive; else it is rendered again for every eight machines a thread. `done` gets the place of each machine in
-/// `configs` with its frames, or what it stopped on, as soon as they are there.
+/// `machines` with its frames, or what it stopped on, as soon as they are there.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or `done` fails.
 pub fn time_each<R: Send>(
     trace: &Trace,
     options: &render::Options,
-    configs: &[&Config],
+    machines: &[Timing<'_>],
     read: &(dyn Fn(FrameReport) -> R + Sync),
     done: &(dyn Fn(usize, Result<Vec<R>>) -> Result<()> + Sync),
 ) -> Result<Took> {
-    let Some(first) = configs.first() else { return Ok(Took::default()) };
+    let Some(first) = machines.first() else { return Ok(Took::default()) };
     let threads = rayon::current_num_threads();
-    let images = configs.iter().map(|config| Machine::images(config)).max().unwrap_or(1) * threads as u64;
+    let images = machines.iter().map(|machine| Machine::images(machine.config)).max().unwrap_or(1) * threads as u64;
     let most = trace.limits().memory_bytes.get() / 4;
     let mut took = Took { renderings: 1, kept_bytes: 0 };
-    if let Some(stored) = StoredWork::render(trace, options, first.render_key(), images, most)? {
+    if let Some(stored) = StoredWork::render(trace, options, first.config.render_key(), images, most)? {
         took.kept_bytes = stored.bytes();
-        configs.par_iter().enumerate().try_for_each(|(at, config)| done(at, stored.time(config, read)))?;
+        let events = || stored.events.iter().cloned();
+        machines.par_iter().enumerate().try_for_each(|(at, &machine)| done(at, time(machine, events(), read)))?;
         return Ok(took);
     }
     let size = STREAMED * threads;
-    for (wave, own) in configs.chunks(size).enumerate() {
+    for (wave, own) in machines.chunks(size).enumerate() {
         took.renderings += 1;
         for (at, frames) in stream(trace, options, own, read)?.into_iter().enumerate() {
             done(wave * size + at, frames)?;
@@ -243,7 +258,8 @@ mod tests {
             StoredWork::render(&trace, &options, config.render_key(), 1, u64::MAX).expect("it renders").expect("it fits");
         let timed = stored.time(&config, cycles).expect("it runs");
         assert_eq!(timed.len(), 5);
-        let streamed = stream(&trace, &options, &[&config, &config], &cycles).expect("it renders");
+        let machine = Timing { config: &config, per_draw: true };
+        let streamed = stream(&trace, &options, &[machine, machine], &cycles).expect("it renders");
         for machine in streamed {
             assert_eq!(machine.expect("it runs"), timed);
         }
@@ -254,7 +270,7 @@ mod tests {
     #[test]
     fn machines_are_timed_alike_whether_the_work_is_kept_or_not() {
         let config = Config::built_in("tiny").expect("it is built in");
-        let machines = vec![&config; STREAMED * rayon::current_num_threads() + 1];
+        let machines = vec![Timing { config: &config, per_draw: false }; STREAMED * rayon::current_num_threads() + 1];
         let time = |trace: &Trace| {
             let cycles = std::sync::Mutex::new(vec![0; machines.len()]);
             let done = |at: usize, frames: Result<Vec<u64>>| {

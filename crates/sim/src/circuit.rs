@@ -29,9 +29,9 @@ pub trait Bank<C>: Sized {
         Counted::of::<C>().read(self.units(), sheet);
     }
 
-    /// Appends what they have counted together below the heading whose first step is `top`.
-    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
-        Counted::of::<C>().sum(self.units(), top, list);
+    /// Appends what they have counted together below headings to the list that belongs to the heading's first step.
+    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
+        Counted::of::<C>().sum(self.units(), tops, lists);
     }
 
     /// Appends what the units of such a bank count.
@@ -205,8 +205,8 @@ pub trait Circuit {
     /// The leaves `units` and `channels` of the statistics, over the cycles gone by.
     fn tree(&self) -> Tree {
         let mut tree = Tree::new();
-        tree.child("units").extend(self.wires().unit_tree(&self.tally().0));
-        tree.child("channels").extend(self.wires().channel_tree());
+        self.wires().units_to(&mut tree, &self.tally().0);
+        self.wires().channels_to(&mut tree);
         tree
     }
 }
@@ -353,7 +353,6 @@ macro_rules! circuit {
             ///
             /// # Panics
             /// If the wiring's units are not these.
-            #[allow(clippy::too_many_arguments, reason = "one for each unit: small circuits that are written out, as in tests")]
             $vis fn new(wiring: $crate::Wiring, $($field: $bank),*) -> $name {
                 let fields = [$((stringify!($field), $crate::Bank::<$context>::count(&$field))),*];
                 $name { places: $crate::places(&fields), wires: $crate::assemble(wiring, &fields), $($field),* }
@@ -431,11 +430,11 @@ macro_rules! circuit {
                 sheet
             }
 
-            /// What all units together have counted below the heading whose first step is `top`, by its last.
-            $vis fn sums(&self, top: &str) -> Vec<$crate::Sum> {
-                let mut list = Vec::new();
-                $($crate::Bank::<$context>::sum(&self.$field, top, &mut list);)*
-                list
+            /// What all units together have counted below the headings whose first steps are `tops`, by the last step.
+            $vis fn sums<const N: usize>(&self, tops: [&str; N]) -> [Vec<$crate::Sum>; N] {
+                let mut lists = [const { Vec::new() }; N];
+                $($crate::Bank::<$context>::sum(&self.$field, &tops, &mut lists);)*
+                lists
             }
 
             /// What they count.

@@ -68,10 +68,10 @@ pub use budget::Budget;
 pub use channel::{ChannelCounts, Link};
 pub use circuit::{Bank, Circuit, One, assemble, places};
 pub use clock::{Cause, Clock, Stuck, run};
-pub use sheet::{Counted, Description, Heading, Sheet, Sum};
+pub use sheet::{Counted, Description, Sheet, Sum};
 pub use stall_probe::{STATES, StallProbe, StallProbeCounts};
 pub use unit::{Tick, Unit};
-pub use wires::{In, Out, Reading, Token, UnitCounts, UnitId, Wire, Wires};
+pub use wires::{CHANNELS, In, Out, Reading, Token, UNITS, UnitCounts, UnitId, Wire, Wires};
 pub use wiring::Wiring;
 
 #[cfg(test)]

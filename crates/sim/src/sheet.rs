@@ -1,38 +1,7 @@
 //! What units count in addition to their items and their cycles.
 
 use super::unit::Unit;
-use stats::{Declaration, Group, Tree};
-
-/// A heading of the statistics: where the groups of counters of a kind of unit stand.
-#[derive(Clone, Copy, Debug)]
-pub struct Heading {
-    /// Its path, such as `rop.NAME[i]`: `NAME` stands for names of which several kinds of units bring one each, `[i]` for their
-    /// numbers.
-    pub path: &'static str,
-    /// What is there, for the page of all statistics.
-    pub about: &'static str,
-    /// What stands for `NAME`.
-    name: &'static str,
-}
-
-impl Heading {
-    /// One.
-    pub const fn new(path: &'static str, about: &'static str) -> Heading {
-        Heading { path, about, name: "" }
-    }
-
-    /// That of one of several names.
-    pub const fn named(self, name: &'static str) -> Heading {
-        Heading { name, ..self }
-    }
-
-    /// The steps to it, and whether units are numbered there.
-    fn steps(&self) -> (impl Iterator<Item = &'static str>, bool) {
-        let name = self.name;
-        let (path, many) = self.path.strip_suffix("[i]").map_or((self.path, false), |path| (path, true));
-        (path.split('.').map(move |step| if step == "NAME" { name } else { step }), many)
-    }
-}
+use stats::{Declaration, Group, Heading, Tree};
 
 /// What one group of counters of a kind of unit is.
 #[derive(Clone, Copy, Debug)]
@@ -103,8 +72,8 @@ impl<U: 'static> Counted<U> {
         self.bank(units, |bank| bank.read(sheet));
     }
 
-    pub(super) fn sum(&self, units: &[U], top: &str, list: &mut Vec<Sum>) {
-        self.bank(units, |bank| bank.sum(top, list));
+    pub(super) fn sum(&self, units: &[U], tops: &[&str], lists: &mut [Vec<Sum>]) {
+        self.bank(units, |bank| bank.sum(tops, lists));
     }
 
     fn bank(&self, units: &[U], with: impl FnOnce(Bank)) {
@@ -130,12 +99,11 @@ impl Bank<'_> {
         }
     }
 
-    fn sum(&self, top: &str, list: &mut Vec<Sum>) {
+    fn sum(&self, tops: &[&str], lists: &mut [Vec<Sum>]) {
         let mut values = Vec::new();
         for (group, Description { heading, declarations }) in self.descriptions.iter().enumerate() {
-            if heading.steps().0.next() != Some(top) {
-                continue;
-            }
+            let first = heading.steps().0.next();
+            let Some(list) = tops.iter().position(|&top| first == Some(top)).map(|at| &mut lists[at]) else { continue };
             let mut sum: Option<Vec<u64>> = None;
             for unit in 0..self.units {
                 values.clear();
@@ -188,7 +156,7 @@ impl Sheet {
                 path.split('.').all(|step| steps.next() == Some(step))
             };
             for (heading, number, counts) in self.entries.extract_if(.., |entry| below(entry)) {
-                put(tree, &heading, number, counts);
+                heading.at(tree, number).extend(counts);
             }
         }
     }
@@ -196,15 +164,7 @@ impl Sheet {
     /// Moves all that is left.
     pub fn move_rest(self, tree: &mut Tree) {
         for (heading, number, counts) in self.entries {
-            put(tree, &heading, number, counts);
+            heading.at(tree, number).extend(counts);
         }
     }
-}
-
-fn put(tree: &mut Tree, heading: &Heading, number: usize, counts: Tree) {
-    let (steps, many) = heading.steps();
-    let steps: Vec<_> = steps.collect();
-    let (last, above) = steps.split_last().expect("a path has a step");
-    let at = above.iter().fold(tree, |tree, step| tree.child(step));
-    if many { at.element(last, number) } else { at.child(last) }.extend(counts);
 }

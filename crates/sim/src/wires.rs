@@ -7,7 +7,7 @@ use super::channel::{Channel, ChannelCounts, Link, Slot};
 use super::stall_probe::{StallProbe, StallProbeCounts, StallProbeState};
 use super::unit::Tick;
 use num::{Cycle, NEVER};
-use stats::{Account, Cycles, Group, Tree};
+use stats::{Account, Cycles, Group, Heading, Tree};
 
 /// What a channel carries: at most 16 bytes of plain integers, without padding, so that any channel's ring has the same form.
 /// More than that belongs in the machine's context, with an index to it in the token.
@@ -455,31 +455,33 @@ impl Wires {
         self.agenda.accounts().map(|account| account.read(self.now))
     }
 
-    /// The leaves `NAME[i]` of `channels`.
-    pub fn channel_tree(&self) -> Tree {
-        let mut tree = Tree::new();
+    /// Puts what the channels have counted under [`CHANNELS`].
+    pub(super) fn channels_to(&self, tree: &mut Tree) {
         for ((counts, channel), label) in self.channel_counts().zip(self.channels.iter()).zip(&self.labels) {
-            let leaves = tree.element(label.name, label.index);
+            let leaves = CHANNELS.named(label.name).at(tree, label.index);
             leaves.count("items", counts.items);
             leaves.count("bytes", counts.bytes);
             leaves.count("full_cycles", counts.full_cycles);
             leaves.ratio("mean_occupancy", counts.occupancy, self.now);
             leaves.level("capacity", u64::from(channel.capacity));
         }
-        tree
     }
 
-    /// The leaves `NAME[i]` of `units`; `items` gives each unit's own count, in the order of declaration.
-    pub(super) fn unit_tree(&self, items: &[u64]) -> Tree {
-        let mut tree = Tree::new();
+    /// Puts what the units have counted under [`UNITS`]; `items` gives each unit's own count, in the order of declaration.
+    pub(super) fn units_to(&self, tree: &mut Tree, items: &[u64]) {
         for ((account, label), items) in self.accounts().zip(&self.units).zip(items) {
-            let leaves = tree.element(label.name, label.index);
+            let leaves = UNITS.named(label.name).at(tree, label.index);
             leaves.extend(UnitCounts { items: *items }.tree());
             leaves.extend(account.tree());
         }
-        tree
     }
 }
+
+/// Where units count.
+pub const UNITS: Heading = Heading::new("units.NAME[i]", "One entry a unit. The five kinds of cycles add up to `cycles`.");
+
+/// Where channels count.
+pub const CHANNELS: Heading = Heading::new("channels.NAME[i]", "The bounded FIFOs between units, by what they carry.");
 
 stats::counters! {
     /// What every unit counts, in addition to the account of its cycles.

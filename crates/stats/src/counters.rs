@@ -14,22 +14,25 @@ pub struct Declaration {
 }
 
 /// A set of counters declared by [`counters!`](crate::counters).
-pub trait Group: Copy + Default + std::ops::AddAssign + 'static {
+pub trait Group: Copy + Default + std::ops::AddAssign + std::iter::Sum + 'static {
     /// The counters, in the order of their declaration.
     const DECLARATIONS: &'static [Declaration];
 
     /// The values, in the same order.
-    fn values(&self) -> impl Iterator<Item = u64>;
+    fn values(&self) -> impl Iterator<Item = u64> + Clone;
 
     /// The counters of which `value` gives the values, by their names.
     fn collect(value: impl FnMut(&'static str) -> u64) -> Self;
 
+    /// The names with the values.
+    fn named(&self) -> impl Iterator<Item = (&'static str, u64)> + Clone {
+        Self::DECLARATIONS.iter().map(|declaration| declaration.name).zip(self.values())
+    }
+
     /// The values as leaves.
     fn tree(&self) -> Tree {
         let mut tree = Tree::new();
-        for (declaration, value) in Self::DECLARATIONS.iter().zip(self.values()) {
-            tree.count(declaration.name, value);
-        }
+        self.named().for_each(|(name, value)| tree.count(name, value));
         tree
     }
 }
@@ -144,7 +147,7 @@ macro_rules! counters {
                 },)*
             ];
 
-            fn values(&self) -> impl Iterator<Item = u64> {
+            fn values(&self) -> impl Iterator<Item = u64> + Clone {
                 [$(self.$field),*].into_iter()
             }
 

@@ -243,10 +243,7 @@ impl Tree {
     pub fn group<G: Group>(&self, place: &str) -> G {
         match self.get(place) {
             Some(Node::Tree(tree)) => tree.read(),
-            Some(Node::List(list)) => list.iter().fold(G::default(), |mut sum, tree| {
-                sum += tree.read::<G>();
-                sum
-            }),
+            Some(Node::List(list)) => list.iter().map(Tree::read::<G>).sum(),
             _ => G::default(),
         }
     }

@@ -11,7 +11,8 @@ use super::sorting::{Keep, Merge, OrderCounts, SortCounts};
 use super::token::{Kind, TileToken, TriangleToken};
 use knob::Allowed;
 use mem::{MemoryPort, REQUEST_BYTES, requests};
-use sim::{Budget, Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
+use sim::{Budget, Counted, In, Out, StallProbe, Tick, Unit, Wires};
+use stats::Heading;
 use work::{BLOCK, End, Signature, Triangle};
 
 knob::knobs! {
@@ -42,6 +43,9 @@ knob::knobs! {
         fifo: u32 ["triangles", Allowed::Range(1, 1024), "covers the latency of memory"],
     }
 }
+
+/// Where binning counts.
+pub const BINNING: Heading = Heading::new("binning", "Sort-middle-binned: the lists of tiles.");
 
 stats::counters! {
     /// What binning costs.
@@ -498,6 +502,6 @@ impl Unit<Card> for Bin {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        groups.group(Heading::new("binning", "Sort-middle-binned: the lists of tiles."), |unit| unit.counts);
+        groups.group(BINNING, |unit| unit.counts);
     }
 }

@@ -9,11 +9,12 @@ use super::misses::Misses;
 use super::tags::{CacheCounts, Tags};
 use super::touch::{Touch, Touching};
 use mem::{MemoryPort, requests};
-use sim::{Heading, Tick, Wires};
+use sim::{Tick, Wires};
+use stats::Heading;
 use work::BLOCK;
 
 /// Where the caches of the ROPs count.
-pub(crate) const ROP: Heading = Heading::new(
+pub const ROP: Heading = Heading::new(
     "rop.NAME[i]",
     "What the depth and colour caches of the ROPs moved, and those of early tests; the last is of `depth` only.",
 );

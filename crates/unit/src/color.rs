@@ -19,7 +19,8 @@ use gfx::rop::composes_over;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use work::Quad;
 
 knob::knobs! {
@@ -100,6 +101,9 @@ pub struct Color {
     blended: BlendCounts,
     items: u64,
 }
+
+/// Where colour units count.
+pub const BLENDING: Heading = Heading::new("blending.color[i]", "What the colour units blended.");
 
 stats::counters! {
     /// What a colour unit has blended.
@@ -457,7 +461,7 @@ impl Unit<Card> for Color {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.group(CACHES.named("color"), |unit| unit.cache.cache());
-        groups.group(Heading::new("blending.color[i]", "What the colour units blended."), |unit| unit.blended);
+        groups.group(BLENDING, |unit| unit.blended);
         groups.group(ROP.named("color"), |unit| unit.cache.counts());
     }
 }

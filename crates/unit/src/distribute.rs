@@ -6,7 +6,8 @@ use super::sorting::SortCounts;
 use super::token::{Kind, Run, TriangleToken, bytes};
 use knob::Allowed;
 use num::prefetch;
-use sim::{Budget, Counted, Heading, In, Tick, Unit, Wires};
+use sim::{Budget, Counted, In, Tick, Unit, Wires};
+use stats::Heading;
 use work::{End, Triangle};
 
 knob::choices! {
@@ -53,6 +54,10 @@ pub struct Distribute {
     counts: SortCounts,
     facing: FacingCounts,
 }
+
+/// Where distribution counts which way triangles face.
+pub const FACING: Heading =
+    Heading::new("facing.distribute[i]", "Which way triangles face that are distributed, of cards that sort triangles.");
 
 stats::counters! {
     /// Which way triangles face.
@@ -263,7 +268,6 @@ impl Unit<Card> for Distribute {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        let about = "Which way triangles face that are distributed, of cards that sort triangles.";
-        groups.group(Heading::new("facing.distribute[i]", about), |unit| unit.facing);
+        groups.group(FACING, |unit| unit.facing);
     }
 }

@@ -6,7 +6,8 @@ use std::collections::VecDeque;
 use super::card::Card;
 use super::token::fragments;
 use super::token::{GroupToken, Kind, bytes};
-use sim::{Budget, Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Budget, Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use work::BLOCK;
 
 stats::counters! {

@@ -16,7 +16,8 @@ use gfx::state::StepMode;
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, Heading, In, Tick, Unit, Wires};
+use sim::{Counted, In, Tick, Unit, Wires};
+use stats::Heading;
 use work::LINE;
 
 knob::choices! {

@@ -6,7 +6,8 @@ use super::sorting::{Keep, Merge, OrderCounts};
 use super::token::{Kind, TriangleToken};
 use knob::Allowed;
 use num::prefetch;
-use sim::{Budget, Counted, Heading, Out, StallProbe, Tick, Unit, Wires};
+use sim::{Budget, Counted, Out, StallProbe, Tick, Unit, Wires};
+use stats::Heading;
 use work::End;
 
 knob::knobs! {

@@ -1,4 +1,4 @@
-//! A texture unit, one a core: addresses, a first-level cache of 64-byte lines, a FIFO that covers the latency of misses, and
+//! A texture unit, one a core: addresses, a first-level cache, a FIFO that covers the latency of misses, and
 //! filters. Loads, stores and atomics of shaders take the same way.
 
 use std::collections::VecDeque;
@@ -13,7 +13,8 @@ use super::warp::{Item, Program, Warp};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use work::{LINE, Request, RequestKind};
 
 knob::knobs! {
@@ -21,14 +22,16 @@ knob::knobs! {
     pub struct TextureConfig {
         /// Quads addressed a cycle.
         quads_per_cycle: u32 ["quads/cycle", Allowed::Range(1, 16), "4 bilinear texels a cycle and quad pipe; 8 texels a cycle an SM of 2014"],
-        /// Lines looked up in the cache a cycle.
-        lookups_per_cycle: u32 ["lines/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
+        /// Pieces of 64 bytes looked up in the cache a cycle.
+        lookups_per_cycle: u32 ["pieces/cycle", Allowed::Range(1, 32), "four banks, one a texel of a bilinear footprint"],
         /// Bilinear filter operations a cycle: 1 a fragment for bilinear, 2 for trilinear, more for anisotropic.
         filters_per_cycle: u32 ["operations/cycle", Allowed::Range(1, 128), "8 bilinear texels a cycle: the texel rate of 2014's SM"],
         /// Whether a sample between two levels asks for the second only where that has a weight.
         skip_levels: bool ["", Allowed::Switch, "known with the level of detail; off: always both levels, as Vulkan's \"Image Level(s) Selection\" has it"],
-        /// 64-byte lines of the first-level cache; a multiple of its ways, or fewer than they are.
+        /// Lines of the first-level cache; a multiple of its ways, or fewer than they are.
         cache_lines: u32 ["lines", Allowed::Range(1, 65536), "24 KB an SM in 2014; 16 KB is enough for one screen row of bilinear (Hakura and Gupta 1997)"],
+        /// Bytes of a line of the first-level cache, which a miss reads whole. Whatever it is, 64 bytes are looked up at a time: rates of misses compare.
+        line_bytes: u32 ["bytes", Allowed::PowerOfTwo(64, 256), "16 texels of 4 bytes; Hakura and Gupta 1997 vary it from 32 to 256"],
         /// Ways of the first-level cache; where they are as many as its lines or more, any line goes anywhere.
         cache_ways: u32 ["ways", Allowed::PowerOfTwo(1, 65536), "ATTILA bGPU.ini TextureCacheWaysL1 = 16"],
         /// Misses in flight.
@@ -65,6 +68,9 @@ struct Place {
     missed: u32,
 }
 
+/// Where texture units count.
+pub const TEXTURES: Heading = Heading::new("shading.texture[i]", "Texture units.");
+
 stats::counters! {
     /// What a texture unit counts.
     pub struct TextureCounts {
@@ -97,6 +103,8 @@ pub struct Texture {
     output: Out<WarpToken>,
     memory: MemoryPort,
     tags: Tags<u32>,
+    /// Of a line's bytes by [`LINE`].
+    line_shift: u32,
     misses: Misses,
     fifo: VecDeque<Entry>,
     place: Place,
@@ -123,6 +131,7 @@ impl Texture {
             output,
             memory,
             tags: Tags::new(config.cache_lines, config.cache_ways),
+            line_shift: config.line_bytes.trailing_zeros() - LINE.trailing_zeros(),
             misses: Misses::new(config.misses),
             fifo: VecDeque::with_capacity(config.fifo as usize),
             place: Place::default(),
@@ -150,9 +159,10 @@ impl Texture {
             self.epoch = epoch;
             self.tags.clear();
         }
-        let (key, counts) = (u64::from(line), self.tags.counts());
+        let (key, counts) = (u64::from(line >> self.line_shift), self.tags.counts());
         if self.tags.find(key).is_none() {
-            memory.push(Touch { address: key * LINE, bytes: LINE as u32, write: false });
+            let bytes = self.config.line_bytes;
+            memory.push(Touch { address: key * u64::from(bytes), bytes, write: false });
             if let Some(place) = self.tags.victim(key, |_| true) {
                 self.tags.replace(place, key, self.misses.frontier());
             }
@@ -267,7 +277,8 @@ impl Texture {
                     }
                     match kind {
                         RequestKind::Texture | RequestKind::Load => {
-                            if let Some(place) = self.tags.find(u64::from(line)) {
+                            let key = u64::from(line >> self.line_shift);
+                            if let Some(place) = self.tags.find(key) {
                                 // A line still on its way is waited for like a miss of one's own.
                                 let needs = *self.tags.data(place);
                                 if !self.misses.reached(needs) {
@@ -281,10 +292,11 @@ impl Texture {
                                     return did.or(Tick::Blocked);
                                 }
                                 let tag = self.misses.issue();
-                                self.memory.read(wires, u64::from(line) * LINE, LINE as u32, tag);
+                                let bytes = self.config.line_bytes;
+                                self.memory.read(wires, key * u64::from(bytes), bytes, tag);
                                 self.place.needs = Some(self.misses.issued());
-                                let place = self.tags.victim(u64::from(line), |_| true).expect("any line may go");
-                                self.tags.replace(place, u64::from(line), self.misses.issued());
+                                let place = self.tags.victim(key, |_| true).expect("any line may go");
+                                self.tags.replace(place, key, self.misses.issued());
                                 self.place.missed += 1;
                             }
                         }
@@ -381,7 +393,6 @@ impl Unit<Card> for Texture {
 
     fn counted(groups: &mut Counted<Self>) {
         groups.numbered(CACHES.named("texture"), |unit| (unit.user.number, unit.tags.counts()));
-        let heading = Heading::new("shading.texture[i]", "Texture units.");
-        groups.group_if(heading, |unit| (!unit.user.vertices).then_some(unit.counts));
+        groups.group_if(TEXTURES, |unit| (!unit.user.vertices).then_some(unit.counts));
     }
 }

@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 pub use cost::{Class, Cost, CostId, CostTable, Point, RequestKind, Span, Step};
 pub use draw::{AttributeFetch, Culling, Draw, ShaderShape, Target};
-pub use funnel::Funnel;
+pub use funnel::{FUNNEL, Funnel};
 pub use groups::{Dispatch, Groups, Packet};
 pub use key::{Cull, Needless, RenderKey, Shade, Signature};
 pub use pass::{Attachment, Contents, EndFrame, Load, Pass, Sprite, Surface, SurfaceKey, Transfer, TransferKind};

@@ -1,5 +1,6 @@
 //! What scenes compute with: vectors and matrices of f64, hashes and codes, with the same result on every host.
 
+pub use fillrate::num::hash;
 pub use glam::dcamera::rh::{
     proj::directx::{orthographic, perspective},
     view::look_at_mat4,
@@ -24,15 +25,6 @@ pub fn floats(values: impl IntoIterator<Item = f64>) -> Vec<u8> {
 /// A matrix as little-endian f32, column after column.
 pub fn matrix(m: DMat4) -> Vec<u8> {
     floats(m.to_cols_array())
-}
-
-/// An integer hash.
-pub fn hash(mut x: u32) -> u32 {
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
 }
 
 /// Uniform in [0, 1), by seed, index and channel.

@@ -48,10 +48,11 @@ fn proven(why: &Value) -> Vec<Advice> {
     let worth = gains.iter().filter(|own| gain(own) >= 0.02).take(6);
     let advice = worth.map(|own| {
         let evidence = own["evidence"].as_str().unwrap_or("");
+        let place = own["most_in"].as_str().map_or(String::new(), |phase| format!(", in {phase}"));
         let set = own["set"].as_object().into_iter().flatten();
         Advice {
             what: format!("{}: {} fewer cycles, timed.", own["change"].as_str().unwrap_or(""), percent(gain(own))),
-            evidence: if evidence.is_empty() { String::new() } else { format!("Without it: {evidence}.") },
+            evidence: if evidence.is_empty() { String::new() } else { format!("Without it{place}: {evidence}.") },
             set: set.map(|(path, value)| format!("{path}={}", value.as_str().unwrap_or("").trim_matches('"'))).collect(),
             weight: 1.0 + gain(own),
         }

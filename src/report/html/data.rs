@@ -73,11 +73,11 @@ impl Gather {
 }
 
 impl Statistics {
-    /// Reads the text of a `stats.json`.
+    /// Reads the text of a `stats.json`; `only` leaves out all frames but the one of this number.
     ///
     /// # Errors
     /// If it is no JSON, of another version, or without what every such file has; the message has the place.
-    pub fn parse(text: &str) -> Result<Statistics, String> {
+    pub fn parse(text: &str, only: Option<u32>) -> Result<Statistics, String> {
         let json: Value = serde_json::from_str(text).map_err(|error| format!("is no JSON: {error}"))?;
         let Value::Object(mut head) = json else { return Err("holds no object: it is not what replay leaves".into()) };
         match head.get("version") {
@@ -98,13 +98,15 @@ impl Statistics {
         let Some(Value::Array(frames)) = head.shift_remove("frames") else { return Err("has no list `frames`".into()) };
         let mut gather = Gather::default();
         for (at, frame) in frames.into_iter().enumerate() {
-            if !frame.get("frame").is_some_and(Value::is_u64) {
+            let Some(own) = frame.get("frame").and_then(Value::as_u64) else {
                 return Err(format!("has no number in frames[{at}].frame"));
+            };
+            if only.is_none_or(|only| u64::from(only) == own) {
+                gather.add(frame);
             }
-            gather.add(frame);
         }
         if gather.most.is_none() {
-            return Err("has no frame".into());
+            return Err(only.map_or("has no frame".into(), |only| format!("has no frame {only}")));
         }
         Ok(gather.end(head))
     }
@@ -216,21 +218,23 @@ mod tests {
     #[test]
     fn what_is_no_statistics_is_told() {
         let whole = json!({ "version": VERSION, "trace": "t", "config": "c", "fidelity": "cycle", "changed_knobs": {}, "total": {}, "frames": [{ "frame": 0 }] });
-        assert!(Statistics::parse(&whole.to_string()).is_ok());
+        assert!(Statistics::parse(&whole.to_string(), None).is_ok());
+        assert_eq!(Statistics::parse(&whole.to_string(), Some(0)).expect("it is there").number(), 0);
+        assert!(Statistics::parse(&whole.to_string(), Some(7)).expect_err("none").contains("no frame 7"));
         let without = |name: &str| {
             let mut value = whole.clone();
             value.as_object_mut().expect("an object").shift_remove(name);
-            Statistics::parse(&value.to_string()).expect_err(name)
+            Statistics::parse(&value.to_string(), None).expect_err(name)
         };
         for name in ["version", "trace", "total", "frames"] {
             assert!(without(name).contains(name), "{}", without(name));
         }
         let mut other = whole.clone();
         other["version"] = json!(VERSION + 1);
-        assert!(Statistics::parse(&other.to_string()).expect_err("another version").contains("version 2"));
+        assert!(Statistics::parse(&other.to_string(), None).expect_err("another version").contains("version 2"));
         other = whole.clone();
         other["frames"] = json!([]);
-        assert!(Statistics::parse(&other.to_string()).expect_err("no frame").contains("no frame"));
-        assert!(Statistics::parse(&whole.to_string()[..40]).expect_err("cut").contains("line 1 column"));
+        assert!(Statistics::parse(&other.to_string(), None).expect_err("no frame").contains("no frame"));
+        assert!(Statistics::parse(&whole.to_string()[..40], None).expect_err("cut").contains("line 1 column"));
     }
 }

@@ -8,7 +8,7 @@ mod advice;
 pub mod data;
 mod machine;
 pub mod maps;
-mod passes;
+pub mod passes;
 pub mod plots;
 pub mod replay;
 pub mod series;

@@ -97,8 +97,9 @@ fn columns(entries: &[&Value]) -> Vec<(&'static str, &'static str)> {
     COLUMNS.into_iter().filter(|(path, _)| has(path)).collect()
 }
 
-/// The unit of a span that was busy in the largest share of its cycles, and that share; `frame` tells how many there are of each.
-pub fn busiest<'v>(entry: &'v Value, frame: &Value) -> Option<(&'v str, f64)> {
+/// The unit of a span that was busy in the largest share of its cycles, and that share: how far it is used, not what limits. `frame` tells how
+/// many there are of each.
+pub fn most_used<'v>(entry: &'v Value, frame: &Value) -> Option<(&'v str, f64)> {
     let all = cycles(entry);
     let units = entry.get("units")?.as_object()?.iter().filter_map(|(name, states)| {
         let count = frame["units"][name].as_array().map_or(1, Vec::len);
@@ -107,23 +108,40 @@ pub fn busiest<'v>(entry: &'v Value, frame: &Value) -> Option<(&'v str, f64)> {
     units.filter(|(_, share)| share.is_finite()).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The cell of the busiest unit.
-fn busy_cell(entry: &Value, frame: &Value) -> Markup {
-    html! { td.unit { @match busiest(entry, frame) { Some((unit, share)) => { (unit) " " span.note { (percent(share)) } }, None => "\u{2013}" } } }
+/// The column of the unit that is used most.
+const USED: Column<'static> = Column(
+    "most used",
+    false,
+    "The unit that is busy in the largest share of these cycles, and the share. It is a figure of use: a busy unit need not limit anything.",
+);
+
+/// The cell of the unit that is used most.
+fn used_cell(entry: &Value, frame: &Value) -> Markup {
+    html! { td.unit { @match most_used(entry, frame) { Some((unit, share)) => { (unit) " " span.note { (percent(share)) } }, None => "\u{2013}" } } }
+}
+
+/// The estimate of what limits a phase.
+fn estimated<'i>(input: &'i Input<'_>, at: usize, phase: &Value) -> Option<&'i Limit> {
+    input.limits.get(at).filter(|own| own.name == name(phase))
+}
+
+/// The unit that limits a phase, by estimate.
+fn unit_limit<'i>(input: &'i Input<'_>, at: usize, phase: &'i Value) -> Option<&'i str> {
+    let told = || phase["limit"].as_str().filter(|told| !told.is_empty());
+    estimated(input, at, phase).map(|own| own.unit.as_str()).or_else(told)
 }
 
 /// What limits a phase, and the evidence.
-fn limit(limit: Option<&Limit>, told: &str) -> Markup {
+fn limit(input: &Input<'_>, at: usize, phase: &Value) -> Markup {
     html! {
         td.reason {
-            @match limit {
+            @match estimated(input, at, phase) {
                 Some(own) => {
                     b { (own.unit) }
                     @let next = own.next.as_ref().map_or(String::new(), |(unit, cycles)| format!("; next {unit}, {}", readable(cycles.round())));
                     @if own.work > 0.0 { span.note { " at least " (readable(own.work.round())) " cycles" (next) } }
                 },
-                None if !told.is_empty() => b { (told) },
-                None => span.note { "\u{2013}" },
+                None => @match unit_limit(input, at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } },
             }
         }
     }
@@ -159,7 +177,7 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
         ),
     ];
     if counted {
-        titles.push(Column("busiest unit", false, "And the share of the phase's cycles in which it is busy."));
+        titles.push(USED);
     }
     titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
     (!phases.is_empty()).then(|| {
@@ -174,8 +192,8 @@ fn phases(input: &Input<'_>) -> Option<Markup> {
                         td.n data-value=(at) { (at + 1) }
                         (cell(phase, &base, "cycles"))
                         (cell_share(share(cycles(phase), all)))
-                        (limit(input.limits.get(at).filter(|own| own.name == name(phase)), phase["limit"].as_str().unwrap_or("")))
-                        @if counted { (busy_cell(phase, frame)) }
+                        (limit(input, at, phase))
+                        @if counted { (used_cell(phase, frame)) }
                         @for (path, _) in &more { (counted_cell(phase, &base, path)) }
                     }
                 } }
@@ -209,7 +227,12 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
         Column("pass", true, ""),
         Column("cycles", true, "From its beginning to that of the next."),
         Column("share", true, "Of the cycles of all draws."),
-        Column("busiest unit", false, "And the share of the draw's cycles in which it is busy."),
+        Column(
+            "limit of its pass",
+            false,
+            "By counts and rates. Draws of a pass are in the machine together, so a limit is one of the pass, not of a draw.",
+        ),
+        USED,
     ];
     titles.extend(more.iter().map(|(path, name)| Column(name, true, path)));
     let label = |draw: &Value| {
@@ -230,7 +253,8 @@ fn draw_table(input: &Input<'_>) -> Option<Markup> {
                     (cell(phase, &format!("{}.phases[{at}]", statistics.place()), "number"))
                     (cell(draw, &base, "cycles"))
                     (cell_share(share(cycles(draw), all)))
-                    (busy_cell(draw, frame))
+                    td.reason { @match unit_limit(input, *at, phase) { Some(unit) => b { (unit) }, None => span.note { "\u{2013}" } } }
+                    (used_cell(draw, frame))
                     @for (path, _) in &more { (counted_cell(draw, &base, path)) }
                 }
             } }

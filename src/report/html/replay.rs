@@ -153,6 +153,11 @@ fn run(input: &Input<'_>, picture: Option<&str>) -> Markup {
     }
 }
 
+/// A sentence whose settings stand between backticks.
+fn told(text: &str) -> Markup {
+    html! { @for (at, piece) in text.split('`').enumerate() { @if at % 2 == 1 { code { (piece) } } @else { (piece) } } }
+}
+
 /// What was found to hold the frame back, in a sentence, with its table.
 fn proven(why: &Value) -> Markup {
     let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
@@ -160,10 +165,10 @@ fn proven(why: &Value) -> Markup {
     let (some, none): (Vec<&Value>, Vec<&Value>) =
         gains.iter().partition(|own| gain(own).is_none_or(|gain| gain.abs() >= 0.0005));
     html! {
-        p.verdict { (why["verdict"].as_str().unwrap_or("")) }
+        p.verdict { (told(why["verdict"].as_str().unwrap_or(""))) }
         p.note { "The frame was timed again on " (gains.len()) " machines, each with more of one resource. Caches are cold when the frame begins: " (readable(why["cycles"].as_f64().unwrap_or(0.0))) " cycles." }
         div.scroll.tall { table.sortable id="why" {
-            (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("seen without it", false, "")]))
+            (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("most in", false, "The phase that saves most cycles."), super::Column("seen there without it", false, "Counted in that phase, or in the frame.")]))
             tbody { @for own in some {
                 tr {
                     td.name { (own["change"].as_str().unwrap_or("")) }
@@ -174,6 +179,7 @@ fn proven(why: &Value) -> Markup {
                         },
                         _ => { td.n data-value="" { "\u{2013}" } td.n data-value="" { "\u{2013}" } },
                     }
+                    td.name { (own["most_in"].as_str().unwrap_or("")) }
                     td.evidence { (own["evidence"].as_str().unwrap_or("")) (own["error"].as_str().unwrap_or("")) }
                 }
             } }
@@ -182,10 +188,10 @@ fn proven(why: &Value) -> Markup {
     }
 }
 
-/// The busiest unit of a phase, where phases have counters of their own.
-fn busiest_of<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
+/// The unit that is used most in a phase, where phases have counters of their own.
+fn most_used_in<'i>(input: &'i Input<'_>, phase: usize) -> Option<(&'i str, f64)> {
     let frame = input.statistics.frame();
-    passes::busiest(frame["phases"].get(phase)?, frame)
+    passes::most_used(frame["phases"].get(phase)?, frame)
 }
 
 /// What holds the frame back: proven, estimated, or how to find out.
@@ -200,7 +206,7 @@ fn verdict(input: &Input<'_>) -> Markup {
             (None, Some(at)) => {
                 @let limit = &input.limits[at];
                 p.verdict { (limit.name) " takes " (percent(share(cycles(at), all))) " of the frame. By counts and rates, " @if limit.unit == "imbalance" { b { "imbalance" } " limits it: units and pipelines take turns, and none works all the time" } @else { b { (limit.unit) } " limits it" } "."
-                    @if let Some((unit, part)) = busiest_of(input, at) { " The busiest unit there is " (unit) ", in " (percent(part)) " of the cycles." }
+                    @if let Some((unit, part)) = most_used_in(input, at) { " Most used there is " (unit) ", busy in " (percent(part)) " of the cycles: that is use, not what limits." }
                 }
                 p { "This is an estimate (" code { "--fidelity bound" } "), not proof. The command that proves it times the frame again with more of each resource:" }
                 pre { (prove) }

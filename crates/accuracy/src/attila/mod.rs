@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
+use crate::harness::funnel;
 use import::{self, Kind};
 use machine::Config;
 use num::Limits;
-use run::functional::funnel_of;
 use run::replay::{Fidelity, Options, replay};
 use trace::Reading;
 
@@ -117,7 +117,7 @@ impl Case {
             .find(|frame| frame.number == self.frame)
             .with_context(|| format!("{}: no frame {}", self.recording.display(), self.frame))?;
         let rows = rows::rows(&self.counters, frame)?;
-        let shaded = 4.0 * funnel_of(&frame.tree).quads_shaded as f64;
+        let shaded = 4.0 * funnel(&frame.tree)?.quads_shaded as f64;
         let fragments_a_second = shaded / replayed.clock_time.as_secs_f64().max(1e-9);
         Ok(Outcome { name: self.name.clone(), frame: self.frame, rows, fragments_a_second })
     }

@@ -1,14 +1,16 @@
 //! Identities of whole machines, and of circuits under every clock.
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 
 use super::circuits::{at_random, tandem};
-use crate::harness::{config, figure, sum};
+use crate::harness::{config, counts, each, funnel, items};
 use crate::{Row, Section, Setting, Target};
+use machine::config::SortClass;
 use machine::{Config, Machine, MachineReport};
+use mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, L2Counts, SLICES};
 use sim::kit::{Item, Sink, Source};
-use sim::{self, Circuit, Clock, Link, One, Tick, Unit, Wires, Wiring};
-use stats::{Node, Tree};
+use sim::{self, CHANNELS, ChannelCounts, Circuit, Clock, Link, One, Tick, UNITS, Unit, Wires, Wiring};
+use stats::{Cycles, Tree};
 use synthetic::{Scene, events};
 use work::{Event, Shade};
 
@@ -42,13 +44,11 @@ pub(super) const CLOCKS: Target = Target {
 
 /// A machine of every sort class.
 pub(super) fn machines() -> Result<Vec<Config>> {
-    ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment", "sort-last-image"]
-        .into_iter()
-        .map(|class| match class {
-            "sort-last-image" => config("baseline", &["sort=sort-last-image"]),
-            _ => config(class, &[]),
-        })
-        .collect()
+    let machine = |class: &SortClass| match class {
+        SortClass::LastImage => config("baseline", &[&format!("sort={}", class.name())]),
+        _ => config(class.name(), &[]),
+    };
+    SortClass::ALL.iter().map(machine).collect()
 }
 
 /// Small scenes of several kinds.
@@ -112,34 +112,29 @@ fn conservation(setting: &Setting) -> Result<Vec<Row>> {
 }
 
 fn conserved(tree: &Tree, primitives: f64, pairs: &mut Pairs) -> Result<()> {
-    let funnel = |name: &str| figure(tree, &format!("funnel.{name}"));
-    let items = |name: &str| sum(tree, &format!("channels.{name}"), "items");
-    pairs.add("primitives of the work: in (error: runs)", primitives, funnel("primitives_in")?);
-    pairs.add("vertex warps: to cores and back", items("vertex_warps")?, items("vertices_shaded")?);
-    pairs.add("vertex warps: to cores and given up", items("vertex_warps")?, items("vertices_retired")?);
-    pairs.add("fragment warps: to cores and back", items("fragment_warps")?, items("fragments_shaded")?);
-    pairs.add("texture requests: sent and answered", items("texture_requests")?, items("texture_answers")?);
-    let quads = sum(tree, "units.interpolate", "items")?;
-    pairs.add("quads: interpolated and shaded", quads, funnel("quads_shaded")?);
-    pairs.add("quads: to warps and shaded", sum(tree, "units.dispatch", "items")?, funnel("quads_shaded")?);
-    let ended = funnel("fragments_discarded")? + funnel("fragments_late_failed")?;
-    pairs.add("fragments: shaded, and written or ended", funnel("fragments_shaded")?, funnel("fragments_written")? + ended);
-    pairs.add(
-        "fragments and helpers: in quads",
-        4.0 * funnel("quads_shaded")?,
-        funnel("fragments_shaded")? + funnel("helper_fragments")?,
-    );
+    let funnel = funnel(tree)?;
+    let sent = |channels| Ok::<_, anyhow::Error>(counts::<ChannelCounts>(tree, CHANNELS.named(channels))?.items as f64);
+    pairs.add("primitives of the work: in (error: runs)", primitives, funnel.primitives_in as f64);
+    pairs.add("vertex warps: to cores and back", sent("vertex_warps")?, sent("vertices_shaded")?);
+    pairs.add("vertex warps: to cores and given up", sent("vertex_warps")?, sent("vertices_retired")?);
+    pairs.add("fragment warps: to cores and back", sent("fragment_warps")?, sent("fragments_shaded")?);
+    pairs.add("texture requests: sent and answered", sent("texture_requests")?, sent("texture_answers")?);
+    let quads = funnel.quads_shaded as f64;
+    pairs.add("quads: interpolated and shaded", items(tree, "interpolate")?, quads);
+    pairs.add("quads: to warps and shaded", items(tree, "dispatch")?, quads);
+    let ended = funnel.fragments_written + funnel.fragments_discarded + funnel.fragments_late_failed;
+    pairs.add("fragments: shaded, and written or ended", funnel.fragments_shaded as f64, ended as f64);
+    let fragments = funnel.fragments_shaded + funnel.helper_fragments;
+    pairs.add("fragments and helpers: in quads", 4.0 * quads, fragments as f64);
     for cache in ["vertex", "texture", "depth", "color", "l2"] {
-        let of = |leaf| sum(tree, &format!("caches.{cache}"), leaf);
-        pairs.add("caches: lookups, and hits and misses", of("accesses")?, of("hits")? + of("misses")?);
+        let CacheCounts { accesses, hits, misses, .. } = counts(tree, CACHES.named(cache))?;
+        pairs.add("caches: lookups, and hits and misses", accesses as f64, (hits + misses) as f64);
     }
-    let Some(Node::Tree(clients)) = tree.get("memory.clients") else { bail!("the statistics have no clients of memory") };
-    let all = |leaf: &str| -> Result<f64> {
-        clients.entries().map(|(name, _)| figure(tree, &format!("memory.clients.{name}.{leaf}"))).sum()
-    };
-    pairs.add("memory: bytes read, by clients and by slices", all("read_bytes")?, sum(tree, "memory.l2", "read_bytes")?);
-    pairs.add("memory: bytes written, by clients and by slices", all("write_bytes")?, sum(tree, "memory.l2", "write_bytes")?);
-    pairs.add("memory: requests, by clients and by slices", all("requests")?, sum(tree, "units.l2", "items")?);
+    let (clients, slices): (ClientCounts, L2Counts) = (counts(tree, CLIENTS)?, counts(tree, SLICES)?);
+    let [read, written] = [slices.read_bytes, slices.write_bytes].map(|bytes| bytes as f64);
+    pairs.add("memory: bytes read, by clients and by slices", clients.read_bytes as f64, read);
+    pairs.add("memory: bytes written, by clients and by slices", clients.write_bytes as f64, written);
+    pairs.add("memory: requests, by clients and by slices", clients.requests as f64, items(tree, "l2")?);
     Ok(())
 }
 
@@ -148,16 +143,11 @@ fn account(setting: &Setting) -> Result<Vec<Row>> {
     for scene in scenes(setting) {
         for config in machines()? {
             let report = run(&config, work_of(&config, &scene), Clock::SkipIdle)?;
-            for tree in report.frames.iter().map(|frame| &frame.tree).chain([&report.total]) {
-                let cycles = figure(tree, "cycles")?;
-                let Some(Node::Tree(units)) = tree.get("units") else { bail!("the statistics have no units") };
-                for (name, node) in units.entries() {
-                    let Node::List(list) = node else { bail!("{name} is no list of units") };
-                    for unit in list {
-                        let spent = ["busy", "starved", "blocked", "memory", "idle"].map(|why| figure(unit, why));
-                        let spent = spent.into_iter().sum::<Result<f64>>().with_context(|| name.to_owned())?;
-                        pairs.add("units of machines, of every frame and run: cycles (error: units)", cycles, spent);
-                    }
+            let frames = report.frames.iter().map(|frame| (&frame.tree, frame.cycles));
+            for (tree, cycles) in frames.chain([(&report.total, report.cycles)]) {
+                for spent in each::<Cycles>(tree, UNITS)? {
+                    let spent = spent.total() as f64;
+                    pairs.add("units of machines, of every frame and run: cycles (error: units)", cycles as f64, spent);
                 }
             }
         }
@@ -247,7 +237,7 @@ fn watched(n: u64, link: Link, rest: u64, looks: bool, clock: Clock) -> Result<S
     Ok(format!("{:?} {:?} {:?}", machine.wires().reading(), machine.tally(), machine.sink.sink.log))
 }
 
-/// The leaves of the statistics of a run.
+/// All leaves that the statistics of a run print, whatever they are called: each is compared with itself.
 fn leaves(config: &Config, work: &[Event], clock: Clock) -> Result<Vec<String>> {
     let report = run(config, work.to_vec(), clock)?;
     let mut all = Vec::new();

@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::machines::machines;
 use crate::draws::{DEPTH, Sheet, Stroke};
-use crate::harness::{config, figure, sum};
+use crate::harness::{config, funnel, items};
 use crate::{Row, Section, Setting, Target};
 use gfx::state::{Compare, DepthStencil, Topology};
 use machine::Config;
@@ -12,9 +12,11 @@ use machine::class::Sorted;
 use machine::config::SortClass;
 use num::Random;
 use run::replay::{Fidelity, Options, replay};
-use stats::Tree;
+use sim::UNITS;
+use stats::{Counter, Tree, counter};
 use trace::Trace;
 use trace::record;
+use work::Funnel;
 
 pub(super) const STATISTICS: Target = Target {
     id: "statistics",
@@ -81,22 +83,55 @@ impl Of {
     }
 }
 
+/// What is looked at.
+#[derive(Clone, Copy)]
+enum Figure {
+    /// A counter of the funnel.
+    Funnel(Counter<Funnel>),
+    /// What went through all units of a kind, which the renderer has not.
+    Items(&'static str),
+}
+
+impl Figure {
+    fn name(self) -> &'static str {
+        match self {
+            Figure::Funnel(counter) => counter.name(),
+            Figure::Items(units) => units,
+        }
+    }
+
+    /// Its value; none where there are no units to ask.
+    fn of(self, tree: &Tree) -> Result<Option<f64>> {
+        Ok(match self {
+            Figure::Funnel(counter) => Some(counter.of(&funnel(tree)?) as f64),
+            Figure::Items(_) if UNITS.find(tree).is_empty() => None,
+            Figure::Items(units) => Some(items(tree, units)?),
+        })
+    }
+}
+
+impl From<Counter<Funnel>> for Figure {
+    fn from(counter: Counter<Funnel>) -> Figure {
+        Figure::Funnel(counter)
+    }
+}
+
 /// What is looked at, and how.
 struct Rule {
     /// A figure of the statistics.
-    path: &'static str,
+    figure: Figure,
     /// It lies between these.
     least: u64,
     most: u64,
     of: Of,
 }
 
-fn exactly(path: &'static str, count: u64) -> Rule {
-    between(path, count, count)
+fn exactly(figure: impl Into<Figure>, count: u64) -> Rule {
+    between(figure, count, count)
 }
 
-fn between(path: &'static str, least: u64, most: u64) -> Rule {
-    Rule { path, least, most, of: Of::All }
+fn between(figure: impl Into<Figure>, least: u64, most: u64) -> Rule {
+    Rule { figure: figure.into(), least, most, of: Of::All }
 }
 
 /// A picture and what its statistics must be.
@@ -142,14 +177,14 @@ fn assembled(setting: &Setting, random: &mut Random) -> Vec<Case> {
     let once = |rule| Rule { of: Of::OneGeometry, ..rule };
     let of_four = |vertices, [least, most]: [u64; 2]| {
         vec![
-            exactly("funnel.vertices_in", vertices),
-            exactly("funnel.primitives_in", 4),
-            once(between("funnel.vertices_shaded", least, most)),
-            once(exactly("units.clip", 4)),
+            exactly(counter!(Funnel, vertices_in), vertices),
+            exactly(counter!(Funnel, primitives_in), 4),
+            once(between(counter!(Funnel, vertices_shaded), least, most)),
+            once(exactly(Figure::Items("clip"), 4)),
         ]
     };
     let mut of_outside = of_four(12, [12, 12]);
-    of_outside.extend([exactly("funnel.culled_frustum", 2), once(exactly("funnel.triangles_setup", 2))]);
+    of_outside.extend([exactly(counter!(Funnel, culled_frustum), 2), once(exactly(counter!(Funnel, triangles_setup), 2))]);
     vec![
         Case::new(setting, "list of 4 triangles", vec![stroke(Topology::TriangleList, list)], of_four(12, [12, 12])),
         Case::new(setting, "list of 4, two outside", vec![stroke(Topology::TriangleList, outside)], of_outside),
@@ -176,7 +211,7 @@ fn topologies(setting: &Setting, random: &mut Random) -> Vec<Case> {
     .into_iter()
     .map(|(topology, primitives)| {
         let strokes = vec![stroke(topology, zigzag(16, random))];
-        let rules = vec![exactly("funnel.primitives_in", primitives)];
+        let rules = vec![exactly(counter!(Funnel, primitives_in), primitives)];
         Case::new(setting, format!("16 vertices, {topology:?}"), strokes, rules)
     })
     .collect()
@@ -185,7 +220,7 @@ fn topologies(setting: &Setting, random: &mut Random) -> Vec<Case> {
 /// A target that is covered; and a near rectangle with a far one behind it, which tests pass and fail.
 fn fragments(setting: &Setting, random: &mut Random) -> Vec<Case> {
     let whole = vec![stroke(Topology::TriangleList, rectangle([0.0, 0.0, EDGE, EDGE], 0.5))];
-    let covered = vec![exactly("funnel.fragments_covered", 4096), exactly("funnel.fragments_shaded", 4096)];
+    let covered = vec![exactly(counter!(Funnel, fragments_covered), 4096), exactly(counter!(Funnel, fragments_shaded), 4096)];
     let mut cases = vec![Case::new(setting, "a covered target", whole, covered)];
     for (name, source) in [("depths of the triangle", PLAIN), ("depths of the shader", OWN_DEPTH)] {
         let [near, far] = [1 + random.below(63), 1 + random.below(63)];
@@ -202,12 +237,15 @@ fn fragments(setting: &Setting, random: &mut Random) -> Vec<Case> {
         let (passing, failing) = (4096, 64 * u64::from(near - far));
         let all = passing + failing;
         let least = if source == PLAIN { passing } else { all };
-        let shaded = between("funnel.fragments_shaded", least, all);
+        let shaded = between(counter!(Funnel, fragments_shaded), least, all);
         let tested = |rule| Rule { of: Of::OneFrameBuffer, ..rule };
-        let mut rules =
-            vec![exactly("funnel.fragments_covered", all), tested(exactly("funnel.fragments_written", passing)), shaded];
+        let mut rules = vec![
+            exactly(counter!(Funnel, fragments_covered), all),
+            tested(exactly(counter!(Funnel, fragments_written), passing)),
+            shaded,
+        ];
         if source == OWN_DEPTH {
-            rules.push(tested(exactly("funnel.fragments_late_failed", failing)));
+            rules.push(tested(exactly(counter!(Funnel, fragments_late_failed), failing)));
         }
         cases.push(Case::new(setting, name, strokes, rules));
     }
@@ -243,18 +281,13 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
             for rule in &case.rules {
                 let (mut worst, mut error) = (rule.least as f64, 0.0);
                 for (tree, _) in measured.iter().filter(|&&(_, sort)| rule.of.holds(sort)) {
-                    let count = match rule.path.strip_prefix("units.") {
-                        // The renderer has no units.
-                        Some(_) if tree.get("units").is_none() => continue,
-                        Some(_) => sum(tree, rule.path, "items")?,
-                        None => figure(tree, rule.path)?,
-                    };
+                    let Some(count) = rule.figure.of(tree)? else { continue };
                     let off = (rule.least as f64 - count).max(count - rule.most as f64).max(0.0);
                     if off >= error {
                         (worst, error) = (count, off);
                     }
                 }
-                let name = rule.path.rsplit('.').next().unwrap_or(rule.path);
+                let name = rule.figure.name();
                 let range = if rule.least == rule.most { String::new() } else { format!(" (at most {})", rule.most) };
                 let row = Row {
                     case: format!("{}: {name}{range}", case.name),

@@ -6,12 +6,15 @@ mod roofline;
 use anyhow::{Result, ensure};
 
 use super::Target;
-use super::harness::{config, figure, replay};
-use machine::Config;
+use super::harness::{config, counts, each, replay};
 use machine::config::MemoryKind;
-use mem::ClientCounts;
-use stats::{Node, Tree};
+use machine::{Config, MachineReport};
+use mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM, DramCounts};
+use sim::{UNITS, UnitCounts};
+use stats::{Counter, Group, Heading, Tree, counter};
 use synthetic::Scene;
+use unit::core::{CORES, CoreCounts};
+use unit::texture::{TEXTURES, TextureCounts};
 
 /// Targets of the group, in order.
 pub const TARGETS: &[Target] = &[yardstick::QUEUE, roofline::ROOFLINE, bottleneck::BOTTLENECK];
@@ -96,13 +99,13 @@ struct Run {
 
 impl Run {
     fn of(config: &Config, scene: &Scene) -> Result<Run> {
-        let tree = replay(config, scene)?.total;
-        let instructions: f64 = CLASSES.iter().map(|class| each(&tree, "shading.core", class).iter().sum::<f64>()).sum();
+        let MachineReport { total: tree, cycles, .. } = replay(config, scene)?;
+        let instructions: f64 = classes(&counts(&tree, CORES)?).iter().sum();
         Ok(Run {
-            cycles: figure(&tree, "cycles")?,
+            cycles: cycles as f64,
             bounds: bounds(config, scene, &tree)?,
             instructions: instructions * f64::from(config.core.warp_width),
-            bytes: clients(&tree).iter().map(|[read, written]| read + written).sum(),
+            bytes: clients(&tree)?.iter().map(|[read, written]| read + written).sum(),
         })
     }
 
@@ -126,62 +129,57 @@ impl Run {
     }
 }
 
-/// Classes of instructions, as the statistics name them.
-const CLASSES: [&str; 4] = ["float", "integer", "special", "control"];
-
-/// One figure of every tree of a list; nothing where there is no such list.
-fn each(tree: &Tree, list: &str, leaf: &str) -> Vec<f64> {
-    (0..).map_while(|index| tree.number(&format!("{list}[{index}].{leaf}"))).collect()
+/// Instructions of warps by class: float, integer, special, control.
+fn classes(core: &CoreCounts) -> [f64; 4] {
+    [core.float, core.integer, core.special, core.control].map(|instructions| instructions as f64)
 }
 
 /// Bytes read and written by each client of memory.
-fn clients(tree: &Tree) -> Vec<[f64; 2]> {
-    let Some(Node::Tree(clients)) = tree.get("memory.clients") else { return Vec::new() };
-    let bytes = |name: &str| {
-        let counts: ClientCounts = tree.group(&format!("memory.clients.{name}"));
-        [counts.read_bytes, counts.write_bytes].map(|bytes| bytes as f64)
-    };
-    clients.entries().map(|(name, _)| bytes(name)).collect()
+fn clients(tree: &Tree) -> Result<Vec<[f64; 2]>> {
+    let bytes = |counts: ClientCounts| [counts.read_bytes, counts.write_bytes].map(|bytes| bytes as f64);
+    Ok(each(tree, CLIENTS)?.into_iter().map(bytes).collect())
 }
 
 /// What each kind of unit needs at least for what it has done: its work by its rate, as both are declared.
 fn bounds(config: &Config, scene: &Scene, tree: &Tree) -> Result<Vec<(&'static str, f64)>> {
-    let most = |list: &str, leaf: &str| each(tree, list, leaf).into_iter().fold(0.0, f64::max);
+    fn most<G: Group>(tree: &Tree, heading: Heading, counter: Counter<G>) -> Result<f64> {
+        Ok(each(tree, heading)?.iter().map(|counts| counter.of(counts)).max().unwrap_or(0) as f64)
+    }
+    let items = |units| most(tree, UNITS.named(units), counter!(UnitCounts, items));
     let by = |work: f64, rate: u32| work / f64::from(rate);
     let core = &config.core;
     let lanes = [core.float_lanes, core.integer_lanes, core.special_lanes, core.control_lanes];
-    let classes = CLASSES.map(|class| each(tree, "shading.core", class));
     let mut shading: f64 = 0.0;
-    for index in 0..classes[0].len() {
-        let of = |class: usize| classes[class][index];
-        shading = shading.max(by((0..4).map(of).sum(), core.issue));
-        shading = (0..4).map(|class| by(of(class) * f64::from(core.warp_width), lanes[class])).fold(shading, f64::max);
+    for counts in each(tree, CORES)? {
+        let issued = classes(&counts);
+        shading = shading.max(by(issued.iter().sum(), core.issue));
+        shading = (0..4).map(|class| by(issued[class] * f64::from(core.warp_width), lanes[class])).fold(shading, f64::max);
     }
     // Every fragment of these scenes has eight words.
     let turns = f64::from(8_u32.div_ceil(config.interpolate.words_per_cycle));
     let setup = if config.setup.interval > 1 {
-        most("units.setup", "items") * f64::from(config.setup.interval)
+        items("setup")? * f64::from(config.setup.interval)
     } else {
-        by(most("units.setup", "items"), config.setup.triangles_per_cycle)
+        by(items("setup")?, config.setup.triangles_per_cycle)
     };
     let blends = if scene.blend { config.color.blends_per_cycle } else { config.color.quads_per_cycle };
-    let texture = by(most("shading.texture", "operations"), config.texture.filters_per_cycle)
-        .max(by(most("shading.texture", "quads"), config.texture.quads_per_cycle))
-        .max(by(most("caches.texture", "accesses"), config.texture.lookups_per_cycle));
-    let clients = clients(tree);
+    let texture = by(most(tree, TEXTURES, counter!(TextureCounts, operations))?, config.texture.filters_per_cycle)
+        .max(by(most(tree, TEXTURES, counter!(TextureCounts, quads))?, config.texture.quads_per_cycle))
+        .max(by(most(tree, CACHES.named("texture"), counter!(CacheCounts, accesses))?, config.texture.lookups_per_cycle));
+    let clients = clients(tree)?;
     let ports = clients.iter().flatten().fold(0.0, |most: f64, &bytes| most.max(by(bytes, config.memory.port_width)));
     let mut bounds = vec![
-        ("fetch", by(most("units.fetch", "items"), config.fetch.indices_per_cycle)),
-        ("assembly", by(most("units.assembly", "items"), config.assembly.primitives_per_cycle)),
-        ("clip", by(most("units.clip", "items"), config.clip.primitives_per_cycle)),
+        ("fetch", by(items("fetch")?, config.fetch.indices_per_cycle)),
+        ("assembly", by(items("assembly")?, config.assembly.primitives_per_cycle)),
+        ("clip", by(items("clip")?, config.clip.primitives_per_cycle)),
         ("setup", setup),
-        ("traverse", by(most("units.traverse", "items"), config.traverse.quads_per_cycle)),
-        ("depth", by(most("units.depth", "items"), config.depth.quads_per_cycle)),
-        ("interpolate", by(turns * most("units.interpolate", "items"), config.interpolate.quads_per_cycle)),
-        ("dispatch", by(most("units.dispatch", "items"), config.dispatch.quads_per_cycle)),
+        ("traverse", by(items("traverse")?, config.traverse.quads_per_cycle)),
+        ("depth", by(items("depth")?, config.depth.quads_per_cycle)),
+        ("interpolate", by(turns * items("interpolate")?, config.interpolate.quads_per_cycle)),
+        ("dispatch", by(items("dispatch")?, config.dispatch.quads_per_cycle)),
         ("shading", shading),
         ("texture", texture),
-        ("color", by(most("units.color", "items"), blends)),
+        ("color", by(items("color")?, blends)),
         ("ports", ports),
     ];
     if config.memory.kind == MemoryKind::Ideal {
@@ -189,7 +187,8 @@ fn bounds(config: &Config, scene: &Scene, tree: &Tree) -> Result<Vec<(&'static s
         bounds.push(("memory", by(bytes, config.memory.ideal_bytes_per_cycle)));
     } else {
         let dram = &config.dram;
-        let bytes = figure(tree, "memory.dram.read_bytes")? + figure(tree, "memory.dram.write_bytes")?;
+        let DramCounts { read_bytes, write_bytes, .. } = counts(tree, DRAM)?;
+        let bytes = (read_bytes + write_bytes) as f64;
         // Bursts of all channels in cycles of their clock, and these in cycles of the card.
         let bursts = bytes / f64::from(dram.burst_bytes * dram.channels) * f64::from(dram.burst_cycles);
         bounds.push(("memory", bursts * f64::from(dram.card_cycles) / f64::from(dram.clock)));

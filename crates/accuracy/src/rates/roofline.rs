@@ -5,6 +5,7 @@ use anyhow::{Context, Result};
 use super::{Run, layers, machine};
 use crate::harness::config;
 use crate::{Row, Section, Setting, Target};
+use machine::config::SortClass;
 use synthetic::Scene;
 
 pub(super) const ROOFLINE: Target = Target {
@@ -56,11 +57,11 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         rows.push(Row::within(case, knee, measured, 0.02 * knee));
     }
     let triangles = setting.pick(16, 60, 300);
-    for class in ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"] {
+    for class in [SortClass::First, SortClass::Middle, SortClass::MiddleBinned, SortClass::LastFragment] {
         for changes in [&["traverse.hierarchical_z=false"][..], &["traverse.hierarchical_z=false", "memory.kind=ideal"]] {
             for (size, blend, textures) in [(6.0, false, 1), (60.0, true, 3)] {
                 let scene = Scene { triangles, size, blend, textures, seed: setting.seed, ..Scene::default() };
-                note(&Run::of(&config(class, changes)?, &scene)?);
+                note(&Run::of(&config(class.name(), changes)?, &scene)?);
             }
         }
     }

@@ -6,6 +6,7 @@ use super::kit::{COLORED, Draw, Kit, Pass};
 use super::shapes::{Corner, center, clip, covers};
 use super::{Image, Scene, Stage};
 use crate::Row;
+use crate::harness::funnel;
 use gfx::format::Format;
 use gfx::state::{Aspect, Blend, BlendComponent, BlendFactor, BlendOp};
 use num::Random;
@@ -198,8 +199,8 @@ fn lists(stage: &mut Stage, most: usize) -> Result<()> {
         stage.row(Row::within("largest error of the nearest four, in codes", worst, measured, 1.0));
         stage.answer("What is lost?", format!("The nearest four are {worst:.1} codes off at worst and {mean:.2} on average."));
     } else if !stage.fault() {
-        let cycles = stage.time(&trace, &[])?.0 / 3.0;
-        let shaded = stage.figure(&trace, &[], "funnel.fragments_shaded")?;
+        let (cycles, total) = stage.time(&trace, &[])?;
+        let (cycles, shaded) = (cycles / 3.0, funnel(&total)?.fragments_shaded as f64);
         let pixels = f64::from(SIZE[0] * SIZE[1]);
         stage.row(Row::exact("fragments shaded, less those of the second passes", 3.0 * covered as f64, shaded - 3.0 * pixels));
         let mut sorted: Vec<usize> = (0..LAYERS).collect();

@@ -5,11 +5,13 @@ use anyhow::Result;
 use super::kit::{Draw, Kit, Pass};
 use super::{Scene, Stage};
 use crate::Row;
+use crate::harness::counts;
 use gfx::format::Format;
 use num::Random;
 use trace::Trace;
 use trace::command::{BoundResource, ViewDesc};
 use trace::record;
+use unit::scanout::{DISPLAY, DisplayCounts};
 
 pub(super) const COMBINE: Scene = Scene {
     name: "combine",
@@ -209,7 +211,8 @@ fn tearing(stage: &mut Stage, trace: &Trace, frames: f64) -> Result<()> {
         let line = format!("scanout.line_cycles={line_cycles}");
         let tears = |stage: &Stage, swap: &str| {
             let swap = format!("scanout.swap={swap}");
-            stage.figure(trace, &["scanout.mode=free-running", &line, &swap, "scanout.buffers=2"], "display.tears")
+            let (_, total) = stage.time(trace, &["scanout.mode=free-running", &line, &swap, "scanout.buffers=2"])?;
+            Ok::<_, anyhow::Error>(counts::<DisplayCounts>(&total, DISPLAY)?.tears as f64)
         };
         let (torn, kept) = (tears(stage, "immediate")?, tears(stage, "vsync")?);
         if line_cycles < 200 {

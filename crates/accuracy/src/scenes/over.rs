@@ -6,6 +6,7 @@ use super::kit::{COLORED, Draw, Kit, OVER, Pass};
 use super::{Scene, Stage};
 use crate::Row;
 use gfx::format::Format;
+use machine::config::SortClass;
 
 pub(super) const OVER_SCENE: Scene = Scene {
     name: "over",
@@ -49,8 +50,7 @@ fn play(stage: &mut Stage) -> Result<()> {
         1.0,
     ));
     if !stage.fault() {
-        let disordered =
-            stage.played.prices.iter().find(|price| price.class == "sort-last-image").map_or(0, |price| price.disordered);
+        let disordered = stage.disordered(SortClass::LastImage);
         stage.row(Row::exact("passes that sort-last-image names", 1.0, disordered as f64));
     }
     Ok(())

@@ -32,8 +32,8 @@ pub fn text(outcome: &Outcome) -> String {
         let _ = writeln!(text, "  {}  {}: {measured} (expected {expected}, may be off by {allowed})", verdict(row), row.case);
     }
     let prices = outcome.played.prices.iter().map(|price| match price.disordered {
-        0 => format!("{} {}", price.class, price.cycles),
-        passes => format!("{} {} ({passes} passes need an order that it does not keep)", price.class, price.cycles),
+        0 => format!("{} {}", price.class.name(), price.cycles),
+        passes => format!("{} {} ({passes} passes need an order that it does not keep)", price.class.name(), price.cycles),
     });
     let prices: Vec<_> = prices.collect();
     if !prices.is_empty() {
@@ -85,7 +85,7 @@ pub fn markdown(outcomes: &[Outcome], folder: &str) -> String {
             let (expected, [measured, allowed]) = (asked(row), [row.measured, row.allowed].map(number));
             let _ = writeln!(text, "| {} | {expected} | {measured} | {allowed} | {} |", row.case, verdict(row));
         }
-        let classes: Vec<_> = played.prices.iter().map(|price| price.class).collect();
+        let classes: Vec<_> = played.prices.iter().map(|price| price.class.name()).collect();
         let star = |disordered: u64| if disordered > 0 { "\\*" } else { "" };
         let cycles: Vec<_> = played.prices.iter().map(|price| format!("{}{}", price.cycles, star(price.disordered))).collect();
         let _ = write!(text, "\n| {} |\n|{}\n| {} |\n", classes.join(" | "), "--:|".repeat(classes.len()), cycles.join(" | "));

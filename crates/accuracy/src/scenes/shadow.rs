@@ -8,6 +8,7 @@ use crate::Row;
 use gfx::format::Format;
 use gfx::state::*;
 use glam::{DVec3, dvec3};
+use machine::config::SortClass;
 use trace::Trace;
 use trace::record;
 
@@ -282,7 +283,8 @@ fn volumes(stage: &mut Stage) -> Result<()> {
     stage.row(Row::at_least("z-pass from inside: wrong pixels", 32_769.0, wrong(&picture[0], inside, &SOLID) as f64));
     if !stage.fault() {
         let mut costs = Vec::new();
-        for class in ["sort-first", "sort-middle", "sort-middle-binned", "sort-last-fragment"] {
+        for class in [SortClass::First, SortClass::Middle, SortClass::MiddleBinned, SortClass::LastFragment] {
+            let class = class.name();
             let class_knob = format!("sort={class}");
             let fail = stage.time(&outside_fail, &[&class_knob])?.0;
             let pass = stage.time(&pass_trace, &[&class_knob])?.0;
@@ -306,8 +308,7 @@ fn volumes(stage: &mut Stage) -> Result<()> {
             format!("All edges of faces that see the light take {all} cycles, those of the silhouette {edges}."),
         );
         maps(stage)?;
-        let disordered =
-            stage.played.prices.iter().find(|price| price.class == "sort-last-image").map_or(0, |price| price.disordered);
+        let disordered = stage.disordered(SortClass::LastImage);
         stage.row(Row::exact("passes that sort-last-image names", 1.0, disordered as f64));
         stage.answer(
             "Why can sort-last-image not do stencil?",

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{Row, Setting};
 use machine::config::SortClass;
-use machine::{Config, Machine, PassOrderCounts};
+use machine::{Config, Machine, PassOrderCounts, SORTING};
 use render::Options;
 use run::machines;
 use run::stored_work::StoredWork;
@@ -101,7 +101,7 @@ impl Image {
 #[derive(Clone, Debug)]
 pub struct Price {
     /// The class.
-    pub class: &'static str,
+    pub class: SortClass,
     /// Cycles of all frames.
     pub cycles: u64,
     /// Frames that are not the renderer's.
@@ -221,25 +221,31 @@ impl Stage {
     }
 
     fn price(&mut self, trace: &Trace, frames: &[Image]) -> Result<()> {
-        for &class in SortClass::NAMES {
-            let config = config(&[&format!("sort={class}")])?;
+        for &class in SortClass::ALL {
+            let name = class.name();
+            let config = config(&[&format!("sort={name}")])?;
             let ran = self.work(trace, config.render_key())?.run(&config)?;
-            ensure!(ran.shown.len() == frames.len(), "{class} shows {} frames of {}", ran.shown.len(), frames.len());
+            ensure!(ran.shown.len() == frames.len(), "{name} shows {} frames of {}", ran.shown.len(), frames.len());
             let same = |(shown, frame): &(&machines::Shown, &Image)| {
                 shown.picture == Some((frame.surface, blake3::hash(&frame.bytes)))
             };
             let differing = ran.shown.iter().zip(frames).filter(|pair| !same(pair)).count() as u64;
-            let PassOrderCounts { passes_needing_order: disordered } = ran.total.group("sort");
+            let PassOrderCounts { passes_needing_order: disordered } = SORTING.sum(&ran.total);
             // Only a class that names the passes whose order it does not keep may show another picture.
             if disordered == 0 {
-                self.row(Row::none(format!("{class}: frames that are not the renderer's"), differing));
+                self.row(Row::none(format!("{name}: frames that are not the renderer's"), differing));
             }
             self.played.prices.push(Price { class, cycles: ran.cycles, differing, disordered });
         }
         Ok(())
     }
 
-    /// What a trace comes to on the baseline with changes.
+    /// Passes of the scene that need an order which a class does not keep.
+    pub fn disordered(&self, class: SortClass) -> u64 {
+        self.played.prices.iter().find(|price| price.class == class).map_or(0, |price| price.disordered)
+    }
+
+    /// Cycles of a trace on the baseline with changes, and the statistics.
     ///
     /// # Errors
     /// If a change is none, or the machine stops.
@@ -247,14 +253,6 @@ impl Stage {
         let config = config(changes)?;
         let ran = self.work(trace, config.render_key())?.run(&config)?;
         Ok((ran.cycles as f64, ran.total))
-    }
-
-    /// A figure of a run on the baseline with changes.
-    ///
-    /// # Errors
-    /// If a change is none, the machine stops, or there is no such figure.
-    pub fn figure(&self, trace: &Trace, changes: &[&str], path: &str) -> Result<f64> {
-        self.time(trace, changes)?.1.number(path).with_context(|| format!("the statistics have no {path}"))
     }
 
     /// Adds an answer.

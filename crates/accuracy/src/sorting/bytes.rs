@@ -3,13 +3,14 @@
 use anyhow::Result;
 
 use super::{Counts, right_triangle, scene_of};
-use crate::harness::{config, figure, replay};
+use crate::harness::{config, counts, replay};
 use crate::{Row, Section, Setting, Target};
-use machine::Config;
+use machine::config::SortClass;
+use machine::{Config, SORTING};
 use num::Random;
-use stats::Tree;
 use synthetic::{Scene, events};
 use unit::interleave::{Interleave, Pattern};
+use unit::sorting::SortCounts;
 use work::Event;
 
 pub(super) const SORT_BYTES: Target = Target {
@@ -26,10 +27,10 @@ pub(super) const SORT_BYTES: Target = Target {
 /// The edge of the tiles that are dealt to pipelines.
 const TILE: u32 = 16;
 
-fn machine(class: &str, pipelines: u32, more: &[&str]) -> Result<Config> {
+fn machine(class: SortClass, pipelines: u32, more: &[&str]) -> Result<Config> {
     let (pipelines, tile) = (format!("pipelines={pipelines}"), format!("distribute.tile={TILE}"));
     let changes = [&["memory.kind=ideal", "distribute.pattern=morton", &tile, &pipelines], more].concat();
-    config(class, &changes)
+    config(class.name(), &changes)
 }
 
 /// What a scene has to be sorted.
@@ -63,15 +64,15 @@ fn sorted(events: &[Event], interleave: &Interleave) -> Sorted {
 
 /// The classes, with how many bytes an item has: three numbers of vertices and a mark, or three vertices of 32 bytes; a transformed
 /// triangle; a quad with what its shader has written.
-const CLASSES: [(&str, &str, &[&str], f64); 4] = [
-    ("sort-first", "sort-first, retained", &[], 16.0),
-    ("sort-first", "sort-first, immediate", &["route.mode=immediate"], 100.0),
-    ("sort-middle", "sort-middle", &[], 144.0),
-    ("sort-last-fragment", "sort-last, sparse", &[], 40.0),
+const CLASSES: [(SortClass, &str, &[&str], f64); 4] = [
+    (SortClass::First, "sort-first, retained", &[], 16.0),
+    (SortClass::First, "sort-first, immediate", &["route.mode=immediate"], 100.0),
+    (SortClass::Middle, "sort-middle", &[], 144.0),
+    (SortClass::LastFragment, "sort-last, sparse", &[], 40.0),
 ];
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
-    let counts: &[u32] = setting.pick(&[1, 3, 8, 64], &[1, 2, 3, 5, 8, 16, 31, 32, 64], &[1, 2, 3, 5, 8, 16, 31, 32, 64]);
+    let numbers: &[u32] = setting.pick(&[1, 3, 8, 64], &[1, 2, 3, 5, 8, 16, 31, 32, 64], &[1, 2, 3, 5, 8, 16, 31, 32, 64]);
     let (edge, triangles) = (setting.pick(128, 128, 256), setting.pick(20, 40, 400));
     let mut random = Random::new(setting.seed);
     let shapes: Vec<_> = (0..triangles)
@@ -88,16 +89,17 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
     let work = events(&Scene { covered: true, ..scene });
     let mut rows = Vec::new();
     for (class, name, more, bytes) in CLASSES {
-        let fragments = class == "sort-last-fragment";
+        let fragments = class == SortClass::LastFragment;
         let [mut primitives, mut items, mut sent] = [(); 3].map(|()| Counts::default());
-        for &pipelines in counts {
+        for &pipelines in numbers {
             let sorted = sorted(&work, &Interleave::new(Pattern::Morton, pipelines, TILE));
             let total = replay(&machine(class, pipelines, more)?, &given)?.total;
             let expected = if fragments { sorted.quads } else { sorted.copies };
-            items.add(expected, figure(&total, "sort.redistributed_items")?);
-            sent.add(bytes * expected, figure(&total, "sort.redistributed_bytes")?);
+            let sorting: SortCounts = counts(&total, SORTING)?;
+            items.add(expected, sorting.redistributed_items as f64);
+            sent.add(bytes * expected, sorting.redistributed_bytes as f64);
             if !fragments {
-                primitives.add(sorted.displayed, figure(&total, "sort.sent")?);
+                primitives.add(sorted.displayed, sorting.sent as f64);
             }
         }
         if !fragments {
@@ -106,37 +108,34 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         rows.push(items.row(format!("{name}: {} sent, all N", if fragments { "quads" } else { "copies" })));
         rows.push(sent.row(format!("{name}: bytes sent, all N")));
     }
-    uniform(counts, &mut rows)?;
+    uniform(numbers, &mut rows)?;
     Ok(rows)
 }
 
 /// Work that every pipeline owns as much of as any other: of N copies, or of N quads, one stays in its own pipeline.
-fn uniform(counts: &[u32], rows: &mut Vec<Row>) -> Result<()> {
+fn uniform(numbers: &[u32], rows: &mut Vec<Row>) -> Result<()> {
     let scene = scene_of(128, 128, vec![right_triangle(0.0, 0.0, 300.0, 300.0); 4]);
-    for class in ["sort-first", "sort-middle", "sort-last-fragment"] {
+    for class in [SortClass::First, SortClass::Middle, SortClass::LastFragment] {
         let [mut items, mut bytes] = [(); 2].map(|()| Counts::default());
         let mut uneven: f64 = 0.0;
-        for &pipelines in counts {
+        for &pipelines in numbers {
             // A batch is a primitive, so that all geometry takes part.
             let total = replay(&machine(class, pipelines, &["assembly.batch=1"])?, &scene)?.total;
             let n = f64::from(pipelines);
-            let of = |tree: &Tree, what: &str| -> Result<(f64, f64)> {
-                let all = figure(tree, &format!("sort.redistributed_{what}"))?;
-                Ok((all, figure(tree, &format!("sort.foreign_{what}"))?))
-            };
-            let (all, foreign) = of(&total, "items")?;
-            if class != "sort-last-fragment" || pipelines.is_power_of_two() {
+            let sorting: SortCounts = counts(&total, SORTING)?;
+            let (all, foreign) = (sorting.redistributed_items as f64, sorting.foreign_items as f64);
+            if class != SortClass::LastFragment || pipelines.is_power_of_two() {
                 items.add((n - 1.0) * all, n * foreign);
-                let (all, foreign) = of(&total, "bytes")?;
-                bytes.add((n - 1.0) * all, n * foreign);
+                bytes.add((n - 1.0) * sorting.redistributed_bytes as f64, n * sorting.foreign_bytes as f64);
             } else {
                 uneven = uneven.max((foreign / all - (n - 1.0) / n).abs());
             }
         }
-        rows.push(items.row(format!("{class}, uniform: N x items that leave, all N")));
-        rows.push(bytes.row(format!("{class}, uniform: N x bytes that leave, all N")));
-        if class == "sort-last-fragment" {
-            rows.push(Row::at_most("sort-last-fragment, uneven N: share that leaves off (N - 1)/N", uneven, 1.0 / 64.0));
+        let name = class.name();
+        rows.push(items.row(format!("{name}, uniform: N x items that leave, all N")));
+        rows.push(bytes.row(format!("{name}, uniform: N x bytes that leave, all N")));
+        if class == SortClass::LastFragment {
+            rows.push(Row::at_most(format!("{name}, uneven N: share that leaves off (N - 1)/N"), uneven, 1.0 / 64.0));
         }
     }
     Ok(())

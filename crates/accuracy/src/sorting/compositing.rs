@@ -1,11 +1,14 @@
 //! What composition sends between pipelines with frame buffers of their own.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::Counts;
-use crate::harness::{config, figure, replay, wrong_pixels};
+use crate::harness::{config, counts, each, replay, wrong_pixels};
 use crate::{Row, Section, Setting, Target};
+use machine::{SORTING, SortOutcome};
 use synthetic::Scene;
+use unit::compose::{COMPOSITION, ComposeCounts};
+use unit::sorting::SortCounts;
 
 pub(super) const COMPOSITING: Target = Target {
     id: "compositing",
@@ -18,7 +21,7 @@ pub(super) const COMPOSITING: Target = Target {
 };
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
-    let counts: &[u32] = setting.pick(
+    let numbers: &[u32] = setting.pick(
         &[2, 4, 5, 16],
         &[2, 3, 4, 5, 7, 8, 13, 16, 32, 33, 64],
         &[2, 3, 4, 5, 6, 7, 8, 9, 11, 13, 16, 17, 21, 27, 32, 33, 48, 57, 64],
@@ -33,7 +36,7 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         let [mut pixels, mut bytes, mut crossed, mut sorted, mut left] = [(); 5].map(|()| Counts::default());
         let [mut rounds, mut a_node, mut messages] = [(); 3].map(|()| Counts::default());
         let mut wrong = 0;
-        for &nodes in counts {
+        for &nodes in numbers {
             // A pixel is a colour and a depth, and where asked for the number of its primitive.
             let numbers: &[u32] = if nodes <= 5 { &[0, 4] } else { &[0] };
             for &number in numbers {
@@ -48,24 +51,25 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
                 let report = replay(&config("baseline", &changes)?, &given)?;
                 wrong += wrong_pixels(&report)?;
                 let total = &report.total;
-                let of = |leaf: &str| -> Result<Vec<f64>> {
-                    (0..nodes).map(|node| figure(total, &format!("composition.compose[{node}].{leaf}"))).collect()
-                };
+                let of_nodes: Vec<ComposeCounts> = each(total, COMPOSITION)?;
+                let composed: ComposeCounts = of_nodes.iter().copied().sum();
+                let sorting: SortCounts = counts(total, SORTING)?;
+                let network = SortOutcome::network(total).context("the machine has no network that sorts")?;
                 let (n, bytes_each) = (f64::from(nodes), f64::from(8 + number));
                 let all = area * (n - 1.0);
-                pixels.add(all, of("pixels_sent")?.iter().sum());
-                bytes.add(all * bytes_each, of("bytes_sent")?.iter().sum());
-                crossed.add(all * bytes_each, figure(total, "sort.network.link_bytes")?);
-                sorted.add(n * area, figure(total, "sort.redistributed_items")?);
-                left.add(all, figure(total, "sort.foreign_items")?);
+                pixels.add(all, composed.pixels_sent as f64);
+                bytes.add(all * bytes_each, composed.bytes_sent as f64);
+                crossed.add(all * bytes_each, network.carried.link_bytes as f64);
+                sorted.add(n * area, sorting.redistributed_items as f64);
+                left.add(all, sorting.foreign_items as f64);
                 if scheme != "pipeline" && nodes.is_power_of_two() {
-                    of("pixels_sent")?.into_iter().for_each(|sent| a_node.add(area - area / n, sent));
+                    of_nodes.iter().for_each(|node| a_node.add(area - area / n, node.pixels_sent as f64));
                 }
                 if scheme == "binary-swap" && nodes.is_power_of_two() {
-                    of("rounds")?.into_iter().for_each(|taken| rounds.add(f64::from(nodes.ilog2()), taken));
+                    of_nodes.iter().for_each(|node| rounds.add(f64::from(nodes.ilog2()), node.rounds as f64));
                 }
                 if scheme == "direct-send" {
-                    messages.add(n * (n - 1.0), of("messages")?.iter().sum());
+                    messages.add(n * (n - 1.0), composed.messages as f64);
                 }
             }
         }

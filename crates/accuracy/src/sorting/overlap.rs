@@ -3,9 +3,12 @@
 use anyhow::{Result, ensure};
 
 use super::{right_triangle, scene_of};
-use crate::harness::{config, figure, replay};
+use crate::harness::{config, counts, replay};
 use crate::{Row, Section, Setting, Target};
+use machine::SORTING;
+use machine::config::SortClass;
 use synthetic::Scene;
+use unit::sorting::SortCounts;
 
 pub(super) const OVERLAP_BBOX: Target = Target {
     id: "overlap-bbox",
@@ -38,10 +41,10 @@ fn binned(tile: u32, exact: bool, scene: &Scene) -> Result<f64> {
         &format!("bin.tile={tile}"),
         &format!("bin.overlap={}", if exact { "exact" } else { "bounding-box" }),
     ];
-    let total = replay(&config("sort-middle-binned", &changes)?, scene)?.total;
-    let sent = figure(&total, "sort.sent")?;
-    ensure!(sent == scene.shapes.len() as f64, "{sent} of {} triangles are in a list", scene.shapes.len());
-    figure(&total, "sort.redistributed_items")
+    let total = replay(&config(SortClass::MiddleBinned.name(), &changes)?, scene)?.total;
+    let SortCounts { sent, redistributed_items: entries, .. } = counts(&total, SORTING)?;
+    ensure!(sent == scene.shapes.len() as u64, "{sent} of {} triangles are in a list", scene.shapes.len());
+    Ok(entries as f64)
 }
 
 /// Tiles, and triangles with legs of so many pixels and a half: at every whole offset the sum of the tiles is known to the last.

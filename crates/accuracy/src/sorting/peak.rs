@@ -3,8 +3,9 @@
 use anyhow::{Context, Result};
 
 use super::{right_triangle, scene_of};
-use crate::harness::{config, figure, replay};
+use crate::harness::{config, funnel, replay};
 use crate::{Row, Section, Setting, Target};
+use machine::config::SortClass;
 use num::Random;
 
 pub(super) const CHEN_PEAK: Target = Target {
@@ -19,7 +20,7 @@ pub(super) const CHEN_PEAK: Target = Target {
 };
 
 /// Cycles of right triangles with legs of so many pixels at random places, and quads of each.
-fn cycles(setting: &Setting, class: &str, interval: u32, legs: f32) -> Result<(f64, f64)> {
+fn cycles(setting: &Setting, class: SortClass, interval: u32, legs: f32) -> Result<(f64, f64)> {
     let triangles = setting.pick(150, 400, 3000);
     let mut random = Random::new(setting.seed);
     let mut at = || (192.0 - legs) * random.unit();
@@ -46,8 +47,8 @@ fn cycles(setting: &Setting, class: &str, interval: u32, legs: f32) -> Result<(f
         "scanout.enabled=false",
         &format!("setup.interval={interval}"),
     ];
-    let total = replay(&config(class, &changes)?, &scene)?.total;
-    Ok((figure(&total, "cycles")?, figure(&total, "funnel.quads_rasterized")? / f64::from(triangles)))
+    let report = replay(&config(class.name(), &changes)?, &scene)?;
+    Ok((report.cycles as f64, funnel(&report.total)?.quads_rasterized as f64 / f64::from(triangles)))
 }
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {
@@ -57,8 +58,8 @@ fn check(setting: &Setting) -> Result<Vec<Row>> {
         let mut sweep = Vec::new();
         for legs in [4.0_f32, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0] {
             // Both draw the same quads; only the one that bins has tiles.
-            let (tiled, _) = cycles(setting, "sort-middle-binned", interval, legs)?;
-            let (whole, quads) = cycles(setting, "sort-middle", interval, legs)?;
+            let (tiled, _) = cycles(setting, SortClass::MiddleBinned, interval, legs)?;
+            let (whole, quads) = cycles(setting, SortClass::Middle, interval, legs)?;
             // The time of a triangle's pixels by that of its setup, and the slow-down.
             sweep.push((quads / f64::from(interval), tiled / whole));
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::scene_of;
-use crate::harness::{config, figure, run};
+use crate::harness::{config, funnel, run};
 use crate::{Row, Section, Setting, Target};
 use num::Random;
 use synthetic::events;
@@ -60,7 +60,7 @@ pub(super) fn shaded(triangles: &[[u32; 3]], reuse: u32) -> Result<f64> {
     });
     let changes =
         ["pipelines=1", "geometry_units=1", "memory.kind=ideal", "scanout.enabled=false", &format!("fetch.reuse={reuse}")];
-    figure(&run(&config("baseline", &changes)?, work)?.total, "funnel.vertices_shaded")
+    Ok(funnel(&run(&config("baseline", &changes)?, work)?.total)?.vertices_shaded as f64)
 }
 
 fn check(setting: &Setting) -> Result<Vec<Row>> {

@@ -13,13 +13,13 @@ use gfx::format::Format;
 use num::Random;
 use trace::Trace;
 use trace::record;
-use work::Event;
+use work::{Event, LINE};
 
 pub(super) const TEXTURE_LRU: Target = Target {
     id: "texture-lru",
     section: Section::Memory,
-    what: "Lines of b x b texels, fully associative, the least recently used goes, scan-lines W wide, bilinear, a texel a pixel: with \
-           W/b lines or fewer (W/b + 1)(1 + 1/b)/W misses a fragment, with 2W/b + 1 or more (W/b + 1)(H/b + 1)/(WH); W = 512 and b = 4: \
+    what: "Lines of a x b texels, fully associative, the least recently used goes, scan-lines W wide, bilinear, a texel a pixel: with \
+           W/a lines or fewer (W/a + 1)(1 + 1/b)/W misses a fragment, with 2W/a + 1 or more (W/a + 1)(H/b + 1)/(WH); W = 512 and a = b = 4: \
            .3149 to .0640 at 257 lines, 16.4 KB (Hakura and Gupta 1997: at most 16 KB). With one line fewer each row of lines misses two \
            more, the last row one",
     bound: "exact",
@@ -84,10 +84,10 @@ fn of_buffer(edge: u32, way: Way) -> Trace {
     sheet.finish()
 }
 
-/// Misses of a machine whose texture cache holds so many lines.
-fn missed(work: &[Event], lines: u32) -> Result<f64> {
-    let lines = format!("texture.cache_lines={lines}");
-    let changes = [&ALONE[..], &["core.warps=1", "core.warp_width=4", "texture.cache_ways=65536", &lines]].concat();
+/// Misses of a machine whose texture cache holds so many lines of so many bytes.
+fn missed(work: &[Event], lines: u32, bytes: u32) -> Result<f64> {
+    let [lines, bytes] = [format!("texture.cache_lines={lines}"), format!("texture.line_bytes={bytes}")];
+    let changes = [&ALONE[..], &["core.warps=1", "core.warp_width=4", "texture.cache_ways=65536", &lines, &bytes]].concat();
     misses(&run(&config("baseline", &changes)?, work.iter().cloned())?)
 }
 
@@ -108,11 +108,15 @@ fn lru(setting: &Setting) -> Result<Vec<Row>> {
     let mut random = Random::new(setting.seed);
     let mut rows = Vec::new();
     for &[w, h] in sizes {
-        for (b, format) in [(4, Format::Rgba8Unorm), (8, Format::R8Unorm)] {
+        // Longer lines hold blocks that stand side by side.
+        for (a, b, format) in
+            [(4, 4, Format::Rgba8Unorm), (8, 4, Format::Rgba8Unorm), (16, 4, Format::Rgba8Unorm), (8, 8, Format::R8Unorm)]
+        {
+            let bytes = LINE as u32 * a / b;
             // Wherever the walk begins, as long as it begins with a line.
-            let first = [b * random.below(4), b * random.below(4)];
+            let first = [a * random.below(4), b * random.below(4)];
             let events = rendered(&of_texture([w, h], format, first, Way::Along))?;
-            let (across, down) = (w / b, h / b);
+            let (across, down) = (w / a, h / b);
             let (lost, once) = ((across + 1) * (h + down), (across + 1) * (down + 1));
             for (lines, misses) in [
                 (across / 2, lost),
@@ -121,8 +125,8 @@ fn lru(setting: &Setting) -> Result<Vec<Row>> {
                 (2 * across + 1, once),
                 (4 * across, once),
             ] {
-                let measured = missed(&events, lines - u32::from(setting.inject_fault))?;
-                rows.push(row(format!("{w} x {h}, lines of {b} x {b}, {lines} of them"), w * h, misses, measured));
+                let measured = missed(&events, lines - u32::from(setting.inject_fault), bytes)?;
+                rows.push(row(format!("{w} x {h}, lines of {a} x {b}, {lines} of them"), w * h, misses, measured));
             }
         }
     }
@@ -138,7 +142,7 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
             let events = rendered(&of_texture([edge, edge], Format::Rgba8Unorm, [0, 0], way))?;
             let blocks = edge / 4;
             for (lines, misses) in [(blocks, (blocks + 1) * (edge + blocks)), (2 * blocks + 1, (blocks + 1) * (blocks + 1))] {
-                let measured = missed(&events, lines)?;
+                let measured = missed(&events, lines, LINE as u32)?;
                 rows.push(row(format!("{edge} x {edge}, {way:?}, {lines} lines of 4 x 4"), edge * edge, misses, measured));
             }
         }
@@ -147,7 +151,7 @@ fn orientation(setting: &Setting) -> Result<Vec<Row>> {
             let (runs, once) = (edge / 16, (edge / 16 + 1) * (edge + 1));
             let narrow = if way == Way::Along { once } else { (edge + 1) * (edge + runs) };
             for (lines, misses) in [(edge, narrow), (2 * edge + 1, once)] {
-                let measured = missed(&events, lines + inject_fault)?;
+                let measured = missed(&events, lines + inject_fault, LINE as u32)?;
                 rows.push(row(format!("{edge} x {edge}, {way:?}, {lines} lines of 16 x 1"), edge * edge, misses, measured));
             }
         }

@@ -9,9 +9,10 @@ use anyhow::Result;
 
 use super::Target;
 use super::draws::{Sheet, Stroke, work};
-use super::harness::sum;
+use super::harness::counts;
 use gfx::state::{FilterMode, SamplerDesc};
 use machine::MachineReport;
+use mem::{CACHES, CacheCounts};
 use trace::Trace;
 use trace::command::{BoundResource, TextureDesc};
 use work::{Event, RenderKey};
@@ -25,7 +26,7 @@ const ALONE: [&str; 5] =
 
 /// Lines that were not in the first-level cache when a quad needed them.
 fn misses(report: &MachineReport) -> Result<f64> {
-    sum(&report.total, "caches.texture", "misses")
+    Ok(counts::<CacheCounts>(&report.total, CACHES.named("texture"))?.misses as f64)
 }
 
 /// A sampler that filters texels of one level.

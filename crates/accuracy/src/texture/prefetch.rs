@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use super::{ALONE, bilinear, rendered, textured};
 use crate::draws::COVER;
-use crate::harness::{config, figure, run};
+use crate::harness::{config, run};
 use crate::{Row, Section, Setting, Target};
 use gfx::format::Format;
 use trace::record;
@@ -50,7 +50,7 @@ fn cycles(setting: &Setting, events: &[Event], depth: u32, latency: u32) -> Resu
         &format!("memory.ideal_latency={latency}"),
     ];
     let changes = [&ALONE[..], &changes].concat();
-    figure(&run(&config("baseline", &changes)?, events.iter().cloned())?.total, "cycles")
+    Ok(run(&config("baseline", &changes)?, events.iter().cloned())?.cycles as f64)
 }
 
 /// Cycles to the memory, and back.

@@ -224,10 +224,10 @@ fn statistics_name_clients_and_channels() {
     );
     let names = [("texture", 0), ("color", 0), ("color", 1)];
     let tree = memory_tree(&names, machine.crossbar.as_ref().unwrap().counts(), &machine.dram, None);
-    assert_eq!(tree.number("clients.texture.read_bytes"), Some(64.0));
-    assert_eq!(tree.number("clients.color.write_bytes"), Some(96.0));
+    assert_eq!(tree.number("memory.clients.texture.read_bytes"), Some(64.0));
+    assert_eq!(tree.number("memory.clients.color.write_bytes"), Some(96.0));
     for name in ["read_bytes", "write_bytes", "row_hits", "row_misses", "busy_cycles"] {
-        assert!(tree.number(&format!("dram.{name}")).is_some(), "{name}");
+        assert!(tree.number(&format!("memory.dram.{name}")).is_some(), "{name}");
     }
 }
 

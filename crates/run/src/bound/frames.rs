@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::{Bound, FrameEstimate, Traffic};
 use crate::frame_sink::{Frame, FrameSink, reference};
-use crate::functional::funnel_tree;
+use crate::functional;
 use crate::host::Stopwatch;
 use crate::profiles::{Profiled, Reader};
 use crate::rendering::{Consumer, Rendering, Work};
@@ -47,7 +47,7 @@ impl Estimated {
         let mut tree = Tree::new();
         tree.extend(FrameCounts { cycles: self.cycles.round() as u64 }.tree());
         tree.real("seconds", config.seconds(self.cycles));
-        tree.set("funnel", Node::Tree(funnel_tree(&self.funnel)));
+        tree.extend(functional::tree(&self.funnel));
         let dram = tree.child("memory").child("dram");
         counter!(DramCounts, read_bytes).put(dram, self.memory.read.round() as u64);
         counter!(DramCounts, write_bytes).put(dram, self.memory.written.round() as u64);

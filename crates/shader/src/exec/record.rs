@@ -363,14 +363,22 @@ impl Scratch {
 
     /// A texture request of the quads of the mask, which was recorded in the footprint.
     pub(super) fn footprint_request(&mut self, mask: Mask) {
-        self.requests(RequestKind::Texture, mask, |footprint, q| {
+        #[inline(always)]
+        fn of(footprint: &Footprint, q: usize) -> Request {
             let (lines, operations) = footprint.range(q);
             Request {
                 first_line: lines.start,
                 lines: lines.len().min(MOST_LINES) as u8,
                 operations: operations.clamp(1, 255) as u8,
             }
-        });
+        }
+        if mask != 0 && self.goes_together(mask) {
+            // Those of other quads are never read: without a branch for each, the compiler makes vectors.
+            self.rows.push(std::array::from_fn(|q| of(&self.footprint, q)));
+            self.step(0, RequestKind::Texture);
+            return;
+        }
+        self.requests(RequestKind::Texture, mask, |footprint, q| of(footprint, q));
     }
 }
 
@@ -429,6 +437,11 @@ impl Recorder {
             let runs = together >> (4 * q) & 1;
             *quad = QuadCost { cost: costs[runs as usize], first_request: next };
             next += runs as u32 * each as u32;
+        }
+        if each == 1 && together == firsts(!0) {
+            let moved = |request: Request| Request { first_line: first_line + request.first_line, ..request };
+            self.requests.extend_from_slice(&run.rows[0].map(moved));
+            return;
         }
         // Row by row, each request is put to those of its quad.
         self.requests.resize(next as usize, NONE);

@@ -18,7 +18,8 @@ use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
 use present::Present;
-use sim::{Counted, Heading, In, Out, StallProbe, Tick, Unit, Wires};
+use sim::{Counted, In, Out, StallProbe, Tick, Unit, Wires};
+use stats::Heading;
 use work::{Dispatch, Draw, EndFrame, Event, SurfaceKey};
 
 knob::choices! {
@@ -54,6 +55,9 @@ knob::knobs! {
         cull_cycles: u32 ["cycles/test", Allowed::Range(0, 65536), "assumed: eight corners of a box by four rows of a matrix, sixteen products a cycle"],
     }
 }
+
+/// Where the command processor counts.
+pub const COMMANDS: Heading = Heading::new("command", "Passes and draws, and what of them the command processor has left out.");
 
 stats::counters! {
     /// What the command processor has done for passes, and left out.
@@ -318,7 +322,6 @@ impl Unit<Card> for Command {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        let about = "Passes and draws, and what of them the command processor has left out.";
-        groups.group(Heading::new("command", about), |unit| unit.counts);
+        groups.group(COMMANDS, |unit| unit.counts);
     }
 }

@@ -27,7 +27,8 @@ use super::token::{Ack, Kind, Piece};
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use work::BLOCK;
 
 knob::choices! {
@@ -57,6 +58,10 @@ knob::knobs! {
         misses: u32 ["requests", Allowed::Range(1, 1024), "covers the latency of memory"],
     }
 }
+
+/// Where composition counts.
+pub const COMPOSITION: Heading =
+    Heading::new("composition.compose[i]", "Sort-last-image: what each pipeline sends and composes.");
 
 stats::counters! {
     /// What composition sends and composes.
@@ -448,7 +453,6 @@ impl Unit<Card> for Compose {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        let heading = Heading::new("composition.compose[i]", "Sort-last-image: what each pipeline sends and composes.");
-        groups.group(heading, |unit| unit.counts);
+        groups.group(COMPOSITION, |unit| unit.counts);
     }
 }

@@ -11,7 +11,8 @@ use super::warp::{Execution, Program};
 use issue::{Fixed, Issue, PLACES, bits};
 use knob::Allowed;
 use num::NEVER;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use turns::Turns;
 use work::{Class, RequestKind};
 
@@ -137,6 +138,9 @@ pub struct Core {
     /// The workgroup that runs in turns.
     turns: Option<Box<Turns>>,
 }
+
+/// Where cores count.
+pub const CORES: Heading = Heading::new("shading.core[i]", "Warp instructions by class.");
 
 stats::counters! {
     /// Warp instructions issued by a core.
@@ -397,8 +401,7 @@ impl Unit<Card> for Core {
 
     fn counted(groups: &mut Counted<Self>) {
         // Cores that shade nothing but vertices are not counted.
-        let heading = Heading::new("shading.core[i]", "Warp instructions by class.");
-        groups.group_if(heading, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
+        groups.group_if(CORES, |unit| unit.ports.fragment.is_some().then(|| unit.counts()));
     }
 }
 

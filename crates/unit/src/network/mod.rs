@@ -84,7 +84,7 @@ pub use plan::{Names, Network, NetworkPlan};
 pub use port::{Receiver, Sender, SenderCounts};
 pub use router::Router;
 pub use stall::Stall;
-pub use traffic::{NetworkMap, Traffic};
+pub use traffic::{LinkCounts, NetworkMap, Traffic};
 
 use knob::Allowed;
 use sim::Token;

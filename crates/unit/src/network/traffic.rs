@@ -1,7 +1,7 @@
 //! Where the traffic was: the busiest link against the mean.
 
-use sim::ChannelCounts;
-use stats::{Node, Tree};
+use sim::{CHANNELS, ChannelCounts};
+use stats::{Group, Tree};
 
 /// A link, by its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,15 +19,23 @@ pub struct NetworkMap {
     links: Vec<MapLink>,
 }
 
+stats::counters! {
+    /// What the links of a network have carried together.
+    pub struct LinkCounts {
+        /// Parcels, counted once on each link on their way.
+        hops: "parcels",
+        /// Their bytes, counted so too.
+        link_bytes: "bytes",
+    }
+}
+
 /// The traffic of a network over some cycles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Traffic {
     /// Links.
     pub links: u64,
-    /// Parcels, counted once on each link.
-    pub hops: u64,
-    /// Their bytes.
-    pub bytes: u64,
+    /// What they carried.
+    pub carried: LinkCounts,
     /// What links carried of what they could have, on average.
     pub mean: f64,
     /// What the busiest link carried of what it could have.
@@ -41,15 +49,16 @@ impl NetworkMap {
         NetworkMap { link_bytes, links }
     }
 
-    /// The traffic over so many cycles by the counts in `channels`, the subtree of that name.
-    pub fn traffic(&self, channels: &Tree, cycles: u64) -> Traffic {
+    /// The traffic over so many cycles, by what the channels have counted in the statistics.
+    pub fn traffic(&self, statistics: &Tree, cycles: u64) -> Traffic {
         let mut traffic = Traffic { links: self.links.len() as u64, ..Traffic::default() };
         let mut most = 0;
-        for link in &self.links {
-            let Some(Node::List(bank)) = channels.get(link.name) else { continue };
-            let ChannelCounts { items, bytes, .. } = bank.get(link.index).map(Tree::read).unwrap_or_default();
-            traffic.hops += items;
-            traffic.bytes += bytes;
+        let banks = self.links.chunk_by(|a, b| a.name == b.name).flat_map(|links| {
+            let bank = CHANNELS.named(links[0].name).find(statistics);
+            links.iter().map(move |link| (link, bank.get(link.index).map(|channel| channel.read()).unwrap_or_default()))
+        });
+        for (link, ChannelCounts { items, bytes, .. }) in banks {
+            traffic.carried += LinkCounts { hops: items, link_bytes: bytes };
             if bytes > most {
                 most = bytes;
                 traffic.hot_spot = format!("{}[{}] from {} to {}", link.name, link.index, link.from, link.to);
@@ -58,22 +67,26 @@ impl NetworkMap {
         let capacity = cycles as f64 * f64::from(self.link_bytes);
         if capacity > 0.0 {
             traffic.hottest = most as f64 / capacity;
-            traffic.mean = traffic.bytes as f64 / (capacity * self.links.len() as f64);
+            traffic.mean = traffic.carried.link_bytes as f64 / (capacity * self.links.len() as f64);
         }
         traffic
     }
 }
 
 impl Traffic {
+    const LINKS: &str = "links";
+    const MEAN: &str = "mean_share";
+    const HOTTEST: &str = "hottest_share";
+    const HOT_SPOT: &str = "hot_spot";
+
     /// As leaves of the statistics.
     pub fn tree(&self) -> Tree {
         let mut tree = Tree::new();
-        tree.level("links", self.links);
-        tree.count("hops", self.hops);
-        tree.count("link_bytes", self.bytes);
-        tree.real("mean_share", self.mean);
-        tree.real("hottest_share", self.hottest);
-        tree.text("hot_spot", &self.hot_spot);
+        tree.level(Traffic::LINKS, self.links);
+        tree.extend(self.carried.tree());
+        tree.real(Traffic::MEAN, self.mean);
+        tree.real(Traffic::HOTTEST, self.hottest);
+        tree.text(Traffic::HOT_SPOT, &self.hot_spot);
         tree
     }
 
@@ -81,12 +94,11 @@ impl Traffic {
     pub fn read(tree: &Tree) -> Traffic {
         let number = |name| tree.number(name).unwrap_or(0.0);
         Traffic {
-            links: number("links") as u64,
-            hops: number("hops") as u64,
-            bytes: number("link_bytes") as u64,
-            mean: number("mean_share"),
-            hottest: number("hottest_share"),
-            hot_spot: tree.text_at("hot_spot").to_owned(),
+            links: number(Traffic::LINKS) as u64,
+            carried: tree.read(),
+            mean: number(Traffic::MEAN),
+            hottest: number(Traffic::HOTTEST),
+            hot_spot: tree.text_at(Traffic::HOT_SPOT).to_owned(),
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::token::{Ack, Kind, Piece};
 use mem::{MemoryPort, REQUEST_BYTES};
 use num::Cycle;
 use sim::{In, Out, Tick, Wires};
+use stats::Heading;
 use work::Surface;
 
 /// What the screen showed in one refresh.
@@ -72,6 +73,10 @@ impl Refresh {
         SpriteCounts { shown, collisions: u64::from(register.count_ones()) }
     }
 }
+
+/// Where a free-running display counts.
+pub const DISPLAY: Heading =
+    Heading::new("display", "What a free-running display has shown (`scanout.mode`), and what became of frames.");
 
 stats::counters! {
     /// What a free-running display has shown.

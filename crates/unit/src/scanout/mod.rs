@@ -11,9 +11,10 @@ use display::Display;
 use knob::Allowed;
 use mem::MemoryPort;
 use num::Cycle;
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 
-pub use display::{DisplayCounts, Refresh};
+pub use display::{DISPLAY, DisplayCounts, Refresh};
 pub use sprites::{Collision, SpriteCounts};
 
 knob::choices! {
@@ -215,7 +216,6 @@ impl Unit<Card> for Scanout {
             counts += unit.display.as_ref().map_or(SpriteCounts::default(), |display| display.sprites);
             counts
         });
-        let about = "What a free-running display has shown (`scanout.mode`), and what became of frames.";
-        groups.group_if(Heading::new("display", about), |unit| unit.display.as_ref().map(|display| display.counts));
+        groups.group_if(DISPLAY, |unit| unit.display.as_ref().map(|display| display.counts));
     }
 }

@@ -14,14 +14,11 @@ use work::*;
 
 sim::circuit! {
     struct CoreCircuit for Card {
-        vertices: One<Source<WarpToken>>,
-        groups: One<Source<WarpToken>>,
-        fragments: One<Source<WarpToken>>,
+        /// Of vertices, workgroups and fragments; so are the sinks.
+        sources: Vec<Source<WarpToken>>,
         core: One<Core>,
         texture: One<Echo<WarpToken>>,
-        vertices_shaded: One<Sink<WarpToken>>,
-        groups_done: One<Sink<WarpToken>>,
-        fragments_shaded: One<Sink<WarpToken>>,
+        sinks: Vec<Sink<WarpToken>>,
     }
 }
 
@@ -74,18 +71,22 @@ const TEXTURE: Cycle = 30;
 
 fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     let mut wiring = Wiring::new();
-    let names = ["vertices", "groups", "fragments", "core", "texture", "vertices_shaded", "groups_done", "fragments_shaded"];
-    let ids = names.map(|name| wiring.unit(name, 0));
+    let from = wiring.bank("sources", 3);
+    let core = wiring.unit("core", 0);
+    let texture = wiring.unit("texture", 0);
+    let to = wiring.bank("sinks", 3);
+    let mut outputs = Vec::new();
     let mut ends = Vec::new();
-    let mut inputs = Vec::new();
-    for (index, (from, to)) in [(0, 5), (1, 6), (2, 7)].into_iter().enumerate() {
-        let (output, input) = wiring.channel("in", index, FREE, ids[from], ids[3]);
-        let (out, got) = wiring.channel("out", index, FREE, ids[3], ids[to]);
+    let mut sinks = Vec::new();
+    for (index, (&from, &to)) in from.iter().zip(&to).enumerate() {
+        let (output, input) = wiring.channel("in", index, FREE, from, core);
+        let (out, got) = wiring.channel("out", index, FREE, core, to);
+        outputs.push(output);
         ends.push((input, out));
-        inputs.push((output, got));
+        sinks.push(Sink::new(got));
     }
-    let (ask, asked) = wiring.channel("ask", 0, FREE, ids[3], ids[4]);
-    let (answer, answered) = wiring.channel("answer", 0, FREE, ids[4], ids[3]);
+    let (ask, asked) = wiring.channel("ask", 0, FREE, core, texture);
+    let (answer, answered) = wiring.channel("answer", 0, FREE, texture, core);
     let mut card = card(1);
     card.install(0, Arc::new(Segment::default()), Arc::new(draw()), 0);
     let dispatch =
@@ -107,32 +108,23 @@ fn circuit(config: &CoreConfig, work: &[Work]) -> (CoreCircuit, Card) {
     let mut ends = ends.into_iter();
     let mut next = || ends.next();
     let ports = CorePorts { vertex: next(), compute: next(), fragment: next(), texture: (ask, answered) };
-    let [vertices, groups, fragments] = tokens;
-    let mut inputs = inputs.into_iter();
-    let mut of = |items| {
-        let (output, got) = inputs.next().expect("three of them");
-        (One(Source::new(items, output)), One(Sink::new(got)))
-    };
-    let (vertices, vertices_shaded) = of(vertices);
-    let (groups, groups_done) = of(groups);
-    let (fragments, fragments_shaded) = of(fragments);
+    let sources = tokens.into_iter().zip(outputs).map(|(items, output)| Source::new(items, output)).collect();
     let core = One(Core::new(config.clone(), 0, ports));
     let place = |token: WarpToken, card: &mut Card| WarpToken { warp: card.warps[0][token.warp].place };
     let texture = One(Echo::answering(TEXTURE, place, asked, answer));
-    (CoreCircuit::new(wiring, vertices, groups, fragments, core, texture, vertices_shaded, groups_done, fragments_shaded), card)
+    (CoreCircuit::new(wiring, sources, core, texture, sinks), card)
 }
 
 /// When warps of vertices, workgroups and fragments leave.
 fn run_all(config: &CoreConfig, work: &[Work]) -> [Vec<(Cycle, u32)>; 3] {
-    let sinks =
-        |c: &CoreCircuit| [c.vertices_shaded.0.log(number), c.groups_done.0.log(number), c.fragments_shaded.0.log(number)];
+    let sinks = |c: &CoreCircuit| [0, 1, 2].map(|of| c.sinks[of].log(number));
     settle(
         || circuit(config, work),
         |c, _| c.core.resident() == 0 && sinks(c).iter().map(Vec::len).sum::<usize>() == work.len(),
         |c, card| {
             let asked: u64 = work.iter().flat_map(|work| &work.steps).flat_map(|step| step.instructions).map(u64::from).sum();
             assert_eq!(c.core.items(), asked, "every instruction is issued once");
-            assert_eq!(card.warps[0].len(), c.fragments_shaded.got.len(), "fragments are given up where they are put in order");
+            assert_eq!(card.warps[0].len(), c.sinks[2].got.len(), "fragments are given up where they are put in order");
             sinks(c)
         },
     )

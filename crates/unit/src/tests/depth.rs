@@ -23,12 +23,11 @@ use work::{Attachment, Draw, Funnel};
 
 sim::circuit! {
     struct DepthCircuit for Card {
-        early: One<Source<GroupToken>>,
-        late: One<Source<GroupToken>>,
+        /// Of early and late tests; so are the sinks, interpolation and colour units.
+        groups: Vec<Source<GroupToken>>,
         end: One<Source<Ack>>,
         depth: One<Depth>,
-        interpolate: One<Sink<GroupToken>>,
-        color: One<Sink<GroupToken>>,
+        tested: Vec<Sink<GroupToken>>,
         updates: One<Sink<DepthBounds>>,
         ack: One<Sink<Ack>>,
         ideal: Option<Ideal>,
@@ -125,16 +124,19 @@ fn run(
     settle(
         || {
             let mut wiring = Wiring::new();
-            let names = ["early", "late", "end", "depth", "interpolate", "color", "updates", "ack"];
-            let ids = names.map(|name| wiring.unit(name, 0));
+            let groups = wiring.bank("groups", 2);
+            let end = wiring.unit("end", 0);
+            let depth = wiring.unit("depth", 0);
+            let tested = wiring.bank("tested", 2);
+            let [traverse, command] = ["updates", "ack"].map(|name| wiring.unit(name, 0));
             let mut plan = memory(&mut wiring);
-            let (to_early, from_traverse) = wiring.channel("early", 0, FREE, ids[0], ids[3]);
-            let (to_late, from_cores) = wiring.channel("late", 0, FREE, ids[1], ids[3]);
-            let (to_end, from_color) = wiring.channel("end", 0, FREE, ids[2], ids[3]);
-            let (interpolate, at_interpolate) = wiring.channel("tested", 0, FREE, ids[3], ids[4]);
-            let (color, at_color) = wiring.channel("tested", 1, FREE, ids[3], ids[5]);
-            let (updates, at_traverse) = wiring.channel("updates", 0, FREE, ids[3], ids[6]);
-            let (ack, at_command) = wiring.channel("ack", 0, FREE, ids[3], ids[7]);
+            let (to_early, from_traverse) = wiring.channel("early", 0, FREE, groups[0], depth);
+            let (to_late, from_cores) = wiring.channel("late", 0, FREE, groups[1], depth);
+            let (to_end, from_color) = wiring.channel("end", 0, FREE, end, depth);
+            let (interpolate, at_interpolate) = wiring.channel("tested", 0, FREE, depth, tested[0]);
+            let (color, at_color) = wiring.channel("tested", 1, FREE, depth, tested[1]);
+            let (updates, at_traverse) = wiring.channel("updates", 0, FREE, depth, traverse);
+            let (ack, at_command) = wiring.channel("ack", 0, FREE, depth, command);
             let ports = DepthPorts {
                 questions: None,
                 early: Some(TestPorts { input: from_traverse, output: interpolate }),
@@ -143,19 +145,17 @@ fn run(
                 end: from_color,
                 ack,
             };
-            let memory = port(&mut plan, &mut wiring, ids[3]);
+            let memory = port(&mut plan, &mut wiring, depth);
             let mut card = prepared(scene);
             let (early, late) = (early(&mut card), late(&mut card));
             let end = scene.end.iter().map(|&at| (at, Ack { slot: 0, kind: Kind::PASS })).collect();
             let ideal = plan.build(&mut wiring).ideal;
             let circuit = DepthCircuit::new(
                 wiring,
-                One(Source::new(early, to_early)),
-                One(Source::new(late, to_late)),
+                vec![Source::new(early, to_early), Source::new(late, to_late)],
                 One(Source::new(end, to_end)),
                 One(Depth::new(scene.config.clone(), 0, ports, memory)),
-                One(Sink::new(at_interpolate)),
-                One(Sink::new(at_color)),
+                vec![Sink::new(at_interpolate), Sink::new(at_color)],
                 One(Sink::new(at_traverse)),
                 One(Sink::new(at_command)),
                 ideal,
@@ -163,16 +163,16 @@ fn run(
             (circuit, card)
         },
         |c, _| {
-            let marked = c.interpolate.got.iter().any(|(_, token)| token.kind == Kind::SEGMENT);
+            let marked = c.tested[0].got.iter().any(|(_, token)| token.kind == Kind::SEGMENT);
             let ended = c.ack.got.len() == scene.end.iter().count();
             marked && ended && c.depth.resident() == 0 && c.wires().resident() == 0
         },
         |c, card| {
             let data = |token: &&(Cycle, GroupToken)| token.1.kind == Kind::DATA;
             Tested {
-                early: c.interpolate.got.iter().filter(data).map(|&(at, _)| at).collect(),
-                mark: c.interpolate.got.iter().find(|(_, token)| token.kind == Kind::SEGMENT).expect("a mark").0,
-                color: c.color.times(),
+                early: c.tested[0].got.iter().filter(data).map(|&(at, _)| at).collect(),
+                mark: c.tested[0].got.iter().find(|(_, token)| token.kind == Kind::SEGMENT).expect("a mark").0,
+                color: c.tested[1].times(),
                 updates: c.updates.log(|update| (update.block, update.min, update.max)),
                 ack: c.ack.times(),
                 counts: c.depth.counts(),

@@ -31,6 +31,7 @@ fn config() -> TextureConfig {
         skip_levels: true,
         cache_lines: 1024,
         cache_ways: 1024,
+        line_bytes: 64,
         misses: 256,
         fifo: 256,
         latency: 20,
@@ -201,4 +202,16 @@ fn the_least_recently_used_line_of_a_set_goes() {
         textured(&config, RequestKind::Texture, &warps).cache.misses
     };
     assert_eq!((misses(2), misses(4)), (4, 3));
+}
+
+#[test]
+fn a_longer_line_is_read_whole_and_serves_its_neighbours() {
+    // Pieces 4 to 7 of 64 bytes are one line of 256, piece 8 is of the next.
+    let warps: Vec<_> = [5, 4, 7, 8].map(|piece| (vec![vec![piece]], 1)).to_vec();
+    for (bytes, misses) in [(64, 4), (128, 3), (256, 2)] {
+        let got = textured(&TextureConfig { line_bytes: bytes, ..config() }, RequestKind::Texture, &warps);
+        assert_eq!((got.cache.accesses, got.cache.misses, got.read), (4, misses, misses * u64::from(bytes)), "{bytes} bytes");
+        // Asked for in cycle 1; the first answer is that of a request of this size.
+        assert_eq!(got.times[0], 1 + round_trip(bytes) + 1, "{bytes} bytes");
+    }
 }

@@ -13,7 +13,8 @@ use gfx::rop::DepthStencilState;
 use hierarchical::{Bounds, HierarchicalZ, Lines};
 use knob::Allowed;
 use num::{Cycle, prefetch};
-use sim::{Counted, Heading, In, Out, Tick, Unit, Wires};
+use sim::{Counted, In, Out, Tick, Unit, Wires};
+use stats::Heading;
 use walk::Pace;
 use work::{BLOCK, Block, End, Quad, Triangle};
 
@@ -79,6 +80,13 @@ knob::knobs! {
         hierarchical_queue: u32 ["updates", Allowed::Range(2, 1024), "enough never to hold up the ROP"],
     }
 }
+
+/// Where traversal counts.
+pub const TRAVERSAL: Heading = Heading::new(
+    "hierarchical.traverse[i]",
+    "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, where \
+     geometry lets them through. What hierarchical Z throws away is in the funnel.",
+);
 
 stats::counters! {
     /// What is found out in addition to what hierarchical Z throws away.
@@ -568,12 +576,7 @@ impl Unit<Card> for Traverse {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        let heading = Heading::new(
-            "hierarchical.traverse[i]",
-            "What traversal finds out: blocks that hierarchical Z accepts, where that is on, and triangles that nothing is drawn of, \
-             where geometry lets them through. What hierarchical Z throws away is in the funnel.",
-        );
-        groups.group(heading, |unit| unit.counts);
+        groups.group(TRAVERSAL, |unit| unit.counts);
         let heading = Heading::new(
             "hierarchical.lines[i]",
             "The cache of the hierarchical Z buffer, where there is one. What it does not know yet hides less.",

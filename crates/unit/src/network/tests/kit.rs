@@ -264,11 +264,11 @@ impl Outcome {
         for unit in rig.wires().reading().units {
             assert_eq!(unit.total(), rig.wires().now(), "the account of a unit");
         }
-        let cycles = rig.wires().now();
+        let (cycles, tree) = (rig.wires().now(), rig.tree());
         Outcome {
             cycles,
-            traffic: map.traffic(&rig.wires().channel_tree(), cycles),
-            tree: rig.tree(),
+            traffic: map.traffic(&tree, cycles),
+            tree,
             got: rig.sink.into_iter().map(|sink| sink.got).collect(),
             sent: rig.source.into_iter().map(|source| source.sent).collect(),
         }

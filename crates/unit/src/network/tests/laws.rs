@@ -1,7 +1,7 @@
 //! What holds on every network whatever the traffic: nothing lost, order kept, no one stuck, the same under every clock.
 
 use super::kit::{ALL, Case, Order, Taste, config, hops, is_over};
-use crate::network::{Arbitration, NetworkConfig, Topology};
+use crate::network::{Arbitration, LinkCounts, NetworkConfig, Topology};
 use num::{Cycle, Random};
 use sim::kit::{permutations, step};
 use sim::{Circuit, Clock};
@@ -145,7 +145,11 @@ fn links_count_what_the_hops_carry() {
                 }
             }
             let traffic = Case::new(config, orders, receivers).run(Clock::SkipIdle).traffic;
-            assert_eq!((traffic.hops, traffic.bytes), (items, bytes), "{topology:?} of {senders} and {receivers}");
+            assert_eq!(
+                traffic.carried,
+                LinkCounts { hops: items, link_bytes: bytes },
+                "{topology:?} of {senders} and {receivers}"
+            );
         }
     }
 }
@@ -154,8 +158,8 @@ fn links_count_what_the_hops_carry() {
 fn an_unbuilt_link_has_no_traffic_and_an_empty_run_no_hot_spot() {
     let case = Case::new(config(Topology::Mesh), vec![Vec::new(); 4], 4);
     let (rig, map) = case.build();
-    let traffic = map.traffic(&rig.wires().channel_tree(), 0);
-    assert_eq!((traffic.hops, traffic.bytes, traffic.mean, traffic.hottest), (0, 0, 0.0, 0.0));
+    let traffic = map.traffic(&rig.tree(), 0);
+    assert_eq!((traffic.carried, traffic.mean, traffic.hottest), (LinkCounts::default(), 0.0, 0.0));
     assert_eq!(traffic.hot_spot, "");
     // Four nodes in a square: four links between them each way round, and one in and out of each.
     assert_eq!(traffic.links, 8 + 8);
