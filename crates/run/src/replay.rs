@@ -202,7 +202,7 @@ pub struct Replay {
     pub clock_time: Duration,
 }
 
-/// Replays a trace and keeps all frames. `progress` is told of each frame when it ends.
+/// Replays a trace and keeps all frames. `progress` is called for each frame when it ends.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.
