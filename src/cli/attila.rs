@@ -32,6 +32,9 @@ pub struct Arguments {
     /// Times of the host alone
     #[arg(long, conflicts_with = "json")]
     speed: bool,
+    /// What each mechanism of ATTILA's machine is worth: the comparison without it, as the table of docs/data/attila.md
+    #[arg(long, conflicts_with_all = ["json", "markdown", "speed"])]
+    mechanisms: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
@@ -56,6 +59,10 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         machine.set(assignment)?;
     }
     machine.check()?;
+    if arguments.mechanisms {
+        print!("{}", attila::mechanisms(&cases, &machine)?);
+        return Ok(Verdict::Done);
+    }
     // One after another: times of the host are of one recording at a time.
     let outcomes = cases.iter().map(|case| case.run(&machine)).collect::<Result<Vec<Outcome>>>()?;
     if arguments.json {

@@ -2,6 +2,7 @@
 //! `configs/attila.ron` is that one's configuration as far as this model has it.
 
 mod counters;
+mod mechanisms;
 mod page;
 mod rows;
 
@@ -17,6 +18,7 @@ use run::replay::{Fidelity, Options, replay};
 use trace::Reading;
 
 pub use counters::Counters;
+pub use mechanisms::mechanisms;
 pub use page::{holds, json, markdown, speeds, text};
 pub use rows::{Bound, Row};
 
@@ -102,8 +104,13 @@ impl Case {
     /// # Errors
     /// If the recording does not replay, or a counter is missing.
     pub fn run(&self, machine: &Config) -> Result<Outcome> {
+        self.run_stored(machine, true)
+    }
+
+    /// As [`Case::run`]; `upward` is false where the window's rows are stored highest first, as ATTILA does not.
+    fn run_stored(&self, machine: &Config, upward: bool) -> Result<Outcome> {
         let frames = self.frame..self.frame + 1;
-        let reading = Reading { limits: Limits::default(), keep_draws: true, upward: true, ..Reading::default() };
+        let reading = Reading { limits: Limits::default(), keep_draws: true, upward, ..Reading::default() };
         let wanted = u64::from(frames.start)..u64::from(frames.end);
         let (trace, report) = import::open_frames(&self.recording, &reading, wanted)?;
         if let Some(refusal) = report.and_then(|report| report.refusal()) {

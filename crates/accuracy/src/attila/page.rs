@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::{Bound, Outcome, Row, THEIR_FRAGMENTS_A_SECOND, geometric_mean};
 
 /// The relative difference as text.
-fn difference(row: &Row) -> String {
+pub(super) fn difference(row: &Row) -> String {
     let difference = row.difference();
     if difference == 0.0 {
         "0".into()
@@ -27,7 +27,7 @@ fn verdict(row: &Row) -> &'static str {
 }
 
 /// The geometric mean of our cycles of drawing by theirs.
-fn mean(outcomes: &[Outcome]) -> f64 {
+pub(super) fn mean(outcomes: &[Outcome]) -> f64 {
     geometric_mean(outcomes.iter().map(Outcome::ratio))
 }
 
