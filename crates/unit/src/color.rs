@@ -15,7 +15,7 @@ use super::tags::CacheCounts;
 use super::token::fragments;
 use super::token::{Ack, GroupToken, Kind};
 use super::touch::Touching;
-use gfx::rop::composes_over;
+use gfx::rop::{Colors, composes_over};
 use knob::Allowed;
 use mem::{CACHES, MemoryPort};
 use num::Cycle;
@@ -358,6 +358,21 @@ pub(super) fn blend_group(work: &Work, group: &Group, output: &Output, frame: &m
     let samples = store.surface.samples as usize;
     let tile = &work.segment.tiles[group.tile as usize];
     let quads = &tile.quads[group.first as usize..][..usize::from(group.count)];
+    if state.groups() && !output.packed {
+        let mut at = [0; 4];
+        let (mut src, mut src1) = ([[0.0; 16]; 4], [[0.0; 16]; 4]);
+        for (q, (&live, quad)) in group.live.iter().zip(quads).enumerate() {
+            if live != 0 {
+                at[q] = quad.position;
+                put_colors(payload(&tile.payload, quad, output.payload), output, q, &mut src);
+                if let Some(second) = output.second {
+                    put_colors(payload(&tile.payload, quad, second), output, q, &mut src1);
+                }
+            }
+        }
+        state.blend_group(samples, (&at, &group.live), &src, &src1, store.block_mut(group.block));
+        return;
+    }
     for (&live, quad) in group.live.iter().zip(quads) {
         if live == 0 {
             continue;
@@ -434,6 +449,16 @@ fn payload<'a>(payload: &'a [u32], quad: &Quad, first: u8) -> &'a [u32] {
 fn colors(words: &[u32], output: &Output) -> [[u32; 4]; 4] {
     let count = usize::from(output.words).min(4);
     std::array::from_fn(|c| if c < count { std::array::from_fn(|p| words[4 * c + p]) } else { [0; 4] })
+}
+
+/// Puts a quad's colours among those of its group, channel by channel.
+#[inline(always)]
+fn put_colors(words: &[u32], output: &Output, quad: usize, colors: &mut Colors<16>) {
+    for (channel, words) in colors.iter_mut().zip(words.chunks_exact(4)).take(usize::from(output.words)) {
+        for p in 0..4 {
+            channel[4 * quad + p] = f32::from_bits(words[p]);
+        }
+    }
 }
 
 impl Unit<Card> for Color {

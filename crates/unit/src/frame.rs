@@ -124,6 +124,13 @@ impl Store {
         &self.codes[block as usize * self.block_words as usize..][..self.block_words as usize]
     }
 
+    /// The codes of a block, to change.
+    #[inline(always)]
+    pub fn block_mut(&mut self, block: u32) -> &mut [u32] {
+        let words = self.block_words as usize;
+        &mut self.codes[block as usize * words..][..words]
+    }
+
     /// The codes of the quad at a position (`x + 4 y` in quads) of a block.
     #[inline(always)]
     pub fn quad_mut(&mut self, block: u32, position: u8) -> &mut [u32] {

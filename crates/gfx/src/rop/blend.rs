@@ -3,6 +3,7 @@
 use super::channels::{
     blends_codes, distinct_run, floats, join, lanes, limit, names_second, pack, quantize, range, split, unpack, write_bits,
 };
+use super::codes::Equation;
 use super::number::Number;
 use super::{ColorRefs, Colors, code_words, four, select_mask};
 use crate::format::{Format, TexelKind};
@@ -41,6 +42,8 @@ pub struct ColorState {
     /// Whether a factor names the second source.
     dual: bool,
     words: usize,
+    /// The same in codes, where it is one for the pixels of a group.
+    equation: Option<Equation>,
     constant: [f32; 4],
     /// The constant in 8-bit codes.
     constant_codes: [u16; 4],
@@ -69,6 +72,11 @@ impl ColorState {
         };
         let blend = blend.unwrap_or_default();
         let clamp = range(format);
+        let constant_codes = constant.map(|c| unorm(c, 255.0) as u16);
+        let equation = match path {
+            Path::Blend8(Rgba8 { srgb: false, bgra }) => Equation::of(blend.color, blend.alpha, bgra, constant_codes),
+            _ => None,
+        };
         ColorState {
             format,
             path,
@@ -79,7 +87,8 @@ impl ColorState {
             dual: [blend.color.src, blend.color.dst, blend.alpha.src, blend.alpha.dst].into_iter().any(names_second),
             words: code_words(format),
             constant: constant.map(|c| limit(c, clamp)),
-            constant_codes: constant.map(|c| unorm(c, 255.0) as u16),
+            constant_codes,
+            equation,
             clamp,
         }
     }
@@ -130,6 +139,53 @@ impl ColorState {
                         self.pixel(p, src.map(|c| c[p]), src1.map(|c| c[p]), stored);
                     }
                 }
+            }
+        }
+    }
+
+    /// Whether quads of a block are blended together ([`ColorState::blend_group`]).
+    #[inline(always)]
+    pub fn groups(&self) -> bool {
+        self.equation.is_some()
+    }
+
+    /// Blends up to four quads at distinct places of a block, as [`ColorState::blend_quad`] one after the other: quad `q` is the `at[q]`-th of the
+    /// block and pixel `4 q + p` of the colours. Quads without coverage are absent. For states of which [`ColorState::groups`] is true; others
+    /// leave the block as it is.
+    ///
+    /// # Panics
+    /// If a quad with coverage lies outside the block.
+    pub fn blend_group(
+        &self,
+        samples: usize,
+        (at, coverage): (&[u8; 4], &[u16; 4]),
+        src: &Colors<16>,
+        src1: &Colors<16>,
+        block: &mut [u32],
+    ) {
+        blend_group(self, samples, (at, coverage), src, src1, block);
+    }
+
+    #[inline(always)]
+    fn blend_group_body(
+        &self,
+        samples: usize,
+        (at, coverage): (&[u8; 4], &[u16; 4]),
+        src: &Colors<16>,
+        src1: &Colors<16>,
+        block: &mut [u32],
+    ) {
+        let Some(equation) = &self.equation else { return };
+        for s in 0..samples {
+            let mask = |q: usize| (coverage[q] >> (4 * s)) as u8 & 15;
+            let place = |q: usize| (usize::from(at[q]) * samples + s) * 4;
+            let mut old = [0_u32; 16];
+            for q in (0..4).filter(|&q| mask(q) != 0) {
+                old[4 * q..4 * q + 4].copy_from_slice(&four(block, place(q)));
+            }
+            let new = equation.blend(src, src1, &old);
+            for q in (0..4).filter(|&q| mask(q) != 0) {
+                self.put_word(mask(q), &four(&new, 4 * q), &mut block[place(q)..place(q) + 4]);
             }
         }
     }
@@ -497,6 +553,14 @@ fn weigh<T: Number, const N: usize>(
 }
 
 wide! {
+    fn blend_group(
+        state: &ColorState,
+        samples: usize,
+        quads: (&[u8; 4], &[u16; 4]),
+        src: &Colors<16>,
+        src1: &Colors<16>,
+        block: &mut [u32],
+    ) = ColorState::blend_group_body;
     fn blend_batch(
         state: &ColorState,
         samples: usize,

@@ -9,6 +9,7 @@ mod blend;
 #[cfg(target_arch = "x86_64")]
 mod block;
 mod channels;
+mod codes;
 mod compose;
 mod depth;
 mod number;
@@ -35,7 +36,7 @@ fn four(words: &[u32], at: usize) -> [u32; 4] {
 }
 
 /// Colours of `N` pixels, a channel after the other.
-type Colors<const N: usize, T = f32> = [[T; N]; 4];
+pub type Colors<const N: usize, T = f32> = [[T; N]; 4];
 
 /// The same, the channels where they are.
 type ColorRefs<'a, const N: usize> = [&'a [f32; N]; 4];

@@ -433,6 +433,47 @@ proptest! {
     }
 
     #[test]
+    fn groups_blend_as_single_quads(
+        factors in proptest::collection::vec(proptest::sample::select(BlendFactor::ALL.to_vec()), 4),
+        op in proptest::sample::select(BlendOp::ALL.to_vec()),
+        write_mask in 1_u8..16,
+        bgra in any::<bool>(),
+        four in any::<bool>(),
+        seed in any::<u32>(),
+        wild in any::<bool>(),
+    ) {
+        let format = if bgra { Format::Bgra8Unorm } else { Format::Rgba8Unorm };
+        let samples = if four { 4 } else { 1 };
+        let mut random = Random::new(seed.into());
+        let component = |at: usize| BlendComponent { src: factors[at], dst: factors[at + 1], op };
+        let blend = Some(Blend { color: component(0), alpha: component(2) });
+        let state = ColorState::new(&ColorTarget { format, blend, write_mask }, [0.1, 0.4, 2.0, -1.0]);
+        let mut colors = || -> Colors<16> {
+            std::array::from_fn(|_| std::array::from_fn(|_| if wild { f32::from_bits(random.bits()) } else { colour(&mut random) }))
+        };
+        let (src, src1) = (colors(), colors());
+        // At distinct places, and some of them absent.
+        let first = random.bits() % 16;
+        let at: [u8; 4] = std::array::from_fn(|q| ((first + 5 * q as u32) % 16) as u8);
+        let coverage: [u16; 4] = std::array::from_fn(|_| random.bits() as u16 & if four { !0 } else { 15 } & if random.below(4) == 0 { 0 } else { !0 });
+        let size = 4 * samples;
+        let block: Vec<u32> = (0..16 * size).map(|_| random.bits()).collect();
+        let (mut group, mut single) = (block.clone(), block);
+        state.blend_group(samples, (&at, &coverage), &src, &src1, &mut group);
+        let lesser = factors[..2].contains(&BlendFactor::SrcAlphaSaturated);
+        let replaces = !state.blends();
+        prop_assert_eq!(state.groups(), !lesser && !replaces && !matches!(op, BlendOp::Min | BlendOp::Max));
+        if state.groups() {
+            for q in 0..4 {
+                let quad = |c: &Colors<16>| c.map(|c| std::array::from_fn(|p| c[4 * q + p].to_bits()));
+                let run = &mut single[usize::from(at[q]) * size..][..size];
+                state.blend_quad(samples, coverage[q], &quad(&src), &quad(&src1), run);
+            }
+        }
+        prop_assert_eq!(&group, &single);
+    }
+
+    #[test]
     fn batches_test_as_single_quads(
         pick in 0_usize..6,
         compare in proptest::sample::select(Compare::ALL.to_vec()),
