@@ -7,6 +7,7 @@ use num::NumberMap;
 use super::arb::{GENERICS, Stage};
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
+use super::elements::{Selection, Selector};
 use super::machine::Gl;
 use super::names;
 use super::primitive::{Elements, Sent};
@@ -15,7 +16,8 @@ use super::state::{UNITS, Vertex};
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
 /// from 16 on. The bits are those of [`Vertex::over`].
 const SLOTS: usize = GENERIC + GENERICS;
-const GENERIC: usize = 8 + UNITS;
+/// The slot of the first generic attribute.
+pub const GENERIC: usize = 8 + UNITS;
 
 /// Where the elements of an array are.
 #[derive(Clone, Debug, Default)]
@@ -281,19 +283,27 @@ pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// An enabled array that is ready to be read.
-struct Ready {
-    slot: usize,
-    scalar: Scalar,
-    normalized: bool,
-    size: usize,
+pub struct Ready {
+    /// Its slot.
+    pub slot: usize,
+    /// The type of its components.
+    pub scalar: Scalar,
+    /// Whether integers of a generic attribute are normalised.
+    pub normalized: bool,
+    /// Components of an element.
+    pub size: usize,
+    /// Bytes of a component.
     bytes: usize,
-    stride: usize,
-    start: usize,
+    /// Bytes from one element to the next.
+    pub stride: usize,
+    /// Where the first element is, in bytes.
+    pub start: usize,
+    /// The bytes.
     data: Rc<[u8]>,
-    /// Whether it was recorded for its draw, so that all elements must be present.
-    bounded: bool,
+    /// The buffer object that it is in. Arrays in memory were recorded for their draw, so that all elements must be present.
+    pub buffer: Option<u32>,
     /// The element for all vertices, if the array has one for each instance.
-    instance: Option<u32>,
+    pub instance: Option<u32>,
 }
 
 impl Gl {
@@ -304,22 +314,24 @@ impl Gl {
         for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
             let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
             let (scalar, bytes) = scalar(array.kind).ok_or_else(refused)?;
-            let bounded = matches!(array.source, Source::Memory(_));
-            let (data, start): (Rc<[u8]>, usize) = match &array.source {
+            let (data, start, buffer) = match &array.source {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
-                Source::Memory(bytes) => (bytes.clone(), 0),
-                Source::Buffer(name, at) => (self.buffers.get(*name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
+                Source::Memory(bytes) => (bytes.clone(), 0, None),
+                Source::Buffer(name, at) => {
+                    (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes().clone(), *at as usize, Some(*name))
+                }
             };
             let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
             let (normalized, size) = (array.normalized, array.size);
             let instance = array.divisor.checked_sub(1).map(|_| self.instance / array.divisor);
-            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, bounded, instance });
+            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, buffer, instance });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
     }
 
-    fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
+    /// The vertex of an index.
+    pub fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
         let mut vertex = self.state.current.clone();
         for array in ready {
             let index = array.instance.unwrap_or(index);
@@ -327,7 +339,7 @@ impl Gl {
             let element = match array.data.get(at..at.saturating_add(array.size * array.bytes)) {
                 Some(element) => element,
                 // Some programs read beyond the end of their buffer objects; Mesa returns zeros.
-                None if !array.bounded => &ZEROS[..array.size * array.bytes],
+                None if array.buffer.is_some() => &ZEROS[..array.size * array.bytes],
                 None => {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
                 }
@@ -359,7 +371,7 @@ impl Gl {
     }
 
     /// Draws elements of the arrays.
-    pub(super) fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
+    pub(super) fn elements(&mut self, mode: u32, selection: &Selection) -> Outcome {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
@@ -369,13 +381,16 @@ impl Gl {
         if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
             return Ok(());
         }
-        let indices: Vec<u32> = indices.take(self.vertices_read(usize::MAX)).collect();
+        if self.draw_resident(mode, &ready, selection)? {
+            return Ok(());
+        }
+        let indices = &selection.numbers[..self.vertices_read(selection.numbers.len())];
         let mut vertices = Vec::with_capacity(indices.len());
-        for &index in &indices {
+        for &index in indices {
             vertices.push(self.fetch(&ready, index)?);
         }
         if self.keep_draws && self.compiling.is_none() {
-            let mut named = indices.clone();
+            let mut named = indices.to_vec();
             named.sort_unstable();
             named.dedup();
             let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
@@ -384,7 +399,7 @@ impl Gl {
                 vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
                 numbers: indices.iter().map(number).collect(),
                 sent: Sent::Arrays { position, slots: bits },
-                indexed,
+                indexed: selection.by != Selector::Sequence,
             });
         }
         let outcome = self.vertices(mode, vertices, bits);

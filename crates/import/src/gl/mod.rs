@@ -51,6 +51,7 @@ mod primitive;
 mod raster;
 mod reader;
 mod rectangles;
+mod resident;
 mod s3tc;
 mod samplers;
 mod state;
