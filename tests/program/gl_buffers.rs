@@ -8,7 +8,7 @@ use super::gl_features::{BLACK, BLUE, GREEN, RED, Shown, imported, imported_with
 
 const ORTHO: &str =
     "glMatrixMode(GL_PROJECTION)\nglOrtho(0,16,0,16,-1,1)\nglMatrixMode(GL_MODELVIEW)\nglEnableClientState(GL_VERTEX_ARRAY)\n";
-const SWAP: &str = "wglSwapBuffers(1)\nglClear(GL_COLOR_BUFFER_BIT)\n";
+const SWAP: &str = "wglSwapBuffers(1)\nglClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT)\n";
 const DRAW: &str = "glDrawArrays(GL_TRIANGLE_STRIP,0,4)\n";
 const TARGET: u32 = 34_962;
 
@@ -16,6 +16,8 @@ const TARGET: u32 = 34_962;
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Copies {
     made: Vec<(BufferId, u64)>,
+    /// Conversions of buffer objects; they are among the copies.
+    converted: usize,
     freed: usize,
     /// Offset and size of each upload.
     uploads: Vec<(u64, u64)>,
@@ -32,7 +34,8 @@ fn copies(trace: &Trace) -> Copies {
     let seen: Result<(), TraceError> = trace.for_each_command(|_, command| {
         let known = |id: &BufferId| copies.made.iter().any(|(known, _)| known == id);
         match command {
-            Command::CreateBuffer { id, size, label } if label.as_deref() == Some("buffer") => {
+            Command::CreateBuffer { id, size, label } if matches!(label.as_deref(), Some("buffer" | "converted")) => {
+                copies.converted += usize::from(label.as_deref() == Some("converted"));
                 copies.made.push((*id, *size));
                 live.push((*id, *size));
             }
@@ -260,7 +263,7 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
         "glPolygonMode(GL_FRONT_AND_BACK,GL_LINE)\nglDrawArrays(GL_TRIANGLES,1,6)",
         "glEnable(GL_CULL_FACE)\nglDrawArrays(GL_TRIANGLE_STRIP,0,8)",
     ];
-    let mut resident = 0;
+    let (mut resident, mut converted) = (0, 0);
     for (number, draw) in draws.into_iter().enumerate() {
         for flat in ["", "glShadeModel(GL_FLAT)\n"] {
             for (k, (kind, position)) in positions.into_iter().enumerate() {
@@ -288,19 +291,20 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
                                 Source { buffers: Vec::new(), calls: "glEnableClientState(GL_COLOR_ARRAY)\n".into(), resident };
                             source.array(&format!("glColorPointer({size},{shade_kind},{stride},@"), &vertices, 5);
                             source.array(&format!("glVertexPointer(2,{kind},{stride},@"), &vertices, 5 + shade_bytes);
-                            source.shown(&format!("{flat}{draw}"))
+                            // What the card does not read in its own format is kept when it is drawn again.
+                            source.shown(&format!("{flat}glPushMatrix()\n{draw}\nglPopMatrix()\n{SWAP}{draw}"))
                         })
                         .collect();
                     let [(from_card, copies), (from_memory, _)] = &images[..] else { unreachable!("two sources") };
                     for (a, b) in from_card.iter().zip(from_memory) {
                         assert!(a.0 == b.0 && !a.lit().is_empty(), "{draw} {flat} {kind} {size} x {shade_kind}");
                     }
-                    resident += copies.draws;
+                    (resident, converted) = (resident + copies.draws, converted + copies.converted);
                 }
             }
         }
     }
-    assert!(resident > 30, "{resident} draws from the card's memory");
+    assert!(resident > 150 && converted > 100, "{resident} draws from the card's memory, {converted} conversions");
 }
 
 #[test]
@@ -345,6 +349,41 @@ fn indices_of_all_types_select_the_vertices_that_they_select_from_memory() {
             }
         }
     }
+}
+
+#[test]
+fn a_conversion_is_made_once_and_freed_when_its_buffer_object_changes() {
+    let shorts = |x: i16| -> Vec<u8> { [x, 0, x + 4, 0, x + 4, 4, x, 4].iter().flat_map(|v| v.to_le_bytes()).collect() };
+    let (left, right) = (shorts(0), shorts(8));
+    let setup = format!(
+        "{ORTHO}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\nglRotatef(1,0,0,1)\n"
+    );
+    let frame = format!("glDrawArrays(GL_QUADS,0,4)\n{SWAP}");
+    let change = format!("glBufferSubDataARB({TARGET},0,16,*2)\n");
+    let of = |calls: &str| {
+        let (trace, _) = imported(&format!("{setup}{calls}glDrawArrays(GL_QUADS,0,4)"), &[&left, &right], 0..u64::MAX);
+        (copies(&trace), last_of(&trace))
+    };
+    // Vertices from the first draw on, indices from the second one on.
+    let (Copies { made, converted, freed, draws, others, .. }, image) = of(&frame.repeat(5));
+    assert_eq!((made.len(), converted, freed, draws, others), (2, 2, 0, 6, 0));
+    assert_eq!([image.at(2, 2), image.at(10, 2)], [[255; 3], BLACK]);
+    let (Copies { made, freed, draws, .. }, image) = of(&format!("{}{change}{}", frame.repeat(2), frame.repeat(2)));
+    assert_eq!((made.len(), freed, draws), (4, 2, 5));
+    assert_eq!([image.at(2, 2), image.at(10, 2)], [BLACK, [255; 3]]);
+    // Where contents change with each draw, no more than the last ones are kept.
+    let (Copies { made, most, freed, .. }, _) = of(&format!("{change}{frame}").repeat(30));
+    assert!(most <= 64 && made.len() - freed <= 2, "{most} bytes, {} of {}", made.len() - freed, made.len());
+    let (Copies { made, freed, .. }, _) =
+        of(&format!("{frame}{frame}glDeleteBuffersARB(1,{{1}})\nglVertexPointer(2,GL_SHORT,0,*1)\n"));
+    assert_eq!((made.len(), freed), (2, 2));
+    // A large buffer object of which little is drawn is not converted.
+    let big = vec![0; 16_384];
+    let calls = format!(
+        "{ORTHO}glBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},16384,*1,35044)\nglVertexPointer(2,GL_SHORT,0,0)\n"
+    );
+    let (trace, _) = imported(&format!("{calls}{}", format!("{change}{frame}").repeat(30)), &[&big, &right], 0..u64::MAX);
+    assert_eq!(copies(&trace).made, []);
 }
 
 #[test]

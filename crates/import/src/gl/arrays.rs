@@ -5,6 +5,7 @@ use std::rc::Rc;
 use num::NumberMap;
 
 use super::arb::{GENERICS, Stage};
+use super::buffers::Conversion;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
 use super::elements::{Selection, Selector};
@@ -61,17 +62,18 @@ pub struct Arrays {
 
 /// The scalar of a type, and its bytes.
 pub(super) fn scalar(kind: u32) -> Option<(Scalar, usize)> {
-    Some(match kind {
-        e::BYTE => (Scalar::Byte, 1),
-        e::UNSIGNED_BYTE => (Scalar::Ubyte, 1),
-        e::SHORT => (Scalar::Short, 2),
-        e::UNSIGNED_SHORT => (Scalar::Ushort, 2),
-        e::INT => (Scalar::Int, 4),
-        e::UNSIGNED_INT => (Scalar::Uint, 4),
-        e::FLOAT => (Scalar::Float, 4),
-        e::DOUBLE => (Scalar::Double, 8),
+    let scalar = match kind {
+        e::BYTE => Scalar::Byte,
+        e::UNSIGNED_BYTE => Scalar::Ubyte,
+        e::SHORT => Scalar::Short,
+        e::UNSIGNED_SHORT => Scalar::Ushort,
+        e::INT => Scalar::Int,
+        e::UNSIGNED_INT => Scalar::Uint,
+        e::FLOAT => Scalar::Float,
+        e::DOUBLE => Scalar::Double,
         _ => return None,
-    })
+    };
+    Some((scalar, bytes_of(scalar)))
 }
 
 /// Converts bytes to a number.
@@ -104,6 +106,32 @@ fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 
         (*plain, *normalized) = (value as f32, scalar.normalized(value));
     }
     (plain, normalized)
+}
+
+/// All whole elements of an array as floats.
+pub fn float_elements(conversion: Conversion, bytes: &[u8]) -> Vec<u8> {
+    let Conversion::Elements { kind, normalized, size, stride, start } = conversion else { return Vec::new() };
+    let element = size * bytes_of(kind);
+    let mut out = Vec::new();
+    let mut at = start;
+    while let Some(of) = bytes.get(at..at.saturating_add(element)) {
+        let (plain, scaled) = components(kind, bytes_of(kind), of);
+        for value in &(if normalized { scaled } else { plain })[..size] {
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+        at = at.saturating_add(stride);
+    }
+    out
+}
+
+/// The bytes of a number.
+pub(super) fn bytes_of(kind: Scalar) -> usize {
+    match kind {
+        Scalar::Byte | Scalar::Ubyte => 1,
+        Scalar::Short | Scalar::Ushort => 2,
+        Scalar::Int | Scalar::Uint | Scalar::Float => 4,
+        Scalar::Double => 8,
+    }
 }
 
 /// The slot of a client state.
@@ -293,13 +321,13 @@ pub struct Ready {
     /// Components of an element.
     pub size: usize,
     /// Bytes of a component.
-    bytes: usize,
+    pub bytes: usize,
     /// Bytes from one element to the next.
     pub stride: usize,
     /// Where the first element is, in bytes.
     pub start: usize,
     /// The bytes.
-    data: Rc<[u8]>,
+    pub data: Rc<[u8]>,
     /// The buffer object that it is in. Arrays in memory were recorded for their draw, so that all elements must be present.
     pub buffer: Option<u32>,
     /// The element for all vertices, if the array has one for each instance.

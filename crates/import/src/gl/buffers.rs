@@ -1,17 +1,65 @@
 //! Buffer objects. Recorders report writes to a mapped buffer as calls of `memcpy`.
 
+use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
 
 use num::BufferId;
 
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::card::Card;
 use super::consts as e;
+use super::geometry::KEPT_MAX;
 use super::machine::Gl;
 
 /// Separate ranges that the card lacks at most; more are joined.
 const RANGES_MAX: usize = 32;
+
+/// Conversions of a buffer object's contents that are remembered at most.
+const CONVERSIONS_MAX: usize = 256;
+
+/// A conversion of a buffer object's contents to what the card can read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conversion {
+    /// All elements of an array as floats, without gaps.
+    Elements {
+        /// Type of the components.
+        kind: Scalar,
+        /// Whether integers are normalised.
+        normalized: bool,
+        /// Components.
+        size: usize,
+        /// Bytes from one element to the next.
+        stride: usize,
+        /// The first byte of the first element.
+        start: usize,
+    },
+    /// Indices of a draw in the order and the type in which the card reads them.
+    Indices {
+        /// The mode of the draw.
+        mode: u32,
+        /// Whether the primitives become a list.
+        list: bool,
+        /// Type of the indices; none: consecutive vertices.
+        kind: Option<Scalar>,
+        /// The first byte of the indices, or the first vertex.
+        at: usize,
+        /// Added to each index.
+        base: i32,
+        /// Number of vertices.
+        count: usize,
+    },
+}
+
+/// The use of a conversion since the buffer object changed.
+#[derive(Debug)]
+struct Converted {
+    conversion: Conversion,
+    /// Vertices that were drawn with it.
+    drawn: u64,
+    /// What the card keeps of it, and its bytes.
+    copy: Option<(BufferId, u64)>,
+}
 
 /// A buffer object. The card has a copy once it has drawn from it.
 #[derive(Debug, Default)]
@@ -21,6 +69,8 @@ pub struct BufferObject {
     copy: Option<BufferId>,
     /// Bytes that the copy lacks, in order. Bytes that the program never gave are zero in both.
     lacking: Vec<Range<u64>>,
+    /// Conversions of the present contents.
+    converted: RefCell<Vec<Converted>>,
 }
 
 impl BufferObject {
@@ -42,10 +92,11 @@ impl BufferObject {
     }
 
     /// Writes bytes at an offset.
-    fn write(&mut self, at: usize, bytes: &[u8]) -> Outcome {
+    fn write(&mut self, at: usize, bytes: &[u8], card: &mut Card) -> Outcome {
         let end = at.checked_add(bytes.len()).filter(|&end| end <= self.bytes.len()).ok_or(INVALID_VALUE)?;
         Rc::make_mut(&mut self.bytes)[at..end].copy_from_slice(bytes);
         self.changed(at as u64..end as u64);
+        card.free_converted(self);
         Ok(())
     }
 
@@ -128,7 +179,8 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         Some(bytes) => BufferObject::new(bytes),
         None => BufferObject { bytes: vec![0; size as usize].into(), ..BufferObject::default() },
     };
-    let old = gl.buffers.remove(bound).unwrap_or_default();
+    let mut old = gl.buffers.remove(bound).unwrap_or_default();
+    gl.card.free_converted(&mut old);
     // The card's copy is written again if all its bytes are given anew.
     let again = old.size() == object.size() && object.lacks_all();
     let copy = old.copy.filter(|_| again);
@@ -146,7 +198,7 @@ pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         return Ok(());
     }
     let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
-    object.write(at, bytes)
+    object.write(at, bytes, &mut gl.card)
 }
 
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -210,7 +262,7 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let Some(mapping) = mapping else { return Err(Fault::Unsupported("memcpy into memory that is not mapped".into())) };
     let object = gl.buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
     let at = (mapping.offset + to - mapping.address) as usize;
-    object.write(at, bytes).map_err(|_| INVALID_OPERATION)
+    object.write(at, bytes, &mut gl.card).map_err(|_| INVALID_OPERATION)
 }
 
 impl Card {
@@ -239,8 +291,48 @@ impl Card {
         copy
     }
 
+    /// Whether a draw of `count` vertices reads a conversion of `bytes` bytes from the card's memory. It is kept there once `least` vertices
+    /// were drawn with it, so that it costs no more than what it saves if the buffer object changes often.
+    pub fn keeps(&self, object: &BufferObject, conversion: Conversion, [count, least, bytes]: [u64; 3]) -> bool {
+        let mut all = object.converted.borrow_mut();
+        let known = match all.iter_mut().position(|known| known.conversion == conversion) {
+            Some(at) => &mut all[at],
+            None if all.len() < CONVERSIONS_MAX => all.push_mut(Converted { conversion, drawn: 0, copy: None }),
+            None => return false,
+        };
+        known.drawn = known.drawn.saturating_add(count);
+        known.copy.is_some() || known.drawn >= least && self.kept_bytes.saturating_add(bytes) <= KEPT_MAX
+    }
+
+    /// The copy of a conversion that [`Card::keeps`]; made once.
+    pub fn converted(
+        &mut self,
+        object: &mut BufferObject,
+        conversion: Conversion,
+        make: impl FnOnce(&[u8]) -> Vec<u8>,
+    ) -> Option<BufferId> {
+        let known = object.converted.get_mut().iter_mut().find(|known| known.conversion == conversion)?;
+        if let Some((copy, _)) = known.copy {
+            return Some(copy);
+        }
+        let bytes = make(&object.bytes);
+        let copy = self.recorder.create_buffer_init("converted", &bytes);
+        self.kept_bytes += bytes.len() as u64;
+        known.copy = Some((copy, bytes.len() as u64));
+        Some(copy)
+    }
+
+    /// Frees the conversions of a buffer object that changes.
+    fn free_converted(&mut self, object: &mut BufferObject) {
+        for (copy, bytes) in object.converted.get_mut().drain(..).filter_map(|known| known.copy) {
+            self.kept_bytes -= bytes;
+            self.condemn(copy, bytes);
+        }
+    }
+
     /// Frees the copy of a buffer object.
-    fn free_copy(&mut self, object: BufferObject) {
+    fn free_copy(&mut self, mut object: BufferObject) {
+        self.free_converted(&mut object);
         if let Some(copy) = object.copy {
             self.condemn(copy, object.size());
         }

@@ -73,7 +73,7 @@ pub struct Card {
     pub frames: u64,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
     pub bytes: u64,
-    /// Bytes of the primitives of display lists that stay on the card.
+    /// Bytes of the primitives of display lists and of the conversions of buffer objects that stay on the card.
     pub kept_bytes: u64,
     /// Buffers that are freed as soon as no pending pass reads them, and their bytes.
     condemned: Vec<(BufferId, u64)>,

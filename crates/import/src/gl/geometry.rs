@@ -19,8 +19,8 @@ use super::summary::Summary;
 
 /// Minimum number of vertices of a primitive that stays on the card. Smaller ones are joined with their neighbours to one draw.
 const LEAST: usize = 192;
-/// Maximum number of bytes that stay on the card.
-const KEPT_MAX: u64 = 64 << 20;
+/// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
+pub const KEPT_MAX: u64 = 64 << 20;
 
 /// A primitive of a list.
 pub struct Geometry {

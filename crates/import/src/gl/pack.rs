@@ -25,7 +25,8 @@ pub const STREAM_ALIGN: usize = 256;
 /// Maximum number of vertex buffers of a draw.
 pub const STREAMS_MAX: usize = 8;
 
-fn float_format(components: usize) -> VertexFormat {
+/// The format of a number of floats.
+pub fn float_format(components: usize) -> VertexFormat {
     [VertexFormat::Float32, VertexFormat::Float32x2, VertexFormat::Float32x3, VertexFormat::Float32x4][components - 1]
 }
 

@@ -5,8 +5,10 @@ use std::ops::Range;
 
 use gfx::state::*;
 use gl_shader::wgsl::location;
+use num::word_bytes;
 
-use super::arrays::{GENERIC, Ready};
+use super::arrays::{GENERIC, Ready, float_elements};
+use super::buffers::Conversion;
 use super::call::{Outcome, Scalar};
 use super::card::{Order, VertexRange};
 use super::consts as e;
@@ -14,8 +16,8 @@ use super::elements::{Selection, Selector};
 use super::geometry::Geometry;
 use super::machine::Gl;
 use super::materials::tracked;
-use super::pack::STREAMS_MAX;
-use super::primitive::{Batch, Class, Sent, class_of, triangles};
+use super::pack::{STREAMS_MAX, float_format};
+use super::primitive::{Batch, Class, Sent, class_of, points_and_lines, triangles};
 use super::state::Vertex;
 use super::summary::Summary;
 
@@ -52,11 +54,32 @@ struct Attribute {
     format: VertexFormat,
     /// The name of the buffer object.
     buffer: u32,
+    /// What the card reads in its place, if it does not have the format of its elements.
+    converted: Option<Conversion>,
+    /// Size of the buffer.
+    size: u64,
     offset: u64,
     stride: u64,
 }
 
 impl Attribute {
+    /// The attribute of an array at a location.
+    fn new(location: u32, array: &Ready, buffer: u32) -> Attribute {
+        let (offset, stride, size) = (array.start as u64, array.stride as u64, array.data.len() as u64);
+        let fits = |format: &VertexFormat| (u64::from(format.bytes())..=STRIDE_MAX).contains(&stride);
+        if let Some(format) = format_of(array).filter(fits) {
+            return Attribute { location, format, buffer, converted: None, size, offset, stride };
+        }
+        let format = float_format(array.size);
+        let (start, before) = (array.start % array.stride, array.start / array.stride);
+        let room = array.data.len().checked_sub(start + array.size * array.bytes);
+        let elements = room.map_or(0, |room| room as u64 / stride + 1);
+        let (kind, normalized, bytes) = (array.scalar, is_normalized(array), u64::from(format.bytes()));
+        let converted = Conversion::Elements { kind, normalized, size: array.size, stride: array.stride, start };
+        let (size, offset) = (elements * bytes, (before as u64).saturating_mul(bytes));
+        Attribute { location, format, buffer, converted: Some(converted), size, offset, stride: bytes }
+    }
+
     /// Where its first element is.
     fn bytes(&self) -> Range<u64> {
         self.offset..self.offset.saturating_add(u64::from(self.format.bytes()))
@@ -66,8 +89,8 @@ impl Attribute {
 enum Indices {
     /// None: consecutive vertices, from this one on.
     None(u32),
-    /// Made by the import.
-    Made(Vec<u32>),
+    /// Made by the import. The card may keep them as a conversion of a buffer object.
+    Made(Vec<u32>, Option<(u32, Conversion)>),
     /// In a buffer object.
     Buffer { name: u32, at: u64, format: IndexFormat, base: i32 },
 }
@@ -75,6 +98,7 @@ enum Indices {
 /// Attributes that one vertex buffer has.
 struct Group {
     buffer: u32,
+    converted: Option<Conversion>,
     stride: u64,
     bytes: Range<u64>,
     attributes: Vec<Attribute>,
@@ -92,21 +116,25 @@ impl Placed {
     fn new(attributes: impl Iterator<Item = Attribute>) -> Placed {
         let mut groups: Vec<Group> = Vec::new();
         for attribute in attributes {
-            let Attribute { buffer, stride, .. } = attribute;
+            let Attribute { buffer, converted, stride, .. } = attribute;
             let joined = |group: &Group| {
                 let bytes = attribute.bytes();
                 group.bytes.start.min(bytes.start)..group.bytes.end.max(bytes.end)
             };
             let fits = |group: &&mut Group| {
                 let bytes = joined(group);
-                group.buffer == buffer && group.stride == stride && bytes.end - bytes.start <= stride
+                let same = (group.buffer, group.converted, group.stride) == (buffer, None, stride);
+                same && converted.is_none() && bytes.end - bytes.start <= stride
             };
             match groups.iter_mut().find(fits) {
                 Some(group) => {
                     group.bytes = joined(group);
                     group.attributes.push(attribute);
                 }
-                None => groups.push(Group { buffer, stride, bytes: attribute.bytes(), attributes: vec![attribute] }),
+                None => {
+                    let bytes = attribute.bytes();
+                    groups.push(Group { buffer, converted, stride, bytes, attributes: vec![attribute] });
+                }
             }
         }
         let layout = |group: &Group| {
@@ -136,10 +164,15 @@ fn location_of(slot: usize) -> Option<u32> {
     })
 }
 
+/// Whether integers of an array are normalised.
+fn is_normalized(array: &Ready) -> bool {
+    matches!(array.slot, 1..=3) || array.slot >= GENERIC && array.normalized
+}
+
 /// The format in which the card reads the elements of an array, if it has one.
 fn format_of(array: &Ready) -> Option<VertexFormat> {
     use VertexFormat::*;
-    let normalized = matches!(array.slot, 1..=3) || array.slot >= GENERIC && array.normalized;
+    let normalized = is_normalized(array);
     let formats = match array.scalar {
         Scalar::Float => [Some(Float32), Some(Float32x2), Some(Float32x3), Some(Float32x4)],
         Scalar::Double => [Some(Float64), Some(Float64x2), Some(Float64x3), Some(Float64x4)],
@@ -158,7 +191,7 @@ impl Resident {
         Placed::new(attributes.iter().filter_map(find))
     }
 
-    /// The attributes of arrays, where all are in buffer objects and in formats of the card.
+    /// The attributes of arrays, if all are in buffer objects.
     fn attributes(ready: &[Ready]) -> Option<Vec<Attribute>> {
         let mut attributes: Vec<Attribute> = Vec::new();
         for array in ready {
@@ -170,12 +203,7 @@ impl Resident {
             if array.instance.is_some() {
                 continue;
             }
-            let format = format_of(array)?;
-            let (offset, stride) = (array.start as u64, array.stride as u64);
-            if stride < u64::from(format.bytes()) || stride > STRIDE_MAX {
-                return None;
-            }
-            attributes.push(Attribute { location, format, buffer, offset, stride });
+            attributes.push(Attribute::new(location, array, buffer));
         }
         let placed = Placed::new(attributes.iter().copied());
         (attributes.iter().any(|of| of.location == location::POSITION) && placed.groups.len() <= STREAMS_MAX)
@@ -233,10 +261,16 @@ impl Gl {
         // Indices may select elements behind the end of a buffer object. The card reads zeros there, as Mesa does.
         let inside = |of: &Attribute| {
             let end = of.stride.checked_mul(u64::from(last)).and_then(|at| at.checked_add(of.bytes().end));
-            let size = self.buffers.get(of.buffer).map_or(0, |object| object.bytes().len() as u64);
-            end.is_some_and(|end| end <= size) || selection.by != Selector::Sequence && of.offset < size
+            end.is_some_and(|end| end <= of.size) || selection.by != Selector::Sequence && of.offset < of.size
         };
-        if !attributes.iter().all(|of| inside(of) && can_read(of.buffer)) {
+        let keeps = |name: u32, conversion: Conversion, costs: [u64; 3]| {
+            self.buffers.get(name).is_some_and(|object| self.card.keeps(object, conversion, costs))
+        };
+        let on_card = |of: &Attribute| match of.converted {
+            Some(conversion) => keeps(of.buffer, conversion, [u64::from(count), of.size / of.stride, of.size]),
+            None => can_read(of.buffer),
+        };
+        if !attributes.iter().all(|of| inside(of) && on_card(of)) {
             return Ok(None);
         }
         let constant = self.fetch(ready, numbers[0])?;
@@ -246,27 +280,43 @@ impl Gl {
         if colored && self.given.kept(constant.color) != [0; 2] {
             return Ok(None);
         }
-        let indices = match selection.by {
-            _ if topology.is_none() => {
-                let all = triangles(mode, selection.numbers.len() as u32, &|_| false);
-                Indices::Made(all.as_flattened().iter().map(|&corner| selection.numbers[corner as usize]).collect())
-            }
-            _ if turned => Indices::Made((0..numbers.len()).map(|i| numbers[i ^ 1]).collect()),
-            Selector::Sequence => Indices::None(first),
+        let native = match selection.by {
+            _ if topology.is_none() || turned => None,
+            Selector::Sequence => Some(Indices::None(first)),
             Selector::Buffer { name, at, kind, base } if can_read(name) => {
                 let format = match kind {
                     Scalar::Ushort => Some(IndexFormat::Uint16),
                     Scalar::Uint => Some(IndexFormat::Uint32),
                     _ => None,
                 };
-                match format.filter(|format| at.is_multiple_of(format.bytes() as usize)) {
-                    Some(format) => Indices::Buffer { name, at: at as u64, format, base },
-                    None => Indices::Made(numbers.to_vec()),
-                }
+                let format = format.filter(|format| at.is_multiple_of(format.bytes() as usize));
+                format.map(|format| Indices::Buffer { name, at: at as u64, format, base })
             }
-            _ => Indices::Made(numbers.to_vec()),
+            _ => None,
         };
-        let count = if let Indices::Made(made) = &indices { made.len() as u32 } else { count };
+        let (indices, count) = match native {
+            Some(native) => (native, count),
+            None => {
+                let made: Vec<u32> = match (class, topology) {
+                    (_, Some(_)) if turned => (0..count).map(|i| numbers[i as usize ^ 1]).collect(),
+                    (_, Some(_)) => numbers.to_vec(),
+                    (Class::Triangles, None) => {
+                        let corners = triangles(mode, count, &|_| false);
+                        corners.as_flattened().iter().map(|&corner| numbers[corner as usize]).collect()
+                    }
+                    (_, None) => points_and_lines(mode, count).into_iter().map(|k| numbers[k as usize]).collect(),
+                };
+                let (name, kind, at, base) = match selection.by {
+                    Selector::Buffer { name, at, kind, base } => (name, Some(kind), at, base),
+                    _ => (attributes[0].buffer, None, first as usize, 0),
+                };
+                let list = topology.is_none();
+                let conversion = Conversion::Indices { mode, list, kind, at, base, count: numbers.len() };
+                let n = made.len() as u64;
+                let kept = selection.by != Selector::Memory && keeps(name, conversion, [n, 2 * n, 4 * n]);
+                (Indices::Made(made, kept.then_some((name, conversion))), n as u32)
+            }
+        };
         let slots = ready.iter().filter(|array| array.instance.is_none()).fold(0, |all, array| all | 1 << array.slot);
         let sent = self.keep_draws.then_some(Sent::Arrays { position: summary.position, slots });
         let batch = Batch { class, topology, sent, turned, ..Batch::default() };
@@ -286,7 +336,7 @@ impl Gl {
             }
             Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
             Class::Triangles => {
-                let upright = mode == e::QUADS && self.keeps_upright();
+                let upright = mode == e::QUADS && !self.keep_draws && self.keeps_upright();
                 n >= 3 && self.fills() && !upright && !self.sides_differ(&Batch::default())
             }
         };
@@ -297,6 +347,7 @@ impl Gl {
             e::POINTS => (Some(Topology::PointList), n),
             e::LINES => (Some(Topology::LineList), n / 2 * 2),
             e::LINE_STRIP if n > 1 => (Some(Topology::LineStrip), n),
+            e::LINE_LOOP if n > 1 => (None, n),
             _ if class == Class::Lines => return None,
             // Joined draws have these as triangles that begin with other vertices, which rounds otherwise.
             e::QUADS | e::QUAD_STRIP | e::POLYGON if !self.keep_draws => (None, n),
@@ -310,6 +361,11 @@ impl Gl {
         let mut ranges = Vec::with_capacity(placed.groups.len());
         for group in &placed.groups {
             let Some(object) = self.buffers.get_mut(group.buffer) else { continue };
+            if let Some(conversion) = group.converted {
+                let buffer = self.card.converted(object, conversion, |bytes| float_elements(conversion, bytes));
+                ranges.push(VertexRange { buffer, offset: group.bytes.start });
+                continue;
+            }
             let buffer = self.card.copy(object);
             let at = |vertex: u64, from: u64| vertex.saturating_mul(group.stride).saturating_add(from);
             let Range { start, end } = resident.vertices;
@@ -323,7 +379,13 @@ impl Gl {
     pub(super) fn order(&mut self, resident: &Resident) -> Order {
         match &resident.indices {
             Indices::None(first) => Order::Sequence(*first),
-            Indices::Made(made) => {
+            Indices::Made(made, kept) => {
+                if let Some((name, conversion)) = *kept
+                    && let Some(object) = self.buffers.get_mut(name)
+                    && let Some(buffer) = self.card.converted(object, conversion, |_| word_bytes(made))
+                {
+                    return Order::Indices { buffer: Some(buffer), format: IndexFormat::Uint32, first: 0, base: 0 };
+                }
                 let pass = &mut self.card.pass;
                 pass.indices.extend_from_slice(made);
                 Order::pass((pass.indices.len() - made.len()) as u32)
