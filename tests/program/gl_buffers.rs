@@ -106,7 +106,7 @@ fn of_a_changed_buffer_object_only_the_change_is_uploaded() {
         Ok(())
     });
     seen.expect("a trace");
-    assert_eq!((last.as_str(), last_of(&trace).lit().len()), ("||w|", 32));
+    assert_eq!((last.as_str(), last_of(&trace).lit().len()), ("|w||", 32));
 }
 
 #[test]
@@ -230,8 +230,10 @@ impl Source {
 
 #[test]
 fn arrays_of_all_types_show_what_they_show_from_memory() {
-    // Corners around the window's middle, at whole numbers, so that integers can hold them, each in its own colour.
-    let places = [[1, 1], [14, 2], [13, 8], [15, 13], [8, 15], [3, 14], [2, 9], [6, 5]];
+    // Corners around the window's middle, at whole numbers, so that integers can hold them, each in its own colour. The last four are those
+    // of an upright rectangle.
+    let around = [[1, 1], [14, 2], [13, 8], [15, 13], [8, 15], [3, 14], [2, 9], [6, 5]];
+    let places = [&around[..], &[[9, 2], [3, 1], [3, 15], [8, 13]], &[[0, 0], [15, 0], [15, 7], [0, 7]]].concat();
     let colors =
         [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255, 255, 255], [128, 64, 32]];
     let positions: [(&str, fn(i32) -> Vec<u8>); 4] = [
@@ -252,6 +254,7 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
         "glDrawArrays(GL_TRIANGLE_STRIP,0,8)",
         "glDrawArrays(GL_TRIANGLE_FAN,1,7)",
         "glDrawArrays(GL_QUADS,0,8)",
+        "glDrawArrays(GL_QUADS,8,8)",
         "glRotatef(1,0,0,1)\nglDrawArrays(GL_QUADS,0,8)",
         "glDrawArrays(GL_QUAD_STRIP,0,8)",
         "glDrawArrays(GL_POLYGON,0,7)",
@@ -275,7 +278,7 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
                     let opaque = (number + j) % 2 == 0;
                     let mut vertices = vec![7; 5];
                     let mut stride = 0;
-                    for (place, color) in places.iter().zip(colors) {
+                    for (place, color) in places.iter().zip(colors.into_iter().cycle()) {
                         let start = vertices.len();
                         vertices.extend(color.into_iter().chain((!opaque).then_some(255)).flat_map(shade));
                         vertices.extend([9; 3]);
@@ -292,7 +295,8 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
                             source.array(&format!("glColorPointer({size},{shade_kind},{stride},@"), &vertices, 5);
                             source.array(&format!("glVertexPointer(2,{kind},{stride},@"), &vertices, 5 + shade_bytes);
                             // What the card does not read in its own format is kept when it is drawn again.
-                            source.shown(&format!("{flat}glPushMatrix()\n{draw}\nglPopMatrix()\n{SWAP}{draw}"))
+                            let before = format!("glPushMatrix()\n{draw}\nglPopMatrix()\n").repeat(2);
+                            source.shown(&format!("{flat}{before}{SWAP}{draw}"))
                         })
                         .collect();
                     let [(from_card, copies), (from_memory, _)] = &images[..] else { unreachable!("two sources") };
@@ -305,6 +309,32 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
         }
     }
     assert!(resident > 150 && converted > 100, "{resident} draws from the card's memory, {converted} conversions");
+}
+
+#[test]
+fn interleaved_arrays_share_a_vertex_buffer_and_others_have_their_own() {
+    // Colours of four bytes before positions; the same positions again behind all vertices.
+    let vertices: Vec<u8> = corners(2.0, 2.0).chunks(8).flat_map(|place| [&[0, 255, 0, 255], place].concat()).collect();
+    let both = [&vertices[..], &corners(2.0, 2.0)].concat();
+    let setup = format!(
+        "{ORTHO}glEnableClientState(GL_COLOR_ARRAY)\nglBindBufferARB({TARGET},1)\nglBufferDataARB({TARGET},80,*1,35044)\n\
+         glColorPointer(4,GL_UNSIGNED_BYTE,12,0)\n"
+    );
+    for (positions, slots) in [("glVertexPointer(2,GL_FLOAT,12,4)", vec![0]), ("glVertexPointer(2,GL_FLOAT,0,48)", vec![0, 1])]
+    {
+        let (trace, _) = imported(&format!("{setup}{positions}\n{DRAW}{DRAW}"), &[&both], 0..u64::MAX);
+        let mut bound = Vec::new();
+        let seen: Result<(), TraceError> = trace.for_each_command(|_, command| {
+            if let Command::SetVertexBuffer { slot, .. } = command {
+                bound.push(*slot);
+            }
+            Ok(())
+        });
+        seen.expect("a trace");
+        let Copies { uploads, draws, .. } = copies(&trace);
+        assert_eq!((bound, uploads, draws), (slots, vec![(0, 80)], 2), "{positions}");
+        assert_eq!((last_of(&trace).at(3, 3), last_of(&trace).lit().len()), (GREEN, 16));
+    }
 }
 
 #[test]

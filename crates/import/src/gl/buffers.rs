@@ -40,6 +40,8 @@ pub enum Conversion {
         mode: u32,
         /// Whether the primitives become a list.
         list: bool,
+        /// Whether upright rectangles are treated as such.
+        upright: bool,
         /// Type of the indices; none: consecutive vertices.
         kind: Option<Scalar>,
         /// The first byte of the indices, or the first vertex.
@@ -340,7 +342,7 @@ impl Card {
 }
 
 impl Gl {
-    /// Uploads what the card's copies of buffer objects lack, so that the first wanted frame does not.
+    /// Uploads what the card's copies of buffer objects lack, so that the first wanted frame does not. No pass may be pending.
     pub fn upload_changes(&mut self) {
         for object in self.buffers.values_mut().filter(|object| object.copy.is_some()) {
             self.card.copy(object);

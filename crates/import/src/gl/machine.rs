@@ -363,10 +363,11 @@ impl Gl {
     /// Ends a frame.
     pub fn swap(&mut self) -> Outcome {
         self.flush()?;
-        self.card.present();
-        if self.card.frames == self.card.first_frame {
+        if self.card.frames + 1 == self.card.first_frame {
+            self.card.end_pass();
             self.upload_changes();
         }
+        self.card.present();
         Ok(())
     }
 

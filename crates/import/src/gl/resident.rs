@@ -17,7 +17,7 @@ use super::geometry::Geometry;
 use super::machine::Gl;
 use super::materials::tracked;
 use super::pack::{STREAMS_MAX, float_format};
-use super::primitive::{Batch, Class, Sent, class_of, points_and_lines, triangles};
+use super::primitive::{Batch, Class, Corners, Sent, class_of, is_upright, points_and_lines, triangles};
 use super::state::Vertex;
 use super::summary::Summary;
 
@@ -191,8 +191,8 @@ impl Resident {
         Placed::new(attributes.iter().filter_map(find))
     }
 
-    /// The attributes of arrays, if all are in buffer objects.
-    fn attributes(ready: &[Ready]) -> Option<Vec<Attribute>> {
+    /// The attributes of arrays, if all are in buffer objects, and positions among them.
+    fn attributes(ready: &[Ready]) -> Option<(Vec<Attribute>, Attribute)> {
         let mut attributes: Vec<Attribute> = Vec::new();
         for array in ready {
             let (Some(location), buffer) = (location_of(array.slot), array.buffer?) else { continue };
@@ -205,9 +205,9 @@ impl Resident {
             }
             attributes.push(Attribute::new(location, array, buffer));
         }
-        let placed = Placed::new(attributes.iter().copied());
-        (attributes.iter().any(|of| of.location == location::POSITION) && placed.groups.len() <= STREAMS_MAX)
-            .then_some(attributes)
+        let positions = *attributes.iter().find(|of| of.location == location::POSITION)?;
+        let groups = Placed::new(attributes.iter().copied()).groups.len();
+        (groups <= STREAMS_MAX).then_some((attributes, positions))
     }
 }
 
@@ -255,7 +255,7 @@ impl Gl {
         // As a triangle strip, a quadrilateral strip has each pair of vertices exchanged.
         let turned = mode == e::QUAD_STRIP && topology.is_some();
         let numbers = &selection.numbers[..count as usize];
-        let Some(attributes) = Resident::attributes(ready) else { return Ok(None) };
+        let Some((attributes, positions)) = Resident::attributes(ready) else { return Ok(None) };
         let can_read = |name: u32| self.buffers.get(name).is_some_and(|object| self.card.can_read(object));
         let (Some(&first), Some(&last)) = (numbers.iter().min(), numbers.iter().max()) else { return Ok(None) };
         // Indices may select elements behind the end of a buffer object. The card reads zeros there, as Mesa does.
@@ -297,23 +297,31 @@ impl Gl {
         let (indices, count) = match native {
             Some(native) => (native, count),
             None => {
+                let upright = mode == e::QUADS && topology.is_none() && self.keeps_upright();
+                let position = |corner: u32| self.fetch(ready, numbers[corner as usize]).map(|vertex| vertex.position);
+                let rectangle = |corners: Corners| {
+                    let [a, b, c, d] = corners.map(position);
+                    upright && matches!((a, b, c, d), (Ok(a), Ok(b), Ok(c), Ok(d)) if is_upright([a, b, c, d]))
+                };
                 let made: Vec<u32> = match (class, topology) {
                     (_, Some(_)) if turned => (0..count).map(|i| numbers[i as usize ^ 1]).collect(),
                     (_, Some(_)) => numbers.to_vec(),
                     (Class::Triangles, None) => {
-                        let corners = triangles(mode, count, &|_| false);
+                        let corners = triangles(mode, count, &rectangle);
                         corners.as_flattened().iter().map(|&corner| numbers[corner as usize]).collect()
                     }
                     (_, None) => points_and_lines(mode, count).into_iter().map(|k| numbers[k as usize]).collect(),
                 };
                 let (name, kind, at, base) = match selection.by {
                     Selector::Buffer { name, at, kind, base } => (name, Some(kind), at, base),
-                    _ => (attributes[0].buffer, None, first as usize, 0),
+                    _ => (positions.buffer, None, first as usize, 0),
                 };
                 let list = topology.is_none();
-                let conversion = Conversion::Indices { mode, list, kind, at, base, count: numbers.len() };
+                let conversion = Conversion::Indices { mode, list, upright, kind, at, base, count: numbers.len() };
                 let n = made.len() as u64;
-                let kept = selection.by != Selector::Memory && keeps(name, conversion, [n, 2 * n, 4 * n]);
+                // Rectangles depend on the positions, too, which may change while the indices do not.
+                let own = selection.by == Selector::Sequence || kind.is_some() && !upright;
+                let kept = own && keeps(name, conversion, [n, 2 * n, 4 * n]);
                 (Indices::Made(made, kept.then_some((name, conversion))), n as u32)
             }
         };
@@ -335,10 +343,7 @@ impl Gl {
                 one && !state.is(e::POINT_SMOOTH) && !state.is(e::POINT_SPRITE) && state.programs == 0 && !self.glsl.used()
             }
             Class::Lines => state.line_width < 1.5 && !state.is(e::LINE_SMOOTH) && !self.line_stippled(),
-            Class::Triangles => {
-                let upright = mode == e::QUADS && !self.keep_draws && self.keeps_upright();
-                n >= 3 && self.fills() && !upright && !self.sides_differ(&Batch::default())
-            }
+            Class::Triangles => n >= 3 && self.fills() && !self.sides_differ(&Batch::default()),
         };
         if !plain {
             return None;
