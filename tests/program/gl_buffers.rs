@@ -178,8 +178,9 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
         assert!(most <= 4 * 132, "{most} bytes of copies in frames {frames:?}");
         assert!(made.len() - freed <= 2);
         // The whole contents anew, several times a frame.
-        let anew =
-            |k: u32| format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}{}", k % 2 + 1, if k % 4 == 0 { SWAP } else { "" });
+        let anew = |k: u32| {
+            format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}{}", k % 2 + 1, if k.is_multiple_of(4) { SWAP } else { "" })
+        };
         let calls: String = (0..400).map(anew).collect();
         let (trace, _) = imported(&format!("{ORTHO}{}{calls}", object(1, 1)), &sources, frames.clone());
         let Copies { most, made, freed, .. } = copies(&trace);
@@ -194,6 +195,9 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
     let most = copies(&trace).most;
     assert!(most <= 68 << 20, "{most} bytes of copies");
 }
+
+/// A type of numbers, and the bytes of one.
+type Kind<T> = (&'static str, fn(T) -> Vec<u8>);
 
 /// The calls that give an array: from a buffer object of its own, or from memory.
 struct Source {
@@ -236,13 +240,13 @@ fn arrays_of_all_types_show_what_they_show_from_memory() {
     let places = [&around[..], &[[9, 2], [3, 1], [3, 15], [8, 13]], &[[0, 0], [15, 0], [15, 7], [0, 7]]].concat();
     let colors =
         [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255, 255, 255], [128, 64, 32]];
-    let positions: [(&str, fn(i32) -> Vec<u8>); 4] = [
+    let positions: [Kind<i32>; 4] = [
         ("GL_FLOAT", |v| (v as f32).to_le_bytes().to_vec()),
         ("GL_DOUBLE", |v| f64::from(v).to_le_bytes().to_vec()),
         ("GL_SHORT", |v| (v as i16).to_le_bytes().to_vec()),
         ("GL_INT", |v| v.to_le_bytes().to_vec()),
     ];
-    let shades: [(&str, fn(u8) -> Vec<u8>); 5] = [
+    let shades: [Kind<u8>; 5] = [
         ("GL_FLOAT", |v| (f32::from(v) / 255.0).to_le_bytes().to_vec()),
         ("GL_UNSIGNED_BYTE", |v| vec![v]),
         ("GL_UNSIGNED_SHORT", |v| (257 * u16::from(v)).to_le_bytes().to_vec()),
@@ -341,7 +345,7 @@ fn interleaved_arrays_share_a_vertex_buffer_and_others_have_their_own() {
 fn indices_of_all_types_select_the_vertices_that_they_select_from_memory() {
     let corners = floats(&[0.0, 0.0, 9.0, 9.0, 1.0, 1.0, 7.0, 2.0, 2.0, 8.0, 9.0, 9.0, 15.0, 3.0, 14.0, 14.0]);
     let indices = [2_u32, 3, 4, 5, 6, 7];
-    let kinds: [(&str, fn(u32) -> Vec<u8>); 3] = [
+    let kinds: [Kind<u32>; 3] = [
         ("GL_UNSIGNED_BYTE", |v| vec![v as u8]),
         ("GL_UNSIGNED_SHORT", |v| (v as u16).to_le_bytes().to_vec()),
         ("GL_UNSIGNED_INT", |v| v.to_le_bytes().to_vec()),
