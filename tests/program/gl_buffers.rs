@@ -187,7 +187,11 @@ fn buffer_objects_that_change_in_each_frame_do_not_pile_up() {
         assert!(most <= 5 * 32, "{most} bytes of copies in frames {frames:?}");
         assert!(made.len() - freed <= 2);
     }
-    // A frame in which more is replaced than may wait for one pass.
+    // A frame in which more is replaced than may wait for one pass: first many small copies, then few large ones.
+    let anew: String = (0..3000).map(|k| format!("glBufferDataARB({TARGET},32,*{},35040)\n{DRAW}", k % 2 + 1)).collect();
+    let (trace, _) = imported(&format!("{ORTHO}{}{anew}", object(1, 1)), &sources, 0..u64::MAX);
+    let Copies { most, draws, .. } = copies(&trace);
+    assert!(most <= 1100 * 32 && draws == 3000, "{most} bytes of copies, {draws} draws");
     let size = 3 << 20;
     let big = vec![0; size];
     let anew = format!("glBufferDataARB({TARGET},{size},*1,35040)\n{DRAW}").repeat(40);

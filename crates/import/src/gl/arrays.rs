@@ -91,6 +91,7 @@ pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
 }
 
 /// The components of an element, unchanged and normalised; missing ones are 0, 0, 0, 1.
+#[inline(always)]
 fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 4]) {
     let mut plain = [0.0, 0.0, 0.0, 1.0];
     // Most arrays are of floats, which normalisation does not change.

@@ -320,6 +320,8 @@ impl Card {
         let bytes = make(&object.bytes);
         let copy = self.recorder.create_buffer_init("converted", &bytes);
         self.kept_bytes += bytes.len() as u64;
+        // The trace keeps them even if the card does not.
+        self.bytes += bytes.len() as u64;
         known.copy = Some((copy, bytes.len() as u64));
         Some(copy)
     }

@@ -19,6 +19,8 @@ pub const DEPTH: Format = Format::Depth24PlusStencil8;
 
 /// A pass ends after this number of bytes of vertices and indices.
 const PASS_BYTES: usize = 64 << 20;
+/// Maximum number of buffers that wait to be freed.
+const CONDEMNED_MAX: usize = 1024;
 /// Uniform blocks begin at multiples of this.
 const BLOCK_ALIGN: usize = 64;
 
@@ -276,23 +278,28 @@ impl Card {
 
     /// Frees a buffer of this size as soon as no pending pass reads it.
     pub fn condemn(&mut self, buffer: BufferId, bytes: u64) {
+        if !self.reads(buffer, &(0..u64::MAX)) {
+            return self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
+        }
         self.condemned.push((buffer, bytes));
-        self.free_condemned();
-        if self.condemned.iter().map(|&(_, bytes)| bytes).sum::<u64>() > PASS_BYTES as u64 {
-            // Frames that are not wanted hold passes back, however many there are.
+        let all: u64 = self.condemned.iter().map(|&(_, bytes)| bytes).sum();
+        if all > PASS_BYTES as u64 || self.condemned.len() > CONDEMNED_MAX {
+            // A program may replace a buffer before each draw, and passes may be held back for many frames.
             self.end_pass();
         }
     }
 
+    /// Frees condemned buffers that no pending pass reads any more.
     fn free_condemned(&mut self) {
-        let (pass, held, recorder) = (&self.pass, &self.held, &mut self.recorder);
-        self.condemned.retain(|&(buffer, _)| {
-            let read = held.iter().chain([pass]).any(|pass| pass.buffers.contains(buffer));
+        let mut condemned = std::mem::take(&mut self.condemned);
+        condemned.retain(|&(buffer, _)| {
+            let read = self.reads(buffer, &(0..u64::MAX));
             if !read {
-                recorder.push(Command::Destroy(Object::Buffer(buffer)));
+                self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
             }
             read
         });
+        self.condemned = condemned;
     }
 
     /// Whether a pending pass reads any of these bytes of a buffer.

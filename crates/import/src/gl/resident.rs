@@ -248,7 +248,8 @@ impl Gl {
     /// A draw from the card's memory, if none of its vertices depends on the state and the card can read all.
     fn resident(&self, mode: u32, ready: &[Ready], selection: &Selection) -> Outcome<Option<(Resident, Batch)>> {
         let state = &self.state;
-        if self.survey || self.compiling.is_some() || self.render_mode != e::RENDER || state.is(e::COLOR_LOGIC_OP) {
+        let other = self.survey || self.compiling.is_some() || self.render_mode != e::RENDER || state.is(e::COLOR_LOGIC_OP);
+        if other || ready.iter().any(|array| array.buffer.is_none()) {
             return Ok(None);
         }
         let Some((class, topology, count)) = self.native(mode, selection.numbers.len() as u32) else { return Ok(None) };
