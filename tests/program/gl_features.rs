@@ -15,7 +15,12 @@ pub(super) fn imported(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u
     imported_with(calls, buffers, frames, &Reading::default())
 }
 
-fn imported_with(calls: &str, buffers: &[&[u8]], frames: std::ops::Range<u64>, reading: &Reading) -> (Trace, Report) {
+pub(super) fn imported_with(
+    calls: &str,
+    buffers: &[&[u8]],
+    frames: std::ops::Range<u64>,
+    reading: &Reading,
+) -> (Trace, Report) {
     let text = format!("GLI0.t\n#! RES 16x16\n{}\nwglSwapBuffers(1)\n", calls.trim());
     let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     let (mut descriptors, mut regions) = (Vec::new(), Vec::new());

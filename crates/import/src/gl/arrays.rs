@@ -5,8 +5,10 @@ use std::rc::Rc;
 use num::NumberMap;
 
 use super::arb::{GENERICS, Stage};
+use super::buffers::Conversion;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::consts as e;
+use super::elements::{Selection, Selector};
 use super::machine::Gl;
 use super::names;
 use super::primitive::{Elements, Sent};
@@ -15,7 +17,8 @@ use super::state::{UNITS, Vertex};
 /// Slots of arrays: position, normal, colour, secondary colour, fog coordinate, edge flag, texture coordinates from 8 on, generic attributes
 /// from 16 on. The bits are those of [`Vertex::over`].
 const SLOTS: usize = GENERIC + GENERICS;
-const GENERIC: usize = 8 + UNITS;
+/// The slot of the first generic attribute.
+pub const GENERIC: usize = 8 + UNITS;
 
 /// Where the elements of an array are.
 #[derive(Clone, Debug, Default)]
@@ -59,17 +62,18 @@ pub struct Arrays {
 
 /// The scalar of a type, and its bytes.
 pub(super) fn scalar(kind: u32) -> Option<(Scalar, usize)> {
-    Some(match kind {
-        e::BYTE => (Scalar::Byte, 1),
-        e::UNSIGNED_BYTE => (Scalar::Ubyte, 1),
-        e::SHORT => (Scalar::Short, 2),
-        e::UNSIGNED_SHORT => (Scalar::Ushort, 2),
-        e::INT => (Scalar::Int, 4),
-        e::UNSIGNED_INT => (Scalar::Uint, 4),
-        e::FLOAT => (Scalar::Float, 4),
-        e::DOUBLE => (Scalar::Double, 8),
+    let scalar = match kind {
+        e::BYTE => Scalar::Byte,
+        e::UNSIGNED_BYTE => Scalar::Ubyte,
+        e::SHORT => Scalar::Short,
+        e::UNSIGNED_SHORT => Scalar::Ushort,
+        e::INT => Scalar::Int,
+        e::UNSIGNED_INT => Scalar::Uint,
+        e::FLOAT => Scalar::Float,
+        e::DOUBLE => Scalar::Double,
         _ => return None,
-    })
+    };
+    Some((scalar, bytes_of(scalar)))
 }
 
 /// Converts bytes to a number.
@@ -87,6 +91,7 @@ pub(super) fn read(scalar: Scalar, b: &[u8]) -> f64 {
 }
 
 /// The components of an element, unchanged and normalised; missing ones are 0, 0, 0, 1.
+#[inline(always)]
 fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 4]) {
     let mut plain = [0.0, 0.0, 0.0, 1.0];
     // Most arrays are of floats, which normalisation does not change.
@@ -102,6 +107,32 @@ fn components(scalar: Scalar, bytes: usize, element: &[u8]) -> ([f32; 4], [f32; 
         (*plain, *normalized) = (value as f32, scalar.normalized(value));
     }
     (plain, normalized)
+}
+
+/// All whole elements of an array as floats.
+pub fn float_elements(conversion: Conversion, bytes: &[u8]) -> Vec<u8> {
+    let Conversion::Elements { kind, normalized, size, stride, start } = conversion else { return Vec::new() };
+    let element = size * bytes_of(kind);
+    let mut out = Vec::new();
+    let mut at = start;
+    while let Some(of) = bytes.get(at..at.saturating_add(element)) {
+        let (plain, scaled) = components(kind, bytes_of(kind), of);
+        for value in &(if normalized { scaled } else { plain })[..size] {
+            out.extend_from_slice(&value.to_le_bytes());
+        }
+        at = at.saturating_add(stride);
+    }
+    out
+}
+
+/// The bytes of a number.
+pub(super) fn bytes_of(kind: Scalar) -> usize {
+    match kind {
+        Scalar::Byte | Scalar::Ubyte => 1,
+        Scalar::Short | Scalar::Ushort => 2,
+        Scalar::Int | Scalar::Uint | Scalar::Float => 4,
+        Scalar::Double => 8,
+    }
 }
 
 /// The slot of a client state.
@@ -281,19 +312,27 @@ pub(super) fn divisor(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 }
 
 /// An enabled array that is ready to be read.
-struct Ready {
-    slot: usize,
-    scalar: Scalar,
-    normalized: bool,
-    size: usize,
-    bytes: usize,
-    stride: usize,
-    start: usize,
-    data: Rc<[u8]>,
-    /// Whether it was recorded for its draw, so that all elements must be present.
-    bounded: bool,
+pub struct Ready {
+    /// Its slot.
+    pub slot: usize,
+    /// The type of its components.
+    pub scalar: Scalar,
+    /// Whether integers of a generic attribute are normalised.
+    pub normalized: bool,
+    /// Components of an element.
+    pub size: usize,
+    /// Bytes of a component.
+    pub bytes: usize,
+    /// Bytes from one element to the next.
+    pub stride: usize,
+    /// Where the first element is, in bytes.
+    pub start: usize,
+    /// The bytes.
+    pub data: Rc<[u8]>,
+    /// The buffer object that it is in. Arrays in memory were recorded for their draw, so that all elements must be present.
+    pub buffer: Option<u32>,
     /// The element for all vertices, if the array has one for each instance.
-    instance: Option<u32>,
+    pub instance: Option<u32>,
 }
 
 impl Gl {
@@ -304,22 +343,24 @@ impl Gl {
         for (slot, array) in self.arrays.slots.iter().enumerate().filter(|(slot, array)| array.enabled && *slot != 6) {
             let refused = || Fault::Unsupported(format!("vertex arrays of type {}", names::name(array.kind)));
             let (scalar, bytes) = scalar(array.kind).ok_or_else(refused)?;
-            let bounded = matches!(array.source, Source::Memory(_));
-            let (data, start): (Rc<[u8]>, usize) = match &array.source {
+            let (data, start, buffer) = match &array.source {
                 Source::None => return Err(Fault::Damaged("an enabled array has no contents".into())),
-                Source::Memory(bytes) => (bytes.clone(), 0),
-                Source::Buffer(name, at) => (self.buffers.get(*name).cloned().ok_or(INVALID_OPERATION)?, *at as usize),
+                Source::Memory(bytes) => (bytes.clone(), 0, None),
+                Source::Buffer(name, at) => {
+                    (self.buffers.get(*name).ok_or(INVALID_OPERATION)?.bytes().clone(), *at as usize, Some(*name))
+                }
             };
             let stride = if array.stride == 0 { array.size * bytes } else { array.stride };
             let (normalized, size) = (array.normalized, array.size);
             let instance = array.divisor.checked_sub(1).map(|_| self.instance / array.divisor);
-            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, bounded, instance });
+            ready.push(Ready { slot, scalar, normalized, size, bytes, stride, start, data, buffer, instance });
             bits |= 1 << slot;
         }
         Ok((ready, bits))
     }
 
-    fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
+    /// The vertex of an index.
+    pub fn fetch(&self, ready: &[Ready], index: u32) -> Outcome<Vertex> {
         let mut vertex = self.state.current.clone();
         for array in ready {
             let index = array.instance.unwrap_or(index);
@@ -327,7 +368,7 @@ impl Gl {
             let element = match array.data.get(at..at.saturating_add(array.size * array.bytes)) {
                 Some(element) => element,
                 // Some programs read beyond the end of their buffer objects; Mesa returns zeros.
-                None if !array.bounded => &ZEROS[..array.size * array.bytes],
+                None if array.buffer.is_some() => &ZEROS[..array.size * array.bytes],
                 None => {
                     return Err(Fault::Damaged(format!("vertex {index} is outside of an array's {} bytes", array.data.len())));
                 }
@@ -359,7 +400,7 @@ impl Gl {
     }
 
     /// Draws elements of the arrays.
-    pub(super) fn elements(&mut self, mode: u32, indices: impl Iterator<Item = u32>, indexed: bool) -> Outcome {
+    pub(super) fn elements(&mut self, mode: u32, selection: &Selection) -> Outcome {
         if mode > e::POLYGON {
             return Err(INVALID_ENUM);
         }
@@ -369,13 +410,16 @@ impl Gl {
         if bits & (1 | 1 << GENERIC) == 0 && !(self.glsl.has(Stage::Vertex) && bits != 0) {
             return Ok(());
         }
-        let indices: Vec<u32> = indices.take(self.vertices_read(usize::MAX)).collect();
+        if self.draw_resident(mode, &ready, selection)? {
+            return Ok(());
+        }
+        let indices = &selection.numbers[..self.vertices_read(selection.numbers.len())];
         let mut vertices = Vec::with_capacity(indices.len());
-        for &index in &indices {
+        for &index in indices {
             vertices.push(self.fetch(&ready, index)?);
         }
         if self.keep_draws && self.compiling.is_none() {
-            let mut named = indices.clone();
+            let mut named = indices.to_vec();
             named.sort_unstable();
             named.dedup();
             let number = |index: &u32| named.binary_search(index).expect("each index is named") as u32;
@@ -384,7 +428,7 @@ impl Gl {
                 vertices: named.iter().map(|&index| self.fetch(&ready, index)).collect::<Outcome<_>>()?,
                 numbers: indices.iter().map(number).collect(),
                 sent: Sent::Arrays { position, slots: bits },
-                indexed,
+                indexed: selection.by != Selector::Sequence,
             });
         }
         let outcome = self.vertices(mode, vertices, bits);

@@ -1,10 +1,130 @@
 //! Buffer objects. Recorders report writes to a mapped buffer as calls of `memcpy`.
 
+use std::cell::RefCell;
+use std::ops::Range;
 use std::rc::Rc;
 
-use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Shape};
+use num::BufferId;
+
+use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
+use super::card::Card;
 use super::consts as e;
+use super::geometry::KEPT_MAX;
 use super::machine::Gl;
+
+/// Separate ranges that the card lacks at most; more are joined.
+const RANGES_MAX: usize = 32;
+
+/// Conversions of a buffer object's contents that are remembered at most.
+const CONVERSIONS_MAX: usize = 256;
+
+/// A conversion of a buffer object's contents to what the card can read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conversion {
+    /// All elements of an array as floats, without gaps.
+    Elements {
+        /// Type of the components.
+        kind: Scalar,
+        /// Whether integers are normalised.
+        normalized: bool,
+        /// Components.
+        size: usize,
+        /// Bytes from one element to the next.
+        stride: usize,
+        /// The first byte of the first element.
+        start: usize,
+    },
+    /// Indices of a draw in the order and the type in which the card reads them.
+    Indices {
+        /// The mode of the draw.
+        mode: u32,
+        /// Whether the primitives become a list.
+        list: bool,
+        /// Whether upright rectangles are treated as such.
+        upright: bool,
+        /// Type of the indices; none: consecutive vertices.
+        kind: Option<Scalar>,
+        /// The first byte of the indices, or the first vertex.
+        at: usize,
+        /// Added to each index.
+        base: i32,
+        /// Number of vertices.
+        count: usize,
+    },
+}
+
+/// The use of a conversion since the buffer object changed.
+#[derive(Debug)]
+struct Converted {
+    conversion: Conversion,
+    /// Vertices that were drawn with it.
+    drawn: u64,
+    /// What the card keeps of it, and its bytes.
+    copy: Option<(BufferId, u64)>,
+}
+
+/// A buffer object. The card has a copy once it has drawn from it.
+#[derive(Debug, Default)]
+pub struct BufferObject {
+    bytes: Rc<[u8]>,
+    /// The card's copy.
+    copy: Option<BufferId>,
+    /// Bytes that the copy lacks, in order. Bytes that the program never gave are zero in both.
+    lacking: Vec<Range<u64>>,
+    /// Conversions of the present contents.
+    converted: RefCell<Vec<Converted>>,
+}
+
+impl BufferObject {
+    /// A buffer object with these contents.
+    fn new(bytes: Rc<[u8]>) -> BufferObject {
+        let mut object = BufferObject { bytes, ..BufferObject::default() };
+        object.changed(0..object.size());
+        object
+    }
+
+    /// Its contents.
+    pub fn bytes(&self) -> &Rc<[u8]> {
+        &self.bytes
+    }
+
+    /// Its size in bytes.
+    fn size(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    /// Writes bytes at an offset.
+    fn write(&mut self, at: usize, bytes: &[u8], card: &mut Card) -> Outcome {
+        let end = at.checked_add(bytes.len()).filter(|&end| end <= self.bytes.len()).ok_or(INVALID_VALUE)?;
+        Rc::make_mut(&mut self.bytes)[at..end].copy_from_slice(bytes);
+        self.changed(at as u64..end as u64);
+        card.free_converted(self);
+        Ok(())
+    }
+
+    /// Notes that the card's copy lacks these bytes.
+    fn changed(&mut self, mut range: Range<u64>) {
+        if range.is_empty() {
+            return;
+        }
+        let first = self.lacking.partition_point(|known| known.end < range.start);
+        let last = self.lacking.partition_point(|known| known.start <= range.end);
+        if let Some(joined) = self.lacking.get(first..last).filter(|joined| !joined.is_empty()) {
+            range = range.start.min(joined[0].start)..range.end.max(joined[joined.len() - 1].end);
+        }
+        self.lacking.splice(first..last, [range]);
+        if self.lacking.len() > RANGES_MAX {
+            let end = self.lacking[RANGES_MAX].end;
+            self.lacking.truncate(1);
+            self.lacking[0].end = end;
+        }
+    }
+
+    /// Whether the card's copy lacks all bytes.
+    fn lacks_all(&self) -> bool {
+        matches!(&self.lacking[..], [all] if *all == (0..self.size()))
+    }
+}
 
 /// A mapped buffer object.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +162,7 @@ pub(super) fn bind(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
         target => gl.arrays.bound[target] = name,
     }
     if name != 0 {
-        gl.buffers.get_or_insert_with(name, || Rc::from([]));
+        gl.buffers.get_or_insert_with(name, BufferObject::default);
     }
     Ok(())
 }
@@ -52,33 +172,43 @@ pub(super) fn data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     if bound == 0 {
         return Err(INVALID_OPERATION);
     }
-    let bytes: Rc<[u8]> = match call.arg(2) {
-        Arg::Blob(bytes) => bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from),
+    let given = match call.arg(2) {
+        Arg::Blob(bytes) => Some(bytes.get(..size as usize).map_or_else(|| bytes.clone(), Rc::from)),
         _ if size > 1 << 28 => return Err(Fault::Limit(format!("a buffer object of {size} bytes without contents"))),
-        _ => vec![0; size as usize].into(),
+        _ => None,
     };
-    gl.buffers.insert(bound, bytes);
+    let object = match given {
+        Some(bytes) => BufferObject::new(bytes),
+        None => BufferObject { bytes: vec![0; size as usize].into(), ..BufferObject::default() },
+    };
+    let mut old = gl.buffers.remove(bound).unwrap_or_default();
+    gl.card.free_converted(&mut old);
+    // The card's copy is written again if all its bytes are given anew.
+    let again = old.size() == object.size() && object.lacks_all();
+    let copy = old.copy.filter(|_| again);
+    if !again {
+        gl.card.free_copy(old);
+    }
+    gl.buffers.insert(bound, BufferObject { copy, ..object });
     Ok(())
 }
 
 pub(super) fn sub_data(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (bound, at) = (gl.bound_buffer(call.u32(0)?)?, call.f64(1)? as u64 as usize);
-    let buffer = gl.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?;
+    let object = gl.buffers.get_mut(bound).ok_or(INVALID_OPERATION)?;
     if call.f64(2)? == 0.0 {
         return Ok(());
     }
     let Arg::Blob(bytes) = call.arg(3) else { return Err(Fault::Damaged("the bytes were not recorded".into())) };
-    let mut all = buffer.to_vec();
-    let part = all.get_mut(at..at.saturating_add(bytes.len())).ok_or(INVALID_VALUE)?;
-    part.copy_from_slice(bytes);
-    *buffer = all.into();
-    Ok(())
+    object.write(at, bytes, &mut gl.card)
 }
 
 pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for &name in call.numbers(1)?.iter() {
         let name = name as u32;
-        gl.buffers.remove(name);
+        if let Some(object) = gl.buffers.remove(name) {
+            gl.card.free_copy(object);
+        }
         let pixels = [&mut gl.unpack.buffer, &mut gl.pack_buffer];
         for bound in gl.arrays.bound.iter_mut().chain(pixels).filter(|bound| **bound == name) {
             *bound = 0;
@@ -90,7 +220,7 @@ pub(super) fn delete(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
 fn add(gl: &mut Gl, call: &Call, offset: u64, length: Option<u64>) -> Outcome {
     let target = call.u32(0)?;
     let buffer = gl.bound_buffer(target)?;
-    let bytes = gl.buffers.get(buffer).ok_or(INVALID_OPERATION)?.len() as u64;
+    let bytes = gl.buffers.get(buffer).ok_or(INVALID_OPERATION)?.size();
     let length = length.unwrap_or(bytes);
     let Arg::Pointer(address) = call.result else { return Ok(()) };
     if offset.checked_add(length).is_none_or(|end| end > bytes) || gl.mappings.iter().any(|known| known.buffer == buffer) {
@@ -132,15 +262,95 @@ pub(super) fn copy(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let mapping = gl.mappings.iter().find(inside).copied();
     // A copy to any other address does not write to a buffer object.
     let Some(mapping) = mapping else { return Err(Fault::Unsupported("memcpy into memory that is not mapped".into())) };
-    let buffer = gl.buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
+    let object = gl.buffers.get_mut(mapping.buffer).ok_or(INVALID_OPERATION)?;
     let at = (mapping.offset + to - mapping.address) as usize;
-    let mut all = buffer.to_vec();
-    all.get_mut(at..at + bytes.len()).ok_or(INVALID_OPERATION)?.copy_from_slice(bytes);
-    *buffer = all.into();
-    Ok(())
+    object.write(at, bytes, &mut gl.card).map_err(|_| INVALID_OPERATION)
+}
+
+impl Card {
+    /// Whether draws may read a buffer object from the card's memory now. They may not if pending draws read bytes of the copy that have
+    /// changed since. A new copy takes the place of the old one if the program has given all bytes anew.
+    pub fn can_read(&self, object: &BufferObject) -> bool {
+        let Some(copy) = object.copy else { return !object.bytes.is_empty() };
+        !object.lacking.iter().any(|range| self.reads(copy, range)) || object.lacks_all() && self.is_wanted()
+    }
+
+    /// The copy of a buffer object that [`Card::can_read`]; uploads what it lacks.
+    pub fn copy(&mut self, object: &mut BufferObject) -> BufferId {
+        if let Some(copy) = object.copy
+            && object.lacking.iter().any(|range| self.reads(copy, range))
+        {
+            object.copy = None;
+            self.condemn(copy, object.size());
+        }
+        let size = object.size();
+        let copy = *object.copy.get_or_insert_with(|| self.recorder.create_buffer("buffer", size));
+        for range in object.lacking.drain(..) {
+            self.bytes += range.end - range.start;
+            let bytes = &object.bytes[range.start as usize..range.end as usize];
+            self.recorder.write_buffer(copy, range.start, "buffer", bytes);
+        }
+        copy
+    }
+
+    /// Whether a draw of `count` vertices reads a conversion of `bytes` bytes from the card's memory. It is kept there once `least` vertices
+    /// were drawn with it, so that it costs no more than what it saves if the buffer object changes often.
+    pub fn keeps(&self, object: &BufferObject, conversion: Conversion, [count, least, bytes]: [u64; 3]) -> bool {
+        let mut all = object.converted.borrow_mut();
+        let known = match all.iter_mut().position(|known| known.conversion == conversion) {
+            Some(at) => &mut all[at],
+            None if all.len() < CONVERSIONS_MAX => all.push_mut(Converted { conversion, drawn: 0, copy: None }),
+            None => return false,
+        };
+        known.drawn = known.drawn.saturating_add(count);
+        known.copy.is_some() || known.drawn >= least && self.kept_bytes.saturating_add(bytes) <= KEPT_MAX
+    }
+
+    /// The copy of a conversion that [`Card::keeps`]; made once.
+    pub fn converted(
+        &mut self,
+        object: &mut BufferObject,
+        conversion: Conversion,
+        make: impl FnOnce(&[u8]) -> Vec<u8>,
+    ) -> Option<BufferId> {
+        let known = object.converted.get_mut().iter_mut().find(|known| known.conversion == conversion)?;
+        if let Some((copy, _)) = known.copy {
+            return Some(copy);
+        }
+        let bytes = make(&object.bytes);
+        let copy = self.recorder.create_buffer_init("converted", &bytes);
+        self.kept_bytes += bytes.len() as u64;
+        // The trace keeps them even if the card does not.
+        self.bytes += bytes.len() as u64;
+        known.copy = Some((copy, bytes.len() as u64));
+        Some(copy)
+    }
+
+    /// Frees the conversions of a buffer object that changes.
+    fn free_converted(&mut self, object: &mut BufferObject) {
+        for (copy, bytes) in object.converted.get_mut().drain(..).filter_map(|known| known.copy) {
+            self.kept_bytes -= bytes;
+            self.condemn(copy, bytes);
+        }
+    }
+
+    /// Frees the copy of a buffer object.
+    fn free_copy(&mut self, mut object: BufferObject) {
+        self.free_converted(&mut object);
+        if let Some(copy) = object.copy {
+            self.condemn(copy, object.size());
+        }
+    }
 }
 
 impl Gl {
+    /// Uploads what the card's copies of buffer objects lack, so that the first wanted frame does not. No pass may be pending.
+    pub fn upload_changes(&mut self) {
+        for object in self.buffers.values_mut().filter(|object| object.copy.is_some()) {
+            self.card.copy(object);
+        }
+    }
+
     /// The buffer object that is bound to a target.
     pub fn bound_buffer(&self, target: u32) -> Outcome<u32> {
         Ok(match target {

@@ -1,6 +1,7 @@
 //! The card's side: framebuffer, passes and pipelines. Draws are gathered into passes, so all bytes of a pass are written before it starts.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use gfx::format::Format;
 use gfx::state::*;
@@ -9,7 +10,7 @@ use trace::command::*;
 use trace::record::{self, Recorder};
 
 use super::pass::Pass;
-pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Surface, Target, kept_channels};
+pub use super::pass::{Buffer, COLORS_MAX, Draw, Fixed, Order, Surface, Target, VertexRange, kept_channels};
 
 /// Format of the window's colours. If the window has no alpha, alpha stays 1.
 pub const COLOR: Format = Format::Rgba8Unorm;
@@ -18,6 +19,8 @@ pub const DEPTH: Format = Format::Depth24PlusStencil8;
 
 /// A pass ends after this number of bytes of vertices and indices.
 const PASS_BYTES: usize = 64 << 20;
+/// Maximum number of buffers that wait to be freed.
+const CONDEMNED_MAX: usize = 1024;
 /// Uniform blocks begin at multiples of this.
 const BLOCK_ALIGN: usize = 64;
 
@@ -72,10 +75,10 @@ pub struct Card {
     pub frames: u64,
     /// Bytes of vertices, indices and uniforms so far: the trace keeps them.
     pub bytes: u64,
-    /// Bytes of the primitives of display lists that stay on the card.
+    /// Bytes of the primitives of display lists and of the conversions of buffer objects that stay on the card.
     pub kept_bytes: u64,
-    /// Buffers that are freed as soon as no pending pass may read them.
-    condemned: Vec<BufferId>,
+    /// Buffers that are freed as soon as no pending pass reads them, and their bytes.
+    condemned: Vec<(BufferId, u64)>,
 }
 
 impl Card {
@@ -201,6 +204,11 @@ impl Card {
         self.recorder.drain()
     }
 
+    /// Whether the current frame is wanted.
+    pub fn is_wanted(&self) -> bool {
+        self.frames >= self.first_frame
+    }
+
     /// The current render target.
     pub fn target(&self) -> Option<Target> {
         self.target
@@ -245,6 +253,14 @@ impl Card {
 
     /// Adds a draw to the pass.
     pub fn draw(&mut self, draw: Draw) {
+        let indices = match draw.order {
+            Order::Indices { buffer, .. } => buffer,
+            Order::Sequence(_) => None,
+        };
+        for buffer in draw.vertices.iter().map(|range| range.buffer).chain([indices]).flatten() {
+            // Draws that read only parts of a buffer have noted them.
+            self.pass.buffers.get_or_insert_with(buffer, || 0..u64::MAX);
+        }
         self.pass.draws.push(draw);
         if self.pass.vertices.len() + 4 * self.pass.indices.len() > PASS_BYTES {
             self.close();
@@ -260,18 +276,36 @@ impl Card {
         self.free_condemned();
     }
 
-    /// Frees buffers as soon as no pending pass can read them.
-    pub fn condemn(&mut self, buffers: [BufferId; 2]) {
-        self.condemned.extend(buffers);
-        self.free_condemned();
+    /// Frees a buffer of this size as soon as no pending pass reads it.
+    pub fn condemn(&mut self, buffer: BufferId, bytes: u64) {
+        if !self.reads(buffer, &(0..u64::MAX)) {
+            return self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
+        }
+        self.condemned.push((buffer, bytes));
+        let all: u64 = self.condemned.iter().map(|&(_, bytes)| bytes).sum();
+        if all > PASS_BYTES as u64 || self.condemned.len() > CONDEMNED_MAX {
+            // A program may replace a buffer before each draw, and passes may be held back for many frames.
+            self.end_pass();
+        }
     }
 
+    /// Frees condemned buffers that no pending pass reads any more.
     fn free_condemned(&mut self) {
-        if self.held.is_empty() && self.pass.draws.is_empty() {
-            for buffer in self.condemned.drain(..) {
+        let mut condemned = std::mem::take(&mut self.condemned);
+        condemned.retain(|&(buffer, _)| {
+            let read = self.reads(buffer, &(0..u64::MAX));
+            if !read {
                 self.recorder.push(Command::Destroy(Object::Buffer(buffer)));
             }
-        }
+            read
+        });
+        self.condemned = condemned;
+    }
+
+    /// Whether a pending pass reads any of these bytes of a buffer.
+    pub fn reads(&self, buffer: BufferId, bytes: &Range<u64>) -> bool {
+        let reads = |pass: &Pass| pass.buffers.get(buffer).is_some_and(|read| read.start < bytes.end && bytes.start < read.end);
+        self.held.iter().chain([&self.pass]).any(reads)
     }
 
     /// Ends the pending passes if any of them reads or writes this texture.
@@ -291,17 +325,18 @@ impl Card {
         }
         let back = |pass: &Pass| pass.target.and_then(|target| target.color);
         let window = self.window.as_ref().map(|window| window.back);
-        if self.frames >= self.first_frame || back(&pass) != window {
+        if self.is_wanted() || back(&pass) != window {
             // Held passes may stay held if they and this pass do not read or write the same images.
             let drawn: Vec<Surface> = pass.target.iter().flat_map(Target::surfaces).collect();
             let shared = drawn.into_iter().any(|surface| self.held.iter().any(|held| held.uses(surface.texture)));
             let reads = self.held.iter().filter_map(back).any(|surface| pass.textures.contains(surface.texture));
-            if self.frames >= self.first_frame || shared || reads {
+            if self.is_wanted() || shared || reads {
                 for held in std::mem::take(&mut self.held) {
                     self.emit(held);
                 }
             }
-            return self.emit(pass);
+            self.emit(pass);
+            return self.free_condemned();
         }
         let drawn = self.held.iter().flat_map(|held| &held.draws).fold(0, |all, draw| all | draw.writes);
         if drawn & !pass.clears() == 0 {
@@ -314,6 +349,7 @@ impl Card {
             }
         }
         self.held.push(pass);
+        self.free_condemned();
     }
 
     /// Records a pass.
@@ -371,7 +407,7 @@ impl Card {
             let mut open = self.recorder.begin_render_pass_with(color, depth, set);
             if let Some((group, own)) = group {
                 let mut last: Option<&Draw> = None;
-                let mut bound_indices = None;
+                let (mut bound_vertices, mut bound_indices) = (Vec::new(), None);
                 for draw in &pass.draws {
                     let query = last.and_then(|last| last.query);
                     if query != draw.query {
@@ -402,22 +438,22 @@ impl Card {
                     if let Some(textures) = draw.textures.filter(|&group| new(&|d| d.textures != Some(group))) {
                         open.set_bind_group(1, textures);
                     }
-                    let [vertices, indices] = draw.buffers.map_or(own, |buffers| buffers.map(Some));
-                    if let Some(vertices) = vertices {
-                        if draw.streams.is_empty() {
-                            open.set_vertex_buffer_at(0, vertices, draw.vertices);
-                        }
-                        for (slot, stream) in (0..).zip(&draw.streams) {
-                            open.set_vertex_buffer_at(slot, vertices, draw.vertices + stream);
-                        }
+                    bound_vertices.resize(bound_vertices.len().max(draw.vertices.len()), None);
+                    for (slot, (&range, bound)) in draw.vertices.iter().zip(&mut bound_vertices).enumerate() {
+                        let Some(buffer) = range.buffer.or(own[0]).filter(|_| *bound != Some(range)) else { continue };
+                        open.set_vertex_buffer_at(slot as u32, buffer, range.offset);
+                        *bound = Some(range);
                     }
-                    if let Some(indices) = indices.filter(|&indices| draw.first.is_some() && bound_indices != Some(indices)) {
-                        open.set_index_buffer(indices, IndexFormat::Uint32);
-                        bound_indices = Some(indices);
-                    }
-                    match draw.first {
-                        Some(first) => open.draw_indexed_from(draw.count, 1, first, 0, 0),
-                        None => open.draw(draw.count, 1),
+                    match draw.order {
+                        Order::Sequence(first) => open.draw_from(draw.count, 1, first, 0),
+                        Order::Indices { buffer, format, first, base } => {
+                            let wanted = buffer.or(own[1]).map(|buffer| (buffer, format));
+                            if let Some((buffer, format)) = wanted.filter(|_| bound_indices != wanted) {
+                                open.set_index_buffer(buffer, format);
+                                bound_indices = wanted;
+                            }
+                            open.draw_indexed_from(draw.count, 1, first, base, 0);
+                        }
                     }
                     last = Some(draw);
                 }
@@ -490,10 +526,9 @@ impl Card {
             }
         };
         let target = |format, write_mask| ColorTarget { format, blend: fixed.blend, write_mask };
-        let each = if fixed.streams { 1 } else { fixed.attributes.len().max(1) };
         let desc = RenderPipelineDesc {
             layout: Some(layout),
-            buffers: fixed.attributes.chunks(each).map(record::vertex_buffer).collect(),
+            buffers: fixed.buffers.iter().cloned().map(Some).collect(),
             primitive: fixed.primitive,
             depth_stencil: fixed.depth,
             targets: {

@@ -2,9 +2,10 @@
 
 use gfx::state::*;
 use num::float_bytes;
+use trace::record;
 
 use super::call::Outcome;
-use super::card::{COLORS_MAX, Draw, Fixed, kept_channels};
+use super::card::{COLORS_MAX, Draw, Fixed, Order, VertexRange, kept_channels};
 use super::consts as e;
 use super::machine::Gl;
 use super::state::State;
@@ -95,8 +96,7 @@ impl Gl {
                 let colors = target.colors().count().max(1);
                 self.card.plain_shader(LABELS[colors - 1], &clear_text(colors))
             },
-            attributes: vec![(0, VertexFormat::Float32x2)],
-            streams: false,
+            buffers: record::vertex_buffer(&[(0, VertexFormat::Float32x2)]).into_iter().collect(),
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
             more,
@@ -129,10 +129,8 @@ impl Gl {
         self.card.draw(Draw {
             pipeline,
             uniforms,
-            buffers: None,
-            vertices,
-            streams: Vec::new(),
-            first: Some(first),
+            vertices: vec![VertexRange { buffer: None, offset: vertices }],
+            order: Order::pass(first),
             count: 3,
             textures: None,
             viewport,

@@ -7,14 +7,14 @@ use glam::Mat4;
 
 use super::arb::{Active, Stage, input};
 use super::call::{Fault, Outcome};
-use super::card::{Draw, Target};
+use super::card::{Draw, Order, Target, VertexRange};
 use super::consts as e;
 use super::draw_key::varying;
-use super::geometry::Geometry;
 use super::key::*;
 use super::machine::Gl;
 use super::pack::{Drawn, Packing, STREAM_ALIGN, streams};
 use super::primitive::{Batch, Class};
+use super::resident::Kept;
 use super::state::{Stencil, TARGETS, UNITS, Vertex, capability};
 use super::summary::Summary;
 use super::texture::Texture;
@@ -82,8 +82,8 @@ impl Gl {
         Viewport { x, y, width: w, height: h, min_depth, max_depth }
     }
 
-    /// Draws a batch, or a primitive that stays on the card: then the batch gives only its type.
-    pub fn draw(&mut self, batch: &mut Batch, kept: Option<&Geometry>) -> Outcome {
+    /// Draws a batch, or vertices that stay on the card: then the batch gives only their type.
+    pub fn draw(&mut self, batch: &mut Batch, kept: Option<Kept<'_>>) -> Outcome {
         let Some(target) = self.aim()? else {
             return Err(Fault::Unsupported("drawing before the size of the window is known".into()));
         };
@@ -156,7 +156,8 @@ impl Gl {
             }
         }
         let (mut constant, mut summary) = match kept {
-            Some(geometry) => geometry.over(&self.state.current),
+            Some(Kept::List(geometry)) => geometry.over(&self.state.current),
+            Some(Kept::Buffers(resident)) => (resident.constant.clone(), resident.summary.clone()),
             None => (batch.vertices[batch.indices[0] as usize].clone(), Summary::of(&batch.vertices)),
         };
         let mut key = self.key(batch, &summary, units)?;
@@ -231,36 +232,50 @@ impl Gl {
             return self.fixed(&target, shader, Vec::new(), batch, &key, bound.len()).map(|_| ());
         }
         let packing = Packing::new(&key, &summary, batch.class, batch.sent);
-        let fixed = self.fixed(&target, shader, packing.attributes.clone(), batch, &key, bound.len())?;
+        let placed = match kept {
+            Some(Kept::Buffers(resident)) => Some(resident.placed(&packing.attributes)),
+            _ => None,
+        };
+        let layouts = placed.as_ref().map_or_else(|| packing.buffers(), |placed| placed.layouts.clone());
+        let fixed = self.fixed(&target, shader, layouts, batch, &key, bound.len())?;
         let clip = if packing.cuts() { to_clip(&self.projection.top, &self.modelview.top) } else { Mat4::IDENTITY };
         let (flat, upright, viewport) = (self.state.flat, self.keeps_upright(), self.viewport(&target));
-        // Offsets in the pass; a kept primitive has its own buffers.
-        let (mut vertices, mut first, mut streams_of) = (0, 0, Vec::new());
-        let (buffers, count) = match kept {
-            Some(geometry) => {
-                let (buffers, count) = self.card.kept(geometry, packing, upright);
-                (Some(buffers), count)
+        let own = |offset: u64| VertexRange { buffer: None, offset };
+        let (vertices, order, count) = match kept {
+            Some(Kept::List(geometry)) => {
+                let ([vertices, indices], count) = self.card.kept(geometry, packing, upright);
+                let order = Order::Indices { buffer: Some(indices), format: IndexFormat::Uint32, first: 0, base: 0 };
+                (vec![VertexRange { buffer: Some(vertices), offset: 0 }], order, count)
+            }
+            Some(Kept::Buffers(resident)) => {
+                let vertices = placed.map_or_else(Vec::new, |placed| self.vertex_ranges(resident, &placed));
+                (vertices, self.order(resident), resident.count)
             }
             None => {
                 let pass = &mut self.card.pass;
-                if fixed.streams {
+                let mut streams_of = Vec::new();
+                if packing.streams {
                     let (end, start) = (pass.vertices.len(), pass.vertices.len().next_multiple_of(STREAM_ALIGN));
                     pass.vertices.resize(start, 0);
-                    streams_of = streams(&fixed.attributes, batch.vertices.len());
+                    streams_of = streams(&packing.attributes, batch.vertices.len());
                     pass.gaps.push([end, start]);
-                    for (pair, (_, format)) in streams_of.windows(2).zip(&fixed.attributes) {
+                    for (pair, (_, format)) in streams_of.windows(2).zip(&packing.attributes) {
                         let [this, next] = [pair[0], pair[1]].map(|stream| start + stream as usize);
                         pass.gaps.push([this + batch.vertices.len() * format.bytes() as usize, next]);
                     }
                 }
-                (vertices, first) = (pass.vertices.len() as u64, pass.indices.len());
+                let (start, first) = (pass.vertices.len() as u64, pass.indices.len());
                 let drawn = Drawn { vertices: &batch.vertices, indices: &batch.indices };
                 packing.write(drawn, &clip, flat, &mut pass.vertices, &mut pass.indices);
                 let count = pass.indices.len() - first;
                 if batch.sequence {
                     pass.indices.truncate(first);
                 }
-                (None, count as u32)
+                let vertices = match packing.streams {
+                    true => streams_of.iter().map(|stream| own(start + stream)).collect(),
+                    false => vec![own(start)],
+                };
+                (vertices, if batch.sequence { Order::Sequence(0) } else { Order::pass(first as u32) }, count as u32)
             }
         };
         if count == 0 {
@@ -276,10 +291,8 @@ impl Gl {
         self.card.draw(Draw {
             pipeline,
             uniforms,
-            buffers,
             vertices,
-            streams: streams_of,
-            first: (!batch.sequence).then_some(first as u32),
+            order,
             count,
             textures,
             viewport,

@@ -2,12 +2,47 @@
 
 use std::rc::Rc;
 
-use super::arrays::{read, scalar};
+use super::arrays::scalar;
 use super::call::{Arg, Call, Fault, INVALID_ENUM, INVALID_OPERATION, INVALID_VALUE, Outcome, Scalar, Shape};
 use super::machine::Gl;
 
 /// Maximum number of vertices of one draw.
 const VERTICES_MAX: u32 = 1 << 22;
+
+/// The vertices that a draw selects.
+pub struct Selection {
+    /// Their numbers.
+    pub numbers: Vec<u32>,
+    /// How the program gives them.
+    pub by: Selector,
+}
+
+/// How a program selects vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selector {
+    /// Consecutive ones.
+    Sequence,
+    /// With indices in its own memory.
+    Memory,
+    /// With indices in a buffer object.
+    Buffer {
+        /// The buffer object.
+        name: u32,
+        /// Where the first index is, in bytes.
+        at: usize,
+        /// Type of the indices.
+        kind: Scalar,
+        /// Added to each index.
+        base: i32,
+    },
+}
+
+impl Selection {
+    /// Consecutive vertices.
+    fn sequence(first: u32, count: u32) -> Selection {
+        Selection { numbers: (first..first.saturating_add(count)).collect(), by: Selector::Sequence }
+    }
+}
 
 fn bounded(count: u32) -> Outcome {
     if count > VERTICES_MAX {
@@ -20,13 +55,15 @@ fn bounded(count: u32) -> Outcome {
 pub(super) fn draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
     bounded(count)?;
-    gl.elements(mode, first..first.saturating_add(count), false)
+    gl.elements(mode, &Selection::sequence(first, count))
 }
 
 /// `glDrawArraysInstanced(mode, first, count, instances)`
 pub(super) fn draw_arrays_instanced(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let (mode, first, count) = (call.u32(0)?, call.size(1)?, call.size(2)?);
-    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, first..first.saturating_add(count), false))
+    bounded(count)?;
+    let vertices = Selection::sequence(first, count);
+    instances(gl, call.size(3)?, count, |gl| gl.elements(mode, &vertices))
 }
 
 /// Runs a draw once for each instance.
@@ -64,39 +101,53 @@ pub(super) const BASED: u8 = 4;
 pub(super) fn draw_elements<const PARTS: u8>(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     let at = if PARTS & RANGE != 0 { 3 } else { 1 };
     let behind = at + 3;
-    let mut indices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
+    let mut vertices = indices(gl, call.size(at)?, call.u32(at + 1)?, call.arg(at + 2))?;
     if PARTS & BASED != 0 {
-        let base = call.i32(behind + usize::from(PARTS & INSTANCED != 0))?;
-        indices.iter_mut().for_each(|index| *index = index.wrapping_add_signed(base));
+        let added = call.i32(behind + usize::from(PARTS & INSTANCED != 0))?;
+        vertices.numbers.iter_mut().for_each(|index| *index = index.wrapping_add_signed(added));
+        if let Selector::Buffer { base, .. } = &mut vertices.by {
+            *base = added;
+        }
     }
     let mode = call.u32(0)?;
     if PARTS & INSTANCED == 0 {
-        return gl.elements(mode, indices.into_iter(), true);
+        return gl.elements(mode, &vertices);
     }
-    let count = indices.len() as u32;
-    instances(gl, call.size(behind)?, count, |gl| gl.elements(mode, indices.iter().copied(), true))
+    let count = vertices.numbers.len() as u32;
+    instances(gl, call.size(behind)?, count, |gl| gl.elements(mode, &vertices))
 }
 
-fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Vec<u32>> {
+fn indices(gl: &Gl, count: u32, kind: u32, data: &Arg) -> Outcome<Selection> {
     bounded(count)?;
     let (scalar, bytes) =
         scalar(kind).filter(|&(s, _)| matches!(s, Scalar::Ubyte | Scalar::Ushort | Scalar::Uint)).ok_or(INVALID_ENUM)?;
     let bound = gl.arrays.bound[1];
-    let in_buffer = |at: u64| Ok((gl.buffers.get(bound).cloned().ok_or(INVALID_OPERATION)?, at as usize));
-    let (data, start): (Rc<[u8]>, usize) = match data {
-        Arg::Blob(bytes) => (bytes.clone(), 0),
+    let in_buffer = |at: u64| {
+        let bytes = gl.buffers.get(bound).ok_or(INVALID_OPERATION)?.bytes().clone();
+        Ok((bytes, at as usize, Selector::Buffer { name: bound, at: at as usize, kind: scalar, base: 0 }))
+    };
+    let (data, start, by): (Rc<[u8]>, usize, Selector) = match data {
+        Arg::Blob(bytes) => (bytes.clone(), 0, Selector::Memory),
         Arg::Pointer(at) if bound != 0 => in_buffer(*at)?,
         Arg::Num(at) if bound != 0 => in_buffer(*at as u64)?,
         Arg::Null if bound != 0 => in_buffer(0)?,
-        Arg::Nums(numbers) => return Ok(numbers.iter().take(count as usize).map(|&n| n as u32).collect()),
-        _ if count == 0 => return Ok(Vec::new()),
+        Arg::Nums(numbers) => {
+            let numbers = numbers.iter().take(count as usize).map(|&n| n as u32).collect();
+            return Ok(Selection { numbers, by: Selector::Memory });
+        }
+        _ if count == 0 => return Ok(Selection { numbers: Vec::new(), by: Selector::Memory }),
         _ => return Err(Fault::Damaged("the indices were not recorded".into())),
     };
     let end = start.saturating_add((count as usize).saturating_mul(bytes));
     let Some(part) = data.get(start..end) else {
         return Err(Fault::Damaged(format!("{count} indices reach past {} bytes", data.len())));
     };
-    Ok(part.chunks_exact(bytes).map(|bytes| read(scalar, bytes) as u32).collect())
+    let numbers = match scalar {
+        Scalar::Ushort => part.as_chunks().0.iter().map(|&bytes| u32::from(u16::from_le_bytes(bytes))).collect(),
+        Scalar::Uint => part.as_chunks().0.iter().map(|&bytes| u32::from_le_bytes(bytes)).collect(),
+        _ => part.iter().map(|&byte| u32::from(byte)).collect(),
+    };
+    Ok(Selection { numbers, by })
 }
 
 pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
@@ -104,7 +155,7 @@ pub(super) fn multi_draw_arrays(gl: &mut Gl, call: &Call, _: Shape) -> Outcome {
     for (&first, &count) in firsts.iter().zip(counts.iter()) {
         let (first, count) = (first as u32, count as u32);
         bounded(count)?;
-        gl.elements(mode, first..first.saturating_add(count), false)?;
+        gl.elements(mode, &Selection::sequence(first, count))?;
     }
     Ok(())
 }
@@ -120,8 +171,8 @@ pub(super) fn multi_draw_elements(gl: &mut Gl, call: &Call, _: Shape) -> Outcome
     for (k, &count) in counts.iter().enumerate() {
         let data = of(k).ok_or_else(|| Fault::Damaged(format!("the indices of draw {k} were not recorded")))?;
         let count = u32::try_from(count as i64).map_err(|_| INVALID_VALUE)?;
-        let indices = indices(gl, count, kind, &data)?;
-        gl.elements(mode, indices.into_iter(), true)?;
+        let vertices = indices(gl, count, kind, &data)?;
+        gl.elements(mode, &vertices)?;
     }
     Ok(())
 }

@@ -8,7 +8,6 @@ use super::consts as e;
 use super::fragments::{blend_factor, blend_operation, stencil_operation};
 use super::key::{Expand, ShaderKey};
 use super::machine::Gl;
-use super::pack::STREAMS_MAX;
 use super::primitive::{Batch, Class};
 use super::state::Stencil;
 
@@ -58,7 +57,7 @@ impl Gl {
         &self,
         target: &Target,
         shader: num::ShaderId,
-        attributes: Vec<(u32, VertexFormat)>,
+        buffers: Vec<VertexBufferLayout>,
         batch: &Batch,
         key: &ShaderKey,
         textures: usize,
@@ -74,7 +73,7 @@ impl Gl {
         let topology = match class {
             _ if key.expand != Expand::No => Topology::TriangleList,
             Class::Points => Topology::PointList,
-            Class::Lines => Topology::LineList,
+            Class::Lines => topology.unwrap_or(Topology::LineList),
             Class::Triangles => topology.unwrap_or(Topology::TriangleList),
         };
         let primitive = Primitive {
@@ -139,7 +138,6 @@ impl Gl {
             (color.format, if written { state.color_mask & kept } else { 0 })
         };
         let more = target.more.iter().flatten().enumerate().map(more).collect();
-        let streams = batch.sent.is_some() && attributes.len() <= STREAMS_MAX;
-        Ok(Fixed { shader, attributes, streams, primitive, color, more, depth, blend, mask, textures })
+        Ok(Fixed { shader, buffers, primitive, color, more, depth, blend, mask, textures })
     }
 }

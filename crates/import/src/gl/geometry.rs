@@ -13,13 +13,14 @@ use super::consts as e;
 use super::machine::Gl;
 use super::pack::{Drawn, Packing};
 use super::primitive::{Batch, Class, Corners, class_of, is_upright, points_and_lines, triangles};
+use super::resident::Kept;
 use super::state::{UNITS, Vertex};
 use super::summary::Summary;
 
 /// Minimum number of vertices of a primitive that stays on the card. Smaller ones are joined with their neighbours to one draw.
 const LEAST: usize = 192;
-/// Maximum number of bytes that stay on the card.
-const KEPT_MAX: u64 = 64 << 20;
+/// Maximum number of bytes that stay on the card: primitives of lists, and conversions of buffer objects.
+pub const KEPT_MAX: u64 = 64 << 20;
 
 /// A primitive of a list.
 pub struct Geometry {
@@ -90,7 +91,7 @@ impl Gl {
         if seen && self.stays(geometry) {
             self.flush()?;
             let mut batch = Batch { class: class_of(geometry.mode), ..Batch::default() };
-            let outcome = self.draw(&mut batch, Some(geometry));
+            let outcome = self.draw(&mut batch, Some(Kept::List(geometry)));
             return self.settled(outcome);
         }
         let few = self.vertices_read(geometry.vertices.len());
@@ -118,7 +119,9 @@ impl Gl {
     pub fn free_geometry(&mut self, geometry: &Geometry) {
         for kept in geometry.on_card.take() {
             self.card.kept_bytes -= kept.bytes;
-            self.card.condemn(kept.buffers);
+            let [vertices, indices] = kept.buffers;
+            self.card.condemn(vertices, kept.bytes);
+            self.card.condemn(indices, 0);
         }
     }
 }

@@ -9,7 +9,7 @@ use trace::Trace;
 
 use super::arb::{MATRIX0, Programs};
 use super::arrays::Arrays;
-use super::buffers::Mapping;
+use super::buffers::{BufferObject, Mapping};
 use super::call::{Arg, Call, Fault, Function, INVALID_OPERATION, Outcome, Shape};
 use super::card::Card;
 use super::consts as e;
@@ -78,7 +78,7 @@ pub struct Gl {
     /// Shaders and programs in GLSL.
     pub glsl: Glsl,
     /// Buffer objects.
-    pub buffers: NumberMap<u32, Rc<[u8]>>,
+    pub buffers: NumberMap<u32, BufferObject>,
     /// Pixel storage modes for reading the client's pixels.
     pub unpack: PixelStore,
     /// The buffer object that pixels are read back into.
@@ -363,6 +363,10 @@ impl Gl {
     /// Ends a frame.
     pub fn swap(&mut self) -> Outcome {
         self.flush()?;
+        if self.card.frames + 1 == self.card.first_frame {
+            self.card.end_pass();
+            self.upload_changes();
+        }
         self.card.present();
         Ok(())
     }

@@ -5,6 +5,8 @@
 //! generated from a small key ([`gl_shader::key`]), so equal state has one shader and one pipeline. Draws are gathered into passes. A pass
 //! ends at a clear, a copy of the framebuffer, a write to a texture that it reads, and the end of the frame.
 //!
+//! * Buffer objects stay on the card ([`buffers`]). Draws read them from there where the card can ([`resident`]); other draws have their
+//!   vertices in buffers of their pass.
 //! * Clip space: the matrix maps depths from [-w, w] to [0, w]. The window's origin is at the lower left; the viewport, the scissor and
 //!   copies flip rows.
 //! * A texture's first row is its lowest in OpenGL, and the first in memory in both, so images are not changed. Only copies of the
@@ -51,6 +53,7 @@ mod primitive;
 mod raster;
 mod reader;
 mod rectangles;
+mod resident;
 mod s3tc;
 mod samplers;
 mod state;

@@ -1,6 +1,6 @@
 //! Vertices of a batch as the card reads them: only the attributes that differ between vertices; wide points and lines become triangles.
 
-use gfx::state::VertexFormat;
+use gfx::state::{VertexBufferLayout, VertexFormat};
 use glam::Mat4;
 
 use super::arb::GENERICS;
@@ -11,6 +11,7 @@ use super::state::{UNITS, Vertex};
 use super::stipple::{VIEW_VOLUME, between, visible};
 use super::summary::Summary;
 use gl_shader::wgsl::{self, location};
+use trace::record::vertex_buffer;
 
 /// Corners of an expanded point or line, and the triangles between them.
 const CORNERS: [[f32; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -24,7 +25,8 @@ pub const STREAM_ALIGN: usize = 256;
 /// Maximum number of vertex buffers of a draw.
 pub const STREAMS_MAX: usize = 8;
 
-fn float_format(components: usize) -> VertexFormat {
+/// The format of a number of floats.
+pub fn float_format(components: usize) -> VertexFormat {
     [VertexFormat::Float32, VertexFormat::Float32x2, VertexFormat::Float32x3, VertexFormat::Float32x4][components - 1]
 }
 
@@ -83,7 +85,7 @@ pub struct Packing {
     expand: Expand,
     class: Class,
     /// Whether each attribute has an array of its own.
-    streams: bool,
+    pub streams: bool,
 }
 
 impl Packing {
@@ -99,6 +101,12 @@ impl Packing {
         }
         let streams = key.expand == Expand::No && sent.is_some() && layout.len() <= STREAMS_MAX;
         Packing { attributes, layout, expand: key.expand, class, streams }
+    }
+
+    /// Layouts of its vertex buffers.
+    pub fn buffers(&self) -> Vec<VertexBufferLayout> {
+        let each = if self.streams { 1 } else { self.attributes.len().max(1) };
+        self.attributes.chunks(each).filter_map(vertex_buffer).collect()
     }
 
     /// Whether the written vertices depend on the matrix: lines are clipped.

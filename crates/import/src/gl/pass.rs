@@ -1,5 +1,7 @@
 //! The parts of a pass of the card: its render target, its draws, and the state in their pipelines.
 
+use std::ops::Range;
+
 use gfx::format::Format;
 use gfx::state::*;
 pub use gl_shader::COLORS_MAX;
@@ -12,14 +14,10 @@ pub struct Draw {
     pub pipeline: RenderPipelineId,
     /// Offset of its uniforms in the pass.
     pub uniforms: u32,
-    /// Its own buffers of vertices and indices, if it does not use the pass's.
-    pub buffers: Option<[BufferId; 2]>,
-    /// Offset of its vertices in the pass.
-    pub vertices: u64,
-    /// Offsets of its attribute arrays from there; empty if the attributes are interleaved.
-    pub streams: Vec<u64>,
-    /// Its first index in the pass; none: vertices are drawn in order.
-    pub first: Option<u32>,
+    /// Its vertex buffers, in the order of their slots.
+    pub vertices: Vec<VertexRange>,
+    /// The order of its vertices.
+    pub order: Order,
     /// Number of indices, or of vertices.
     pub count: u32,
     /// Textures.
@@ -36,6 +34,40 @@ pub struct Draw {
     pub writes: u8,
     /// The occlusion query that counts it, by its number in the recording.
     pub query: Option<u64>,
+}
+
+/// A vertex buffer of a draw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VertexRange {
+    /// The buffer; none: that of the pass.
+    pub buffer: Option<BufferId>,
+    /// Its first byte that is bound.
+    pub offset: u64,
+}
+
+/// The order of a draw's vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Consecutive ones, from this one on.
+    Sequence(u32),
+    /// Those that indices select.
+    Indices {
+        /// The index buffer; none: that of the pass.
+        buffer: Option<BufferId>,
+        /// Type of the indices.
+        format: IndexFormat,
+        /// The first index.
+        first: u32,
+        /// Added to each index.
+        base: i32,
+    },
+}
+
+impl Order {
+    /// Indices of the pass, from this one on.
+    pub fn pass(first: u32) -> Order {
+        Order::Indices { buffer: None, format: IndexFormat::Uint32, first, base: 0 }
+    }
 }
 
 /// Bits of the buffers that a draw or a clear writes.
@@ -146,6 +178,8 @@ pub struct Pass {
     pub block: usize,
     /// Textures that are read.
     pub textures: NumberMap<TextureId, ()>,
+    /// Buffers that are read beside the pass's own, and their bytes that are read.
+    pub buffers: NumberMap<BufferId, Range<u64>>,
 }
 
 impl Pass {
@@ -169,6 +203,12 @@ impl Pass {
             | bit(self.stencil.is_some(), writes::STENCIL)
     }
 
+    /// Notes that draws read these bytes of a buffer.
+    pub fn read(&mut self, buffer: BufferId, bytes: Range<u64>) {
+        let known = self.buffers.get_or_insert_with(buffer, || bytes.clone());
+        *known = known.start.min(bytes.start)..known.end.max(bytes.end);
+    }
+
     /// Whether it reads or draws to a texture.
     pub fn uses(&self, texture: TextureId) -> bool {
         let drawn = |target: Target| target.surfaces().any(|surface| surface.texture == texture);
@@ -181,10 +221,8 @@ impl Pass {
 pub struct Fixed {
     /// The module.
     pub shader: ShaderId,
-    /// Attributes: location and format.
-    pub attributes: Vec<(u32, VertexFormat)>,
-    /// Whether each attribute has an array of its own.
-    pub streams: bool,
+    /// Layouts of the vertex buffers.
+    pub buffers: Vec<VertexBufferLayout>,
     /// Primitive.
     pub primitive: Primitive,
     /// Format of colours.

@@ -178,9 +178,9 @@ impl Gl {
         self.batch = Batch { vertices, indices, topology, sequence, ..batch };
     }
 
-    /// How the card assembles the vertices of a draw that is kept, and how many of them.
-    fn assembled(&self, mode: u32, n: u32) -> Option<(Topology, u32)> {
-        if !self.keep_draws || n < 3 || self.state.polygon_modes != [e::FILL; 2] || self.state.is(e::COLOR_LOGIC_OP) {
+    /// How the card assembles the vertices of a draw that is not joined with others, and how many of them.
+    pub(super) fn assembled(&self, mode: u32, n: u32) -> Option<(Topology, u32)> {
+        if n < 3 || self.state.polygon_modes != [e::FILL; 2] || self.state.is(e::COLOR_LOGIC_OP) {
             return None;
         }
         match mode {
@@ -198,7 +198,7 @@ impl Gl {
     /// Triangles, quadrilaterals and polygons.
     fn polygons(&mut self, mode: u32, vertices: &[Vertex]) -> Outcome {
         let n = vertices.len() as u32;
-        if let Some((topology, count)) = self.assembled(mode, n) {
+        if let Some((topology, count)) = self.assembled(mode, n).filter(|_| self.keep_draws) {
             self.flush()?;
             // A triangle strip has the other diagonal, unless each pair of vertices is exchanged.
             let turned = mode == e::QUAD_STRIP;

@@ -10,7 +10,7 @@ use trace::command::*;
 use trace::record;
 
 use super::call::{Call, Fault, INVALID_ENUM, INVALID_OPERATION, Outcome, Shape};
-use super::card::{Draw, Fixed, Surface};
+use super::card::{Draw, Fixed, Order, Surface, VertexRange};
 use super::consts as e;
 use super::copies::{CopyKey, From, Map, Meet, row_edge};
 use super::machine::Gl;
@@ -152,10 +152,8 @@ impl Gl {
         self.card.draw(Draw {
             pipeline,
             uniforms,
-            buffers: None,
-            vertices,
-            streams: Vec::new(),
-            first: Some(first),
+            vertices: vec![VertexRange { buffer: None, offset: vertices }],
+            order: Order::pass(first),
             count: 6,
             textures: Some(group),
             viewport,
@@ -244,8 +242,7 @@ impl Gl {
         let shader = self.card.plain_shader(label, text);
         Ok(Fixed {
             shader,
-            attributes: vec![(0, VertexFormat::Float32x2)],
-            streams: false,
+            buffers: record::vertex_buffer(&[(0, VertexFormat::Float32x2)]).into_iter().collect(),
             primitive: Primitive::default(),
             color: target.color.map(|surface| surface.format),
             more: Vec::new(),
