@@ -285,7 +285,7 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
     let options = Options { frames_per_run, ..options };
     let frames = &arguments.frames.0;
     let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
-    let trace = arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?;
+    let trace = Arc::new(arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?);
     let name = arguments.trace.display().to_string();
     let about = About {
         trace: name.clone(),
@@ -313,8 +313,8 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         gathering.as_mut().map_or(Ok(()), |gathering| gathering.add(&frame))?;
         folder.as_mut().map_or(Ok(()), |folder| folder.put(frame))
     };
-    let line = ProgressLine::begin(&watch);
-    let progress = |frame| line.frame(frame);
+    let line = ProgressLine::begin(&watch, &trace, options.frames.clone());
+    let progress = |ended| line.frame(ended);
     let done = match (&mut recorder, &pictures) {
         (None, None) => replay_to(&trace, &options, &progress, &mut taker),
         (None, Some(pictures)) => replay_pictured(&trace, &options, &progress, &mut taker, pictures),

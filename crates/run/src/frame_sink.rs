@@ -64,6 +64,20 @@ pub type Taker<'t> = dyn FnMut(Frame) -> Result<()> + Send + 't;
 /// Is given what each frame of a sampled sequence shows, simulated or not: in any order, by several threads. The statistics are empty.
 pub type Pictures<'p> = dyn Fn(Frame) -> Result<()> + Sync + 'p;
 
+/// How far a replay is: a frame has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ended {
+    /// Its number.
+    pub frame: u32,
+    /// Whether a survey is through with it, by which frames are chosen; else it leaves.
+    pub surveyed: bool,
+    /// How many end in this way, if that is known.
+    pub of: Option<u64>,
+}
+
+/// Is told of each frame when it ends: those of a survey come in any order, by several threads.
+pub type Progress<'p> = dyn Fn(Ended) + Sync + 'p;
+
 /// Where frames leave a replay: passes each on, and reports progress.
 pub struct FrameSink<'s> {
     /// Is given the frames.
@@ -78,8 +92,10 @@ pub struct FrameSink<'s> {
     pub pictures: Option<&'s Pictures<'s>>,
     /// Reads the machine while it runs, under the cycle fidelity.
     pub timeline: Option<&'s mut Timeline>,
-    /// Called with the number of each frame.
-    pub progress: &'s (dyn Fn(u32) + Sync),
+    /// Is told of each frame.
+    pub progress: &'s Progress<'s>,
+    /// How many frames leave, if that is known.
+    pub of: Option<u64>,
 }
 
 impl<'s> FrameSink<'s> {
@@ -93,6 +109,7 @@ impl<'s> FrameSink<'s> {
             pictures: None,
             timeline: None,
             progress: &|_| (),
+            of: None,
         }
     }
 
@@ -101,7 +118,7 @@ impl<'s> FrameSink<'s> {
     /// # Errors
     /// The taker's error.
     pub fn put(&mut self, frame: Frame) -> Result<()> {
-        (self.progress)(frame.number);
+        (self.progress)(Ended { frame: frame.number, surveyed: false, of: self.of });
         (self.taker)(frame)
     }
 }

@@ -24,7 +24,7 @@ use trace::Trace;
 use unit::scanout::ScanoutMode;
 use work::Funnel;
 
-pub use super::frame_sink::{Frame, Taker};
+pub use super::frame_sink::{Ended, Frame, Progress, Taker};
 
 /// How much of the card is simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -202,11 +202,11 @@ pub struct Replay {
     pub clock_time: Duration,
 }
 
-/// Replays a trace and keeps all frames. `progress` gets the number of each finished frame.
+/// Replays a trace and keeps all frames. `progress` is told of each frame when it ends.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.
-pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync)) -> Result<Replay> {
+pub fn replay(trace: &Trace, options: &Options, progress: &Progress<'_>) -> Result<Replay> {
     let mut frames = Vec::new();
     let keep = |frame| {
         frames.push(frame);
@@ -220,7 +220,7 @@ pub fn replay(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync))
 ///
 /// # Errors
 /// If the trace cannot be rendered, the machine stops, or the taker fails.
-pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Sync), taker: &mut Taker<'_>) -> Result<Outcome> {
+pub fn replay_to(trace: &Trace, options: &Options, progress: &Progress<'_>, taker: &mut Taker<'_>) -> Result<Outcome> {
     leave(trace, options, FrameSink { progress, per_draw: options.per_draw, limits: true, ..FrameSink::new(taker) })
 }
 
@@ -231,7 +231,7 @@ pub fn replay_to(trace: &Trace, options: &Options, progress: &(dyn Fn(u32) + Syn
 pub fn replay_pictured(
     trace: &Trace,
     options: &Options,
-    progress: &(dyn Fn(u32) + Sync),
+    progress: &Progress<'_>,
     taker: &mut Taker<'_>,
     pictures: &Pictures<'_>,
 ) -> Result<Outcome> {
@@ -252,7 +252,7 @@ pub fn replay_pictured(
 pub fn replay_watched(
     trace: &Trace,
     options: &Options,
-    progress: &(dyn Fn(u32) + Sync),
+    progress: &Progress<'_>,
     taker: &mut Taker<'_>,
     timeline: &mut Timeline,
 ) -> Result<Outcome> {

@@ -15,11 +15,11 @@ use anyhow::{Result, anyhow, bail};
 
 use super::bound::frames::{Estimated, estimate};
 use super::frame_runs::simulate_given_runs;
-use super::frame_sink::{Frame, FrameSink, Pictures};
+use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL};
-use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, READ, Survey};
+use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, READ, Survey, Told};
 
 use machine::Machine;
 use mem::CacheCounts;
@@ -117,7 +117,7 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let sampler = Sampler::new(trace, options, sink.pictures)?;
+    let sampler = Sampler::new(trace, options, Told { pictures: sink.pictures, progress: sink.progress })?;
     let samples = match sampling.time_limit {
         Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
         None => sampling.samples,
@@ -137,11 +137,11 @@ pub struct Sampler<'t> {
 }
 
 impl<'t> Sampler<'t> {
-    /// Surveys all frames; `pictures` gets what they show.
+    /// Surveys all frames.
     ///
     /// # Errors
-    /// If the trace cannot be rendered, the configuration's display does not let frames be taken apart, or `pictures` fails.
-    pub fn new(trace: &'t Trace, options: &'t Options, pictures: Option<&Pictures<'_>>) -> Result<Sampler<'t>> {
+    /// If the trace cannot be rendered, the configuration's display does not let frames be taken apart, or who gets the pictures fails.
+    pub fn new(trace: &'t Trace, options: &'t Options, told: Told<'_>) -> Result<Sampler<'t>> {
         if options.config.scanout.mode == ScanoutMode::FreeRunning {
             bail!(
                 "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
@@ -150,7 +150,7 @@ impl<'t> Sampler<'t> {
         }
         let watch = Stopwatch::start();
         let dependencies = Dependencies::of(trace, options.frames.end)?;
-        let survey = survey::survey(trace, options, &dependencies, pictures)?;
+        let survey = survey::survey(trace, options, &dependencies, told)?;
         Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
     }
 
@@ -231,7 +231,7 @@ fn of_survey(
     let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
     let mut rendering = options.rendering_of(trace, chosen);
     rendering.needs(needs, None);
-    let sink = FrameSink { keeps, progress, per_draw, ..FrameSink::new(count) };
+    let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
     match options.fidelity {
         Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
         _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),

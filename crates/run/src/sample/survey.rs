@@ -14,7 +14,7 @@ use rayon::ThreadPool;
 use super::clusters::{Clusters, Interval, signature};
 use super::ridge::Ridge;
 use crate::bound::{Bound, PhaseEstimate};
-use crate::frame_sink::{Pictures, pictured};
+use crate::frame_sink::{Ended, Pictures, Progress, pictured};
 use crate::host::Stopwatch;
 use crate::rendering::{Consumer, Work};
 use crate::replay::Options;
@@ -194,6 +194,22 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
 /// Parts that a sequence is cut into, which are rendered side by side.
 const PARTS: u32 = 2;
 
+/// Who is told of a survey's frames.
+#[derive(Clone, Copy)]
+pub struct Told<'t> {
+    /// Gets what they show.
+    pub pictures: Option<&'t Pictures<'t>>,
+    /// Is told of each that has been read.
+    pub progress: &'t Progress<'t>,
+}
+
+impl Default for Told<'_> {
+    /// Nobody.
+    fn default() -> Self {
+        Told { pictures: None, progress: &|_| () }
+    }
+}
+
 /// A survey of the frames of a replay.
 ///
 /// # Errors
@@ -202,9 +218,9 @@ pub fn survey(
     trace: &Trace,
     options: &Options,
     dependencies: &Dependencies,
-    pictures: Option<&Pictures<'_>>,
+    told: Told<'_>,
 ) -> Result<Survey> {
-    survey_in_parts(trace, options, dependencies, pictures, PARTS)
+    survey_in_parts(trace, options, dependencies, told, PARTS)
 }
 
 /// A survey whose frames are cut into parts. Each is rendered from the start of the trace, and draws of the frames before it what
@@ -216,7 +232,7 @@ pub fn survey_in_parts(
     trace: &Trace,
     options: &Options,
     dependencies: &Dependencies,
-    pictures: Option<&Pictures<'_>>,
+    told: Told<'_>,
     parts: u32,
 ) -> Result<Survey> {
     let range = options.frames.start..options.frames.end.min(dependencies.frames());
@@ -234,7 +250,7 @@ pub fn survey_in_parts(
             let mut started = Vec::new();
             for (pool, frames) in pools.iter().zip(ranges) {
                 let (frames, recorded) = (frames.clone(), &recorded);
-                let one = move || read_part(trace, options, dependencies, frames, recorded, pictures, pool);
+                let one = move || read_part(trace, options, dependencies, frames, recorded, told, pool);
                 started.push(std::thread::Builder::new().name("survey".into()).spawn_scoped(scope, one));
             }
             read.extend(started.into_iter().map(|thread| {
@@ -287,15 +303,16 @@ fn read_part(
     dependencies: &Dependencies,
     frames: Range<u32>,
     recorded: &FrameSet,
-    pictures: Option<&Pictures<'_>>,
+    told: Told<'_>,
     pool: &ThreadPool,
 ) -> Result<Read> {
     let key = options.config.render_key();
     let (mut profiler, mut counts, mut number) = (Profiler::new(key.shade), Counts::default(), frames.start);
     let mut read = Read { frames: Vec::new(), time: Duration::ZERO };
+    let of = u64::from(options.frames.end.min(dependencies.frames()) - options.frames.start);
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
-        _ if recorded.contains(frame) || pictures.is_some() => Want::All,
+        _ if recorded.contains(frame) || told.pictures.is_some() => Want::All,
         _ => Want::Counts,
     });
     let mut rendering = options.rendering_of(trace, frames.clone().into());
@@ -310,7 +327,8 @@ fn read_part(
             let profile = if records { profiler.event(&event) } else { None };
             read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
             if let Event::EndFrame(end) = &event {
-                pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
+                (told.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
+                told.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
                 read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
