@@ -20,10 +20,9 @@ use crate::rows::json_frame;
 use crate::run::maps::{FrameDetails, details};
 use crate::run::replay::Frame;
 use crate::stats::Tree;
-use crate::sweep::folder::{Results, hash, read_inputs};
+use crate::sweep::folder::{Results, begun};
 use crate::sweep::html;
 use crate::sweep::outcome::Outcome;
-use crate::sweep::plan::Plan;
 use crate::trace::Trace;
 use crate::why::why;
 
@@ -240,15 +239,7 @@ fn sweep(arguments: &Arguments, out: &Path) -> Result<Verdict> {
         bail!("--trace applies to a replay only, and {} is of a sweep", arguments.dir.display());
     }
     let folder = &arguments.dir;
-    let inputs = read_inputs(folder)?;
-    let base = folder.join("base.ron").display().to_string();
-    // The configuration that the sweep was begun with: the one of that name may have changed.
-    let text = host::read_text(Path::new(&base), CONFIG_MAX).with_context(|| format!("cannot read {base}"))?;
-    if hash(text.as_bytes()) != inputs.base {
-        bail!("{base} is not the configuration that the sweep was begun with");
-    }
-    let plan = Plan::new(Config::parse(&base, &text)?, &inputs.experiment, u64::from(u32::MAX))
-        .with_context(|| folder.join("inputs.json").display().to_string())?;
+    let (inputs, plan) = begun(folder)?;
     let mut results = Results::open(std::slice::from_ref(folder), inputs.shards)?;
     let sweep = Outcome::read(&inputs, &plan, &mut results)?;
     host::write_file(out, html::page(&sweep).as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;

@@ -4,7 +4,7 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING};
+use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS};
 use crate::mem::{CLIENTS, ClientCounts, DRAM, DramCounts};
 use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
 use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
@@ -72,8 +72,8 @@ const NETWORK: &[Declaration] = &[
     one("links", "links", "Links: channels of the network."),
     LinkCounts::DECLARATIONS[0],
     LinkCounts::DECLARATIONS[1],
-    one("mean_share", "", "What links carried of what they could have, on average."),
-    one("hottest_share", "", "What the busiest link carried of what it could have."),
+    one("mean_share", "ratio", "What links carried of what they could have, on average."),
+    one("hottest_share", "ratio", "What the busiest link carried of what it could have."),
     one("hot_spot", "", "The busiest link: its channel and its ends."),
 ];
 
@@ -83,17 +83,17 @@ const LOSS: &[Declaration] = &[
         "",
         "The stage of the pipelines whose busiest unit worked most; of a run, that with most work over its frames.",
     ),
-    one("efficiency", "", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
+    one("efficiency", "ratio", "`useful` by `pipeline_cycles`: what the pipelines reach of linear speed-up."),
 ];
 
 const SORT: &[Declaration] = &[
     one("class", "", "The sort class of the machine."),
     one(
         "overlap",
-        "",
+        "ratio",
         "Copies sent by items sent at all (`redistributed_items` by `sent`): how many pipelines the average item meets that meets any. At least 1 where there is one.",
     ),
-    one("load_imbalance", "", "Quads of the busiest pipeline by the mean of all; 1 is even."),
+    one("load_imbalance", "ratio", "Quads of the busiest pipeline by the mean of all; 1 is even."),
     one("passes_out_of_order", "", "Numbers and labels of the passes that need order, up to 16."),
     one("wrong_pixels", "pixels", "Pixels of the shown pictures that differ from API order; 0 on every machine that keeps it."),
 ];
@@ -156,11 +156,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             SORTING,
             all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
         ),
-        (
-            "sort.loss",
-            "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
-            all(LOSS, LossCounts::DECLARATIONS),
-        ),
+        here(SORTING_LOSS, all(LOSS, LossCounts::DECLARATIONS)),
         ("sort.network", "The network that sorts.", NETWORK.to_vec()),
     ];
     // What units count they say themselves.

@@ -1,9 +1,10 @@
 //! The answer of a sweep in sentences: which machine is fastest, what each axis does, and on what that depends.
 //!
-//! An axis is told by the geometric means of the cycles of its values. Where it does more, or something else, at some values of another axis or
-//! on some traces, the one on which it depends most is told with it.
+//! An axis is told by the geometric means of the cycles of its values. Where it does more, or something else, on some traces, that is told with
+//! it; and where it does so at some values of another axis, the one on which it depends most. Traces that are one scene in several ways are an
+//! axis themselves.
 
-use super::outcome::{Outcome, Response, Within, plain, ratio};
+use super::outcome::{Effect, Outcome, Response, Within, plain, ratio};
 use crate::knob::Setting;
 use crate::report::summary::grouped;
 
@@ -26,11 +27,14 @@ pub struct Finding {
     pub path: String,
     /// What its values do, all machines together.
     pub text: String,
-    /// Of what that depends most, and what its values do there, where they do most first. None: it is much the same everywhere.
-    pub by: Option<(String, Vec<(String, String)>)>,
+    /// On what that depends, and what its values do there: numbers in their order, names where it does most first. Empty: it is much the same everywhere.
+    pub by: Vec<By>,
     /// What its values do to each measure that depends on it.
     pub measures: Vec<String>,
 }
+
+/// The name of another axis or of what traces differ in, and what is told of each of its values.
+pub type By = (String, Vec<(String, String)>);
 
 /// The smallest number from which on all numbers of an axis are as good as the best; none of names, or where it is the largest.
 fn enough(responses: &[Response]) -> Option<u64> {
@@ -94,7 +98,7 @@ fn long(path: &str, responses: &[Response]) -> Option<String> {
 
 /// An axis at one value of another axis, or on one trace.
 struct Part {
-    name: String,
+    value: Setting,
     text: String,
     ratio: f64,
     gain: f64,
@@ -102,23 +106,15 @@ struct Part {
     enough: Option<u64>,
 }
 
-/// What an axis does in each of some parts, where it does most first; and how unlike that is: the largest ratio by the smallest, and whether the
-/// best value, or what is enough, is another.
-fn split(sweep: &Outcome<'_>, axis: usize, parts: &[(String, Within<'_>)]) -> Option<(f64, bool, Vec<Part>)> {
-    let told = |(name, within): &(String, Within<'_>)| {
-        let own = sweep.responses(axis, *within);
+/// What an axis does in each of some parts, where it does most first; and how unlike that is: the largest ratio by the smallest, by a tenth more
+/// where the best value, or what is enough, is another.
+fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, Vec<Part>)> {
+    let told = |(value, own): (Setting, Vec<Response>)| {
         (own.len() > 1).then_some(())?;
         let (ratio, gain, enough) = (ratio(&own), gain(&own), enough(&own));
-        Some(Part {
-            name: name.clone(),
-            text: short(&own)?,
-            ratio,
-            gain,
-            best: least(&own).map(|best| best.value.clone()),
-            enough,
-        })
+        Some(Part { value, text: short(&own)?, ratio, gain, best: least(&own).map(|best| best.value.clone()), enough })
     };
-    let mut own: Vec<Part> = parts.iter().filter_map(told).collect();
+    let mut own: Vec<Part> = parts.filter_map(told).collect();
     if own.len() < 2 {
         return None;
     }
@@ -126,7 +122,15 @@ fn split(sweep: &Outcome<'_>, axis: usize, parts: &[(String, Within<'_>)]) -> Op
     let low = own.iter().map(|part| part.ratio).fold(f64::INFINITY, f64::min);
     let other = own.iter().any(|part| part.ratio >= ENOUGH && (&part.best, part.enough) != (&own[0].best, own[0].enough));
     own.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    Some((high / low, other, own))
+    Some((high / low * if other { 1.1 } else { 1.0 }, own))
+}
+
+/// What is told of parts: of those where it does most.
+fn listed(name: &str, mut parts: Vec<Part>) -> By {
+    parts.truncate(LISTED);
+    // Numbers stand in their order; names stay where they are.
+    parts.sort_by_key(|part| if let Setting::Number(number) = part.value { number } else { 0 });
+    (name.to_owned(), parts.into_iter().map(|part| (plain(&part.value), part.text)).collect())
 }
 
 /// A measure for readers: four digits behind the point, where it is neither a whole number nor a large one.
@@ -135,14 +139,18 @@ pub fn measured(value: f64) -> String {
     if whole && (0.0..9e15).contains(&value) { grouped(value.round() as u64) } else { format!("{value:.4}") }
 }
 
-/// What the values of an axis do to a measure, in a sentence; none where that is nothing.
-fn moved(name: &str, values: &[(Setting, f64)]) -> Option<String> {
+/// A value of an axis, and a measure there.
+type Place = (Setting, f64);
+
+/// The smallest and the largest value of a measure; none where the values of the axis do nothing to it.
+fn ends(values: &[Place]) -> Option<[&Place; 2]> {
     let low = values.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     let high = values.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    if high.1 - low.1 <= (NOTHING - 1.0) * high.1.abs() {
-        return None;
-    }
-    // The smallest number from which on it is much as at the largest: more of it changes nothing.
+    (high.1 - low.1 > (NOTHING - 1.0) * high.1.abs()).then_some([low, high])
+}
+
+/// From which number on a measure is much as at the largest, so that more of it changes nothing.
+fn settled(values: &[Place]) -> String {
     let mut numbers: Vec<(u64, f64)> = Vec::new();
     for (setting, value) in values {
         if let Setting::Number(number) = setting {
@@ -154,42 +162,107 @@ fn moved(name: &str, values: &[(Setting, f64)]) -> Option<String> {
         let far = numbers.iter().rposition(|(_, own)| (own - last).abs() > (ENOUGH - 1.0) * last.abs())?;
         numbers.get(far + 1).filter(|_| far + 2 < numbers.len())
     });
-    let from = from.map_or(String::new(), |(value, _)| format!("; from {value} on within 5 % of its last value"));
+    from.map_or(String::new(), |(value, _)| format!(", from {value} on within 5 % of its last value"))
+}
+
+/// What the values of an axis do to a measure, in a sentence; none where that is nothing.
+fn moved(name: &str, values: &[Place]) -> Option<String> {
+    let [low, high] = ends(values)?.map(|(setting, value)| format!("{} at {}", measured(*value), plain(setting)));
+    let from = settled(values).replacen(',', ";", 1);
+    Some(format!("`{name}` is least, {low}, and most, {high}{from}."))
+}
+
+/// The same in short: from the smallest number to the largest, from off to on, of names from the most to the least.
+fn moved_short(values: &[Place]) -> String {
+    let Some([low, high]) = ends(values) else {
+        return values.first().map_or(String::new(), |(_, value)| format!("{} at all values", measured(*value)));
+    };
+    let mut along: Vec<&Place> = values.iter().collect();
+    along.sort_by_key(|(setting, _)| match setting {
+        Setting::Number(number) => *number,
+        Setting::Switch(on) => u64::from(*on),
+        Setting::Name(_) => 0,
+    });
+    let (from, to) = match (along[0], along[along.len() - 1]) {
+        ((Setting::Name(_), _), _) => (high, low),
+        ends => ends,
+    };
+    let change = match 100.0 * (to.1 / from.1 - 1.0) {
+        change if !change.is_finite() => String::new(),
+        change => format!(" ({change:+.1} %)"),
+    };
     let at = |(setting, value): &(Setting, f64)| format!("{} at {}", measured(*value), plain(setting));
-    Some(format!("`{name}` is least, {}, and most, {}{from}.", at(low), at(high)))
+    format!("from {} to {}{change}{}", at(from), at(to), settled(values))
+}
+
+/// A measure at the values of an axis, on all traces together or on one.
+fn places(sweep: &Outcome<'_>, effect: &Effect, at: usize, trace: Option<usize>) -> Vec<Place> {
+    let place = |own: &Response| Some((own.value.clone(), sweep.axis_measure(effect.axis, &own.value, at, trace)?));
+    effect.responses.iter().filter_map(place).collect()
+}
+
+/// Whether an axis does something to a measure on a trace.
+pub fn moves(sweep: &Outcome<'_>, effect: &Effect, at: usize) -> bool {
+    (0..sweep.inputs.experiment.traces.len()).any(|trace| ends(&places(sweep, effect, at, Some(trace))).is_some())
+}
+
+/// What the values of an axis do to a measure: in a sentence, and in another by trace.
+fn measure(sweep: &Outcome<'_>, effect: &Effect, at: usize) -> Option<String> {
+    let name = &sweep.measures[at];
+    let whole = moved(name, &places(sweep, effect, at, None));
+    let traces = sweep.trace_names();
+    if traces.len() < 2 || !moves(sweep, effect, at) {
+        return whole;
+    }
+    let part =
+        |(trace, called): (usize, &String)| format!("{called}: {}", moved_short(&places(sweep, effect, at, Some(trace))));
+    let parts: Vec<String> = traces.iter().take(LISTED).enumerate().map(part).collect();
+    let parts = format!("`{}`: {}.", sweep.trace_axis(), parts.join("; "));
+    Some(whole.map_or_else(|| format!("`{name}` by {parts}"), |whole| format!("{whole} By {parts}")))
 }
 
 /// What each axis does, the one that does most first.
 pub fn findings(sweep: &Outcome<'_>) -> Vec<Finding> {
-    let mut findings = Vec::new();
+    let mut findings: Vec<(f64, Finding)> = Vec::new();
+    let named = !sweep.inputs.experiment.trace_axis.is_empty();
     for effect in sweep.effects() {
-        let Some(text) = long(&effect.path, &effect.responses) else { continue };
-        let mut best: Option<(f64, String, Vec<Part>)> = None;
-        let mut offer = |name: String, parts: Vec<(String, Within<'_>)>| {
-            let Some((spread, other, own)) = split(sweep, effect.axis, &parts) else { return };
-            // What is best elsewhere counts as much as a spread of a tenth.
-            let weight = spread * if other { 1.1 } else { 1.0 };
-            if weight >= ALIKE && best.as_ref().is_none_or(|(known, ..)| weight > *known) {
-                best = Some((weight, name, own));
+        let Some(mut text) = long(&effect.path, &effect.responses) else { continue };
+        let mut by = Vec::new();
+        let traces = sweep.trace_names().into_iter().map(Setting::Name).enumerate();
+        if let Some((weight, own)) = split(traces.map(|(at, name)| (name, sweep.responses(effect.axis, Within::Trace(at))))) {
+            if weight >= ALIKE {
+                by.push(listed(sweep.trace_axis(), own));
+            } else if named {
+                text.push_str(&format!(" It hardly depends on the {}.", sweep.trace_axis()));
             }
-        };
-        for (at, axis) in sweep.axes.iter().enumerate().filter(|(at, _)| *at != effect.axis) {
-            offer(axis.path.clone(), axis.values.iter().map(|value| (plain(value), Within::Axis(at, value))).collect());
         }
-        let traces = &sweep.inputs.experiment.traces;
-        offer("trace".into(), traces.iter().enumerate().map(|(at, name)| (name.clone(), Within::Trace(at))).collect());
-        let by = best.map(|(_, name, own)| (name, own.into_iter().take(LISTED).map(|part| (part.name, part.text)).collect()));
-        let values = |measure: usize| -> Vec<(Setting, f64)> {
-            let own = |own: &Response| {
-                let mean = sweep.mean_measure(measure, |machine| machine.settings[effect.axis] == own.value)?;
-                Some((own.value.clone(), mean))
-            };
-            effect.responses.iter().filter_map(own).collect()
-        };
-        let measures = sweep.measures.iter().enumerate().filter_map(|(at, name)| moved(name, &values(at))).collect();
-        findings.push(Finding { path: effect.path, text, by, measures });
+        by.extend(most_by_axis(sweep, Some(effect.axis), &|within| sweep.responses(effect.axis, within)));
+        let measures = (0..sweep.measures.len()).filter_map(|at| measure(sweep, &effect, at)).collect();
+        findings.push((effect.ratio, Finding { path: effect.path, text, by, measures }));
     }
-    findings
+    let traces = if named { sweep.trace_responses(Within::All) } else { Vec::new() };
+    if let Some(text) = long(sweep.trace_axis(), &traces) {
+        let by = most_by_axis(sweep, None, &|within| sweep.trace_responses(within)).into_iter().collect();
+        findings.push((ratio(&traces), Finding { path: sweep.trace_axis().to_owned(), text, by, measures: Vec::new() }));
+    }
+    // A sort that is stable: of equal ones the axis comes first.
+    findings.sort_by(|a, b| b.0.total_cmp(&a.0));
+    findings.into_iter().map(|(_, finding)| finding).collect()
+}
+
+/// The axis on whose values it depends most what an axis, or the traces, do; none where they do much the same everywhere.
+fn most_by_axis(sweep: &Outcome<'_>, own: Option<usize>, responses: &dyn Fn(Within<'_>) -> Vec<Response>) -> Option<By> {
+    let mut best: Option<(f64, &str, Vec<Part>)> = None;
+    for (at, axis) in sweep.axes.iter().enumerate().filter(|(at, _)| Some(*at) != own) {
+        let parts = axis.values.iter().map(|value| (value.clone(), responses(Within::Axis(at, value))));
+        if let Some((weight, parts)) = split(parts)
+            && weight >= ALIKE
+            && best.as_ref().is_none_or(|(known, ..)| weight > *known)
+        {
+            best = Some((weight, &axis.path, parts));
+        }
+    }
+    best.map(|(_, name, parts)| listed(name, parts))
 }
 
 /// Which machine is fastest, in a sentence.
@@ -238,6 +311,15 @@ mod tests {
             "`misses/lookups` is least, 0.2000 at 64, and most, 0.5000 at 16; from 32 on within 5 % of its last value."
         );
         assert_eq!(moved("x", &rates[2..]), None);
+        assert_eq!(
+            moved_short(&rates),
+            "from 0.5000 at 16 to 0.2000 at 128 (-60.0 %), from 32 on within 5 % of its last value"
+        );
+        assert_eq!(moved_short(&rates[2..]), "0.2000 at all values");
+        let switch = [true, false].map(|on| (Setting::Switch(on), f64::from(u8::from(on))));
+        assert_eq!(moved_short(&switch), "from 0 at false to 1 at true");
+        let names = [("a", 1.0), ("b", 4.0), ("c", 2.0)].map(|(name, value)| (Setting::Name(name.into()), value));
+        assert_eq!(moved_short(&names), "from 4 at b to 1 at a (-75.0 %)");
         let same = long("x", &responses(&[(1, 100.0), (2, 100.2)])).expect("a sentence");
         assert!(same.contains("makes no difference"), "{same}");
     }

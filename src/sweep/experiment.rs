@@ -84,6 +84,9 @@ pub struct Experiment {
     pub question: String,
     /// Traces; relative paths begin at the current folder.
     pub traces: Vec<String>,
+    /// What the traces differ in, where they are one scene that was recorded in several ways: the page compares them by it, as by an axis.
+    #[serde(default)]
+    pub trace_axis: String,
     /// Frames, as in `replay --frames`.
     #[serde(default = "all")]
     pub frames: String,
@@ -108,7 +111,8 @@ pub struct Experiment {
     /// Statistics that are kept: paths, each with all below it. Empty: all.
     #[serde(default)]
     pub keep: Vec<String>,
-    /// What is measured of machines beside cycles: formulae over statistics that are kept, banks, frames and traces summed.
+    /// What is measured of machines beside cycles: formulae over statistics that are kept, banks, frames and traces summed; each as `FORMULA`
+    /// or `NAME = FORMULA`.
     #[serde(default)]
     pub measures: Vec<String>,
     /// What a machine costs, a formula over its knobs as links have: the page sets it against cycles. Empty: the bytes of DRAM traffic are.

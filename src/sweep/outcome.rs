@@ -1,10 +1,12 @@
 //! What came of a sweep, read from its results: machines, what each axis does, by the values of another or by trace, and the Pareto front.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use anyhow::Result;
 use serde_json::{Value, json};
 
+use super::experiment::Design;
 use super::folder::{Inputs, Results};
 use super::link::Formula;
 use super::plan::{Axis, Plan, described};
@@ -26,6 +28,8 @@ pub struct Machine {
     pub traces: Vec<u64>,
     /// The experiment's measures, in its order; none where a part of one was not counted on this machine, or is divided by nothing.
     pub measures: Vec<Option<f64>>,
+    /// The same of each trace alone; empty where it has no result.
+    pub trace_measures: Vec<Vec<Option<f64>>>,
     /// Bytes that DRAM moved; none where the sweep did not keep them.
     pub dram: Option<f64>,
     /// What the experiment says that the machine costs.
@@ -77,10 +81,12 @@ pub struct Outcome<'s> {
     pub machines: Vec<Machine>,
     /// Knobs in which they differ.
     pub parameters: Vec<String>,
-    /// What is measured of each beside its cycles, as written.
+    /// What is measured of each beside its cycles: names.
     pub measures: Vec<String>,
     /// The axes.
     pub axes: Vec<Axis>,
+    /// What the base configuration has at each axis.
+    pub base: Vec<Setting>,
     /// Machines of the plan.
     pub planned: u32,
 }
@@ -106,19 +112,23 @@ pub fn ratio(responses: &[Response]) -> f64 {
     most / least
 }
 
+/// What is read of a machine's run on a trace: cycles, and what somebody asks for, by its place among that; none: it was not counted.
+struct Part {
+    cycles: u64,
+    statistics: Vec<Option<f64>>,
+}
+
 /// What is read of a machine's results.
 #[derive(Default)]
 struct Sum {
-    traces: BTreeMap<u32, u64>,
-    /// Statistics that somebody asks for, by path, over all traces; with the number of those that have them.
-    statistics: HashMap<String, (usize, f64)>,
+    traces: BTreeMap<u32, Part>,
     error: Option<String>,
 }
 
 impl Sum {
-    /// A statistic over so many traces, which all have it.
-    fn whole(&self, path: &str, traces: usize) -> Option<f64> {
-        self.statistics.get(path).filter(|(having, _)| *having == traces).map(|(_, sum)| *sum)
+    /// The sum of a statistic over the traces, which must all have it.
+    fn whole(&self, at: usize) -> Option<f64> {
+        self.traces.values().map(|part| part.statistics[at]).sum()
     }
 }
 
@@ -130,6 +140,7 @@ impl<'s> Outcome<'s> {
     pub fn read(inputs: &'s Inputs, plan: &Plan, results: &mut Results) -> Result<Outcome<'s>> {
         let measures: Vec<&Formula> = plan.measures().iter().map(|(_, formula)| formula).collect();
         let asked: Vec<&str> = DRAM.into_iter().chain(measures.iter().flat_map(|formula| formula.reads())).collect();
+        let place = |path: &str| asked.iter().position(|known| *known == path);
         let mut sums: BTreeMap<u32, Sum> = BTreeMap::new();
         results.each(|entry| {
             let sum = sums.entry(entry.machine).or_default();
@@ -138,16 +149,12 @@ impl<'s> Outcome<'s> {
                 return Ok(());
             };
             let frames = |at: usize| entry.frames.iter().map(|row| row.values[at]).sum::<f64>();
-            let mut put = |path: &str, value: f64| {
-                let own = sum.statistics.entry(path.to_owned()).or_default();
-                *own = (own.0 + 1, own.1 + value);
+            let statistic = |path: &&str| match *path {
+                "cycles" => Some(cycles as f64),
+                "seconds" => Some(entry.frames.iter().map(|row| row.seconds).sum()),
+                path => entry.paths.iter().position(|own| own == path).map(frames),
             };
-            put("cycles", cycles as f64);
-            put("seconds", entry.frames.iter().map(|row| row.seconds).sum());
-            for (at, path) in entry.paths.iter().enumerate().filter(|(_, path)| asked.contains(&path.as_str())) {
-                put(path, frames(at));
-            }
-            sum.traces.insert(entry.trace, cycles);
+            sum.traces.insert(entry.trace, Part { cycles, statistics: asked.iter().map(statistic).collect() });
             Ok(())
         })?;
         let traces = inputs.traces.len();
@@ -161,23 +168,28 @@ impl<'s> Outcome<'s> {
                 cycles: None,
                 traces: Vec::new(),
                 measures: vec![None; measures.len()],
+                trace_measures: Vec::new(),
                 dram: None,
                 cost,
                 error: sum.error.take(),
             };
             if machine.error.is_none() && sum.traces.len() == traces {
-                machine.traces = sum.traces.values().copied().collect();
+                machine.traces = sum.traces.values().map(|part| part.cycles).collect();
                 machine.cycles = Some(machine.traces.iter().sum());
-                machine.dram = DRAM.iter().map(|path| sum.whole(path, traces)).sum();
-                let value = |formula: &&Formula| formula.real(&|path: &str| sum.whole(path, traces));
-                machine.measures = measures.iter().map(value).collect();
+                machine.dram = DRAM.iter().map(|path| place(path).and_then(|at| sum.whole(at))).sum();
+                let told = |read: &dyn Fn(usize) -> Option<f64>| -> Vec<Option<f64>> {
+                    measures.iter().map(|formula| formula.real(&|path: &str| place(path).and_then(read))).collect()
+                };
+                machine.measures = told(&|at| sum.whole(at));
+                machine.trace_measures = sum.traces.values().map(|part| told(&|at| part.statistics[at])).collect();
             }
             machines.push(machine);
         }
         machines.sort_by_key(|machine| (machine.cycles.is_none(), machine.cycles, machine.number));
         let parameters = plan.parameters().iter().map(|path| (*path).to_owned()).collect();
         let measures = plan.measures().iter().map(|(text, _)| text.clone()).collect();
-        Ok(Outcome { inputs, machines, parameters, measures, axes: plan.axes().to_vec(), planned: plan.len() })
+        let base = plan.axes().iter().map(|axis| Ok(plan.base().knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
+        Ok(Outcome { inputs, machines, parameters, measures, axes: plan.axes().to_vec(), base, planned: plan.len() })
     }
 
     /// Machines with a result, those that take fewest cycles first.
@@ -190,17 +202,27 @@ impl<'s> Outcome<'s> {
         mean(self.timed().filter(|(machine, _)| of(machine)).map(|(_, cycles)| cycles))
     }
 
-    /// The mean of a measure over some machines; none where none of them has it.
-    pub fn mean_measure(&self, measure: usize, of: impl Fn(&Machine) -> bool) -> Option<f64> {
-        let own: Vec<f64> =
-            self.timed().filter(|(machine, _)| of(machine)).filter_map(|(machine, _)| machine.measures[measure]).collect();
+    /// The mean of a measure over some machines, on all traces together or on one; none where none of them has it.
+    pub fn mean_measure(&self, measure: usize, trace: Option<usize>, of: impl Fn(&Machine) -> bool) -> Option<f64> {
+        let value = |machine: &Machine| match trace {
+            None => machine.measures[measure],
+            Some(trace) => machine.trace_measures.get(trace)?[measure],
+        };
+        let own: Vec<f64> = self.timed().filter(|(machine, _)| of(machine)).filter_map(|(machine, _)| value(machine)).collect();
         (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
+    }
+
+    /// Whether a machine says what a value of an axis does: where the design changes one knob at a time, only if its other knobs are the base's.
+    pub fn tells(&self, axis: usize, machine: &Machine) -> bool {
+        let base = &self.base;
+        self.inputs.experiment.design != Design::OneAtATime
+            || (0..self.axes.len()).all(|other| other == axis || machine.settings[other] == base[other])
     }
 
     /// What each value of an axis does, those without a result left out.
     pub fn responses(&self, axis: usize, within: Within<'_>) -> Vec<Response> {
         let response = |value: &Setting| {
-            let own = self.timed().filter(|(machine, _)| machine.settings[axis] == *value);
+            let own = self.timed().filter(|(machine, _)| machine.settings[axis] == *value && self.tells(axis, machine));
             let cycles = own.filter_map(|(machine, cycles)| match within {
                 Within::All => Some(cycles),
                 Within::Axis(other, wanted) => (machine.settings[other] == *wanted).then_some(cycles),
@@ -210,6 +232,40 @@ impl<'s> Outcome<'s> {
             Some(Response { value: value.clone(), cycles, machines })
         };
         self.axes[axis].values.iter().filter_map(response).collect()
+    }
+
+    /// The mean of a measure over the machines that an axis gives a value, on all traces together or on one; none where none of them has it.
+    pub fn axis_measure(&self, axis: usize, value: &Setting, measure: usize, trace: Option<usize>) -> Option<f64> {
+        self.mean_measure(measure, trace, |machine| machine.settings[axis] == *value && self.tells(axis, machine))
+    }
+
+    /// What each trace takes, as if traces were the values of an axis.
+    pub fn trace_responses(&self, within: Within<'_>) -> Vec<Response> {
+        let response = |(at, name): (usize, String)| {
+            let own = self.timed().filter(|(machine, _)| match within {
+                Within::All => true,
+                Within::Axis(axis, value) => machine.settings[axis] == *value && self.tells(axis, machine),
+                Within::Trace(only) => at == only,
+            });
+            let (cycles, machines) = mean(own.filter_map(|(machine, _)| machine.traces.get(at).copied()))?;
+            Some(Response { value: Setting::Name(name), cycles, machines })
+        };
+        self.trace_names().into_iter().enumerate().filter_map(response).collect()
+    }
+
+    /// What the page calls the traces: the names of their files without folder and ending, where these differ.
+    pub fn trace_names(&self) -> Vec<String> {
+        let whole = &self.inputs.experiment.traces;
+        let stem = |path: &String| Path::new(path).file_stem().map_or(path.clone(), |stem| stem.to_string_lossy().into_owned());
+        let short: Vec<String> = whole.iter().map(stem).collect();
+        let differ = short.iter().enumerate().all(|(at, name)| !short[..at].contains(name));
+        if differ { short } else { whole.clone() }
+    }
+
+    /// What the page calls that in which the traces differ.
+    pub fn trace_axis(&self) -> &str {
+        let named = &self.inputs.experiment.trace_axis;
+        if named.is_empty() { "trace" } else { named }
     }
 
     /// What each axis does, the one that does most first.
@@ -251,14 +307,17 @@ impl<'s> Outcome<'s> {
                     (path.clone(), value)
                 })
                 .collect();
-            let measures: serde_json::Map<String, Value> =
-                self.measures.iter().zip(&machine.measures).map(|(name, value)| (name.clone(), json!(value))).collect();
+            let named = |values: &[Option<f64>]| -> serde_json::Map<String, Value> {
+                self.measures.iter().zip(values).map(|(name, value)| (name.clone(), json!(value))).collect()
+            };
+            let by_trace: Vec<_> = machine.trace_measures.iter().map(|values| named(values)).collect();
             json!({
                 "machine": machine.number,
                 "settings": settings,
                 "cycles": machine.cycles,
                 "traces": machine.traces,
-                "measures": measures,
+                "measures": named(&machine.measures),
+                "trace_measures": by_trace,
                 "dram_bytes": machine.dram,
                 "cost": machine.cost,
                 "error": machine.error,

@@ -42,7 +42,7 @@ pub struct Plan {
     links: Vec<Link>,
     /// What a machine costs; none: the experiment does not say.
     cost: Option<Link>,
-    /// What is measured of machines beside cycles: the text, and what it says.
+    /// What is measured of machines beside cycles: the name, or the formula's text, and the formula.
     measures: Vec<(String, Formula)>,
     chosen: Chosen,
 }
@@ -90,7 +90,7 @@ impl Plan {
             }
             links.push(link);
         }
-        let chosen = choose(&axes, &experiment.design, most)?;
+        let chosen = choose(&base, &axes, &experiment.design, most)?;
         let cost = match experiment.cost.trim() {
             "" => None,
             text => {
@@ -122,7 +122,7 @@ impl Plan {
             .transpose()
     }
 
-    /// What is measured of machines beside cycles: each as written, and what it says.
+    /// What is measured of machines beside cycles: the name of each, or its text where it has none, and the formula.
     pub fn measures(&self) -> &[(String, Formula)] {
         &self.measures
     }
@@ -212,7 +212,12 @@ impl Plan {
 fn measures(experiment: &Experiment) -> Result<Vec<(String, Formula)>> {
     let (glossary, keep) = (Glossary::default(), Keep::new(&experiment.keep));
     let read = |text: &String| -> Result<(String, Formula)> {
-        let formula = Formula::parse(text).map_err(|reason| anyhow!("the measure `{text}` {reason}"))?;
+        // A name, or the formula itself.
+        let (name, formula) = text.split_once('=').unwrap_or((text, text));
+        if name.trim().is_empty() {
+            bail!("the measure `{text}` has no name before the =");
+        }
+        let formula = Formula::parse(formula).map_err(|reason| anyhow!("the measure `{text}` {reason}"))?;
         for path in formula.reads() {
             if glossary.find(path).is_none() {
                 bail!("the measure `{text}` reads {path}, which is no statistic; docs/data/statistics.md lists them");
@@ -222,7 +227,7 @@ fn measures(experiment: &Experiment) -> Result<Vec<(String, Formula)>> {
                 bail!("the measure `{text}` reads {path}, which the experiment does not keep: add it to `keep`");
             }
         }
-        Ok((text.trim().to_owned(), formula))
+        Ok((name.trim().to_owned(), formula))
     };
     experiment.measures.iter().map(read).collect()
 }
@@ -236,7 +241,7 @@ pub fn described(paths: &[&str], settings: &[Setting]) -> String {
     paths.iter().zip(settings).map(text).collect::<Vec<_>>().join(" ")
 }
 
-fn choose(axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
+fn choose(base: &Config, axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
     let fits = |machines: u64| {
         if machines > most {
             bail!(
@@ -255,9 +260,11 @@ fn choose(axes: &[Axis], design: &Design, most: u64) -> Result<Chosen> {
         }
         Design::OneAtATime => {
             fits(1 + axes.iter().map(|axis| axis.values.len() as u64).sum::<u64>())?;
+            let base: Vec<Setting> = axes.iter().map(|axis| Ok(base.knob("the base", &axis.path)?.1)).collect::<Result<_>>()?;
             let mut list = vec![vec![None; axes.len()]];
             for (at, axis) in axes.iter().enumerate() {
-                for place in 0..axis.values.len() {
+                // A value that the base has is the base.
+                for place in (0..axis.values.len()).filter(|&place| axis.values[place] != base[at]) {
                     let mut machine = vec![None; axes.len()];
                     machine[at] = Some(place as u32);
                     list.push(machine);
@@ -324,8 +331,8 @@ mod tests {
     }
 
     #[test]
-    fn one_at_a_time_begins_with_the_base() {
-        let machines = all(r#"vary: ["pipelines=1,8", "depth.early=false"], design: one_at_a_time"#);
+    fn one_at_a_time_begins_with_the_base_and_has_it_once() {
+        let machines = all(r#"vary: ["pipelines=1,4,8", "depth.early=all"], design: one_at_a_time"#);
         assert_eq!(
             machines,
             [
@@ -375,6 +382,8 @@ mod tests {
             (r#"link: ["pipelines=geometry_unit"]"#, "geometry_units is the nearest"),
             (r#"vary: ["pipelines=1..64", "memory.dram.banks=1..64"]"#, "4096 machines; more than 1000"),
             (r#"design: random(machines: 0, seed: 1)"#, "0 machines"),
+            (r#"measures: ["=cycles"]"#, "has no name"),
+            (r#"measures: ["a=b=cycles"]"#, "the measure `a=b=cycles` has `=cycles`"),
         ] {
             let error = format!("{:#}", plan(text).map(|_| ()).unwrap_err());
             assert!(error.contains(told), "{text}: {error}");

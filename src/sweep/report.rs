@@ -11,7 +11,7 @@ use crate::machine::config::SortClass;
 use crate::report::summary::grouped;
 
 /// Machines that the page lists.
-const LISTED: usize = 32;
+pub const LISTED: usize = 32;
 
 /// Values of an axis up to which two axes make a table.
 const SIDE: usize = 16;
@@ -39,6 +39,9 @@ pub fn page(sweep: &Outcome<'_>, plan: &Plan, screened: Option<&[Screened]>) -> 
     for link in &experiment.link {
         let _ = writeln!(out, "* link `{link}`");
     }
+    for measure in &experiment.measures {
+        let _ = writeln!(out, "* measure `{measure}`");
+    }
     if let Some((_, best)) = sweep.timed().next() {
         two(&mut out, sweep);
         axes(&mut out, sweep, best as f64);
@@ -57,7 +60,7 @@ fn answered(out: &mut String, sweep: &Outcome<'_>) {
     let _ = writeln!(out, "{}\n", answer::fastest(sweep));
     for answer::Finding { text, by, measures, .. } in answer::findings(sweep) {
         let _ = writeln!(out, "* {text}");
-        if let Some((name, parts)) = by {
+        for (name, parts) in by {
             let parts: Vec<String> = parts.iter().map(|(value, text)| format!("{value}: {text}")).collect();
             let _ = writeln!(out, "  By `{name}`: {}.", parts.join("; "));
         }
@@ -120,7 +123,7 @@ fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
             "| value | machines | cycles (geometric mean) | by the fastest machine's |{heads}\n|---|---|---|---|{rule}"
         );
         for own in &effect.responses {
-            let measure = |at: usize| sweep.mean_measure(at, |machine| machine.settings[effect.axis] == own.value);
+            let measure = |at: usize| sweep.axis_measure(effect.axis, &own.value, at, None);
             let measures: String = (0..sweep.measures.len())
                 .map(|at| format!(" {} |", measure(at).map_or("-".into(), answer::measured)))
                 .collect();
@@ -136,22 +139,40 @@ fn axes(out: &mut String, sweep: &Outcome<'_>, best: f64) {
     }
 }
 
-/// How much each axis does on each trace.
+/// What each axis does on each trace: how much, and then the cycles and measures of each value.
 fn by_trace(out: &mut String, sweep: &Outcome<'_>) {
-    let traces = &sweep.inputs.experiment.traces;
+    let traces = sweep.trace_names();
     if traces.len() < 2 {
         return;
     }
-    let _ = writeln!(
-        out,
-        "\n## By trace: cycles at the worst value by those at the best\n\n| axis | {} |\n|---|{}",
-        traces.join(" | "),
-        "---|".repeat(traces.len())
-    );
-    for effect in sweep.effects() {
+    let rule = "---|".repeat(traces.len());
+    let heads = traces.join(" | ");
+    let name = sweep.trace_axis();
+    let _ = writeln!(out, "\n## By {name}: cycles at the worst value by those at the best\n\n| axis | {heads} |\n|---|{rule}");
+    let effects = sweep.effects();
+    for effect in &effects {
         let cell = |trace: usize| format!("{:.3}", ratio(&sweep.responses(effect.axis, Within::Trace(trace))));
         let cells: Vec<String> = (0..traces.len()).map(cell).collect();
         let _ = writeln!(out, "| `{}` | {} |", effect.path, cells.join(" | "));
+    }
+    for effect in &effects {
+        let mut table = |what: &str, cell: &dyn Fn(&Setting, usize) -> Option<String>| {
+            let _ = writeln!(out, "\n### {what} by `{}` and {name}\n\n| | {heads} |\n|---|{rule}", effect.path);
+            for own in &effect.responses {
+                let cells: Vec<String> =
+                    (0..traces.len()).map(|trace| cell(&own.value, trace).unwrap_or_else(|| "-".into())).collect();
+                let _ = writeln!(out, "| {} | {} |", plain(&own.value), cells.join(" | "));
+            }
+        };
+        table("Cycles", &|value, trace| {
+            let mut own = sweep.responses(effect.axis, Within::Trace(trace)).into_iter();
+            own.find(|own| own.value == *value).map(|own| grouped(own.cycles.round() as u64))
+        });
+        for (at, measure) in sweep.measures.iter().enumerate().filter(|(at, _)| answer::moves(sweep, effect, *at)) {
+            table(&format!("`{measure}`"), &|value, trace| {
+                sweep.axis_measure(effect.axis, value, at, Some(trace)).map(answer::measured)
+            });
+        }
     }
 }
 
@@ -171,6 +192,9 @@ fn listed(out: &mut String, sweep: &Outcome<'_>, best: f64) {
             writeln!(out, "| {} | {} | {} | {:.3} |", machine.number, cells.join(" | "), grouped(cycles), cycles as f64 / best);
     }
     more(out, sweep.timed().count());
+    out.push_str(
+        "\nTheir configurations are `configs/NUMBER.ron`; `fillrate sweep config DIR NUMBER` prints that of any machine.\n",
+    );
 }
 
 /// How far the estimates of the machines that were simulated are off.

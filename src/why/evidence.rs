@@ -5,13 +5,14 @@
 use super::bank;
 use super::relax::{Relaxation, Resource};
 use crate::knob::Setting;
-use crate::machine::{Config, FrameReport, PhaseReport};
-use crate::mem::{CacheCounts, ClientCounts};
+use crate::machine::{Config, FrameReport, Moved, PhaseReport};
+use crate::mem::{CACHES, CLIENTS, CacheCounts, ClientCounts, DRAM};
 use crate::num::Cycle;
 use crate::report::summary::{bytes, grouped};
+use crate::sim::UNITS;
 use crate::stats::{Cycles, Group, Node, Tree};
-use crate::unit::core::CoreCounts;
-use crate::unit::texture::TextureCounts;
+use crate::unit::core::{CORES, CoreCounts};
+use crate::unit::texture::{TEXTURES, TextureCounts};
 use crate::work::{FUNNEL, Funnel};
 
 /// What evidence must know of a machine.
@@ -75,13 +76,9 @@ impl Seen {
         }
     }
 
-    fn group<G: Group>(&self, place: &str) -> G {
-        self.tree.group(place)
-    }
-
     /// The share of a bank's cycles, in per cent.
     fn share(&self, unit: &str, of: fn(&Cycles) -> u64) -> f64 {
-        let cycles: Cycles = self.group(&format!("units.{unit}"));
+        let cycles: Cycles = UNITS.sum_of(&self.tree, unit);
         100.0 * of(&cycles) as f64 / cycles.total().max(1) as f64
     }
 
@@ -107,7 +104,7 @@ impl Seen {
     /// The clients of memory that a unit has, each with its counts; none of those that ask for nothing.
     fn clients(&self, unit: &str) -> Vec<(&str, ClientCounts)> {
         let own = |client: &&str| self.owner(client) == unit;
-        let counted = |client| (client, self.group::<ClientCounts>(&format!("memory.clients.{client}")));
+        let counted = |client| (client, CLIENTS.sum_of::<ClientCounts>(&self.tree, client));
         self.names("memory.clients").into_iter().filter(own).map(counted).filter(|(_, counts)| counts.requests > 0).collect()
     }
 
@@ -143,7 +140,7 @@ impl Seen {
                 if asked.is_empty() { self.drawn() } else { format!("{asked}, by {}", self.drawn()) }
             }
             "core" => {
-                let CoreCounts { float, integer, special, control, .. } = self.group("shading.core");
+                let CoreCounts { float, integer, special, control, .. } = CORES.sum(&self.tree);
                 let what = [
                     (funnel.fragments_shaded, "fragments"),
                     (funnel.helper_fragments, "helper invocations"),
@@ -156,7 +153,7 @@ impl Seen {
                 if issued > 0 { format!("{} warp instructions{of}", grouped(issued)) } else { String::new() }
             }
             "texture" => {
-                let TextureCounts { quads, operations, .. } = self.group("shading.texture");
+                let TextureCounts { quads, operations, .. } = TEXTURES.sum(&self.tree);
                 let text = || format!("{} bilinear filter operations for {} quads", grouped(operations), grouped(quads));
                 if quads > 0 { text() } else { String::new() }
             }
@@ -169,7 +166,7 @@ impl Seen {
 
     /// What a bank's cycles went to, and its work. Empty where it had none.
     fn states(&self, unit: &str) -> String {
-        let cycles: Cycles = self.group(&format!("units.{unit}"));
+        let cycles: Cycles = UNITS.sum_of(&self.tree, unit);
         let share = |own: u64| 100.0 * own as f64 / cycles.total().max(1) as f64;
         let Cycles { busy, memory, blocked, starved, .. } = cycles;
         if share(busy + memory + blocked) < 1.0 {
@@ -226,7 +223,7 @@ impl Seen {
     /// The client that moves most through each of its ports, and how fast.
     fn ports(&self, machine: &Machine) -> String {
         let rate = |client| {
-            let ClientCounts { read_bytes, write_bytes, .. } = self.group(&format!("memory.clients.{client}"));
+            let ClientCounts { read_bytes, write_bytes, .. } = CLIENTS.sum_of(&self.tree, client);
             let ports = machine.banks.iter().find(|(name, _)| name == self.owner(client)).map_or(1, |(_, units)| *units);
             (client, read_bytes.max(write_bytes) as f64 / (self.cycles.max(1) * ports as u64) as f64)
         };
@@ -238,10 +235,10 @@ impl Seen {
     /// What DRAM, or an ideal memory, does.
     fn dram(&self) -> String {
         let busy = self.share("dram", |cycles| cycles.busy);
-        let number = |name: &str| self.tree.number(&format!("memory.dram.{name}")).unwrap_or(0.0);
-        let moved = number("read_bytes") + number("write_bytes");
-        let rate = format!("memory moves {:.1} bytes a cycle", moved / self.cycles.max(1) as f64);
-        match (busy >= 1.0, moved > 0.0) {
+        let Moved { read_bytes, write_bytes } = DRAM.sum(&self.tree);
+        let moved = read_bytes + write_bytes;
+        let rate = format!("memory moves {:.1} bytes a cycle", moved as f64 / self.cycles.max(1) as f64);
+        match (busy >= 1.0, moved > 0) {
             (true, _) => with(format!("dram is busy in {busy:.0} % of its cycles"), &rate),
             (false, true) => rate,
             _ => String::new(),
@@ -295,7 +292,7 @@ pub fn evidence(relaxation: &Relaxation, seen: &Seen, machine: &Machine) -> Stri
                 "memory.l2" => "l2",
                 own => own,
             };
-            let CacheCounts { hits, accesses: all, .. } = seen.group(&format!("caches.{cache}"));
+            let CacheCounts { hits, accesses: all, .. } = CACHES.sum_of(&seen.tree, cache);
             let share = 100.0 * hits as f64 / all.max(1) as f64;
             if all > 0 { format!("{share:.1} % of {} lookups hit", grouped(all)) } else { String::new() }
         }

@@ -81,7 +81,11 @@ fn stem(path: &Path) -> String {
     path.file_stem().expect("a name").to_string_lossy().into_owned()
 }
 
-/// The scenes kept in `traces/`. Four go without another renderer's pictures: the long sequence is for
+/// Scenes that are recorded in several orders, all with the same picture.
+const ORDERS: [&[&str]; 2] =
+    [&["layers-front-first", "layers-random", "layers-back-first"], &["torus-bands", "torus-rows", "torus-random"]];
+
+/// The scenes kept in `traces/`. Those of `ORDERS` are compared with each other. Four more go without another renderer's pictures: the long sequence is for
 /// `tests/machine/estimates.rs`, which compares its pictures between fidelities; the dials are for `tests/machine/same_tiles.rs`,
 /// which compares those of machines with the renderer's; the town (many small draws, most of them out of view) and the viewer (resources
 /// that are bound and not read) show nothing that other scenes do not.
@@ -90,6 +94,7 @@ fn scenes() -> Vec<Case> {
     entries(&here("traces"))
         .into_iter()
         .filter(|trace| !["flight", "panel", "town", "viewer"].contains(&stem(trace).as_str()))
+        .filter(|trace| !ORDERS.concat().contains(&stem(trace).as_str()))
         .map(|trace| {
             let name = stem(&trace);
             let start = format!("{name}-");
@@ -239,6 +244,20 @@ fn machines_agree(cases: &[Case]) {
 #[test]
 fn scenes_are_near_their_references() {
     compare_all(&scenes());
+}
+
+#[test]
+fn a_scene_in_several_orders_has_one_picture() {
+    for names in ORDERS {
+        let picture = |name: &&str| {
+            let case = Case { name: (*name).into(), trace: here(&format!("traces/{name}.zip")), references: Vec::new() };
+            let replay = run(&case, Fidelity::Cycle, config("baseline"));
+            (replay.frames[0].shown.as_ref().expect("a picture").1.clone(), replay.total.number("funnel.triangles_setup"))
+        };
+        let pictures: Vec<_> = names.iter().map(picture).collect();
+        assert!(pictures[0].1.is_some_and(|triangles| triangles > 500.0), "{names:?} show little");
+        assert!(pictures.iter().all(|own| *own == pictures[0]), "{names:?} differ");
+    }
 }
 
 #[test]

@@ -27,11 +27,30 @@ fn sweep(out: &Path, more: &[&str]) -> (i32, String, String) {
     run(&[&["sweep", "traces/cube", "--out", &out], &AXES[..], more].concat())
 }
 
-/// The files of a folder, by name.
+/// The files of a folder and those below it, by name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let read =
-        |entry: fs::DirEntry| (entry.file_name().into_string().expect("a name"), fs::read(entry.path()).expect("a file"));
-    fs::read_dir(folder).expect("a folder").map(|entry| read(entry.expect("an entry"))).collect()
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        if path.is_dir() {
+            found.extend(files(&path).into_iter().map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
+        } else {
+            found.insert(name, fs::read(path).expect("a file"));
+        }
+    }
+    found
+}
+
+/// A folder as a sweep leaves it that is killed: what it was made from, and such a journal.
+fn killed(folder: &Path, whole: &BTreeMap<String, Vec<u8>>, journal: Option<&str>) {
+    fs::create_dir(folder).expect("a folder");
+    for name in ["inputs.json", "base.ron", "experiment.ron"] {
+        fs::write(folder.join(name), &whole[name]).expect("written");
+    }
+    if let Some(lines) = journal {
+        fs::write(folder.join("shard-1-of-1.jsonl.part"), lines).expect("written");
+    }
 }
 
 /// The rows of a table, by column.
@@ -138,16 +157,12 @@ fn threads_shards_and_interruptions_change_no_byte() {
 
     // Killed in the middle of a line; results stand in the order in which they were found.
     let part = home.path().join("part");
-    fs::create_dir(&part).expect("a folder");
     let journal = "shard-1-of-1.jsonl";
     let text = String::from_utf8(wanted[journal].clone()).expect("text");
     let mut lines: Vec<&str> = text.lines().take(5).collect();
     lines.swap(0, 4);
-    for name in ["inputs.json", "base.ron", "experiment.ron"] {
-        fs::write(part.join(name), &wanted[name]).expect("written");
-    }
     let cut = &text.lines().nth(5).expect("a sixth machine")[..100];
-    fs::write(part.join(format!("{journal}.part")), format!("{}\n{cut}", lines.join("\n"))).expect("written");
+    killed(&part, &wanted, Some(&format!("{}\n{cut}", lines.join("\n"))));
     let (code, text, message) = sweep(&part, &["--threads", "2"]);
     assert_eq!(code, 0, "{message}");
     assert!(text.contains("1 machines simulated"), "{text}");
@@ -173,7 +188,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     // The same shard in two folders: equal results are one, others are refused.
     let copy = home.path().join("copy");
     fs::create_dir(&copy).expect("a folder");
-    for (name, bytes) in files(&own) {
+    for (name, bytes) in files(&own).into_iter().filter(|(name, _)| !name.contains('/')) {
         fs::write(copy.join(name), bytes).expect("written");
     }
     let copy_name = copy.display().to_string();
@@ -184,7 +199,7 @@ fn threads_shards_and_interruptions_change_no_byte() {
     let message = refused(&["sweep", "merge", &shared_name, &copy_name, &own_name]);
     assert!(message.contains("shards disagree: ") && message.contains("shard-2-of-3.jsonl"), "{message}");
     let message = refused(&["sweep", "merge", &shared_name, &whole.display().to_string()]);
-    assert!(message.contains("different sweeps, with other number of shards"), "{message}");
+    assert!(message.contains(&format!("different sweeps: shards: 3 in {shared_name}, 1 in ")), "{message}");
 }
 
 #[test]
@@ -198,6 +213,130 @@ fn a_screen_simulates_the_fastest() {
     assert_eq!((screen.len(), simulated), (6, 2));
     // A machine without an estimate is not dropped silently.
     assert_eq!(table(home.path(), "machines.csv").len(), 5);
+}
+
+#[test]
+fn a_screen_that_is_killed_begins_again_and_ends_with_the_same_bytes() {
+    let home = tempfile::tempdir().expect("a folder");
+    let whole = home.path().join("whole");
+    assert_eq!(sweep(&whole, &["--screen", "2"]).0, 0);
+    let wanted = files(&whole);
+    let journal = String::from_utf8(wanted["shard-1-of-1.jsonl"].clone()).expect("text");
+    // While machines are estimated, the folder has no results; then it has some, the last of which is cut off.
+    let some = format!("{}\n{}", journal.lines().nth(1).expect("a machine"), &journal[..50]);
+    for (name, lines, left) in [("estimating", None, 5), ("empty", Some(""), 5), ("simulating", Some(some.as_str()), 4)] {
+        let part = home.path().join(name);
+        killed(&part, &wanted, lines);
+        let (code, text, message) = sweep(&part, &["--screen", "2"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(text.contains("6 machines estimated"), "{text}");
+        let failed = journal.lines().filter(|line| line.contains("memory.l2.slices is 3")).count();
+        let done = usize::from(lines.is_some_and(|lines| lines.contains("l2.slices is 3")));
+        assert!(text.contains(&format!("{} machines simulated", left - (failed - done))), "{failed} {done}: {text}");
+        assert!(files(&part) == wanted, "{name}: the interrupted sweep differs");
+    }
+    // A process that is killed at any time.
+    for patience in [0, 20, 60] {
+        let part = home.path().join(patience.to_string());
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("fillrate"));
+        command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["sweep", "traces/cube", "--screen", "2"]).args(AXES);
+        let quiet = std::process::Stdio::null;
+        let mut process = command.arg("--out").arg(&part).stdout(quiet()).stderr(quiet()).spawn().expect("it starts");
+        while !part.join("inputs.json").exists() && process.try_wait().expect("a process").is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(patience));
+        // It may have ended.
+        let _ = process.kill();
+        process.wait().expect("it has ended");
+        let (code, _, message) = sweep(&part, &["--screen", "2"]);
+        assert_eq!(code, 0, "{message}");
+        assert!(files(&part) == wanted, "killed after {patience} ms: the interrupted sweep differs");
+    }
+}
+
+#[test]
+fn a_machine_can_be_replayed_alone() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("s");
+    assert_eq!(sweep(&out, &[]).0, 0);
+    let name = out.display().to_string();
+    let mut replayed = 0;
+    for row in table(&out, "machines.csv") {
+        let config = ["sweep", "config", &name, &row["machine"]];
+        if !row["error"].is_empty() {
+            assert!(refused(&config).contains("cannot be built: memory.l2.slices is 3"));
+            continue;
+        }
+        let (code, text, message) = run(&config);
+        assert_eq!(code, 0, "{message}");
+        // What is printed is what the hash in the table is of, and what stands beside the results.
+        assert_eq!(fillrate::sweep::folder::hash(text.as_bytes()), row["config_hash"]);
+        assert_eq!(fs::read_to_string(out.join(format!("configs/{}.ron", row["machine"]))).expect("a file"), text);
+        let file = home.path().join("machine.ron");
+        fs::write(&file, text).expect("written");
+        let (file, one) = (file.display().to_string(), home.path().join("r").display().to_string());
+        assert_eq!(run(&["replay", "traces/cube", "--config", &file, "--out", &one]).0, 0);
+        let json: serde_json::Value =
+            serde_json::from_slice(&fs::read(Path::new(&one).join("stats.json")).expect("statistics")).expect("JSON");
+        assert_eq!(json["total"]["cycles"].to_string(), row["cycles"]);
+        replayed += 1;
+    }
+    assert_eq!(replayed, 3);
+    let message = refused(&["sweep", "config", &name, "6"]);
+    assert!(message.contains("has no machine 6; it has 6, numbered from 0"), "{message}");
+    let message = refused(&["sweep", "config", "traces/cube", "0"]);
+    assert!(message.contains("no folder of a sweep"), "{message}");
+}
+
+#[test]
+fn traces_in_several_orders_are_an_axis() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().join("out").display().to_string();
+    let (code, text, message) = run(&["sweep", "configs/experiments/depth.ron", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    for told in [
+        "Of 3 machines number 2 (`depth.early=true traverse.hierarchical_z=true`) is the fastest",
+        "* `depth order` is best at layers-front-first and worst at layers-back-first",
+        "`share of fragments shaded` is least",
+        "By `depth order`: layers-front-first: from 1 at false to 0.1000 at true (-90.0 %); \
+         layers-random: from 1 at false to 0.2969 at true (-70.3 %); layers-back-first: 1 at all values.",
+        "layers-front-first: from 0 at false to 0.6000 at true",
+        "### Cycles by `depth.early` and depth order\n\n| | layers-front-first | layers-random | layers-back-first |",
+        "* measure `share of fragments shaded = funnel.fragments_shaded/funnel.fragments_covered`",
+    ] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+    // Without early tests the order makes no difference, and neither does hierarchical Z with the front last.
+    assert!(text.contains("  By `depth.early`: true: ") && text.contains("; false: no difference.\n"), "{text}");
+    let page = fs::read_to_string(Path::new(&out).join("report.html")).expect("a page");
+    assert!(page.contains("By depth order</h2>") && page.contains("Cycles by depth order and depth.early"), "plots by trace");
+
+    let out = home.path().join("reuse").display().to_string();
+    let (code, text, message) = run(&["sweep", "configs/experiments/vertex-reuse.ron", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    for told in [
+        "torus-bands: from 1 at 0 to 0.1980 at 128 (-80.2 %), from 16 on within 5 % of its last value; ",
+        "torus-rows: from 1 at 0 to 0.1701 at 128 (-83.0 %), from 64 on within 5 % of its last value; ",
+    ] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+    let plots = ["report", &out, "--plots"];
+    assert_eq!(run(&plots).0, 0);
+    let curve = fs::read_to_string(Path::new(&out).join("plots/trace-measure-1-fetch.reuse.svg")).expect("a plot");
+    assert!(["torus-bands", "torus-rows", "torus-random"].iter().all(|trace| curve.contains(trace)), "a curve for each trace");
+}
+
+#[test]
+fn every_statistic_of_the_long_table_has_a_unit_of_measure() {
+    let home = tempfile::tempdir().expect("a folder");
+    let out = home.path().display().to_string();
+    let (code, _, message) = run(&["sweep", "traces/triangle", "--vary", "sort=all", "--out", &out]);
+    assert_eq!(code, 0, "{message}");
+    let rows = table(home.path(), "long.csv");
+    let unknown: Vec<_> = rows.iter().filter(|row| row["measure"].is_empty()).collect();
+    assert!(rows.len() > 1000 && unknown.is_empty(), "{unknown:?}");
+    assert!(rows.iter().any(|row| row["counter"] == "overlap" && row["measure"] == "ratio"));
 }
 
 #[test]
@@ -260,7 +399,13 @@ fn bad_input_is_refused_with_its_place() {
     assert_eq!(sweep(&out, &[]).0, 0);
     let before = files(&out);
     let message = refused(&["sweep", "traces/cube", "--vary", "pipelines=2", "--out", &out.display().to_string()]);
-    assert!(message.contains("another experiment, with other base configuration, axes, design, kept statistics"), "{message}");
+    for told in [
+        "holds the results of another experiment: scanout.enabled of the base configuration: false there, true here; ",
+        "axis texture.cache_lines: 16..256*4 there, none here; axis pipelines: none there, 2 here; ",
+        "kept statistics: caches.texture there, none here; use another --out, remove that folder, or go on",
+    ] {
+        assert!(message.contains(told), "{message}");
+    }
     assert!(files(&out) == before, "nothing is lost");
     let message = refused(&["sweep", "merge", "traces/cube"]);
     assert!(message.contains("no folder of a sweep"), "{message}");
@@ -290,7 +435,9 @@ fn every_experiment_of_the_repository_has_a_question_and_machines() {
         let text = fs::read_to_string(&path).expect("text");
         let experiment = Experiment::open(&path).expect("an experiment");
         let first = text.lines().next().expect("a line");
-        assert!(first.starts_with("// ") && first.contains('?') && !experiment.question.is_empty(), "{}", path.display());
+        // The question, and perhaps who asked it first.
+        let asked = format!("// {}", experiment.question);
+        assert!(first.starts_with(&asked) && asked.ends_with('?'), "{}: {first}", path.display());
         assert!(experiment.traces.iter().all(|trace| root.join(trace).exists()), "{}", path.display());
         let mut base = Config::built_in(&experiment.base).expect("it is built in");
         experiment.set.iter().for_each(|setting| base.set(setting).expect("a knob"));

@@ -45,6 +45,12 @@ pub struct FrameReport {
 /// Where the statistics say what sorting costs.
 pub const SORTING: Heading = Heading::new("sort", "What redistribution costs.");
 
+/// Where they say where the cycles of the pipelines go.
+pub const SORTING_LOSS: Heading = Heading::new(
+    "sort.loss",
+    "Where the cycles of the pipelines go: work, and what each cause made them lose, at one stage. The busiest unit of the stage in each pipeline stands for the pipeline; cycles in which not even the busiest of them worked count once for each pipeline. Docs: `sort-classes.md`, \"Where the rest goes\".",
+);
+
 /// Where they say what the network that sorts has carried.
 const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
 
@@ -333,10 +339,11 @@ fn statistics(machine: &Machine, span: &Span, sums: &Sums) -> Tree {
     leaves.real(SortOutcome::LOAD_IMBALANCE, outcome.load_imbalance);
     leaves.extend(order.tree());
     leaves.count(SortOutcome::WRONG_PIXELS, outcome.wrong_pixels);
-    let split = leaves.child("loss");
+    let split = SORTING_LOSS.at(&mut tree, 0);
     split.text(SortOutcome::STAGE, &outcome.stage);
     split.real("efficiency", quotient(sums.loss.useful as f64, sums.loss.pipeline_cycles as f64));
     split.extend(sums.loss.tree());
+    let leaves = SORTING.at(&mut tree, 0);
     if !machine.card.class_state.copies.is_empty() {
         leaves.extend(PassOrderCounts { passes_needing_order: disordered.len() as u64 }.tree());
         leaves.text(SortOutcome::PASSES, &outcome.passes_out_of_order);

@@ -48,7 +48,11 @@ impl Heading {
 
     /// What stands under it in statistics: a subtree for each unit, in order. Empty where there is none.
     pub fn find<'t>(&self, tree: &'t Tree) -> Vec<&'t Tree> {
-        self.steps().0.fold(vec![tree], |above, step| {
+        Heading::follow(self.steps().0, tree)
+    }
+
+    fn follow<'t, 's>(steps: impl Iterator<Item = &'s str>, tree: &'t Tree) -> Vec<&'t Tree> {
+        steps.fold(vec![tree], |above, step| {
             let entries = above.into_iter().flat_map(Tree::entries);
             let below = entries.filter(|&(name, _)| step == Heading::ANY || name == step).map(|(_, node)| match node {
                 Node::Tree(tree) => std::slice::from_ref(tree),
@@ -62,6 +66,12 @@ impl Heading {
     /// The counters under it, those of all units summed. Counters that are not there are 0.
     pub fn sum<G: Group>(&self, tree: &Tree) -> G {
         self.find(tree).into_iter().map(Tree::read::<G>).sum()
+    }
+
+    /// The same of one name, such as a unit that statistics name.
+    pub fn sum_of<G: Group>(&self, tree: &Tree, name: &str) -> G {
+        let steps = self.steps().0.map(|step| if step == Heading::ANY { name } else { step });
+        Heading::follow(steps, tree).into_iter().map(Tree::read::<G>).sum()
     }
 }
 

@@ -41,6 +41,9 @@ use num::Cycle;
 use sim::{Counted, In, Out, Tick, Unit, Wires};
 use stats::Heading;
 
+/// Where the statistics have what these units count.
+pub const EARLY_TESTS: Heading = Heading::new("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.");
+
 stats::counters! {
     /// What early tests in pipelines that own no pixels do.
     pub struct EarlyCounts {
@@ -325,8 +328,7 @@ impl Unit<Card> for Early {
     }
 
     fn counted(groups: &mut Counted<Self>) {
-        let heading = Heading::new("early.early[i]", "Sort-last-fragment: early depth tests, where there are any.");
-        groups.group(heading, |unit| unit.counts);
+        groups.group(EARLY_TESTS, |unit| unit.counts);
         groups.group_if(CACHES.named("early"), |unit| Some(unit.copy()?.cache()));
         groups.group_if(ROP.named("early"), |unit| Some(unit.copy()?.counts()));
     }

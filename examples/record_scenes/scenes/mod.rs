@@ -13,6 +13,7 @@ mod pixels;
 mod shadow;
 mod solids;
 mod sprites;
+mod torus;
 mod town;
 mod triangle;
 mod viewer;
@@ -60,4 +61,10 @@ pub const ALL: &[Scene] = &[
     Scene { name: "flight", record: flight::record, zip: true },
     Scene { name: "town", record: town::record, zip: true },
     Scene { name: "viewer", record: viewer::record, zip: true },
+    Scene { name: "layers-front-first", record: layers::front_first, zip: true },
+    Scene { name: "layers-random", record: layers::random, zip: true },
+    Scene { name: "layers-back-first", record: layers::back_first, zip: true },
+    Scene { name: "torus-bands", record: torus::bands, zip: true },
+    Scene { name: "torus-rows", record: torus::rows, zip: true },
+    Scene { name: "torus-random", record: torus::random, zip: true },
 ];

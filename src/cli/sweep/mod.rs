@@ -17,7 +17,7 @@ use crate::host;
 use crate::run::replay::frame_range;
 use crate::sweep::entry::Keep;
 use crate::sweep::experiment::{Design, Experiment, Screen, Screener};
-use crate::sweep::folder::{Inputs, Results, Shard, begin, hash, hash_path, read_inputs};
+use crate::sweep::folder::{Begun, Inputs, Results, Shard, begin, begun, differences, hash, hash_path, read_base, read_inputs};
 use crate::sweep::html;
 use crate::sweep::outcome::Outcome;
 use crate::sweep::plan::{MOST_MACHINES, Plan};
@@ -37,7 +37,8 @@ fillrate sweep traces/torus-knot.zip --vary texture.cache_lines=16..1024*2 --var
 fillrate sweep traces/cube --vary card.pipelines=2,4,8 --link card.geometry_units=card.pipelines/2 --out results\n\n\
 Values: 8,16,32; 1..8; 0..100+25; 16..1024*2; all. Both ends of a range belong to it.\n\n\
 Leaves in --out: report.md, report.html, machines.csv (a row a machine and frame), long.csv (a row a statistic), both as Parquet, too, \
-screen.csv where machines are screened, experiment.ron, base.ron, inputs.json (hashes of all inputs) and shard-I-of-N.jsonl. \
+screen.csv where machines are screened, experiment.ron, base.ron, configs/N.ron (the fastest machines), inputs.json (hashes of all inputs) and \
+shard-I-of-N.jsonl. `fillrate sweep config DIR N` prints the configuration of any machine. \
 A sweep that was killed goes on when the same command is given again."
 )]
 pub struct Arguments {
@@ -70,7 +71,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PATH")]
     keep: Vec<String>,
     /// Tell this of machines beside cycles: a formula over statistics, such as caches.texture.misses/caches.texture.accesses; may be repeated
-    #[arg(long, value_name = "FORMULA")]
+    #[arg(long, value_name = "[NAME=]FORMULA")]
     measure: Vec<String>,
     /// Frames: one, as in 3, or half-open, as in 2..4, 2.. or ..4 [default: all]
     #[arg(long, value_name = "A..B")]
@@ -81,6 +82,9 @@ pub struct Arguments {
     /// What a machine costs, such as pipelines*core.per_pipeline: the page sets it against cycles [default: bytes of DRAM traffic]
     #[arg(long, value_name = "FORMULA")]
     cost: Option<String>,
+    /// What the traces differ in, where they are one scene that was recorded in several ways, such as "depth order": the report compares them by it
+    #[arg(long, value_name = "TEXT")]
+    trace_axis: Option<String>,
     /// Where to leave the results
     #[arg(long, value_name = "DIR", required = true)]
     out: Option<PathBuf>,
@@ -105,6 +109,17 @@ enum Command {
         /// The folders that the shards were given as --out; the first one takes the tables and the report
         #[arg(required = true)]
         folders: Vec<PathBuf>,
+    },
+    /// Print the configuration of a machine, complete: `fillrate replay TRACE --config FILE` runs it again
+    #[command(
+        after_help = "Example:\n  fillrate sweep config results 17 > 17.ron && fillrate replay traces/cube --config 17.ron"
+    )]
+    Config {
+        /// The folder of a sweep
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+        /// The machine's number
+        machine: u32,
     },
 }
 
@@ -165,6 +180,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
             ("--frames", arguments.frames.is_some()),
             ("--question", arguments.question.is_some()),
             ("--cost", arguments.cost.is_some()),
+            ("--trace-axis", arguments.trace_axis.is_some()),
         ];
         if let Some((option, _)) = given.into_iter().find(|&(_, given)| given) {
             bail!("{option} is part of the experiment {}: write it there", path.display());
@@ -177,6 +193,7 @@ fn experiment(arguments: &Arguments) -> Result<Experiment> {
     Ok(Experiment {
         question: arguments.question.clone().unwrap_or_default(),
         traces: arguments.inputs.iter().map(|path| path.display().to_string()).collect(),
+        trace_axis: arguments.trace_axis.clone().unwrap_or_default(),
         frames: arguments.frames.clone().unwrap_or_else(|| "..".into()),
         base: arguments.config.clone().unwrap_or_else(|| "baseline".into()),
         set: arguments.set.clone(),
@@ -221,8 +238,10 @@ fn told(bar: &ProgressBar, step: Step) {
 }
 
 pub fn run(arguments: &Arguments) -> Result<Verdict> {
-    if let Some(Command::Merge { folders }) = &arguments.command {
-        return merge(folders, &arguments.reading);
+    match &arguments.command {
+        Some(Command::Merge { folders }) => return merge(folders, &arguments.reading),
+        Some(Command::Config { folder, machine }) => return config(folder, *machine),
+        None => {}
     }
     let experiment = experiment(arguments)?;
     let out = arguments.out.as_deref().context("--out is missing")?;
@@ -315,20 +334,16 @@ fn open(
 /// Puts shards together.
 fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<Verdict> {
     let folder = folders.first().context("no folder is given")?;
-    let inputs = read_inputs(folder)?;
+    let (inputs, plan) = begun(folder)?;
+    let base = plan.base().resolved();
     for other in &folders[1..] {
-        if let Some(parts) = inputs.differ(&read_inputs(other)?) {
-            bail!(
-                "{} and {} are of different sweeps, with other {parts}; give the folders of one",
-                folder.display(),
-                other.display()
-            );
+        let (others, others_base) = (read_inputs(other)?, read_base(other)?);
+        let (first, second) = (Begun { inputs: &inputs, base: &base }, Begun { inputs: &others, base: &others_base });
+        let (one, two) = (format!("in {}", folder.display()), format!("in {}", other.display()));
+        let found = differences(&first, &second, [&one, &two])?;
+        if !found.is_empty() {
+            bail!("these are folders of different sweeps: {}; give the folders of one", found.join("; "));
         }
-    }
-    let plan = plan(&inputs.experiment, true)?;
-    let base = hash(plan.base().resolved().as_bytes());
-    if base != inputs.base || plan.len() != inputs.machines {
-        bail!("the configuration {} is another one than when {} was begun", inputs.experiment.base, folder.display());
     }
     // All shards have ended before anything is rendered.
     let results = Results::open(folders, inputs.shards)?;
@@ -346,6 +361,32 @@ fn merge(folders: &[PathBuf], reading: &crate::cli::reading::Reading) -> Result<
         }
     };
     finish(folder, results, &inputs, &plan, screened.as_deref())
+}
+
+/// Prints the configuration of a machine.
+fn config(folder: &Path, machine: u32) -> Result<Verdict> {
+    let (_, plan) = begun(folder)?;
+    if machine >= plan.len() {
+        bail!("{} has no machine {machine}; it has {}, numbered from 0", folder.display(), plan.len());
+    }
+    let config = plan.machine(machine)?.config.map_err(|rule| anyhow::anyhow!("machine {machine} cannot be built: {rule}"))?;
+    print!("{}", config.resolved());
+    Ok(Verdict::Done)
+}
+
+/// Writes the configurations of the machines that the page lists.
+fn configurations(folder: &Path, plan: &Plan, sweep: &Outcome<'_>) -> Result<()> {
+    let place = folder.join("configs");
+    std::fs::create_dir_all(&place).with_context(|| format!("cannot create {}", place.display()))?;
+    for (machine, _) in sweep.timed().take(report::LISTED) {
+        let path = place.join(format!("{}.ron", machine.number));
+        // A machine with a result is one that could be made.
+        if let Ok(config) = plan.machine(machine.number)?.config {
+            host::write_file(&path, config.resolved().as_bytes())
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+    }
+    Ok(())
 }
 
 /// Makes the tables and the page from the results of all shards.
@@ -376,6 +417,7 @@ fn finish(folder: &Path, mut results: Results, inputs: &Inputs, plan: &Plan, scr
         screen_table(folder, plan, screened)?;
     }
     let sweep = Outcome::read(inputs, plan, &mut results)?;
+    configurations(folder, plan, &sweep)?;
     let page = report::page(&sweep, plan, screened);
     for (name, text) in [("report.md", &page), ("report.html", &html::page(&sweep))] {
         let path = folder.join(name);

@@ -6,14 +6,14 @@ pub use phases::{Phases, draw};
 
 use crate::machine::class::{Class, Sorted};
 use crate::machine::config::SortClass;
-use crate::machine::{LossCounts, PassOrderCounts, SortOutcome};
-use crate::mem::{CacheCounts, ClientCounts, DramCounts};
+use crate::machine::{LossCounts, PassOrderCounts, SORTING, SORTING_LOSS, SortOutcome};
+use crate::mem::{CacheCounts, ClientCounts, DRAM, DramCounts};
 use crate::run::sample::clusters::LEVEL;
 use crate::run::sample::survey::Count;
 use crate::run::sample::{Margin, Quantity, Sampled};
 use crate::stats::{Cycles, Group, Node, Tree};
-use crate::unit::bin::BinCounts;
-use crate::unit::early::EarlyCounts;
+use crate::unit::bin::{BINNING, BinCounts};
+use crate::unit::early::{EARLY_TESTS, EarlyCounts};
 use crate::unit::sorting::{OrderCounts, SortCounts};
 use crate::work::Funnel;
 
@@ -121,7 +121,7 @@ pub fn memory(total: &Tree) -> String {
             text.push_str(&format!("  {name:<26}{:>14}{:>14}\n", bytes(read), bytes(write)));
         }
     }
-    let dram: DramCounts = total.group("memory.dram");
+    let dram: DramCounts = DRAM.sum(total);
     let rows = dram.row_hits + dram.row_misses;
     if dram.read_bytes + dram.write_bytes > 0 {
         let [read, written] = [dram.read_bytes, dram.write_bytes].map(|n| bytes(n as f64));
@@ -146,7 +146,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
         out.push_str(format!("  {name}{value:>left$}   {rest}").trim_end());
         out.push('\n');
     };
-    let sort: SortCounts = total.group("sort");
+    let sort: SortCounts = SORTING.sum(total);
     let share = |part: u64, all: u64| if all > 0 { 100.0 * part as f64 / all as f64 } else { 0.0 };
     let size = |n: u64| bytes(n as f64);
 
@@ -158,7 +158,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
     let overlap = if sent > 0 { copies as f64 / sent as f64 } else { 0.0 };
     row(copied, grouped(copies), format!("overlap {overlap:.3}; {}", size(sort.redistributed_bytes)));
     if *one_place {
-        let bin: BinCounts = total.group("binning");
+        let bin: BinCounts = BINNING.sum(total);
         let written = size(bin.triangle_bytes + bin.list_bytes);
         row("triangles and lists", written, format!("written; {} read back", size(bin.read_bytes)));
         row("tiles drawn", grouped(bin.tiles), format!("and {} empty tiles", grouped(bin.empty_tiles)));
@@ -168,7 +168,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
         row("  to another pipeline", grouped(sort.foreign_items), away);
     }
 
-    let early: EarlyCounts = total.group("early.early");
+    let early: EarlyCounts = EARLY_TESTS.sum(total);
     if early.asked > 0 {
         let asked = size(early.question_bytes + early.answer_bytes);
         let behind = share(early.culled, early.asked);
@@ -176,12 +176,12 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
         row("quads tested early", grouped(early.asked), culled);
     }
     if *items == Sorted::Images {
-        let PassOrderCounts { passes_needing_order: passes } = total.group("sort");
+        let PassOrderCounts { passes_needing_order: passes } = SORTING.sum(total);
         row("passes needing order", grouped(passes), outcome.passes_out_of_order);
     }
 
     // 2. Where the pipelines' cycles went.
-    let loss: LossCounts = total.group("sort.loss");
+    let loss: LossCounts = SORTING_LOSS.sum(total);
     if loss.pipeline_cycles > 0 {
         let at = |cycles: u64| format!("{:.1} %", share(cycles, loss.pipeline_cycles));
         row("pipelines' cycles used", at(loss.useful), format!("measured at {}", outcome.stage));
@@ -196,7 +196,7 @@ pub fn sorting(total: &Tree, class: SortClass, pipelines: u32) -> String {
     // 3. What else it cost.
     let imbalance = format!("{:.3}", outcome.load_imbalance);
     row("load imbalance", imbalance, "quads of the busiest pipeline by the mean".to_owned());
-    let order: OrderCounts = total.group("sort");
+    let order: OrderCounts = SORTING.sum(total);
     let stalls = grouped(order.order_waiting_cycles);
     row("reorder stalls", stalls, "cycles, summed over the units that restore order".to_owned());
     if let Some(traffic) = SortOutcome::network(total).filter(|traffic| traffic.carried.hops > 0) {

@@ -39,13 +39,14 @@ impl Drawn {
     fn mean(self, sweep: &Outcome<'_>, of: impl Fn(&Machine) -> bool) -> Option<f64> {
         match self {
             Drawn::Cycles => sweep.mean(of).map(|mean| mean.0),
-            Drawn::Measure(at) => sweep.mean_measure(at, of),
+            Drawn::Measure(at) => sweep.mean_measure(at, None, of),
         }
     }
 
     /// How far apart the values of an axis are in it, by the largest.
     fn spread(self, sweep: &Outcome<'_>, effect: &Effect) -> f64 {
-        let own = |own: &Response| self.mean(sweep, |machine| machine.settings[effect.axis] == own.value);
+        let told = |machine: &Machine| sweep.tells(effect.axis, machine);
+        let own = |own: &Response| self.mean(sweep, |machine| machine.settings[effect.axis] == own.value && told(machine));
         let values: Vec<f64> = effect.responses.iter().filter_map(own).collect();
         let most = values.iter().copied().fold(0.0, f64::max);
         share(most - values.iter().copied().fold(f64::INFINITY, f64::min).min(most), most)
@@ -63,6 +64,7 @@ fn curve(sweep: &Outcome<'_>, effects: &[Effect], effect: &Effect, drawn: Drawn)
         let point = |response: &Response| {
             let own = |machine: &Machine| {
                 machine.settings[effect.axis] == response.value
+                    && sweep.tells(effect.axis, machine)
                     && second.is_none_or(|(axis, value)| machine.settings[axis] == *value)
             };
             Some((place(&response.value)?, drawn.mean(sweep, own)?))
@@ -103,7 +105,7 @@ fn table(sweep: &Outcome<'_>, effect: &Effect, best: f64) -> Markup {
         Column("by the fastest", true, "By the cycles of the fastest machine."),
     ];
     columns.extend(sweep.measures.iter().map(|name| Column(name, true, "Mean of the machines.")));
-    let measure = |own: &Response, at: usize| sweep.mean_measure(at, |machine| machine.settings[effect.axis] == own.value);
+    let measure = |own: &Response, at: usize| sweep.axis_measure(effect.axis, &own.value, at, None);
     html! { div.scroll { table.sortable {
         (heads(&columns))
         tbody { @for own in &effect.responses { tr {
@@ -138,6 +140,7 @@ fn run(sweep: &Outcome<'_>) -> Markup {
             tr { th scope="row" { "base" } td { code { (base) } } }
             @for axis in &experiment.vary { tr { th scope="row" { "axis" } td { code { (axis) } } } }
             @for link in &experiment.link { tr { th scope="row" { "link" } td { code { (link) } } } }
+            @for measure in &experiment.measures { tr { th scope="row" { "measure" } td { code { (measure) } } } }
             @if !experiment.cost.is_empty() { tr { th scope="row" { "cost" } td { code { (experiment.cost) } } } }
             tr { th scope="row" { "machines" } td { (sweep.planned) " planned, " (sweep.timed().count()) " with a result, " (failed) " with an error" @if estimated > 0 { ", " (estimated) " estimated only (screen.csv)" } } }
             tr { th scope="row" { "program" } td { "fillrate " (sweep.inputs.fillrate) } }
@@ -155,19 +158,21 @@ fn answer(sweep: &Outcome<'_>) -> Markup {
         p.verdict { (told(&answer::fastest(sweep))) }
         ul { @for finding in answer::findings(sweep) { li {
             (told(&finding.text))
-            @if let Some((name, parts)) = &finding.by {
-                " By " code { (name) } ": "
-                @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
-                "."
-            }
-            @for measure in &finding.measures { " " (told(measure)) }
+            @if !finding.by.is_empty() || !finding.measures.is_empty() { ul {
+                @for (name, parts) in &finding.by { li {
+                    "By " code { (name) } ": "
+                    @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
+                    "."
+                } }
+                @for measure in &finding.measures { li { (told(measure)) } }
+            } }
         } } }
     }
 }
 
-/// How much each axis does on each trace.
+/// What each axis does on each trace: how much, and then the cycles and measures of each value.
 fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
-    let traces = &sweep.inputs.experiment.traces;
+    let traces = sweep.trace_names();
     (traces.len() > 1 && !effects.is_empty()).then(|| {
         let mut columns = vec![Column("axis", false, "")];
         columns.extend(traces.iter().map(|name| Column(name, true, "Cycles at the worst value by those at the best.")));
@@ -182,9 +187,79 @@ fn by_trace(sweep: &Outcome<'_>, effects: &[Effect]) -> Option<Markup> {
                     }
                 } } }
             } }
-            p.note { "Cycles at an axis's worst value by those at its best, geometric means over the machines. Cycles elsewhere on this page are sums over the traces." }
+            p.note { "Cycles at an axis's worst value by those at its best, geometric means over the machines. Elsewhere on this page, except for the answer, cycles are sums over the traces." }
+            @for effect in effects { @if effect.responses.len() > 1 {
+                h3 { code { (effect.path) } " by " (sweep.trace_axis()) }
+                div.two { @for (_, plot) in trace_plots(sweep, effect) { figure { (plot) } } }
+                @for at in (0..sweep.measures.len()).filter(|at| answer::moves(sweep, effect, *at)) { (measure_by_trace(sweep, effect, at, &traces)) }
+            } }
         }
     })
+}
+
+/// A measure at each value of an axis, on each trace.
+fn measure_by_trace(sweep: &Outcome<'_>, effect: &Effect, at: usize, traces: &[String]) -> Markup {
+    let numbers = place(&effect.responses[0].value).is_some();
+    let mut columns = vec![Column(&sweep.measures[at], numbers, "")];
+    columns.extend(traces.iter().map(|name| Column(name, true, "Mean of the machines.")));
+    html! { div.scroll { table.sortable {
+        (heads(&columns))
+        tbody { @for own in &effect.responses { tr {
+            @match place(&own.value) { Some(number) => td.n data-value=(number) { (readable(number)) }, None => td.name { (plain(&own.value)) } }
+            @for trace in 0..traces.len() { (measured(sweep.axis_measure(effect.axis, &own.value, at, Some(trace)))) }
+        } } }
+    } } }
+}
+
+/// What an axis does on each trace: of numbers a curve for each trace, of cycles and of each measure; of others a map of cycles. Each with the
+/// end of its file's name.
+fn trace_plots(sweep: &Outcome<'_>, effect: &Effect) -> Vec<(String, Markup)> {
+    let traces = sweep.trace_names();
+    let cycles: Vec<Vec<Response>> =
+        (0..traces.len()).map(|trace| sweep.responses(effect.axis, Within::Trace(trace))).collect();
+    let places: Option<Vec<f64>> = effect.responses.iter().map(|own| place(&own.value)).collect();
+    let Some(places) = places else {
+        let columns = effect.responses.iter().map(|own| plain(&own.value)).collect();
+        let cell = |own: &Response, value: &Setting| (own.value == *value).then_some(own.cycles);
+        let row = |own: &Vec<Response>| -> Vec<Option<f64>> {
+            effect.responses.iter().map(|wanted| own.iter().find_map(|own| cell(own, &wanted.value))).collect()
+        };
+        let table = Heat {
+            rows: (sweep.trace_axis(), traces),
+            columns: (&effect.path, columns),
+            values: cycles.iter().map(row).collect(),
+        };
+        let svg = heat(&format!("Cycles by {} and {}", sweep.trace_axis(), effect.path), &table);
+        return vec![(format!("trace-{}", effect.path), PreEscaped(svg))];
+    };
+    let drawn = |name: &str, curves: Vec<Vec<(f64, f64)>>| {
+        let series: Vec<Series<'_>> = traces
+            .iter()
+            .zip(curves)
+            .map(|(name, mut points)| {
+                points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                Series { name, points, line: true }
+            })
+            .filter(|series| !series.points.is_empty())
+            .collect();
+        let values: Vec<f64> = series.iter().flat_map(|own| own.points.iter().map(|point| point.1)).collect();
+        let wide = scale(&values) == Scale::Log;
+        chart(&effect.path, name, scale(&places), if wide { Scale::Log } else { Scale::FromZero }, &series)
+    };
+    let points = |own: &Vec<Response>| own.iter().filter_map(|own| Some((place(&own.value)?, own.cycles))).collect();
+    let mut plots = vec![(format!("trace-{}", effect.path), drawn("cycles", cycles.iter().map(points).collect()))];
+    for (at, name) in sweep.measures.iter().enumerate() {
+        let points = |trace: usize| -> Vec<(f64, f64)> {
+            let point =
+                |own: &Response| Some((place(&own.value)?, sweep.axis_measure(effect.axis, &own.value, at, Some(trace))?));
+            effect.responses.iter().filter_map(point).collect()
+        };
+        let curves: Vec<Vec<(f64, f64)>> = (0..traces.len()).map(points).collect();
+        if curves.iter().any(|points| !points.is_empty()) {
+            plots.push((format!("trace-measure-{}-{}", at + 1, effect.path), drawn(name, curves)));
+        }
+    }
+    plots
 }
 
 /// What an axis does at least to fill its bar: an effect of a few thousandths looks small.
@@ -364,7 +439,7 @@ pub fn page(sweep: &Outcome<'_>) -> String {
         part("run", "What was run", Some(run(sweep))),
         part("sensitivities", "Sensitivities", sensitivities(&effects)),
         part("responses", "Response curves", responses(sweep, &effects)),
-        part("traces", "By trace", by_trace(sweep, &effects)),
+        part("traces", format!("By {}", sweep.trace_axis()), by_trace(sweep, &effects)),
         part("map", "Two axes", map),
         part("pareto", "Cycles against cost", Some(pareto)),
         part("machines-section", "All machines", machines(sweep)),
@@ -386,6 +461,9 @@ pub fn plots(sweep: &Outcome<'_>) -> Vec<(String, String)> {
         };
         put(format!("response-{}", effect.path), Drawn::Cycles);
         (0..sweep.measures.len()).for_each(|at| put(format!("measure-{}-{}", at + 1, effect.path), Drawn::Measure(at)));
+        if sweep.inputs.experiment.traces.len() > 1 && effect.responses.len() > 1 {
+            plots.extend(trace_plots(sweep, effect).into_iter().map(|(name, plot)| (name, plot.into_string())));
+        }
     }
     plots.extend(map(sweep, &effects).map(|svg| ("two-axes".to_owned(), svg)));
     plots.extend(pareto(sweep).map(|(plot, _)| ("pareto".to_owned(), plot.into_string())));
