@@ -255,7 +255,8 @@ fn a_survey_does_not_depend_on_its_parts() {
         let config = Config::built_in("baseline").expect("it is built in");
         let options = Options { frames, ..Options::new(config, Fidelity::Functional) };
         let dependencies = Dependencies::of(trace, options.frames.end).expect("it renders");
-        let surveys = [1, 2, 5].map(|parts| survey_in_parts(trace, &options, &dependencies, Told::default(), parts).expect("it renders"));
+        let surveys =
+            [1, 2, 5].map(|parts| survey_in_parts(trace, &options, &dependencies, Told::default(), parts).expect("it renders"));
         assert_eq!(surveys[0].numbers.len(), 40);
         let estimates = |survey: &Survey| {
             [Count::Cycles, Count::DramBytes, Count::Cache("l2".into(), ACCESSES)].map(|of| survey.estimates(&of))

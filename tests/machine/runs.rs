@@ -3,6 +3,8 @@
 use std::num::NonZeroU32;
 use std::path::Path;
 
+use crate::common::entries;
+use fillrate::import;
 use fillrate::machine::Config;
 use fillrate::run::cycle::{Simulated, simulate};
 use fillrate::run::frame_runs::simulate_in_runs;
@@ -39,6 +41,18 @@ fn simulated(trace: &Trace, config: &Config, frames: u32, frames_per_run: Option
     (taken, out)
 }
 
+/// One run of all frames is what one machine makes of them.
+fn one_run(name: &str, trace: &Trace, changes: &[&str], frames: u32) {
+    let config = card(changes);
+    let (one, in_all) = simulated(trace, &config, frames, None);
+    let (run, sum) = simulated(trace, &config, frames, Some(1000));
+    assert_eq!((in_all.cycles, &in_all.total), (sum.cycles, &sum.total), "{name}, {changes:?}");
+    assert!(!one.is_empty() && one.len() == run.len(), "{name}");
+    for (one, run) in one.iter().zip(&run) {
+        assert_eq!((one.number, &one.tree, &one.shown), (run.number, &run.tree, &run.shown), "{name}, {changes:?}");
+    }
+}
+
 #[test]
 fn one_run_is_one_machine() {
     let machines: [(&str, &[&str]); 9] = [
@@ -53,15 +67,30 @@ fn one_run_is_one_machine() {
         ("particles", &["sort=sort-last-fragment"]),
     ];
     for (name, changes) in machines {
-        let (trace, config) = (open(name), card(changes));
-        let (one, in_all) = simulated(&trace, &config, u32::MAX, None);
-        let (run, sum) = simulated(&trace, &config, u32::MAX, Some(1000));
-        assert_eq!((in_all.cycles, &in_all.total), (sum.cycles, &sum.total), "{name}, {changes:?}");
-        assert_eq!(one.len(), run.len());
-        for (one, run) in one.iter().zip(&run) {
-            assert_eq!((one.number, &one.tree, &one.shown), (run.number, &run.tree, &run.shown));
-        }
+        one_run(name, &open(name), changes, u32::MAX);
     }
+}
+
+#[test]
+fn one_run_is_one_machine_on_all_traces() {
+    let Some(root) = std::env::var_os("FILLRATE_PEERS") else {
+        return eprintln!("left out: FILLRATE_PEERS is not set: `one_run_is_one_machine` has some of the traces");
+    };
+    let own = entries(&Path::new(env!("CARGO_MANIFEST_DIR")).join("traces"));
+    let recorded = ["wgpu", "gl", "attila"].into_iter().flat_map(|kind| entries(&Path::new(&root).join(kind)));
+    let mut compared = 0;
+    for path in own.into_iter().chain(recorded.filter(|path| path.is_dir())) {
+        let name = path.display().to_string();
+        let Ok(trace) = import::open(&path) else {
+            eprintln!("left out: {name} is no trace that is supported");
+            continue;
+        };
+        // Of long sequences, the first frames.
+        one_run(&name, &trace, &[], 2);
+        compared += 1;
+    }
+    eprintln!("{compared} traces compared");
+    assert!(compared > 30);
 }
 
 #[test]
