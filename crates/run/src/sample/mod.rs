@@ -39,7 +39,7 @@ pub struct Sampling {
     /// Frames before each of these that warm the caches, and are not counted. Machines that can be warmed functionally
     /// ([`apply`](unit::apply)) are; the others simulate these frames.
     pub warm_up: u32,
-    /// Takes as many samples as the whole replay has time for on this host, by the time that the first two take; not
+    /// Takes as many samples as the whole replay has time for on this host, by the time that a few take; not
     /// `samples` then. The statistics say how many they were: with as many the result comes again.
     pub time_limit: Option<Duration>,
 }
@@ -159,17 +159,22 @@ impl<'t> Sampler<'t> {
         &self.survey
     }
 
-    /// As many samples as the rest of a time limit allows, by the time that the first two take.
+    /// As many samples as the rest of a time limit allows, by the time that two take, and four where there is time to try.
     fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
         let all = self.survey.numbers.len() as u32;
         if all <= 3 {
             return Ok(sampling.samples);
         }
-        let (begun, two) = (Instant::now(), Sampling { samples: 2, time_limit: None, ..*sampling });
-        self.run(&two, FrameSink::new(|_| Ok(())))?;
-        let left = limit.saturating_sub(watch.clock()).as_secs_f64();
-        let more = left / begun.elapsed().as_secs_f64().max(1e-6) * 2.0;
-        Ok((more as u32).clamp(2, all - 2))
+        let time = |samples| -> Result<f64> {
+            let begun = Instant::now();
+            self.run(&Sampling { samples, time_limit: None, ..*sampling }, FrameSink::new(|_| Ok(())))?;
+            Ok(begun.elapsed().as_secs_f64().max(1e-6))
+        };
+        let left = || limit.saturating_sub(watch.clock()).as_secs_f64();
+        let two = time(2)?;
+        // Four take twice as long at most, and two take as long again.
+        let four = if all > 5 && left() > 3.0 * two { Some(time(4)?) } else { None };
+        Ok(samples_in(left(), two, four).clamp(2, all - 2))
     }
 
     /// Simulates some frames for all. The times of what comes out include the survey.
@@ -184,6 +189,15 @@ impl<'t> Sampler<'t> {
             ..outcome
         })
     }
+}
+
+/// How many samples so much time is left for, where two took this time, and four that. A part of it all samples share: commands are read, and
+/// what later frames read is drawn. Where four were not tried, each of the two is taken to need half of the time.
+fn samples_in(left: f64, two: f64, four: Option<f64>) -> u32 {
+    // Times vary from one try to the next: what each needs is not told closer than this.
+    let each = four.map_or(two / 2.0, |four| ((four - two) / 2.0).clamp(two / 16.0, two / 2.0));
+    let shared = two - 2.0 * each;
+    ((left - shared) / each) as u32
 }
 
 /// Simulates some frames for all, by a survey of them.
@@ -356,6 +370,16 @@ fn intervals(survey: &Survey, clusters: &Clusters, drawn: &[usize], frames: &[&T
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn time_that_samples_share_is_not_taken_for_theirs() {
+        assert_eq!(samples_in(10.0, 1.0, None), 20);
+        assert_eq!(samples_in(10.0, 1.0, Some(2.0)), 20);
+        assert_eq!(samples_in(9.0, 2.0, Some(3.0)), 16);
+        // Chance: four are no faster than two, and no slower than twice two.
+        assert_eq!((samples_in(9.0, 8.0, Some(7.0)), samples_in(9.0, 1.0, Some(5.0))), (4, 18));
+        assert_eq!(samples_in(0.0, 8.0, Some(9.0)), 0);
+    }
 
     #[test]
     fn frames_warm_up_for_each_other() {

@@ -214,12 +214,7 @@ impl Default for Told<'_> {
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn survey(
-    trace: &Trace,
-    options: &Options,
-    dependencies: &Dependencies,
-    told: Told<'_>,
-) -> Result<Survey> {
+pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies, told: Told<'_>) -> Result<Survey> {
     survey_in_parts(trace, options, dependencies, told, PARTS)
 }
 
