@@ -159,7 +159,7 @@ impl<'t> Sampler<'t> {
         &self.survey
     }
 
-    /// As many samples as the rest of a time limit allows, by the time that two take, and four where there is time to try.
+    /// As many samples as the rest of a time limit allows, by the time that two take, and more where there is time to try.
     fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
         let all = self.survey.numbers.len() as u32;
         if all <= 3 {
@@ -172,9 +172,13 @@ impl<'t> Sampler<'t> {
         };
         let left = || limit.saturating_sub(watch.clock()).as_secs_f64();
         let two = time(2)?;
-        // Four take twice as long at most, and two take as long again.
-        let four = if all > 5 && left() > 3.0 * two { Some(time(4)?) } else { None };
-        Ok(samples_in(left(), two, four).clamp(2, all - 2))
+        // More take in proportion more time at most, and then two must be possible.
+        let affordable = |&more: &u32| all > more + 1 && left() > (f64::from(more) / 2.0 + 1.0) * two;
+        let more = match [16, 8, 4].into_iter().find(affordable) {
+            Some(more) => Some((more, time(more)?)),
+            None => None,
+        };
+        Ok(samples_in(left(), two, more).clamp(2, all - 2))
     }
 
     /// Simulates some frames for all. The times of what comes out include the survey.
@@ -191,11 +195,14 @@ impl<'t> Sampler<'t> {
     }
 }
 
-/// How many samples so much time is left for, where two took this time, and four that. A part of it all samples share: commands are read, and
-/// what later frames read is drawn. Where four were not tried, each of the two is taken to need half of the time.
-fn samples_in(left: f64, two: f64, four: Option<f64>) -> u32 {
-    // Times vary from one try to the next: what each needs is not told closer than this.
-    let each = four.map_or(two / 2.0, |four| ((four - two) / 2.0).clamp(two / 16.0, two / 2.0));
+/// How many samples so much time is left for, where two took this time, and some more that. A part of it all samples share: commands are read,
+/// and what later frames read is drawn. Where no more were tried, each of the two is taken to need half of the time.
+fn samples_in(left: f64, two: f64, more: Option<(u32, f64)>) -> u32 {
+    // Times vary from one try to the next: what each needs is not told closer than the least.
+    let each = more.map_or(two / 2.0, |(samples, time)| {
+        let samples = f64::from(samples);
+        ((time - two) / (samples - 2.0)).clamp(two / (4.0 * samples), two / 2.0)
+    });
     let shared = two - 2.0 * each;
     ((left - shared) / each) as u32
 }
@@ -374,11 +381,12 @@ mod tests {
     #[test]
     fn time_that_samples_share_is_not_taken_for_theirs() {
         assert_eq!(samples_in(10.0, 1.0, None), 20);
-        assert_eq!(samples_in(10.0, 1.0, Some(2.0)), 20);
-        assert_eq!(samples_in(9.0, 2.0, Some(3.0)), 16);
+        assert_eq!(samples_in(10.0, 1.0, Some((4, 2.0))), 20);
+        assert_eq!(samples_in(10.0, 1.0, Some((16, 8.0))), 20);
+        assert_eq!(samples_in(9.0, 2.0, Some((4, 3.0))), 16);
         // Chance: four are no faster than two, and no slower than twice two.
-        assert_eq!((samples_in(9.0, 8.0, Some(7.0)), samples_in(9.0, 1.0, Some(5.0))), (4, 18));
-        assert_eq!(samples_in(0.0, 8.0, Some(9.0)), 0);
+        assert_eq!((samples_in(9.0, 8.0, Some((4, 7.0))), samples_in(9.0, 1.0, Some((4, 5.0)))), (4, 18));
+        assert_eq!(samples_in(0.0, 8.0, Some((4, 9.0))), 0);
     }
 
     #[test]
