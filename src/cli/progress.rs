@@ -86,7 +86,8 @@ fn time_left(elapsed: Duration, done: u64, left: u64) -> Duration {
     Duration::try_from_secs_f64(elapsed.as_secs_f64() * left as f64 / done as f64).unwrap_or_default()
 }
 
-/// Counts these frames of a trace, until the replay is over. Commands that are made while they are read are not made twice for that.
+/// Counts these frames of a trace, until the replay is over; 0 for a recording that is translated while it is read, which would be
+/// translated twice.
 fn count(trace: &Trace, frames: &Range<u32>, over: impl Fn() -> bool) -> u64 {
     if trace.is_stream() {
         return 0;
@@ -97,7 +98,7 @@ fn count(trace: &Trace, frames: &Range<u32>, over: impl Fn() -> bool) -> u64 {
         let enough = seen == u64::from(frames.end) || over();
         Ok(if enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     });
-    // Who runs the commands meets the error.
+    // The replay reports the error.
     counted.map_or(0, |()| seen.saturating_sub(u64::from(frames.start)))
 }
 
@@ -124,6 +125,9 @@ impl ProgressLine {
 
     /// A frame has ended.
     pub fn frame(&self, ended: Ended) {
+        if self.bar.is_hidden() {
+            return;
+        }
         self.far.add(ended);
         self.bar.set_message(self.far.line());
         self.bar.inc(1);

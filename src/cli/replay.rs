@@ -81,8 +81,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// With --fidelity cycle: frames that one machine simulates in a row. Runs of so many frames are simulated side by side, each on a machine
-    /// that begins behind functional warming with all frames before it. With `all`, one machine simulates all frames [default: 16, and all
-    /// where functional warming is not exact]
+    /// that begins behind functional warming with all frames before it. With `all`, one machine simulates all frames [default: 4; all of
+    /// up to 16 frames, and where functional warming is not exact]
     #[arg(long, value_name = "N|all")]
     frames_per_run: Option<FramesPerRun>,
     /// Report every draw of a pass: draws.csv, and draws in stats.json (cycle and sampled)
@@ -123,8 +123,12 @@ enum ClockName {
     EveryCycle,
 }
 
-/// Frames that one machine simulates in a row, where nothing else is asked for.
-pub(super) const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(16).unwrap();
+/// Frames that one machine simulates in a row, where nothing else is asked for. The longer the runs, the more work waits for machines side by
+/// side; the shorter, the more often a run begins, with caches that time has not touched (docs/data/fidelity.md).
+pub(super) const FRAMES_PER_RUN: NonZeroU32 = NonZeroU32::new(4).unwrap();
+
+/// So many frames one machine simulates, where nothing else is asked for: exact, and soon done.
+const FRAMES_OF_ONE_RUN: u32 = 16;
 
 /// A time, as in `90s` or `5m`.
 fn time(text: &str) -> Result<Duration, String> {
@@ -277,15 +281,18 @@ pub fn run(arguments: &Arguments) -> Result<Verdict> {
         pictures: arguments.report.is_some() || (arguments.out.is_some() && images == Images::All),
         frames_per_run: None,
     };
-    let frames_per_run = match arguments.frames_per_run {
-        Some(FramesPerRun(given)) => given,
-        None if arguments.timeline.is_none() && options.no_runs().is_none() => Some(FRAMES_PER_RUN),
-        None => None,
-    };
-    let options = Options { frames_per_run, ..options };
     let frames = &arguments.frames.0;
     let end = if frames.end == u32::MAX { u64::MAX } else { u64::from(frames.end) };
     let trace = Arc::new(arguments.reading.open_frames(&arguments.trace, u64::from(frames.start)..end)?);
+    let in_runs = || {
+        let timed = matches!(options.fidelity, Fidelity::Cycle) && arguments.timeline.is_none();
+        timed && options.no_runs().is_none() && options.more_than(FRAMES_OF_ONE_RUN, &trace)
+    };
+    let frames_per_run = match arguments.frames_per_run {
+        Some(FramesPerRun(given)) => given,
+        None => in_runs().then_some(FRAMES_PER_RUN),
+    };
+    let options = Options { frames_per_run, ..options };
     let name = arguments.trace.display().to_string();
     let about = About {
         trace: name.clone(),

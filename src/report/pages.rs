@@ -4,7 +4,7 @@
 use super::files::VERSION;
 use crate::machine::config::documentation;
 use crate::machine::parts::Parts;
-use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS};
+use crate::machine::{Config, ConfigError, LossCounts, PassOrderCounts, SORTING, SORTING_LOSS, SORTING_NETWORK};
 use crate::mem::{CLIENTS, ClientCounts, DRAM, DramCounts};
 use crate::sim::{CHANNELS, ChannelCounts, Description, UNITS, UnitCounts};
 use crate::stats::{Cycles, Declaration, FrameCounts, Group, Heading, page};
@@ -157,7 +157,7 @@ fn places() -> Vec<(&'static str, &'static str, Vec<Declaration>)> {
             all(SORT, &[SortCounts::DECLARATIONS, OrderCounts::DECLARATIONS, PassOrderCounts::DECLARATIONS].concat()),
         ),
         here(SORTING_LOSS, all(LOSS, LossCounts::DECLARATIONS)),
-        ("sort.network", "The network that sorts.", NETWORK.to_vec()),
+        here(SORTING_NETWORK, NETWORK.to_vec()),
     ];
     // What units count they say themselves.
     for Description { heading, declarations } in Parts::descriptions() {

@@ -33,7 +33,7 @@ pub struct Finding {
     pub measures: Vec<String>,
 }
 
-/// The name of another axis or of what traces differ in, and what is told of each of its values.
+/// The name of another axis or of what traces differ in, and a sentence for each of its values.
 pub type By = (String, Vec<(String, String)>);
 
 /// The smallest number from which on all numbers of an axis are as good as the best; none of names, or where it is the largest.
@@ -125,7 +125,7 @@ fn split(parts: impl Iterator<Item = (Setting, Vec<Response>)>) -> Option<(f64, 
     Some((high / low * if other { 1.1 } else { 1.0 }, own))
 }
 
-/// What is told of parts: of those where it does most.
+/// The sentences of the parts in which the axis does most.
 fn listed(name: &str, mut parts: Vec<Part>) -> By {
     parts.truncate(LISTED);
     // Numbers stand in their order; names stay where they are.

@@ -7,7 +7,8 @@ use anyhow::Result;
 use serde_json::{Value, json};
 
 use super::experiment::Design;
-use super::folder::{Inputs, Results};
+use super::folder::Results;
+use super::inputs::Inputs;
 use super::link::Formula;
 use super::plan::{Axis, Plan, described};
 use crate::knob::Setting;

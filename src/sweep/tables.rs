@@ -6,7 +6,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::entry::Entry;
-use super::folder::{Inputs, Results};
+use super::folder::Results;
+use super::inputs::Inputs;
 use super::plan::Plan;
 use super::table::{Cell, Kind, Table, write};
 use crate::knob::Setting;

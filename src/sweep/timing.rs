@@ -8,7 +8,8 @@ use anyhow::{Result, anyhow, bail};
 use rayon::prelude::*;
 
 use super::entry::{Entry, Keep, Row};
-use super::folder::{Done, Journal, Shard, hash};
+use super::folder::{Done, Journal, Shard};
+use super::inputs::hash;
 use super::plan::{Plan, Planned};
 use crate::machine::{Config, FrameReport};
 use crate::render::{self, FrameSet};

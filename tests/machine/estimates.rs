@@ -9,7 +9,7 @@ use fillrate::machine::{Config, PhaseReport};
 use fillrate::render::Dependencies;
 use fillrate::run::replay::{Fidelity, Options, Replay, replay};
 use fillrate::run::sample::Sampling;
-use fillrate::run::sample::survey::{ACCESSES, Count, Survey, Told, survey_in_parts};
+use fillrate::run::sample::survey::{ACCESSES, Count, Observers, Survey, survey_in_parts};
 use fillrate::stats::Group;
 use fillrate::trace::Trace;
 use fillrate::work::Funnel;
@@ -255,8 +255,8 @@ fn a_survey_does_not_depend_on_its_parts() {
         let config = Config::built_in("baseline").expect("it is built in");
         let options = Options { frames, ..Options::new(config, Fidelity::Functional) };
         let dependencies = Dependencies::of(trace, options.frames.end).expect("it renders");
-        let surveys =
-            [1, 2, 5].map(|parts| survey_in_parts(trace, &options, &dependencies, Told::default(), parts).expect("it renders"));
+        let surveys = [1, 2, 5]
+            .map(|parts| survey_in_parts(trace, &options, &dependencies, Observers::default(), parts).expect("it renders"));
         assert_eq!(surveys[0].numbers.len(), 40);
         let estimates = |survey: &Survey| {
             [Count::Cycles, Count::DramBytes, Count::Cache("l2".into(), ACCESSES)].map(|of| survey.estimates(&of))

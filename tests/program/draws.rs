@@ -31,7 +31,15 @@ fn told(value: &Value, path: &str, text: &str) {
         value => {
             let count = value.as_u64().expect("a count");
             let readable = if path.ends_with("_bytes") { bytes(count as f64) } else { grouped(count) };
-            assert!(text.contains(&readable), "{path}: {text}");
+            // The whole number, not digits of another one.
+            let digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+            let alone = text.match_indices(&readable).any(|(at, found)| {
+                let (before, mut behind) = (text[..at].chars().next_back(), text[at + found.len()..].chars());
+                let next = behind.next();
+                let goes_on = digit(next) || matches!(next, Some(',' | '.')) && digit(behind.next());
+                !digit(before) && !matches!(before, Some(',' | '.')) && !goes_on
+            });
+            assert!(alone, "{path} is {readable}: {text}");
         }
     }
 }

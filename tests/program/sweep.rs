@@ -271,7 +271,7 @@ fn a_machine_can_be_replayed_alone() {
         let (code, text, message) = run(&config);
         assert_eq!(code, 0, "{message}");
         // What is printed is what the hash in the table is of, and what stands beside the results.
-        assert_eq!(fillrate::sweep::folder::hash(text.as_bytes()), row["config_hash"]);
+        assert_eq!(fillrate::sweep::inputs::hash(text.as_bytes()), row["config_hash"]);
         assert_eq!(fs::read_to_string(out.join(format!("configs/{}.ron", row["machine"]))).expect("a file"), text);
         let file = home.path().join("machine.ron");
         fs::write(&file, text).expect("written");

@@ -11,7 +11,7 @@ use run::cycle::{Simulated, simulate};
 use run::frame_sink::{Frame, FrameSink};
 use run::replay::{Fidelity, Options, Outcome, replay_to};
 use run::sample::clusters::Clusters;
-use run::sample::survey::{Count, MISSES, Survey, Told};
+use run::sample::survey::{Count, MISSES, Observers, Survey};
 use run::sample::{Quantity, Sampler, Sampling};
 use stats::Tree;
 use trace::Trace;
@@ -154,7 +154,7 @@ pub fn front(name: &str, trace: &Trace, options: &Options, samples: &[u32], seed
     let mut points = vec![point("cycle".into(), times, &truth, &truth)];
     let numbers: Vec<u32> = samples.iter().rev().copied().filter(|&samples| (samples as usize) + 1 < frames.len()).collect();
     if !numbers.is_empty() {
-        let sampler = Sampler::new(trace, options, Told::default())?;
+        let sampler = Sampler::new(trace, options, Observers::default())?;
         for samples in numbers {
             let run = sampler.run(&Sampling { samples, seed, ..Sampling::default() }, FrameSink::new(|_| Ok(())))?;
             let measured = values(&run.total);

@@ -20,7 +20,9 @@ mod tests;
 
 pub use config::{Config, ConfigError};
 pub use loss::LossCounts;
-pub use report::{FrameReport, MachineReport, PassOrderCounts, Picture, SORTING, SORTING_LOSS, SortOutcome, Totals};
+pub use report::{
+    FrameReport, MachineReport, PassOrderCounts, Picture, SORTING, SORTING_LOSS, SORTING_NETWORK, SortOutcome, Totals,
+};
 pub use tally::{DrawReport, Moved, PhaseReport, Place, Spent, Tally};
 pub use unit::card::notes::{BlockNotes, PassNotes};
 pub use unit::scanout::{Refresh, Shown};

@@ -52,7 +52,7 @@ pub const SORTING_LOSS: Heading = Heading::new(
 );
 
 /// Where they say what the network that sorts has carried.
-const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
+pub const SORTING_NETWORK: Heading = Heading::new("sort.network", "The network that sorts.");
 
 stats::counters! {
     /// What a sort class counts whose pipelines do not keep API order among them; the others have no such counter.

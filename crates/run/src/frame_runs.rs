@@ -24,8 +24,9 @@ use work::Event;
 /// Whether a frame only warms up the machine for later frames.
 pub type WarmsUp<'w> = &'w (dyn Fn(u32) -> bool + Sync);
 
-/// Bytes of work that may wait for all machines. The more, the earlier the next run begins: with less than a run's work, machines wait.
-const WORK_WAITING: u64 = 10 << 20;
+/// Bytes of work that may wait, for each machine that runs beside the first. A run begins when all work of the run before has been handed on: of
+/// machines side by side one has just begun, one is almost done, and half of a run's work waits for each in the mean. With less, machines wait.
+const WORK_WAITING: u64 = 8 << 20;
 
 /// Bytes of pictures that may wait for the frames in front of them.
 const PICTURES_WAITING: u64 = 8 << 20;
@@ -44,17 +45,23 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Bytes of waiting work; a thread that has more waits here for room.
-#[derive(Default)]
 struct Room {
+    all: u64,
     taken: Mutex<u64>,
     freed: Condvar,
 }
 
 impl Room {
+    /// For so many machines side by side.
+    fn new(machines: usize) -> Room {
+        let beside = machines.saturating_sub(1).max(1) as u64;
+        Room { all: beside * WORK_WAITING, taken: Mutex::new(0), freed: Condvar::new() }
+    }
+
     /// Waits until there is room. What is larger than all of it gets it alone.
     fn take(&self, bytes: u64) {
         let mut taken = locked(&self.taken);
-        while *taken > 0 && *taken + bytes > WORK_WAITING {
+        while *taken > 0 && *taken + bytes > self.all {
             taken = self.freed.wait(taken).unwrap_or_else(PoisonError::into_inner);
         }
         *taken += bytes;
@@ -338,7 +345,7 @@ fn consume<'r>(
     };
     let read = move |work: Work| {
         let per_draw = sink.per_draw;
-        let (outlet, room) = (Outlet::new(sink), Room::default());
+        let (outlet, room) = (Outlet::new(sink), Room::new(most));
         let machines = Machines { outlet: &outlet, room: &room, clock, per_draw, most };
         let led = std::thread::scope(|scope| match begin {
             Begin::Anew(runs, warms_up) => lead_anew(work, scope, &machines, config, (&runs, warms_up)),

@@ -75,7 +75,7 @@ pub struct Ended {
     pub of: Option<u64>,
 }
 
-/// Is told of each frame when it ends: those of a survey come in any order, by several threads.
+/// Called for each frame when it ends. Frames of a survey end in any order, on several threads.
 pub type Progress<'p> = dyn Fn(Ended) + Sync + 'p;
 
 /// Where frames leave a replay: passes each on, and reports progress.
@@ -92,7 +92,7 @@ pub struct FrameSink<'s> {
     pub pictures: Option<&'s Pictures<'s>>,
     /// Reads the machine while it runs, under the cycle fidelity.
     pub timeline: Option<&'s mut Timeline>,
-    /// Is told of each frame.
+    /// Called for each frame.
     pub progress: &'s Progress<'s>,
     /// How many frames leave, if that is known.
     pub of: Option<u64>,

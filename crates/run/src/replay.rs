@@ -141,9 +141,13 @@ impl Options {
         if let Some(why) = self.no_runs() {
             bail!("frames cannot be simulated in runs: {why}");
         }
+        Ok(self.more_than(frames, trace).then_some(frames))
+    }
+
+    /// Whether there are more frames than so many.
+    pub fn more_than(&self, frames: u32, trace: &Trace) -> bool {
         let range = &self.frames;
-        Ok((range.end - range.start > frames && trace.presents(u64::from(range.start) + u64::from(frames) + 1))
-            .then_some(frames))
+        range.end - range.start > frames && trace.presents(u64::from(range.start) + u64::from(frames) + 1)
     }
 
     /// A rendering of the frames.
@@ -202,7 +206,7 @@ pub struct Replay {
     pub clock_time: Duration,
 }
 
-/// Replays a trace and keeps all frames. `progress` is told of each frame when it ends.
+/// Replays a trace and keeps all frames. `progress` is called for each frame when it ends.
 ///
 /// # Errors
 /// If the trace cannot be rendered, or the machine stops.

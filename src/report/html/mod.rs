@@ -34,6 +34,11 @@ pub struct Part {
     pub body: Markup,
 }
 
+/// A sentence with code between backticks.
+pub fn sentence(text: &str) -> Markup {
+    html! { @for (at, piece) in text.split('`').enumerate() { @if at % 2 == 1 { code { (piece) } } @else { (piece) } } }
+}
+
 /// A part; none where there is nothing to show.
 pub fn part(id: &'static str, title: impl Into<String>, body: Option<Markup>) -> Option<Part> {
     body.map(|body| Part { id, title: title.into(), body })

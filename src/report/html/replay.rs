@@ -153,11 +153,6 @@ fn run(input: &Input<'_>, picture: Option<&str>) -> Markup {
     }
 }
 
-/// A sentence whose settings stand between backticks.
-fn told(text: &str) -> Markup {
-    html! { @for (at, piece) in text.split('`').enumerate() { @if at % 2 == 1 { code { (piece) } } @else { (piece) } } }
-}
-
 /// What was found to hold the frame back, in a sentence, with its table.
 fn proven(why: &Value) -> Markup {
     let gains = why["changes"].as_array().map_or(&[][..], Vec::as_slice);
@@ -165,7 +160,7 @@ fn proven(why: &Value) -> Markup {
     let (some, none): (Vec<&Value>, Vec<&Value>) =
         gains.iter().partition(|own| gain(own).is_none_or(|gain| gain.abs() >= 0.0005));
     html! {
-        p.verdict { (told(why["verdict"].as_str().unwrap_or(""))) }
+        p.verdict { (super::sentence(why["verdict"].as_str().unwrap_or(""))) }
         p.note { "The frame was timed again on " (gains.len()) " machines, each with more of one resource. Caches are cold when the frame begins: " (readable(why["cycles"].as_f64().unwrap_or(0.0))) " cycles." }
         div.scroll.tall { table.sortable id="why" {
             (super::heads(&[super::Column("with this change alone", false, ""), super::Column("cycles", true, ""), super::Column("change", true, ""), super::Column("most in", false, "The phase that saves most cycles."), super::Column("seen there without it", false, "Counted in that phase, or in the frame.")]))

@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::answer;
 use super::outcome::{Effect, Machine, Outcome, Response, Within, front, plain, ratio};
 use crate::knob::Setting;
-use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable, share};
+use crate::report::html::{Column, Part, bar, heads, page as whole, part, readable, sentence, share};
 use crate::report::plots::{Heat, Scale, Series, alone, chart, heat};
 
 /// Machines that the table lists.
@@ -150,21 +150,17 @@ fn run(sweep: &Outcome<'_>) -> Markup {
 }
 
 fn answer(sweep: &Outcome<'_>) -> Markup {
-    // Code in sentences stands between backticks.
-    let told = |text: &str| -> Markup {
-        html! { @for (at, piece) in text.split('`').enumerate() { @if at % 2 == 1 { code { (piece) } } @else { (piece) } } }
-    };
     html! {
-        p.verdict { (told(&answer::fastest(sweep))) }
+        p.verdict { (sentence(&answer::fastest(sweep))) }
         ul { @for finding in answer::findings(sweep) { li {
-            (told(&finding.text))
+            (sentence(&finding.text))
             @if !finding.by.is_empty() || !finding.measures.is_empty() { ul {
                 @for (name, parts) in &finding.by { li {
                     "By " code { (name) } ": "
                     @for (at, (value, text)) in parts.iter().enumerate() { @if at > 0 { "; " } b { (value) } ": " (text) }
                     "."
                 } }
-                @for measure in &finding.measures { li { (told(measure)) } }
+                @for measure in &finding.measures { li { (sentence(measure)) } }
             } }
         } } }
     }

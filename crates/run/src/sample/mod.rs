@@ -19,7 +19,7 @@ use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL};
-use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, READ, Survey, Told};
+use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
 
 use machine::Machine;
 use mem::CacheCounts;
@@ -117,7 +117,7 @@ fn ranges(numbers: &[u32], first: u32, warm_up: u32) -> FrameSet {
 /// If the trace cannot be rendered, has too few frames, or the machine stops.
 pub(super) fn sampled(trace: &Trace, options: &Options, sampling: &Sampling, sink: FrameSink<'_>) -> Result<Outcome> {
     let watch = Stopwatch::start();
-    let sampler = Sampler::new(trace, options, Told { pictures: sink.pictures, progress: sink.progress })?;
+    let sampler = Sampler::new(trace, options, Observers { pictures: sink.pictures, progress: sink.progress })?;
     let samples = match sampling.time_limit {
         Some(limit) => sampler.samples_within(limit, sampling, &watch)?,
         None => sampling.samples,
@@ -141,7 +141,7 @@ impl<'t> Sampler<'t> {
     ///
     /// # Errors
     /// If the trace cannot be rendered, the configuration's display does not let frames be taken apart, or who gets the pictures fails.
-    pub fn new(trace: &'t Trace, options: &'t Options, told: Told<'_>) -> Result<Sampler<'t>> {
+    pub fn new(trace: &'t Trace, options: &'t Options, observers: Observers<'_>) -> Result<Sampler<'t>> {
         if options.config.scanout.mode == ScanoutMode::FreeRunning {
             bail!(
                 "the sampled fidelity knows nothing of displays that run while frames are drawn (scanout.mode=\"free-running\"): what \
@@ -150,7 +150,7 @@ impl<'t> Sampler<'t> {
         }
         let watch = Stopwatch::start();
         let dependencies = Dependencies::of(trace, options.frames.end)?;
-        let survey = survey::survey(trace, options, &dependencies, told)?;
+        let survey = survey::survey(trace, options, &dependencies, observers)?;
         Ok(Sampler { trace, options, dependencies, survey, time: watch.clock() })
     }
 

@@ -194,19 +194,19 @@ fn recorded(first: u32, frames: u32) -> FrameSet {
 /// Parts that a sequence is cut into, which are rendered side by side.
 const PARTS: u32 = 2;
 
-/// Who is told of a survey's frames.
+/// What a survey calls for its frames.
 #[derive(Clone, Copy)]
-pub struct Told<'t> {
+pub struct Observers<'t> {
     /// Gets what they show.
     pub pictures: Option<&'t Pictures<'t>>,
-    /// Is told of each that has been read.
+    /// Called for each that has been read.
     pub progress: &'t Progress<'t>,
 }
 
-impl Default for Told<'_> {
+impl Default for Observers<'_> {
     /// Nobody.
     fn default() -> Self {
-        Told { pictures: None, progress: &|_| () }
+        Observers { pictures: None, progress: &|_| () }
     }
 }
 
@@ -214,8 +214,8 @@ impl Default for Told<'_> {
 ///
 /// # Errors
 /// If the trace cannot be rendered.
-pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies, told: Told<'_>) -> Result<Survey> {
-    survey_in_parts(trace, options, dependencies, told, PARTS)
+pub fn survey(trace: &Trace, options: &Options, dependencies: &Dependencies, observers: Observers<'_>) -> Result<Survey> {
+    survey_in_parts(trace, options, dependencies, observers, PARTS)
 }
 
 /// A survey whose frames are cut into parts. Each is rendered from the start of the trace, and draws of the frames before it what
@@ -227,7 +227,7 @@ pub fn survey_in_parts(
     trace: &Trace,
     options: &Options,
     dependencies: &Dependencies,
-    told: Told<'_>,
+    observers: Observers<'_>,
     parts: u32,
 ) -> Result<Survey> {
     let range = options.frames.start..options.frames.end.min(dependencies.frames());
@@ -245,7 +245,7 @@ pub fn survey_in_parts(
             let mut started = Vec::new();
             for (pool, frames) in pools.iter().zip(ranges) {
                 let (frames, recorded) = (frames.clone(), &recorded);
-                let one = move || read_part(trace, options, dependencies, frames, recorded, told, pool);
+                let one = move || read_part(trace, options, dependencies, frames, recorded, observers, pool);
                 started.push(std::thread::Builder::new().name("survey".into()).spawn_scoped(scope, one));
             }
             read.extend(started.into_iter().map(|thread| {
@@ -298,7 +298,7 @@ fn read_part(
     dependencies: &Dependencies,
     frames: Range<u32>,
     recorded: &FrameSet,
-    told: Told<'_>,
+    observers: Observers<'_>,
     pool: &ThreadPool,
 ) -> Result<Read> {
     let key = options.config.render_key();
@@ -307,7 +307,7 @@ fn read_part(
     let of = u64::from(options.frames.end.min(dependencies.frames()) - options.frames.start);
     let needs = dependencies.needs(|frame| match () {
         _ if !frames.contains(&frame) => Want::Nothing,
-        _ if recorded.contains(frame) || told.pictures.is_some() => Want::All,
+        _ if recorded.contains(frame) || observers.pictures.is_some() => Want::All,
         _ => Want::Counts,
     });
     let mut rendering = options.rendering_of(trace, frames.clone().into());
@@ -322,8 +322,8 @@ fn read_part(
             let profile = if records { profiler.event(&event) } else { None };
             read.time += watch.map_or(Duration::ZERO, |watch| watch.elapsed());
             if let Event::EndFrame(end) = &event {
-                (told.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
-                told.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
+                (observers.progress)(Ended { frame: end.number, surveyed: true, of: Some(of) });
+                observers.pictures.map_or(Ok(()), |pictures| pictures(pictured(end)))?;
                 read.frames.push(Counted { number: end.number, counts: std::mem::take(&mut counts), profile });
                 if records {
                     // A profile knows nothing of the frames before, which may be in another part.
