@@ -17,6 +17,7 @@ use super::bound::frames::{Estimated, estimate};
 use super::frame_runs::simulate_given_runs;
 use super::frame_sink::{Frame, FrameSink};
 use super::host::Stopwatch;
+use super::rendering::{Consumer, Work};
 use super::replay::{Fidelity, Options, Outcome};
 use clusters::{Clusters, Interval, LEVEL};
 use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, Observers, READ, Survey};
@@ -24,7 +25,7 @@ use survey::{ACCESSES, Count, DRAM_READ, DRAM_WRITTEN, EVICTIONS, HITS, MISSES, 
 use machine::Machine;
 use mem::CacheCounts;
 use num::Random;
-use render::{Dependencies, FrameSet, Want};
+use render::{ConsumerMemory, Dependencies, FrameSet, Want};
 use stats::{Counter, Group, Node, Tree};
 use trace::Trace;
 use unit::scanout::ScanoutMode;
@@ -159,26 +160,49 @@ impl<'t> Sampler<'t> {
         &self.survey
     }
 
-    /// As many samples as the rest of a time limit allows, by the time that two take, and more where there is time to try.
+    /// As many samples as the rest of a time limit allows.
     fn samples_within(&self, limit: Duration, sampling: &Sampling, watch: &Stopwatch) -> Result<u32> {
         let all = self.survey.numbers.len() as u32;
         if all <= 3 {
             return Ok(sampling.samples);
         }
-        let time = |samples| -> Result<f64> {
-            let begun = Instant::now();
-            self.run(&Sampling { samples, time_limit: None, ..*sampling }, FrameSink::new(|_| Ok(())))?;
-            Ok(begun.elapsed().as_secs_f64().max(1e-6))
-        };
-        let left = || limit.saturating_sub(watch.clock()).as_secs_f64();
-        let two = time(2)?;
-        // More take in proportion more time at most, and then two must be possible.
-        let affordable = |&more: &u32| all > more + 1 && left() > (f64::from(more) / 2.0 + 1.0) * two;
-        let more = match [16, 8, 4].into_iter().find(affordable) {
-            Some(more) => Some((more, time(more)?)),
-            None => None,
-        };
-        Ok(samples_in(left(), two, more).clamp(2, all - 2))
+        let trial = self.trial(sampling)?;
+        let left = limit.saturating_sub(watch.clock()).as_secs_f64();
+        Ok(trial.samples_in(left).clamp(2, MOST_SAMPLES.min(all - 2)))
+    }
+
+    /// Takes a few samples close together, early in the sequence: so what samples share takes a small part of its time there, and what each takes
+    /// is not the difference of two long times.
+    fn trial(&self, sampling: &Sampling) -> Result<Trial> {
+        let numbers = &self.survey.numbers;
+        let all = numbers.len();
+        let begin = all / TRIAL_PART;
+        // A frame lies between one sample and what warms up for the next, so that each has a machine of its own, as in the replay.
+        let apart = sampling.warm_up as usize + 2;
+        let drawn: Vec<usize> = (begin..all).skip(sampling.warm_up as usize).step_by(apart).take(TRIAL_SAMPLES).collect();
+        let drawn = if drawn.is_empty() { vec![all - 1] } else { drawn };
+        let chosen: Vec<u32> = drawn.iter().map(|&frame| numbers[frame]).collect();
+
+        let begun = Instant::now();
+        let mut arrived = None;
+        let sink = FrameSink::new(|_| Ok(()));
+        simulated(&self.dependencies, (self.trace, self.options), (&chosen, sampling.warm_up), sink, &mut arrived)?;
+        let time = begun.elapsed().as_secs_f64();
+        let before = arrived.map_or(time, |at| (at - begun).as_secs_f64());
+        // Frames that have more to do take longer.
+        let cycles = self.survey.estimates(&Count::Cycles);
+        let mean = |frames: &mut dyn Iterator<Item = f64>, n: usize| frames.sum::<f64>() / n as f64;
+        let of_drawn = mean(&mut drawn.iter().map(|&frame| cycles[frame]), drawn.len());
+        let of_all = mean(&mut cycles.iter().copied(), all);
+        let heavier = if of_drawn > 0.0 { (of_all / of_drawn).clamp(0.25, 4.0) } else { 1.0 };
+
+        let begun = Instant::now();
+        let clusters = Clusters::new(&self.survey.signatures, TRIAL_SAMPLES);
+        let clustering = begun.elapsed().as_secs_f64() / clusters.members.len().max(1) as f64;
+        Ok(Trial {
+            shared: before * all as f64 / (begin as f64).max(1.0),
+            each: (time - before) / drawn.len() as f64 * heavier + clustering,
+        })
     }
 
     /// Simulates some frames for all. The times of what comes out include the survey.
@@ -195,16 +219,74 @@ impl<'t> Sampler<'t> {
     }
 }
 
-/// How many samples so much time is left for, where two took this time, and some more that. A part of it all samples share: commands are read,
-/// and what later frames read is drawn. Where no more were tried, each of the two is taken to need half of the time.
-fn samples_in(left: f64, two: f64, more: Option<(u32, f64)>) -> u32 {
-    // Times vary from one try to the next: what each needs is not told closer than the least.
-    let each = more.map_or(two / 2.0, |(samples, time)| {
-        let samples = f64::from(samples);
-        ((time - two) / (samples - 2.0)).clamp(two / (4.0 * samples), two / 2.0)
-    });
-    let shared = two - 2.0 * each;
-    ((left - shared) / each) as u32
+/// What samples take, in seconds.
+struct Trial {
+    /// What all share: commands are read, and what later frames read is drawn.
+    shared: f64,
+    /// What each takes: it is rendered with its work recorded, simulated, and put into a cluster.
+    each: f64,
+}
+
+impl Trial {
+    /// How many there is so much time for.
+    fn samples_in(&self, left: f64) -> u32 {
+        ((left - self.shared) / self.each.max(1e-6)) as u32
+    }
+}
+
+/// Samples of a trial.
+const TRIAL_SAMPLES: usize = 16;
+
+/// The part of a sequence that a trial has in front of it.
+const TRIAL_PART: usize = 8;
+
+/// Most samples within a time limit: statistics of each are kept, about 50 KB, and with four times as many an interval is half as wide.
+const MOST_SAMPLES: u32 = 4000;
+
+/// Simulates and counts some frames, each behind those that warm up; gives the statistics of each, how many were simulated, and host time in
+/// machines. `arrived`: when their first work came out of the renderer.
+fn simulated(
+    dependencies: &Dependencies,
+    (trace, options): (&Trace, &Options),
+    (numbers, warm_up): (&[u32], u32),
+    sink: FrameSink<'_>,
+    arrived: &mut Option<Instant>,
+) -> Result<(Vec<Tree>, u64, Duration)> {
+    let chosen = ranges(numbers, options.frames.start, warm_up);
+    let simulated_frames = chosen.count();
+    // On other machines, frames that warm up are simulated.
+    let functional = Machine::warms(&options.config);
+    let warms_up = |number: u32| functional && !numbers.contains(&number);
+
+    // What was counted of the frames drawn; those that warm up are not reported.
+    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
+    let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
+    let count = |frame: Frame| {
+        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
+        counted[at] = Some(frame.tree.clone());
+        taker(frame)
+    };
+    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
+    let runs = chosen.ranges().to_vec();
+    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
+    let mut rendering = options.rendering_of(trace, chosen);
+    rendering.needs(needs, None);
+    let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
+    match options.fidelity {
+        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
+        _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
+    }
+    let first = |mut work: Work| {
+        *arrived = work.next().map(|_| Instant::now());
+        Ok(())
+    };
+    let key = options.config.render_key();
+    rendering.consume(key, Consumer { memory: ConsumerMemory::default(), recorded: false, run: Box::new(first) });
+    rendering.run()?;
+    machine_time += by_estimate.time;
+    let found = counted.into_iter().zip(numbers);
+    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
+    Ok((found.collect::<Result<Vec<Tree>>>()?, simulated_frames, machine_time))
 }
 
 /// Simulates some frames for all, by a survey of them.
@@ -233,35 +315,8 @@ fn of_survey(
     }
     let drawn = clusters.draw(&mut Random::new(sampling.seed));
     let numbers: Vec<u32> = drawn.iter().map(|&frame| survey.numbers[frame]).collect();
-    let chosen = ranges(&numbers, options.frames.start, sampling.warm_up);
-    let simulated_frames = chosen.count();
-    // On other machines, frames that warm up are simulated.
-    let functional = Machine::warms(&options.config);
-    let warms_up = |number: u32| functional && !numbers.contains(&number);
-
-    // What was counted of the frames drawn; those that warm up are not reported.
-    let mut counted: Vec<Option<Tree>> = vec![None; numbers.len()];
-    let FrameSink { mut taker, keeps, progress, per_draw, .. } = sink;
-    let count = |frame: Frame| {
-        let Some(at) = numbers.iter().position(|&number| number == frame.number) else { return Ok(()) };
-        counted[at] = Some(frame.tree.clone());
-        taker(frame)
-    };
-    let (mut machine_time, mut by_estimate) = (Duration::ZERO, Estimated::default());
-    let runs = chosen.ranges().to_vec();
-    let needs = dependencies.needs(|frame| if chosen.contains(frame) { Want::All } else { Want::Nothing });
-    let mut rendering = options.rendering_of(trace, chosen);
-    rendering.needs(needs, None);
-    let sink = FrameSink { keeps, progress, per_draw, of: Some(simulated_frames), ..FrameSink::new(count) };
-    match options.fidelity {
-        Fidelity::BoundSampled(_) => estimate(&mut rendering, &options.config, sink, &mut by_estimate)?,
-        _ => simulate_given_runs(&mut rendering, (&options.config, options.clock), runs, &warms_up, sink, &mut machine_time),
-    }
-    rendering.run()?;
-    machine_time += by_estimate.time;
-    let found = counted.into_iter().zip(&numbers);
-    let found = found.map(|(tree, number)| tree.ok_or_else(|| anyhow!("frame {number} was not simulated")));
-    let counted = found.collect::<Result<Vec<Tree>>>()?;
+    let (counted, simulated_frames, machine_time) =
+        simulated(dependencies, (trace, options), (&numbers, sampling.warm_up), sink, &mut None)?;
 
     let weights = clusters.weights(&drawn, &survey.estimates(&Count::Cycles));
     let trees: Vec<(f64, &Tree)> = weights.iter().copied().zip(&counted).collect();
@@ -380,13 +435,9 @@ mod tests {
 
     #[test]
     fn time_that_samples_share_is_not_taken_for_theirs() {
-        assert_eq!(samples_in(10.0, 1.0, None), 20);
-        assert_eq!(samples_in(10.0, 1.0, Some((4, 2.0))), 20);
-        assert_eq!(samples_in(10.0, 1.0, Some((16, 8.0))), 20);
-        assert_eq!(samples_in(9.0, 2.0, Some((4, 3.0))), 16);
-        // Chance: four are no faster than two, and no slower than twice two.
-        assert_eq!((samples_in(9.0, 8.0, Some((4, 7.0))), samples_in(9.0, 1.0, Some((4, 5.0)))), (4, 18));
-        assert_eq!(samples_in(0.0, 8.0, Some((4, 9.0))), 0);
+        let samples = |shared, each, left| Trial { shared, each }.samples_in(left);
+        assert_eq!((samples(0.0, 0.5, 10.0), samples(4.0, 0.5, 10.0)), (20, 12));
+        assert_eq!((samples(8.0, 0.5, 4.0), samples(1.0, 1.0, 0.0)), (0, 0));
     }
 
     #[test]
