@@ -4,7 +4,8 @@
 //! 2. The first frame finds cold caches and often does what no other does (uploads, passes that are drawn once): it is simulated in any case and
 //!    stands for itself alone, a certainty stratum (Cochran, Sampling Techniques, 1977, section 5.5).
 //! 3. The others are put into clusters by signature, as many as are to be drawn (k-means, from centres that are farthest apart). Where fewer
-//!    frames differ, large clusters are halved: their frames do the same work, but need not take the same cycles.
+//!    frames differ, or more than [`MEANS`] are drawn, the largest clusters are halved: else one that stands for most frames sets the error, however
+//!    many rare frames are set apart.
 //! 4. Of each cluster one frame is drawn at random and simulated, behind some frames that warm the caches and are not counted.
 //! 5. What a cluster counts is what its frame counted, times the cluster's estimate by that frame's: a ratio estimator in each
 //!    stratum (Cochran, section 6.10). `Bound` has errors, but nearly the same for frames that are alike.
@@ -27,6 +28,9 @@ const STUDENT: [f64; 30] = [
 
 /// Most rounds of k-means; it settles in a few.
 const ROUNDS: usize = 50;
+
+/// Most clusters by signature.
+const MEANS: usize = 64;
 
 /// A value and half the width of its interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -104,7 +108,7 @@ impl Clusters {
         // Of each frame, the distance to the nearest.
         let mut far = vec![f64::INFINITY; all.len()];
         let mut alike = false;
-        while centers.len() < count && !all.is_empty() {
+        while centers.len() < count.min(MEANS) && !all.is_empty() {
             far.par_iter_mut().zip(&all).for_each(|(far, &frame)| *far = far.min(distance(frame, &from)));
             let farthest =
                 all.iter().zip(&far).fold((all[0], -1.0), |best, (&f, &far)| if far > best.1 { (f, far) } else { best });
@@ -136,8 +140,8 @@ impl Clusters {
         }
         members.retain(|members| !members.is_empty());
 
-        // 3. Of frames that are alike, more than one is drawn, as far as others differ from them.
-        while alike && (2..count).contains(&members.len()) {
+        // 3. Halves, in the order of frames; where all are alike, there is nothing to tell an error by.
+        while (alike || count > MEANS) && (2..count).contains(&members.len()) {
             let largest = (0..members.len()).rev().max_by_key(|&place| members[place].len()).unwrap_or_default();
             if members[largest].len() < 2 {
                 break;

@@ -240,8 +240,8 @@ const TRIAL_SAMPLES: usize = 16;
 /// The part of a sequence that a trial has in front of it.
 const TRIAL_PART: usize = 8;
 
-/// Most samples within a time limit: statistics of each are kept, about 50 KB, and with four times as many an interval is half as wide.
-const MOST_SAMPLES: u32 = 4000;
+/// Most samples within a time limit. Statistics of each are kept, about 200 KB in all: so memory is bounded, at some 260 MB.
+const MOST_SAMPLES: u32 = 1000;
 
 /// Simulates and counts some frames, each behind those that warm up; gives the statistics of each, how many were simulated, and host time in
 /// machines. `arrived`: when their first work came out of the renderer.
