@@ -228,9 +228,9 @@ struct Trial {
 }
 
 impl Trial {
-    /// How many there is so much time for.
+    /// How many there is so much time for; where what they share takes it all, as many as add a tenth of that.
     fn samples_in(&self, left: f64) -> u32 {
-        ((left - self.shared) / self.each.max(1e-6)) as u32
+        ((left - self.shared).max(self.shared / 10.0) / self.each.max(1e-6)) as u32
     }
 }
 
@@ -437,7 +437,7 @@ mod tests {
     fn time_that_samples_share_is_not_taken_for_theirs() {
         let samples = |shared, each, left| Trial { shared, each }.samples_in(left);
         assert_eq!((samples(0.0, 0.5, 10.0), samples(4.0, 0.5, 10.0)), (20, 12));
-        assert_eq!((samples(8.0, 0.5, 4.0), samples(1.0, 1.0, 0.0)), (0, 0));
+        assert_eq!((samples(8.0, 0.1, 4.0), samples(1.0, 1.0, 0.0)), (8, 0));
     }
 
     #[test]
